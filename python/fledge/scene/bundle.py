@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The viewer: built from web/ by Node into one script and one style, where Node is installed.
+
+    python3 -m fledge.scene.bundle
+
+npm fetches what web/package-lock.json names, and checks its hashes; esbuild joins it. It is built anew after a change
+of a file in web/.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from fledge.errors import SetupError
+
+WEB = Path(__file__).with_name("web")
+ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
+
+
+def folder() -> Path:
+    """Where the viewer is: build/view of the checkout, or beside web/ where Fledge is installed."""
+    root = Path(__file__).resolve().parents[3]
+    return root / "build/view" if (root / "CMakeLists.txt").exists() else WEB.parent / "view"
+
+
+def built() -> tuple[str, str]:
+    """The viewer's script and style. Raises SetupError if it was not built."""
+    try:
+        return (folder() / "view.js").read_text(encoding="utf-8"), (folder() / "view.css").read_text(encoding="utf-8")
+    except OSError:
+        raise SetupError(ADVICE) from None
+
+
+def is_built() -> bool:
+    return (folder() / "view.js").exists() and (folder() / "view.css").exists()
+
+
+def build() -> None:
+    """Build the viewer if a source has changed. Raises SetupError with npm's or esbuild's words if that fails."""
+    out = folder()
+    sources = sorted(path for path in WEB.rglob("*") if path.is_file() and "node_modules" not in path.parts)
+    state = hashlib.sha256(b"".join(f"{path.relative_to(WEB)}\0".encode() + path.read_bytes() for path in sources))
+    stamp = out / "stamp"
+    if stamp.exists() and stamp.read_text() == state.hexdigest():
+        return
+    npm = shutil.which("npm")
+    if npm is None:
+        raise SetupError(ADVICE)
+    work = out / "work"
+    without = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}   # of a sanitizer
+    for path in sources:
+        copy = work / path.relative_to(WEB)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copy)
+    for command in ([npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"], [npm, "run", "--silent", "build"]):
+        done = subprocess.run(command, cwd=work, text=True, env=without,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        if done.returncode:
+            raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
+    for name in ("view.js", "view.css"):
+        shutil.copyfile(work / "dist" / name, out / name)
+    stamp.write_text(state.hexdigest())
+
+
+if __name__ == "__main__":
+    try:
+        build()
+    except SetupError as error:
+        sys.exit(f"fledge: {error}")

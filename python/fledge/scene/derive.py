@@ -1,0 +1,416 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Scene from a record: what the messages, and the parameters, types and wires that stand in the record, tell."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from fledge.errors import SetupError
+from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, Scene
+from fledge.scene.tracks import Motion, Signal, Turning
+from fledge.series import HEAD, Records, element_names
+
+DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
+SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
+
+
+class Facts:
+    """What a run began with.
+
+    title, about: in words; parameters: path -> value in SI; types: path of an instance -> its type;
+    wires: input -> output; folder: of the mission, or None
+    """
+
+    def __init__(self, title: str, about: str, parameters: dict[str, Any], types: dict[str, str],
+                 wires: dict[str, str], folder: Any) -> None:
+        self.title, self.about, self.folder = title, about, folder
+        self.parameters, self.types, self.wires = parameters, types, wires
+
+    def of(self, path: str, name: str, default: Any = None) -> Any:
+        """A parameter of an instance."""
+        return self.parameters.get(f"{path}.{name}", default)
+
+    def all_of(self, *types: str) -> list[str]:
+        """The paths of the instances of some types."""
+        return [path for path, one in self.types.items() if one in types]
+
+
+def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
+    """The Scene of a record. Raises SetupError if it has no attitude, unless its plots alone are wanted."""
+    found = _Derivation(records, facts)
+    if not plots_only:
+        found.add_flight()
+    found.add_plots()
+    return found.scene
+
+
+class _Derivation:
+    def __init__(self, records, facts):
+        self._records, self._facts = records, facts
+        self._ports = {port.name: port for port in records._ports()
+                       if port.names and len(records._time(port))}
+        self.scene = Scene(facts.title, facts.about)
+
+    def add_plots(self):
+        self.scene.plots = [plot for port in self._ports.values() for plot in self._plots(port)]
+        if not self.scene.crafts:
+            times = [self._records._time(port) for port in self._ports.values()]
+            self.scene.begin, self.scene.end = min(t[0] for t in times), max(t[-1] for t in times)
+
+    def add_flight(self):
+        records, scene = self._records, self.scene
+        for path in self._of("CraftState"):
+            scene.crafts.append(self._craft(path))
+        if not scene.crafts:
+            self._from_estimates()
+        if not scene.crafts:
+            raise SetupError(f"{records._label}: no attitude is recorded, so there is nothing to show; "
+                             f"{self._what_to_record()}")
+        scene.begin = min(craft.turning.time[0] for craft in scene.crafts)
+        scene.end = max(craft.turning.time[-1] for craft in scene.crafts)
+        self._surroundings()
+        for craft in scene.crafts:
+            self._fit_out(craft)
+        if scene.sun is None and scene.sun_N is None:
+            scene.notes.append("The record does not say where the Sun is: give the spacecraft a sky, or record the "
+                               "direction to the Sun. The light comes from a fixed direction.")
+
+    # --- what is recorded ----------------------------------------------------------------------------
+
+    def _of(self, *types):
+        """The names of recorded ports with messages of some types."""
+        return [name for name, port in self._ports.items() if port.type in types]
+
+    def _values(self, name, *fields):
+        """(times [s], values of each field) of a port's messages that were written, the last one of each instant."""
+        import numpy as np
+
+        port = self._ports[name]
+        time, table = self._records._time(port), self._records._values(port)
+        good = (table["head"]["quality"] > 0) & np.append(np.diff(time) > 0, True)
+        for one in fields:
+            good &= np.isfinite(table[one].reshape(len(table), -1)).all(axis=1)
+        return time[good], *(np.ascontiguousarray(table[one][good], dtype=float) for one in fields)
+
+    def _signal(self, name, one, element=None):
+        """The Signal of a field or of an element of it; None if the port was not recorded."""
+        if name not in self._ports:
+            return None
+        time, values = self._values(name, one)
+        if not len(time):
+            return None
+        values = values.reshape(len(time), -1)
+        return Signal(time, values if element is None else values[:, [element]])
+
+    def _what_to_record(self):
+        crafts = self._facts.all_of("Spacecraft")
+        if crafts:
+            return "record " + ", ".join(f"{path}.state" for path in crafts)
+        return "record a CraftState, or a NavAttitude with a NavOrbit"
+
+    # --- spacecraft ----------------------------------------------------------------------------------
+
+    def _craft(self, name):
+        time, r, v, sigma = self._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
+        if not len(time):
+            raise SetupError(f"{self._records._label}: {name} has no attitude that was written")
+        path = name.rpartition(".")[0]
+        several = [one.rpartition(".")[0] for one in self._of("CraftState")
+                   if one.partition(".")[0] == path.partition(".")[0]]
+        craft = Craft(path.partition(".")[0] if len(several) == 1 else path, path, Motion(time, r, v),
+                      Turning.of_mrp(time, sigma), self._facts.folder)
+        rate = self._signal(name, "omega_BN_B")
+        if rate:
+            craft.signals["rate"] = rate
+        return craft
+
+    def _from_estimates(self):
+        """Spacecraft by what navigation says of them, in a record without the truth: of a real one."""
+        import numpy as np
+
+        for name in self._of("NavAttitude"):
+            process = name.partition(".")[0]
+            if any(craft.process == process for craft in self.scene.crafts):
+                continue
+            time, sigma = self._values(name, "sigma_BN")
+            if not len(time):
+                continue
+            motion = self._estimated_motion(process)
+            if motion is None:
+                motion = Motion(time[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
+                self.scene.notes.append(f"No position of {process} is recorded: it stands at the origin. Record its "
+                                        "NavOrbit.")
+            self.scene.crafts.append(Craft(process, name.rpartition(".")[0], motion, Turning.of_mrp(time, sigma),
+                                           self._facts.folder))
+
+    def _estimated_motion(self, process):
+        for name in self._of("NavOrbit"):
+            if name.partition(".")[0] == process:
+                time, r, v = self._values(name, "r_BN_N", "v_BN_N")
+                if len(time):
+                    return Motion(time, r, v)
+        return None
+
+    def _home(self, process):
+        """The spacecraft that a process belongs to: whose world it commands, or else whose world it reads. None if
+        that is not one."""
+        crafts = {craft.process: craft for craft in self.scene.crafts}
+        if process in crafts:
+            return crafts[process]
+        if len(crafts) == 1:
+            return next(iter(crafts.values()))
+        pairs = [(a.partition(".")[0], b.partition(".")[0]) for a, b in self._facts.wires.items()]
+        for found in ({a for a, b in pairs if b == process}, {b for a, b in pairs if a == process}):
+            if len(found & crafts.keys()) == 1:
+                return crafts[(found & crafts.keys()).pop()]
+        return None
+
+    def _fit_out(self, craft):
+        """Add its parts, sensors, estimates, references and directions."""
+        facts = self._facts
+        parts = [one for one in facts.of(craft.path, "parts", "").split("; ") if one]
+        for path in parts:
+            add = getattr(self, f"_add_{facts.types.get(path, '')}", None)
+            if add:
+                add(craft, path)
+        for path in facts.all_of("StarTracker", "SunSensor", "CraftSensor", "CoarseSunSensors", "SolarArray"):
+            if facts.wires.get(f"{path}.truth", f"{path.partition('.')[0]}.") in (
+                    f"{craft.path}.state", f"{craft.process}."):
+                getattr(self, f"_add_{facts.types[path]}")(craft, path)
+        craft.parts.insert(0, Part("box", "hub", size=self._hub(craft)))
+        for part in craft.parts:
+            if part.kind == "cone" and not part.length:
+                part.length = 4 * craft.extent
+        for name in self._of("NavAttitude"):
+            if self._home(name.partition(".")[0]) is craft and name.rpartition(".")[0] != craft.path:
+                time, sigma = self._values(name, "sigma_BN")
+                if len(time):
+                    craft.poses.append(Pose("estimate", name, Turning.of_mrp(time, sigma),
+                                            self._estimated_motion(name.partition(".")[0])))
+        for name in self._of("AttReference"):
+            if self._home(name.partition(".")[0]) is craft:
+                time, sigma = self._values(name, "sigma_RN")
+                if len(time):
+                    craft.poses.append(Pose("reference", name, Turning.of_mrp(time, sigma)))
+        for name in self._of("AttError"):
+            if self._home(name.partition(".")[0]) is craft:
+                craft.signals.setdefault("attitude error", self._angle(name))
+        for name in self._of("MagneticField"):
+            if self._home(name.partition(".")[0]) is craft:
+                craft.directions.append(Direction("magnetic field", self._unit(name, "B_N")))
+
+    def _angle(self, name):
+        import numpy as np
+
+        time, sigma = self._values(name, "sigma_BR")
+        return Signal(time, 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True)))
+
+    def _unit(self, name, one):
+        import numpy as np
+
+        time, values = self._values(name, one)
+        size = np.linalg.norm(values, axis=1, keepdims=True)
+        return Signal(time, values / np.where(size > 0, size, 1))
+
+    def _hub(self, craft):
+        """[m] (3,) The edges of a uniform box with the spacecraft's inertia, within its thrusters."""
+        import numpy as np
+
+        inertia = np.array(self._facts.of(craft.path, "I_B", np.eye(3) * 10))
+        moments = np.linalg.eigvalsh(inertia) if np.abs(inertia - np.diag(np.diag(inertia))).max() > 0.1 * \
+            inertia.max() else np.diag(inertia)
+        squares = np.maximum(6 * (moments.sum() - 2 * moments), 0.05 * moments.sum())   # edge^2 times the mass
+        mass = self._facts.of(craft.path, "mass", 0) or (DENSITY**2 * squares.prod()) ** 0.2
+        half = np.sqrt(squares / mass) / 2
+        reach = [np.abs(np.array(part.at_B) / half).max() for part in craft.parts
+                 if part.kind == "thruster" and any(part.at_B)]
+        return (2 * half * min([1.0, *reach])).tolist()
+
+    def _count(self, path, name):
+        return self._facts.of(path, name) or []
+
+    def _add_ReactionWheels(self, craft, path):
+        import numpy as np
+
+        axes, limits = self._count(path, "axes_B"), self._count(path, "Omega_max")
+        for k, axis in enumerate(axes):
+            level = self._signal(f"{path}.speeds", "Omega", k)
+            at = (self._count(path, "r_WB_B") or [[0, 0, 0]] * len(axes))[k]
+            full = limits[k] if limits else 0
+            if not full and level:
+                full = float(np.abs(self._signal(f"{path}.speeds", "Omega").values[:, :len(axes)]).max())
+            craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis), level=level,
+                                    full=full))
+        self._advise(f"{path}.speeds", "the wheels stand still")
+
+    def _add_ControlMomentGyros(self, craft, path):
+        for k, axis in enumerate(self._count(path, "spin_axes_B")):
+            craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", axis_B=_unit(axis),
+                                    level=self._signal(f"{path}.speeds", "Omega", k),
+                                    full=(self._count(path, "Omega_max") or [0] * 8)[k]))
+        self._advise(f"{path}.speeds", "the gyros' wheels stand still")
+
+    def _add_Thrusters(self, craft, path):
+        places = self._count(path, "r_TB_B") or [[0, 0, 0]] * 8
+        for k, (at, axis) in enumerate(zip(places, self._count(path, "axes_B"))):
+            craft.parts.append(Part("thruster", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis),
+                                    level=self._signal(f"{path}.output", "thrust", k),
+                                    full=self._count(path, "F")[k]))
+        self._advise(f"{path}.output", "the thrusters have no plumes")
+
+    def _add_TorqueRods(self, craft, path):
+        for k, axis in enumerate(self._count(path, "axes_B")):
+            craft.parts.append(Part("rod", f"{path.partition('.')[2]} {k + 1}", axis_B=_unit(axis),
+                                    level=self._signal(f"{path}.applied", "dipole", k),
+                                    full=(self._count(path, "m_max") or [0] * 8)[k]))
+
+    def _add_HingedPanels(self, craft, path):
+        import numpy as np
+
+        for k, hinge in enumerate(self._count(path, "hinge_B")):
+            centre = np.array((self._count(path, "center_B") or [[0, 0, 0]] * 8)[k], dtype=float)
+            moments, frame = np.linalg.eigh(np.array(self._count(path, "I_B")[k], dtype=float))
+            mass = self._count(path, "mass")[k]
+            # A thin plate: the largest moment is about its normal, the sum of the other two.
+            edges = np.sqrt(12 * np.maximum(moments[:2], 1e-9) / mass)[::-1]
+            craft.parts.append(Part("panel", f"{path.partition('.')[2]} {k + 1}", (np.array(hinge) + centre).tolist(),
+                                    frame[:, 2].tolist(), edges.tolist(), hinge_B=hinge,
+                                    hinge_axis_B=_unit(self._count(path, "axes_B")[k]),
+                                    level=self._signal(f"{path}.angles", "theta", k)))
+        self._advise(f"{path}.angles", "the panels do not turn")
+
+    def _add_StarTracker(self, craft, path):
+        name, axis = path.partition(".")[2], _unit(self._facts.of(path, "boresight_B"))
+        craft.parts.append(Part("cone", name, axis_B=axis, half_angle=0.14))
+        exclusion = self._facts.of(path, "sun_exclusion", 0)
+        if 0 < exclusion < 1.5:
+            craft.parts.append(Part("cone", f"{name}, Sun", axis_B=axis, half_angle=exclusion, keep_out="Sun"))
+
+    def _add_SunSensor(self, craft, path):
+        self._view_cone(craft, path.partition(".")[2], self._facts.of(path, "boresight_B"),
+                        self._facts.of(path, "view", 0))
+
+    _add_CraftSensor = _add_SunSensor
+
+    def _add_CoarseSunSensors(self, craft, path):
+        for k, axis in enumerate(self._count(path, "axes_B")):
+            self._view_cone(craft, f"{path.partition('.')[2]} {k + 1}", axis,
+                            (self._count(path, "view") or [0] * 8)[k])
+
+    def _view_cone(self, craft, name, axis, view):
+        if axis is not None and any(axis) and 0 < view < 1.4:
+            craft.parts.append(Part("cone", name, axis_B=_unit(axis), half_angle=view))
+
+    def _add_SolarArray(self, craft, path):
+        """A square wing for each panel, beside the spacecraft along the axis nearest to its plane."""
+        import numpy as np
+
+        sides: dict[int, int] = {}
+        for normal, area in zip(self._count(path, "normals_B"), self._count(path, "areas")):
+            axis = _unit(normal)
+            along = int(np.argmin(np.abs(axis)))
+            sides[along] = -sides.get(along, -1)
+            edge = float(np.sqrt(area))
+            at = np.zeros(3)
+            at[along] = sides[along] * (0.6 + edge / 2)
+            craft.parts.append(Part("panel", path.partition(".")[2], at.tolist(), axis, [edge, edge]))
+
+    def _advise(self, port, without):
+        if port not in self._ports:
+            self.scene.notes.append(f"{port} is not recorded: {without}.")
+
+    # --- what surrounds them -------------------------------------------------------------------------
+
+    def _surroundings(self):
+        """The celestial bodies, and the Sun."""
+        import numpy as np
+
+        from fledge import world
+
+        first = self.scene.crafts[0].path
+        gravity = re.findall(r"(?:^|; )([A-Z][A-Z ]*), mu = \S+ m\^3/s\^2, radius = (\S+) km",
+                             self._facts.of(first, "gravity", "") or "")
+        sky = SKY.match(self._facts.of(first, "sky", "") or "")
+        if not sky:
+            for name, radius in gravity[:1]:    # it stands at the origin of N
+                self.scene.planets.append(Planet(name, float(radius) * 1e3))
+            self._recorded_sun()
+            return
+        ephemeris, centre = world.Sky(sky[1], center=int(sky[2])), int(sky[2])
+        self.scene.epoch = sky[1]
+        times = np.linspace(self.scene.begin, self.scene.end,
+                            1 + max(16, int((self.scene.end - self.scene.begin) / 3600)))
+        wanted = [world.BODIES[name] for name, _ in gravity if name in world.BODIES]
+        wanted += [one for one in world.BODIES.values() if one.naif == centre]
+        wanted += [world.MOON] * (centre == world.EARTH.naif)
+        for body in dict.fromkeys([*wanted, world.SUN]):
+            try:
+                motion = self._moves(ephemeris, body, times) if body.naif != centre else None
+            except SetupError:      # an ephemeris of the mission's own had it
+                continue
+            if body is world.SUN:
+                self.scene.sun = motion or Motion(times[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
+                if body not in wanted:
+                    continue
+            self.scene.planets.append(Planet(body.name, body.radius, motion, self._turns(ephemeris, body, times)))
+
+    def _moves(self, sky, body, times):
+        import numpy as np
+
+        states = [sky.state(body, t) for t in times]
+        return Motion(times, np.array([s.r_PN_N for s in states]), np.array([s.v_PN_N for s in states]))
+
+    def _turns(self, sky, body, times):
+        import numpy as np
+
+        try:
+            return Turning.of_dcm(times, np.array([sky.orientation(body, t).dcm_PN for t in times]))
+        except SetupError:
+            return None
+
+    def _recorded_sun(self):
+        """The Sun of a run without a sky: recorded by a model, or a parameter of a sensor."""
+        import numpy as np
+
+        for name in self._of("Illumination"):
+            time, s_N = self._values(name, "s_N")
+            if len(time):
+                self.scene.sun = Motion(time, 1.495978707e11 * s_N, np.gradient(1.495978707e11 * s_N, time, axis=0)
+                                        if len(time) > 1 else 0 * s_N)
+                return
+        for name in self._of("BodyState"):
+            if str(self._facts.of(name.rpartition(".")[0], "body", "")).startswith("SUN"):
+                self.scene.sun = Motion(*self._values(name, "r_PN_N", "v_PN_N"))
+                return
+        for path in self._facts.all_of("StarTracker", "SunSensor", "CoarseSunSensors"):
+            s_N = self._facts.of(path, "s_N")
+            if s_N and any(s_N):
+                self.scene.sun_N = np.array(_unit(s_N))
+                return
+
+    # --- plots ---------------------------------------------------------------------------------------
+
+    def _plots(self, port):
+        """A Plot of each numeric field of a port; of long arrays the elements up to the last that is ever not 0."""
+        import numpy as np
+
+        time, table = self._records._time(port), self._records._values(port)
+        for name, about in port.fields.items():
+            values = table
+            for one in name.split("."):
+                values = values[one]
+            if name.startswith(HEAD) or values.dtype.kind not in "fiub":
+                continue
+            flat = values.reshape(len(time), -1).astype(float)
+            used = max((k for k in range(flat.shape[1]) if flat[:, k].any()), default=0) + 1
+            used = flat.shape[1] if flat.shape[1] <= 3 else min(used, 16)
+            labels = element_names(port.parts[name])[:used]
+            meaning = about.meaning if hasattr(about, "meaning") else about.doc
+            yield Plot(f"{port.name}.{name}", about.unit, meaning, ["".join(one.partition("[")[1:]) for one in labels],
+                       Signal(time, np.ascontiguousarray(flat[:, :used])))
+
+
+def _unit(axis):
+    size = sum(x * x for x in axis) ** 0.5
+    return [x / size for x in axis]

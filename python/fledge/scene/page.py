@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene as a page: the viewer that was built from web/, and the data of the scene, in one HTML file.
+
+The data are the bytes that pack() makes, deflated and in base64: the length of a JSON text (4 bytes), the text, zeros
+up to a multiple of 8, and arrays, all little-endian. In the text an array is
+{"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+import zlib
+from base64 import b64encode
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge.files import Part as PartFile
+from fledge.scene import bundle
+from fledge.scene.tracks import ATTITUDE, POSITION, SHARE
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from fledge.scene.scene import Craft, Part, Scene
+    from fledge.scene.tracks import Motion, Signal, Turning
+
+
+class _Arrays:
+    """Collects arrays, each at a multiple of 8 bytes."""
+
+    def __init__(self) -> None:
+        self.bytes = bytearray()
+
+    def add(self, values: Any, kind: str = "f8") -> dict[str, Any]:
+        import numpy as np
+
+        table = np.ascontiguousarray(values, dtype=f"<{kind}")
+        at = len(self.bytes)
+        self.bytes += table.tobytes() + bytes(-table.nbytes % 8)
+        return {"at": at, "n": len(table), "k": int(table[0].size) if len(table) else 1, "as": kind}
+
+    def motion(self, motion: Motion | None) -> dict[str, Any] | None:
+        if motion is None:
+            return None
+        thin = motion.thinned()
+        return {"time": self.add(thin.time), "r": self.add(thin.r), "v": self.add(thin.v)}
+
+    def turning(self, turning: Turning | None) -> dict[str, Any] | None:
+        if turning is None:
+            return None
+        thin = turning.thinned()
+        return {"time": self.add(thin.time), "q": self.add(thin.q, "f4")}
+
+    def signal(self, signal: Signal | None) -> dict[str, Any] | None:
+        if signal is None:
+            return None
+        thin = signal.thinned()
+        return {"time": self.add(thin.time), "values": self.add(thin.values, "f4")}
+
+
+def pack(scene: Scene) -> bytes:
+    """The data of a scene, as the viewer reads them."""
+    arrays = _Arrays()
+    text = {
+        "title": scene.title, "about": scene.about, "begin": scene.begin, "end": scene.end, "epoch": scene.epoch,
+        "bounds": {"position": POSITION, "attitude": ATTITUDE, "share": SHARE}, "notes": scene.notes,
+        "sun": arrays.motion(scene.sun), "sun_N": None if scene.sun_N is None else list(scene.sun_N),
+        "planets": [{"name": one.name, "radius": one.radius, "motion": arrays.motion(one.motion),
+                     "turning": arrays.turning(one.turning)} for one in scene.planets],
+        "crafts": [_craft(one, arrays) for one in scene.crafts],
+        "plots": [{"name": one.name, "unit": one.unit, "meaning": one.meaning, "labels": one.labels,
+                   "signal": arrays.signal(one.signal)} for one in scene.plots],
+    }
+    head = json.dumps(text, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    head = struct.pack("<I", len(head)) + head
+    return bytes(head + bytes(-len(head) % 8) + arrays.bytes)
+
+
+def _craft(craft: Craft, arrays: _Arrays) -> dict[str, Any]:
+    return {"name": craft.name, "extent": craft.extent, "motion": arrays.motion(craft.motion),
+            "turning": arrays.turning(craft.turning), "parts": [_part(one, arrays) for one in craft.parts],
+            "poses": [{"kind": one.kind, "name": one.name, "turning": arrays.turning(one.turning),
+                       "motion": arrays.motion(one.motion)} for one in craft.poses],
+            "directions": [{"name": one.name, "signal": arrays.signal(one.signal)} for one in craft.directions],
+            "signals": {name: arrays.signal(one) for name, one in craft.signals.items()}}
+
+
+def _part(part: Part, arrays: _Arrays) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "kind": part.kind, "name": part.name, "at": list(part.at_B), "axis": list(part.axis_B), "size": list(part.size),
+        "half_angle": part.half_angle, "length": part.length, "keep_out": part.keep_out, "color": part.color,
+        "level": arrays.signal(part.level), "full": part.full, "scale": part.scale}
+    if part.hinge_B is not None and part.hinge_axis_B is not None:
+        found |= {"hinge": list(part.hinge_B), "hinge_axis": list(part.hinge_axis_B)}
+    if part.data:
+        found["data"] = arrays.add(list(part.data), "u1")
+    return found
+
+
+def data_of(scene: Scene) -> str:
+    """The data of a scene as text for a page."""
+    packer = zlib.compressobj(6, zlib.DEFLATED, -15)
+    return b64encode(packer.compress(pack(scene)) + packer.flush()).decode()
+
+
+def fragment(scene: Scene, page: bool = False) -> str:
+    """The elements of an HTML page that show a scene: its data, the viewer and its style.
+
+    page: the viewer has the page for itself; else it takes its width, with the plots below
+    Raises SetupError where the viewer was not built.
+    """
+    script, style = bundle.built()
+    script = re.sub("</(?=script)", r"<\\/", script, flags=re.IGNORECASE)     # it would end there
+    return (f'<style>{style}</style>\n<div id="fledge-view" class="fledge-view{" page" if page else ""}"></div>\n'
+            f'<script type="text/plain" id="fledge-data">{data_of(scene)}</script>\n'
+            f'<script type="module">{script}</script>')
+
+
+def write(scene: Scene, path: str | PathLike[str]) -> Path:
+    """Write a page that shows a scene and needs nothing else; returns its path."""
+    shown = fragment(scene, page=True)
+    with PartFile(path) as part:
+        part.write_text(
+            '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f'<meta name="color-scheme" content="light dark">\n<title>{escape(scene.title)}</title>\n</head>\n'
+            f"<body>\n{shown}\n</body>\n</html>\n", encoding="utf-8")
+    return Path(path)

@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes against what was recorded and against closed forms, and the page that shows them in a browser."""
+
+import base64
+import json
+import os
+import re
+import shutil
+import zlib
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import SetupError, scene, world
+from fledge.attitude import mrp_to_dcm
+from fledge.scene import bundle, page, tracks
+from fledge.scene.testing.browser import PROGRAM, Browser
+from fledge.units import deg, kg, km, m, minute, rad, s
+
+EARTH = world.EARTH
+
+
+# --- tracks ----------------------------------------------------------------------------------------
+
+def circle(t, radius=7e6):
+    rate = np.sqrt(EARTH.mu / radius**3)
+    a = rate * t
+    r = radius * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
+    return tracks.Motion(t, r, rate * np.stack([-r[:, 1], r[:, 0], 0 * a], axis=1))
+
+
+def test_a_circle_needs_few_samples_and_stays_within_the_bound():
+    exact = circle(np.arange(0, 6000, 0.5))
+    thin = exact.thinned()
+    assert len(thin.time) < len(exact.time) / 20
+    off = np.linalg.norm(thin.at(exact.time) - exact.r, axis=1).max()
+    # Of cubics between points h apart the error is a h^4 w^2 / 384: the largest power of 2 of samples within 1 cm.
+    h, rate = np.diff(thin.time).max(), np.sqrt(EARTH.mu / 7e6**3)
+    bound = 7e6 * (h * rate)**4 / 384
+    assert 0.8 * bound < off <= tracks.POSITION < 16 * bound * 1.3
+
+
+def test_a_steady_turn_needs_only_what_tells_its_way_round():
+    t = np.arange(0, 100, 0.1)
+    phi = 0.3 * t
+    turning = tracks.Turning(t, np.stack([0 * t, 0 * t, np.sin(phi / 2), np.cos(phi / 2)], axis=1))
+    thin = turning.thinned()
+    assert len(thin.time) <= 33     # 30 rad: between two samples less than half a turn
+    assert np.abs(thin.at(t) - turning.q * np.sign((thin.at(t) * turning.q).sum(axis=1))[:, None]).max() < 1e-9
+
+
+def test_a_quaternion_turns_as_its_mrp():
+    sigma = np.array([[0.1, -0.4, 0.3]])
+    x, y, z, w = tracks.Turning.of_mrp(np.zeros(1), sigma).q[0]
+    v = np.array([x, y, z])
+    seen = np.array([e + 2 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)])      # of B's axes, in N
+    np.testing.assert_allclose(seen, mrp_to_dcm(sigma[0]), atol=1e-15)
+    dcm = tracks.Turning.of_dcm(np.zeros(1), mrp_to_dcm(sigma)).q[0]
+    np.testing.assert_allclose(dcm * np.sign(dcm[3]), [x, y, z, w], atol=1e-15)
+
+
+def test_steps_stay_steps_and_noise_keeps_its_extremes():
+    t = np.arange(0, 1000.0)
+    step = tracks.Signal(t, (t > 333)[:, None] * 2.0).thinned()
+    assert len(step.time) < 30 and (step.at(t)[:, 0] == (t > 333) * 2.0).all()
+    noise = np.random.default_rng(1).normal(size=(100_000, 1))
+    thin = tracks.Signal(np.arange(100_000.0), noise).thinned()
+    assert len(thin.time) <= tracks.POINTS + 2
+    assert thin.values.max() == noise.max() and thin.values.min() == noise.min()
+    assert len(tracks.Signal(t[:3], np.full((3, 1), np.nan)).thinned().time) == 0
+
+
+# --- from a record ---------------------------------------------------------------------------------
+
+def craft_of(sim, **parameters):
+    """A small spacecraft in the simulation's world, without flight."""
+    w = sim.world
+    w.wheels = world.ReactionWheels(axes_B=[[0, 0, 1]], J=0.1 * kg * m**2, Omega=[50] * rad / s)
+    w.rcs = world.Thrusters(r_TB_B=[[0, 0, -0.5]] * m, axes_B=[[0, 0, 1]], F=2)
+    edges = np.array([1.0, 1.5, 2.0])
+    inertia = 120 / 12 * np.diag((edges**2).sum() - edges**2)
+    w.craft = world.Spacecraft(mass=120 * kg, I_B=inertia * kg * m**2, parts=[w.wheels, w.rcs], gravity=[EARTH],
+                               orbit=fledge.Orbit(EARTH, altitude=500 * km, i=50 * deg),
+                               omega_BN_B=[0.01, 0.02, -0.005] * rad / s, **parameters)
+    w.nav = world.Navigation(attitude_bias=[1e-3, 0, 0] * rad)
+    w.tracker = world.StarTracker(boresight_B=[0, 2, 0], sun_exclusion=0.5 * rad, s_N=[0, 0, 1])
+    w.connect(w.craft.state >> [w.nav.truth, w.tracker.truth])
+    w.task("dynamics", every=0.1 * s, run=[w.craft, w.nav, w.tracker])
+    return w
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    """The file of a run of 20 minutes in a low orbit, with a truth and an estimate."""
+    sim = fledge.Simulation("test_craft")
+    w = craft_of(sim)
+    sim.record(w.craft.state, w.wheels.speeds, w.rcs.output, w.nav.attitude, every=1 * s)
+    path = tmp_path_factory.mktemp("scene") / "run.mcap"
+    sim.archive(path, mission="test_craft")
+    sim.run(20 * minute)
+    sim.close_archive()
+    return path
+
+
+def test_the_parts_are_those_of_the_parameters(record):
+    found = scene.of(record)
+    craft = found.craft("world")
+    parts = {part.name: part for part in craft.parts}
+    # A uniform box with this mass and inertia has these edges; the thruster stands at half of its last one.
+    np.testing.assert_allclose(np.array(parts["hub"].size) * 2, [1.0, 1.5, 2.0])
+    assert parts["wheels 1"].axis_B == [0, 0, 1] and parts["wheels 1"].full == pytest.approx(50, rel=1e-4)
+    assert parts["rcs 1"].at_B == [0, 0, -0.5] and parts["rcs 1"].full == 2
+    assert parts["tracker"].axis_B == [0, 1, 0] and not parts["tracker"].keep_out
+    assert parts["tracker, Sun"].half_angle == 0.5 and parts["tracker, Sun"].keep_out == "Sun"
+    assert [planet.name for planet in found.planets] == ["EARTH"] and found.planets[0].radius == pytest.approx(
+        EARTH.radius, rel=1e-5)
+    assert found.sun_N.tolist() == [0, 0, 1] and found.sun is None
+    assert [(pose.kind, pose.name) for pose in craft.poses] == [("estimate", "world.nav.attitude")]
+    # The estimate is off by its bias, at each time.
+    for t in (0.0, 600.0, 1200.0):
+        here = np.array([t])
+        assert 2 * np.arccos(np.abs((craft.turning.at(here) * craft.poses[0].turning.at(here)).sum())) == pytest.approx(
+            1e-3, rel=1e-3)
+
+
+def unpacked(html):
+    """(text, arrays) of the data of a page, by what page.py says of them."""
+    data = base64.b64decode(re.search(r'id="fledge-data">([^<]+)<', html)[1])
+    plain = zlib.decompress(data, -15)
+    length = int.from_bytes(plain[:4], "little")
+    text, start = json.loads(plain[4:4 + length]), -(-(4 + length) // 8) * 8
+
+    def array(of):
+        size = of["n"] * of["k"] * int(of["as"][1])
+        return np.frombuffer(plain[start + of["at"]:start + of["at"] + size], f"<{of['as']}").reshape(of["n"], of["k"])
+
+    return text, array
+
+
+def cubic(a, b, va, vb, h, x):
+    """The point at the share x of the way, by the control points of the same cubic."""
+    points = [a, a + va * h / 3, b - vb * h / 3, b]
+    while len(points) > 1:
+        points = [(1 - x) * p + x * q for p, q in zip(points, points[1:])]
+    return points[0]
+
+
+@pytest.fixture
+def viewer(monkeypatch, tmp_path):
+    """A viewer that shows nothing, for tests of what is around it."""
+    monkeypatch.setattr(bundle, "folder", lambda: tmp_path)
+    (tmp_path / "view.js").write_text("// </script>")
+    (tmp_path / "view.css").write_text("")
+    return tmp_path
+
+
+def test_the_data_in_the_page_are_those_of_the_record_within_the_bounds(record, viewer):
+    path = scene.view(record, viewer / "view.html")
+    html = path.read_text()
+    assert html.count("</script>") == 2, "the script ends where it says that it ends"
+    text, array = unpacked(html)
+    craft = text["crafts"][0]
+    with fledge.Archive(record) as archive:
+        t, r, sigma = archive.time("craft.state"), archive["craft.state.r_BN_N"], archive["craft.state.sigma_BN"]
+        speed, t_speed = archive["speeds.Omega[0]"], archive.time("speeds")
+    time, place, v = (array(craft["motion"][name]) for name in ("time", "r", "v"))
+    assert len(time) < len(t) / 4 and set(time[:, 0]) <= set(t)
+    for at in range(0, len(t), 7):
+        i = min(np.searchsorted(time[:, 0], t[at], side="right"), len(time) - 1)
+        h = time[i, 0] - time[i - 1, 0]
+        shown = cubic(place[i - 1], place[i], v[i - 1], v[i], h, (t[at] - time[i - 1, 0]) / h)
+        assert np.linalg.norm(shown - r[at]) <= text["bounds"]["position"]
+    q, found = array(craft["turning"]["q"]).astype(float), array(craft["turning"]["time"])[:, 0]
+    kept = np.searchsorted(t, found)
+    exact = tracks.Turning.of_mrp(t, sigma)
+    assert np.abs(np.abs((q * exact.q[kept]).sum(axis=1)) - 1).max() < 1e-6
+    shown = tracks.Turning(found, q).at(t)
+    off = np.linalg.norm(shown * np.sign((shown * exact.q).sum(axis=1))[:, None] - exact.q, axis=1)
+    assert 2 * off.max() <= text["bounds"]["attitude"] + 1e-6       # in single precision
+    plot = next(one for one in text["plots"] if one["name"] == "world.wheels.speeds.Omega")
+    assert plot["unit"] == "rad/s" and plot["labels"] == ["[0]"]
+    level = np.interp(t_speed, array(plot["signal"]["time"])[:, 0], array(plot["signal"]["values"])[:, 0])
+    assert np.abs(level - speed).max() <= text["bounds"]["share"] * np.ptp(speed) + 1e-6 * np.abs(speed).max()
+
+
+def test_a_log_in_memory_shows_what_its_file_shows(record):
+    sim = fledge.Simulation("test_craft")
+    w = craft_of(sim)
+    log = sim.record(w.craft.state, w.wheels.speeds, w.rcs.output, w.nav.attitude, every=1 * s)
+    sim.run(20 * minute)
+    for source in (log, sim):
+        assert page.pack(scene.of(source)) == page.pack(scene.of(record))
+
+
+def test_a_sky_says_where_the_sun_is_and_how_the_earth_is_turned():
+    sim = fledge.load("earth_imager")
+    w = sim.world
+    log = sim.record(w.craft.state, every=10 * s)
+    sim.run(20 * minute)
+    found = scene.of(log)
+    sky = w.craft.sky
+    assert found.epoch == "2026-03-20T10:00:00"
+    t = 777.0
+    exact = np.array(sky.state(world.SUN, t).r_PN_N)
+    assert np.linalg.norm(found.sun.at(np.array([t]))[0] - exact) < 1      # [m] of 150 million km
+    earth = next(planet for planet in found.planets if planet.name == "EARTH")
+    x, y, z, scalar = earth.turning.at(np.array([t]))[0]
+    v, pole = np.array([x, y, z]), np.array([0, 0, 1.0])
+    turned = pole + 2 * np.cross(v, np.cross(v, pole) + scalar * pole)
+    assert np.abs(turned - sky.orientation(EARTH, t).dcm_PN[2]).max() < 1e-8
+    assert {part.name for part in found.craft().parts if part.kind == "cone"} == {
+        "camera", "star tracker", "star tracker, Sun"}, "of the mission's view.py"
+
+
+def test_each_flight_computer_belongs_to_the_spacecraft_that_it_commands():
+    sim = fledge.load("formation")
+    ports = [sim.process(name).craft.state for name in ("chief_world", "deputy_world")]
+    log = sim.record(*ports, sim.process("deputy").scan.reference, sim.process("chief").base.reference, every=1 * s)
+    sim.run(20 * s)
+    found = scene.of(log)
+    assert [[pose.name for pose in craft.poses] for craft in found.crafts] == [
+        ["chief.base.reference"], ["deputy.scan.reference"]]
+    with pytest.raises(SetupError, match="which spacecraft; there are chief_world, deputy_world"):
+        found.craft()
+
+
+def test_a_record_without_an_attitude_says_what_to_record(tmp_path, viewer):
+    sim = fledge.Simulation("test_craft")
+    w = craft_of(sim)
+    sim.record(w.wheels.speeds, every=1 * s)
+    sim.archive(tmp_path / "run.mcap")
+    sim.run(2 * s)
+    sim.close_archive()
+    with pytest.raises(SetupError, match=r"run\.mcap: no attitude is recorded.*; record world\.craft\.state"):
+        scene.view(tmp_path / "run.mcap")
+    assert not (tmp_path / "view.html").exists()
+
+
+def test_navigation_stands_for_a_truth_that_nobody_recorded():
+    sim = fledge.Simulation("test_craft")
+    w = craft_of(sim)
+    log = sim.record(w.nav.attitude, every=1 * s)
+    sim.run(5 * s)
+    found = scene.of(log)
+    assert found.craft().motion.r.tolist() == [[0, 0, 0]] and "Record its NavOrbit" in found.notes[0]
+    log = sim.record(w.nav.attitude, w.nav.orbit, every=1 * s)
+    sim.run(5 * s)
+    assert np.linalg.norm(scene.of(log).craft().motion.r[-1]) == pytest.approx(EARTH.radius + 500e3, rel=1e-3)
+
+
+@pytest.mark.parametrize("line, why", [
+    ("craft.cone('camera', [0, 0, 0], half_angle=0.1)", "cone camera: boresight_B: expected a direction"),
+    ("craft.cone('camera', [1, 0, 0], half_angle=2.0)", r"half_angle must be in \(0, pi/2\) rad; found 2 rad"),
+    ("craft.box([1, 1, -1])", "box: size: expected lengths > 0 m"),
+    ("craft.panel([0, 1, 0], [1], [1, 0, 0])", "panel: size: expected 2 numbers in m"),
+    ("craft.mesh('craft.glb')", r"craft\.glb: No such file"),
+    ("craft.mesh('view.py')", r"expected a \.glb or \.obj file"),
+    ("view.craft('deputy')", "there is no spacecraft 'deputy'; there are world"),
+])
+def test_what_a_mission_adds_is_checked_with_its_line(tmp_path, line, why):
+    mission = tmp_path / "missions" / "seen"
+    mission.mkdir(parents=True)
+    (mission / "flight.py").write_text("def build(f):\n    pass\n")
+    (mission / "view.py").write_text(f"def build(view):\n    craft = view.craft()\n    {line}\n")
+    sim = fledge.load(mission)
+    craft_of(sim)
+    log = sim.record(sim.world.craft.state, every=1 * s)
+    sim.run(2 * s)
+    with pytest.raises(fledge.MissionError, match=rf"view\.py, line 3: .*{why}"):
+        scene.of(log)
+
+
+def test_without_node_the_reason_is_said(record, monkeypatch, tmp_path):
+    monkeypatch.setattr(bundle, "folder", lambda: tmp_path)
+    with pytest.raises(SetupError, match="need Node when Fledge is built: ./fledge setup --view"):
+        scene.view(record, tmp_path / "view.html")
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(SetupError, match="need Node"):
+        bundle.build()
+
+
+# --- in a browser ----------------------------------------------------------------------------------
+
+needs_browser = pytest.mark.skipif(
+    not PROGRAM or not bundle.is_built() or os.environ.get("FLEDGE_PRESET") == "asan",
+    reason="needs chromium, and the viewer, which ./fledge setup --view builds; sanitizers see nothing of a page")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with Browser(480, 360) as one:
+        yield one
+
+
+def labels(browser):
+    """Name -> (x, y) [px] of the names in the picture."""
+    return {name: (float(x), float(y)) for name, x, y in browser.ask(
+        "[...document.querySelectorAll('.label:not([hidden])')].map(one => "
+        "[one.dataset.name, ...one.style.transform.match(/-?[\\d.]+/g)])")}
+
+
+def projected(place, eye, up, width, height, fov=40 * np.pi / 180):
+    """Where a place is on the screen [px] of a camera that looks at the origin."""
+    back = eye / np.linalg.norm(eye)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    above, d = np.cross(back, right), place - eye
+    scale = height / 2 / np.tan(fov / 2) / -(d @ back)
+    return width / 2 + scale * (d @ right), height / 2 - scale * (d @ above)
+
+
+@needs_browser
+def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
+    path = scene.view(record, tmp_path / "view.html")
+    azimuth, elevation, distance, t = 0.4, 0.6, 3e7, 300.0
+    browser.open(path, f"#camera=orbit&around={azimuth},{elevation},{distance}&t={t}")
+    width, height = browser.ask("[document.querySelector('.picture').clientWidth, "
+                                "document.querySelector('.picture').clientHeight]")
+    eye = distance * np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+                               np.sin(elevation)])
+    with fledge.Archive(record) as archive:
+        r = archive["craft.state.r_BN_N"][300]
+        sigma = archive["craft.state.sigma_BN"]
+    x, y = labels(browser)["world"]
+    assert np.allclose((x, y), projected(r, eye, [0, 0, 1], width, height), atol=0.1)
+    altitude = browser.ask("document.querySelector('.readout dd').textContent")
+    assert float(altitude.split()[0]) == pytest.approx((np.linalg.norm(r) - EARTH.radius) / 1e3, abs=0.01)
+
+    # In the frame of the body its axes stay where they are, whatever the time.
+    browser.open(path, f"#camera=body&around={azimuth},{elevation},12&t=0")
+    extent = browser.ask("fledgeView.data.crafts[0].extent")
+    eye *= 12 / distance
+    for t in (0, 901):
+        browser.ask(f"fledgeView.seek({t})")
+        browser.wait_for("!fledgeView.dirty")
+        shown = labels(browser)
+        for k, name in enumerate(("b1", "b2", "b3")):
+            assert np.allclose(shown[name], projected(2 * extent * np.eye(3)
+                               [k], eye, [0, 0, 1], width, height), atol=0.1)
+    # The direction to the Sun, N's third axis, turns with the body.
+    sun = 2.5 * extent * mrp_to_dcm(sigma[901])[:, 2]
+    assert np.allclose(shown["Sun"], projected(sun, eye, [0, 0, 1], width, height), atol=0.2)
+    assert browser.problems == []
+
+
+@needs_browser
+def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
+    mesh = tmp_path / "craft.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    shown = scene.of(record)
+    shown.craft().mesh(mesh)
+    shown.craft().panel([0, 1, 0] * m, [1, 0.5] * m, [1, 0, 0])
+    path = page.write(shown, tmp_path / "view.html")
+    browser.open(path, "#plots=1&theme=light&show=inside,hill,inertial,reference&camera=hill")
+    assert browser.ask("document.querySelectorAll('.charts canvas').length") == 3
+    browser.ask("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob.size; }")
+    browser.ask("fledgeView.savePicture()")
+    assert browser.wait_for("window.saved?.png") > 1000
+    browser.ask("fledgeView.film()")
+    browser.wait_for("fledgeView.t > 1 && fledgeView.parts.length")
+    browser.ask("fledgeView.film()")
+    assert browser.wait_for("window.saved.webm") > 1000
+    for camera in ("follow", "body", "orbit", "sun", "boresight"):
+        browser.ask(f"fledgeView.choose('{camera}')")
+        browser.wait_for("!fledgeView.dirty || fledgeView.playing")
+        assert browser.ask("fledgeView.stage.preset") == camera
+    assert browser.problems == []

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions and signals over time, thinned to the samples that a picture needs, each within a stated bound.
+
+A picture interpolates between the samples that are kept: positions by cubics (Hermite), attitudes along the shortest
+turn, signals by lines. A sample is left out only where that interpolation is within the bound of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+POSITION = 0.01     # [m] how far a shown position may be from a recorded one
+ATTITUDE = 1e-5     # [rad] the same of an attitude
+SHARE = 1e-3        # [-] the same of a signal, as a share of its range
+POINTS = 20_000     # of a signal; with more, the smallest and largest of each of many short spans are shown
+
+
+@dataclass
+class Motion:
+    """Where something is. time [s] (n,); r [m] (n, 3) and v [m/s] (n, 3), relative to the origin of N."""
+    time: np.ndarray
+    r: np.ndarray
+    v: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """The positions [m] (m, 3) at some times [s] (m,)."""
+        return _hermite(self.time, self.r, self.v, t)
+
+    def thinned(self) -> Motion:
+        kept = keep(self.time, lambda some: _norm(_hermite(self.time[some], self.r[some], self.v[some], self.time)
+                                                  - self.r), POSITION)
+        return Motion(self.time[kept], self.r[kept], self.v[kept])
+
+
+@dataclass
+class Turning:
+    """How something is turned. time [s] (n,); q (n, 4): the quaternion, scalar last, that turns the components of a
+    vector in the body's frame into those in N."""
+    time: np.ndarray
+    q: np.ndarray
+
+    @classmethod
+    def of_mrp(cls, time: np.ndarray, sigma_BN: np.ndarray) -> Turning:
+        import numpy as np
+
+        s2 = (sigma_BN**2).sum(axis=1, keepdims=True)
+        return cls(time, np.hstack([2 * sigma_BN, 1 - s2]) / (1 + s2))
+
+    @classmethod
+    def of_dcm(cls, time: np.ndarray, dcm_BN: np.ndarray) -> Turning:
+        import numpy as np
+
+        from fledge.attitude import dcm_to_quaternion
+
+        beta = dcm_to_quaternion(dcm_BN)
+        return cls(time, np.hstack([beta[:, 1:], beta[:, :1]]))
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """The quaternions (m, 4) at some times [s] (m,)."""
+        return _slerp(self.time, self.q, t)
+
+    def thinned(self) -> Turning:
+        import numpy as np
+
+        def off(some):
+            found = _slerp(self.time[some], self.q[some], self.time)
+            return 2 * np.minimum(_norm(found - self.q), _norm(found + self.q))
+
+        kept = keep(self.time, off, ATTITUDE)
+        return Turning(self.time[kept], self.q[kept])
+
+
+@dataclass
+class Signal:
+    """Numbers over time. time [s] (n,), values (n, k)."""
+    time: np.ndarray
+    values: np.ndarray
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """The values (m, k) at some times [s] (m,)."""
+        return _linear(self.time, self.values, t)
+
+    def thinned(self) -> Signal:
+        import numpy as np
+
+        good = np.isfinite(self.values).all(axis=1)
+        time, values = self.time[good], self.values[good]
+        if not len(time):
+            return Signal(time, values)
+        size = np.ptp(values, axis=0)
+        scaled = values / np.where(size > 0, size, 1)
+        kept = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1), SHARE)
+        if len(kept) > POINTS:
+            kept = _extremes(values, POINTS // (2 * values.shape[1]))
+        return Signal(time[kept], values[kept])
+
+
+def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float) -> np.ndarray:
+    """The indices of samples to keep, such that off(indices), how far each of all samples is from the interpolation
+    between those, is within the bound. A span that is not is halved, until all are."""
+    import numpy as np
+
+    last = len(time) - 1
+    kept = np.unique([0, last])
+    while len(kept) > 1:
+        worst = np.maximum.reduceat(off(kept), kept[:-1])
+        gap = np.diff(kept)
+        bad = ~(worst <= bound) & (gap > 1)
+        if not bad.any():
+            break
+        kept = np.sort(np.concatenate([kept, kept[:-1][bad] + gap[bad] // 2]))
+    return kept
+
+
+def _extremes(values, spans):
+    """The indices of the smallest and the largest of each column in each of some spans."""
+    import numpy as np
+
+    found = [np.array([0, len(values) - 1])]
+    for part in np.array_split(np.arange(len(values)), spans):
+        found += [part[values[part].argmin(axis=0)], part[values[part].argmax(axis=0)]]
+    return np.unique(np.concatenate(found))
+
+
+def _span(time, t):
+    """(index of the sample before, share of the way to the next, length of the span), shaped to multiply rows."""
+    import numpy as np
+
+    if len(time) == 1:
+        return np.zeros(len(t), int), np.zeros((len(t), 1)), np.ones((len(t), 1))
+    i = np.clip(np.searchsorted(time, t, side="right") - 1, 0, len(time) - 2)
+    h = time[i + 1] - time[i]
+    return i, np.clip((t - time[i]) / h, 0, 1)[:, None], h[:, None]
+
+
+def _hermite(time, r, v, t):
+    i, x, h = _span(time, t)
+    j = (i + 1).clip(max=len(time) - 1)
+    return ((1 + 2 * x) * (1 - x)**2 * r[i] + x**2 * (3 - 2 * x) * r[j]
+            + h * x * (1 - x) * ((1 - x) * v[i] - x * v[j]))
+
+
+def _linear(time, values, t):
+    i, x, _ = _span(time, t)
+    return (1 - x) * values[i] + x * values[(i + 1).clip(max=len(time) - 1)]
+
+
+def _slerp(time, q, t):
+    import numpy as np
+
+    i, x, _ = _span(time, t)
+    a, b = q[i], q[(i + 1).clip(max=len(time) - 1)]
+    dot = (a * b).sum(axis=1, keepdims=True)
+    b, dot = np.where(dot < 0, -b, b), np.abs(dot)
+    angle = np.arctan2(_norm(b - dot * a)[:, None], dot)
+    sine = np.where(angle > 1e-9, np.sin(angle), 1)
+    near = angle <= 1e-9
+    found = np.where(near, 1 - x, np.sin((1 - x) * angle) / sine) * a + np.where(near, x, np.sin(x * angle) / sine) * b
+    return found / _norm(found)[:, None]
+
+
+def _norm(rows):
+    import numpy as np
+
+    return np.sqrt((rows * rows).sum(axis=1))

@@ -1,0 +1,504 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer: the picture, what controls it, and the plots, in the element #fledge-view.
+import "uplot/dist/uPlot.min.css";
+import "./view.css";
+
+import * as THREE from "three";
+
+import {level, load, norm, position, primary, sub, sunlight, velocity} from "./data.js";
+import {clock, Plots} from "./plots.js";
+import {LAYERS, PRESETS, Stage} from "./stage.js";
+
+const SPEEDS = [0.1, 1, 5, 10, 30, 60, 120, 300, 600, 1800, 3600];
+const KEYS = [
+    ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
+    [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"],
+    ["T", "dark or light"], ["H", "hide everything but the picture"], ["S", "save a picture"],
+    ["drag, wheel", "turn, come nearer"]
+];
+
+const make = (tag, name, text) => {
+    const made = document.createElement(tag);
+    if (name) made.className = name;
+    if (text !== undefined) made.textContent = text;
+    return made;
+};
+const button = (text, title, act) => {
+    const made = make("button", "", text);
+    made.type = "button";
+    made.title = title;
+    made.setAttribute("aria-label", title);
+    made.onclick = act;
+    return made;
+};
+
+class Viewer {
+    constructor(root, data) {
+        this.root = root;
+        this.data = data;
+        this.page = root.classList.contains("page");
+        this.hash = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
+        this.t = data.begin;
+        this.playing = false;
+        this.frames = [];
+        const pace = (data.end - data.begin) / 75;
+        this.speed = SPEEDS.reduce(
+            (best, one) => (Math.abs(Math.log(one / pace)) < Math.abs(Math.log(best / pace)) ? one : best), 1);
+        this.lay();
+        this.stage = new Stage(data, this.canvas, this.labels);
+        root.classList.toggle("plain", this.stage.software);
+        this.legend();
+        this.plots = new Plots(data, this.drawer, (t) => this.seek(t));
+        this.listen();
+        this.setTheme(
+            this.hash.get("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"));
+        matchMedia("(prefers-color-scheme: light)")
+            .addEventListener("change", (event) => this.setTheme(event.matches ? "light" : "dark"));
+        this.open(this.page ? this.hash.get("plots") === "1" : true);
+        if (this.hash.has("craft"))
+            this.stage.focus = Math.max(0, data.crafts.findIndex((one) => one.name === this.hash.get("craft")));
+        this.choose(this.hash.get("camera") in PRESETS ? this.hash.get("camera") : "hill");
+        for (const key of (this.hash.get("show") ?? "").split(",").filter(Boolean)) this.toggle(key, true);
+        for (const key of (this.hash.get("hide") ?? "").split(",").filter(Boolean)) this.toggle(key, false);
+        if (this.hash.get("ui") === "0") root.classList.add("bare");
+        const around = (this.hash.get("around") ?? "").split(",").map(Number);
+        if (around.length === 3 && around.every(Number.isFinite))
+            [this.stage.view.azimuth, this.stage.view.elevation, this.stage.view.distance] = around;
+        this.seek(Number(this.hash.get("t") ?? data.begin));
+        if (this.hash.get("play") === "1") this.play(true);
+        this.last = performance.now();
+        requestAnimationFrame((now) => this.frame(now));
+    }
+
+    // --- layout -------------------------------------------------------------------------------------
+
+    lay() {
+        const {root, data} = this;
+        this.picture = make("div", "picture");
+        this.canvas = make("canvas");
+        this.canvas.tabIndex = 0;
+        this.canvas.setAttribute("aria-label", "3-D view of the run");
+        this.labels = make("div", "labels");
+        const head = make("header");
+        const title = make("div", "title");
+        title.append(make("strong", "", data.title), make("span", "", data.about.replaceAll("_", " ")));
+        this.tools = make("div", "tools");
+        this.tools.append(
+            this.plotButton = button("Plots", "Plots (P)", () => this.open(!this.drawn)),
+            button("PNG", "Save a picture (S)", () => this.savePicture()),
+            this.filmButton = button("WebM", "Record a film of what plays", () => this.film()),
+            button("◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
+            button("?", "Keys", () => (this.help.hidden = !this.help.hidden)));
+        head.append(title, this.tools);
+        this.aside = make("details", "legend");
+        this.aside.open = innerWidth > 760;
+        this.readout = make("dl", "readout");
+        this.help = make("div", "help");
+        this.help.hidden = true;
+        const table = make("table");
+        for (const [key, what] of KEYS) {
+            const row = table.insertRow();
+            row.insertCell().append(make("kbd", "", key));
+            row.insertCell().textContent = what;
+        }
+        const b = data.bounds;
+        this.rate = make("p");
+        this.help.append(
+            table, this.rate,
+            make(
+                "p", "",
+                `Shown positions are within ${b.position} m of the recorded ones, ` +
+                    `attitudes within ${b.attitude} rad, plotted numbers within ${
+                        100 * b.share} % of their range. The stars are decoration.`));
+        for (const note of data.notes) this.help.append(make("p", "note", note));
+        this.picture.append(this.canvas, this.labels, head, this.aside, this.readout, this.help);
+        this.drawer = make("section", "drawer");
+        root.append(this.picture, this.timeline(), this.drawer);
+    }
+
+    timeline() {
+        const bar = make("footer");
+        this.playButton = button("▶", "Play (space)", () => this.play(!this.playing));
+        this.playButton.className = "play";
+        this.speedChoice = make("select");
+        this.speedChoice.title = "Simulated seconds per second";
+        for (const one of SPEEDS) this.speedChoice.add(new Option(`${one}×`, one, false, one === this.speed));
+        this.speedChoice.onchange = () => (this.speed = Number(this.speedChoice.value));
+        this.now = make("output", "now");
+        const track = make("div", "track");
+        this.shadow = make("canvas");
+        this.slider = make("input");
+        Object.assign(this.slider, {type: "range", min: 0, max: 1, step: "any"});
+        this.slider.setAttribute("aria-label", "time");
+        this.slider.oninput = () => this.seek(this.data.begin + this.slider.value * (this.data.end - this.data.begin));
+        track.append(this.shadow, this.slider);
+        this.cameras = make("select");
+        this.cameras.title = "Camera (1 to 6)";
+        for (const [key, name] of Object.entries(PRESETS)) this.cameras.add(new Option(name, key));
+        this.cameras.onchange = () => this.choose(this.cameras.value);
+        bar.append(this.playButton, this.now, track, this.speedChoice, this.cameras);
+        return bar;
+    }
+
+    legend() {
+        const {aside, stage, data} = this;
+        aside.append(make("summary", "", "Legend"));
+        const crafts = make("div", "crafts");
+        data.crafts.forEach((craft, k) => {
+            const one = button(craft.name, "Look at it (C)", () => this.look(k));
+            one.style.setProperty("--tint", stage.crafts[k].colour);
+            crafts.append(one);
+        });
+        aside.append(crafts);
+        this.boxes = {};
+        const has = (test) => data.crafts.some(test), part = (test) => has((craft) => craft.parts.some(test));
+        const there = {
+            cones: part((one) => one.kind === "cone" && !one.keep_out),
+            keepout: part((one) => one.keep_out),
+            plume: part((one) => one.kind === "thruster"),
+            inside: part((one) => one.kind === "wheel" || one.kind === "rod"),
+            estimate: has((craft) => craft.poses.some((one) => one.kind === "estimate")),
+            reference: has((craft) => craft.poses.some((one) => one.kind === "reference")),
+            hill: data.planets.length > 0
+        };
+        for (const [key, words] of LAYERS) {
+            if (there[key] === false) continue;
+            const row = make("label", `layer of-${key}`), box = make("input");
+            box.type = "checkbox";
+            box.checked = stage.shown[key];
+            box.onchange = () => this.toggle(key, box.checked);
+            this.boxes[key] = box;
+            row.append(box, make("i"), words);
+            aside.append(row);
+            if (key === "estimate") {
+                const scale = make("select");
+                scale.title = "Show the error of the estimate larger";
+                for (const one of [1, 10, 100, 1000, 10000]) scale.add(new Option(`error ×${one}`, one));
+                scale.onchange = () => {
+                    stage.exaggerate = Number(scale.value);
+                    this.dirty = true;
+                };
+                row.append(scale);
+            }
+        }
+        if (data.notes.length)
+            aside.append(button(
+                `${data.notes.length} note${data.notes.length > 1 ? "s" : ""} on the record`, "What the record lacks",
+                () => (this.help.hidden = !this.help.hidden)));
+    }
+
+    // --- what a user does ---------------------------------------------------------------------------
+
+    listen() {
+        const {canvas, stage} = this, fingers = new Map();
+        new ResizeObserver(() => this.fit()).observe(this.picture);
+        this.fit();
+        canvas.onpointerdown = (event) => {
+            canvas.setPointerCapture(event.pointerId);
+            fingers.set(event.pointerId, event);
+        };
+        canvas.onpointerup = canvas.onpointercancel = (event) => fingers.delete(event.pointerId);
+        canvas.onpointermove = (event) => {
+            const before = fingers.get(event.pointerId);
+            if (!before) return;
+            if (fingers.size === 2) {
+                const [a, b] = [...fingers.values()],
+                          apart = (p, q) => Math.hypot(p.clientX - q.clientX, p.clientY - q.clientY);
+                const other = a === before ? b : a;
+                this.nearer(apart(before, other) / Math.max(1, apart(event, other)));
+            } else {
+                stage.view.azimuth -= 0.006 * (event.clientX - before.clientX);
+                stage.view.elevation =
+                    Math.max(-1.55, Math.min(1.55, stage.view.elevation + 0.006 * (event.clientY - before.clientY)));
+                this.dirty = true;
+            }
+            fingers.set(event.pointerId, event);
+        };
+        canvas.addEventListener("wheel", (event) => {
+            event.preventDefault();
+            this.nearer(Math.exp(0.0012 * event.deltaY));
+        }, {passive: false});
+        addEventListener("keydown", (event) => {
+            if (event.target.matches?.("input[type=search], select") || event.ctrlKey || event.metaKey || event.altKey)
+                return;
+            if (!this.page && !this.root.contains(document.activeElement)) return;
+            const step = (this.data.end - this.data.begin) / 100, cameras = Object.keys(PRESETS);
+            const act = {
+                " ": () => this.play(!this.playing),
+                ArrowRight: () => this.seek(this.t + step),
+                ArrowLeft: () => this.seek(this.t - step),
+                Home: () => this.seek(this.data.begin),
+                End: () => this.seek(this.data.end),
+                ".": () => this.faster(1),
+                ",": () => this.faster(-1),
+                c: () => this.look((stage.focus + 1) % this.data.crafts.length),
+                i: () => this.toggle("inside", !stage.shown.inside),
+                p: () => this.open(!this.drawn),
+                t: () => this.setTheme(stage.theme === "dark" ? "light" : "dark"),
+                h: () => this.root.classList.toggle("bare"),
+                s: () => this.savePicture(),
+                Escape: () => this.root.classList.remove("bare")
+            }[event.key] ??
+                (cameras[event.key - 1] && (() => this.choose(cameras[event.key - 1], true)));
+            if (!act) return;
+            event.preventDefault();
+            act();
+        });
+    }
+
+    nearer(factor) {
+        const {view, focused} = this.stage;
+        view.distance = Math.max(1.2 * focused.craft.extent, Math.min(1e12, view.distance * factor));
+        this.dirty = true;
+    }
+
+    faster(way) {
+        const at = SPEEDS.indexOf(this.speed) + way;
+        this.speed = SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, at))];
+        this.speedChoice.value = this.speed;
+    }
+
+    toggle(key, on) {
+        this.stage.shown[key] = on;
+        if (this.boxes[key]) this.boxes[key].checked = on;
+        this.dirty = true;
+    }
+
+    choose(preset, again) {
+        if (preset === "boresight" && !this.stage.boresights.length)
+            return void (this.cameras.value = this.stage.preset);
+        if (preset === "boresight" && again && this.stage.preset === preset) this.stage.boresight++;
+        this.stage.setPreset(preset);
+        this.cameras.value = preset;
+        this.dirty = true;
+    }
+
+    look(k) {
+        this.stage.focus = k;
+        this.choose(this.stage.preset);
+    }
+
+    open(drawn) {
+        this.drawn = drawn;
+        this.root.classList.toggle("drawn", drawn);
+        this.plotButton.classList.toggle("on", drawn);
+        if (drawn && !this.plots.charts.size) this.plots.begin(this.page ? 3 : 6);
+        this.plots.fit();
+    }
+
+    play(playing) {
+        if (playing && this.t >= this.data.end) this.seek(this.data.begin);
+        if (playing !== this.playing) {  // a picture that stands still has all its pixels
+            const {stage} = this, full = Math.min(devicePixelRatio, 2);
+            if (!playing) this.ratio = stage.ratio;
+            stage.ratio = playing ? this.ratio ?? full : full;
+            stage.resize(...stage.size);
+            this.dirty = true;
+        }
+        this.playing = playing;
+        this.playButton.textContent = playing ? "❚❚" : "▶";
+        this.frames = [];
+    }
+
+    seek(t) {
+        this.t = Math.max(this.data.begin, Math.min(this.data.end, Number.isFinite(t) ? t : 0));
+        this.dirty = true;
+    }
+
+    setTheme(theme) {
+        this.root.dataset.theme = theme;
+        this.stage.setTheme(theme);
+        this.plots.setTheme(theme);
+        this.drawShadow();
+        this.dirty = true;
+    }
+
+    fit() {
+        const {clientWidth, clientHeight} = this.picture;
+        if (!clientWidth || !clientHeight) return;
+        this.stage.resize(clientWidth, clientHeight);
+        this.drawShadow();
+        this.dirty = true;
+    }
+
+    /** The times in shadow, below the slider. */
+    drawShadow() {
+        const {shadow, data, stage} = this, width = Math.max(1, shadow.clientWidth), brush = shadow.getContext("2d");
+        shadow.width = width;
+        shadow.height = 6;
+        const colour = getComputedStyle(this.root), craft = data.crafts[stage.focus];
+        for (let x = 0; x < width; x++) {
+            const t = data.begin + ((data.end - data.begin) * (x + 0.5)) / width;
+            const lit = data.sun || data.sun_N ? sunlight(data, position(craft.motion, t), t) : 1;
+            brush.fillStyle = colour.getPropertyValue(lit < 0.5 ? "--night" : "--day");
+            brush.fillRect(x, 0, 1, 6);
+        }
+    }
+
+    // --- pictures and films -------------------------------------------------------------------------
+
+    download(blob, ending) {
+        const link = make("a");
+        link.href = URL.createObjectURL(blob);
+        link.download = `${this.data.title}-${Math.round(this.t)}s.${ending}`;
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    }
+
+    savePicture() {
+        const {stage} = this, ratio = stage.ratio;
+        stage.ratio = Math.max(2, ratio);
+        stage.resize(...stage.size);
+        stage.render(this.t, 0);
+        this.canvas.toBlob((blob) => this.download(blob, "png"));
+        stage.ratio = ratio;
+        this.fit();
+    }
+
+    film() {
+        if (this.recorder) return void this.recorder.stop();
+        const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm"];
+        const kind = kinds.find((one) => window.MediaRecorder?.isTypeSupported(one));
+        if (!kind) return void (this.filmButton.title = "This browser cannot record films");
+        this.parts = [];
+        this.recorder = new MediaRecorder(this.canvas.captureStream(60), {mimeType: kind, videoBitsPerSecond: 12e6});
+        this.recorder.ondataavailable = (event) => event.data.size && this.parts.push(event.data);
+        this.recorder.onstop = () => {
+            this.download(new Blob(this.parts, {type: "video/webm"}), "webm");
+            this.recorder = null;
+            this.filmButton.classList.remove("on");
+        };
+        this.recorder.start(500);
+        this.filmButton.classList.add("on");
+        this.play(true);
+    }
+
+    // --- each frame ---------------------------------------------------------------------------------
+
+    frame(now) {
+        const since = Math.min(0.25, (now - this.last) / 1000);
+        this.last = now;
+        if (this.playing) {
+            this.t = Math.min(this.data.end, this.t + this.speed * since);
+            if (this.t >= this.data.end) {
+                this.play(false);
+                this.recorder?.stop();
+            }
+            this.pace(since);
+            this.dirty = true;
+        }
+        if (this.dirty) {
+            this.dirty = false;
+            this.stage.render(this.t, this.playing ? since : 0);
+            this.plots.show(this.t);
+            if (!this.playing || now - (this.told ?? 0) > 90) {  // numbers that change faster cannot be read
+                this.told = now;
+                this.tell();
+            }
+            if (!this.root.dataset.opened) {
+                this.root.dataset.opened = Math.round(performance.now());
+                this.rate.textContent = `Opened in ${(performance.now() / 1000).toFixed(2)} s.`;
+            }
+        }
+        requestAnimationFrame((next) => this.frame(next));
+    }
+
+    /** Fewer pixels where the frames come too slowly, more again where there is time. */
+    pace(since) {
+        const {frames, stage} = this;
+        frames.push(since);
+        if (frames.length < 20) return;
+        const mean = frames.reduce((a, b) => a + b) / frames.length;
+        this.root.dataset.rate = (1 / mean).toFixed(1);
+        this.rate.textContent =
+            `Opened in ${(this.root.dataset.opened / 1000).toFixed(2)} s, ${this.root.dataset.rate} frames/s.`;
+        this.frames = [];
+        const least = 0.5, most = Math.min(devicePixelRatio, 2);
+        const ratio = mean > 0.042 ? Math.max(least, 0.8 * stage.ratio) :
+            mean < 0.018           ? Math.min(most, 1.15 * stage.ratio) :
+                                     stage.ratio;
+        if (ratio !== stage.ratio) {
+            stage.ratio = ratio;
+            stage.resize(...stage.size);
+        }
+    }
+
+    /** The numbers of the present time. */
+    tell() {
+        const {data, stage, t} = this, one = stage.focused, rows = [], degrees = THREE.MathUtils.radToDeg;
+        const centre = primary(data, one.place, t);
+        if (centre) {
+            const r = sub(one.place, position(centre.motion, t)), v = sub(one.speed, velocity(centre.motion, t));
+            rows.push(
+                ["altitude", `${((norm(r) - centre.radius) / 1e3).toFixed(2)} km`],
+                ["speed", `${(norm(v) / 1e3).toFixed(4)} km/s`]);
+        }
+        const {rate, ...others} = one.craft.signals;
+        if (rate)
+            rows.push(
+                ["body rate", `${degrees(Math.hypot(...[0, 1, 2].map((k) => level(rate, t, k)))).toFixed(4)} °/s`]);
+        for (const [name, signal] of Object.entries(others))
+            rows.push([name, `${degrees(level(signal, t)).toPrecision(4)}°`]);
+        if (data.sun || data.sun_N) rows.push(["sunlight", `${(100 * one.sunlight).toFixed(0)} %`]);
+        const estimate = one.ghosts.find(({pose}) => pose.kind === "estimate");
+        if (estimate && stage.exaggerate === 1 && stage.shown.estimate)
+            rows.push(["estimate off by", angle(degrees(one.body.quaternion.angleTo(estimate.ghost.quaternion)))]);
+        const wheels = one.craft.parts.filter((part) => part.kind === "wheel" && part.level);
+        if (wheels.length)
+            rows.push([
+                "wheels", wheels.map((part) => Math.round((level(part.level, t) * 30) / Math.PI)).join("  ") + " rpm"
+            ]);
+        const thrust = one.craft.parts.filter((part) => part.kind === "thruster" && part.level);
+        if (thrust.length)
+            rows.push(["thrust", `${thrust.reduce((sum, part) => sum + level(part.level, t), 0).toFixed(3)} N`]);
+        data.crafts.forEach((craft, k) => {
+            if (k !== stage.focus && data.crafts.length < 5)
+                rows.push([`to ${craft.name}`, `${(norm(sub(stage.crafts[k].place, one.place)) / 1e3).toFixed(3)} km`]);
+        });
+        for (const {part} of one.body.cones)
+            if (part.keep_out && stage.inside(one, part, t)) rows.push([part.name, `${part.keep_out} inside`, "warn"]);
+        this.readout.replaceChildren(
+            ...rows.flatMap(([name, value, kind]) => [make("dt", kind, name), make("dd", kind, value)]));
+        const date = data.epoch ?
+            new Date(Date.parse(`${data.epoch}Z`) + 1000 * t).toISOString().replace("T", " ").slice(0, 19) :
+            "";
+        this.now.textContent = clock(Math.round(10 * t) / 10);
+        this.now.title = date && `${date} UTC`;
+        if (date) this.now.append(make("small", "", `${date} UTC`));
+        this.slider.value = (t - data.begin) / (data.end - data.begin || 1);
+        this.slider.setAttribute("aria-valuetext", `${clock(t)}`);
+    }
+}
+
+function angle(degrees) {
+    return degrees > 0.5 ? `${degrees.toFixed(2)}°` :
+        degrees > 1 / 120 ? `${(60 * degrees).toFixed(2)}′` :
+                            `${(3600 * degrees).toFixed(2)}″`;
+}
+
+/** The plots alone, of a record without an attitude. */
+function showPlots(root, data) {
+    const drawer = make("section", "drawer"), light = matchMedia("(prefers-color-scheme: light)");
+    const plots = new Plots(data, drawer, () => {});
+    const dress = () => {
+        root.dataset.theme = light.matches ? "light" : "dark";
+        plots.setTheme(root.dataset.theme);
+    };
+    root.append(drawer);
+    root.classList.add("drawn");
+    light.addEventListener("change", dress);
+    dress();
+    plots.begin(6);
+    root.dataset.opened = Math.round(performance.now());
+    return plots;
+}
+
+const root = document.getElementById("fledge-view");
+try {
+    if (!window.DecompressionStream) throw new Error("this browser is too old: it cannot unpack the record");
+    const data = await load(document.getElementById("fledge-data").textContent);
+    window.fledgeView = data.crafts.length ? new Viewer(root, data) : showPlots(root, data);
+} catch (error) {
+    root.append(make("p", "failure", `The 3-D view cannot be shown: ${error.message}`));
+    console.error(error);
+}

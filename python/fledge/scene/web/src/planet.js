@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// Celestial bodies, stars and the Sun.
+import * as THREE from "three";
+import {feature} from "topojson-client";
+import land from "world-atlas/land-110m.json";
+
+const LOOKS = {
+    EARTH: ["#123a5e", "#2f6f9f", 0x6fb4ff],
+    MARS: ["#8f4a2b", "#c98354", 0xe0a27c],
+    MOON: ["#6b6b6b", "#b5b3ae", 0],
+    VENUS: ["#b99a5c", "#e7d3a0", 0xffe9b8],
+    MERCURY: ["#6f655c", "#a79a8c", 0],
+    JUPITER: ["#a07b58", "#e0c9a8", 0xd8c0a0],
+    SATURN: ["#b39b68", "#e9d8a9", 0xe8d8a8],
+    URANUS: ["#7fb6bd", "#b4e0e2", 0xb0e8e8],
+    NEPTUNE: ["#2f55a8", "#5c86d8", 0x88a8ff],
+    PLUTO: ["#8b7765", "#cdb9a3", 0],
+};
+
+function random(seed) {
+    return () => {
+        seed = (seed + 0x6d2b79f5) | 0;
+        let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+        t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+        return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+    };
+}
+
+/** Smooth noise over a sphere in an equirectangular picture, 0 to 1, that meets itself at its left and right edge. */
+function noise(width, height, seed, cells) {
+    const sum = new Float32Array(width * height);
+    let weight = 0;
+    for (let octave = 0; octave < 5; octave++) {
+        const columns = cells << octave, rows = Math.max(2, columns >> 1), next = random(seed + octave);
+        const grid = Float32Array.from({length: columns * (rows + 1)}, next), share = 0.55 ** octave;
+        weight += share;
+        for (let y = 0; y < height; y++) {
+            const v = (y / height) * rows, j = Math.floor(v), b = (v - j) ** 2 * (3 - 2 * (v - j));
+            for (let x = 0; x < width; x++) {
+                const u = (x / width) * columns, i = Math.floor(u), a = (u - i) ** 2 * (3 - 2 * (u - i));
+                const k = (i + 1) % columns, top = j * columns, low = (j + 1) * columns;
+                sum[y * width + x] += share *
+                    ((1 - b) * ((1 - a) * grid[top + i] + a * grid[top + k]) +
+                     b * ((1 - a) * grid[low + i] + a * grid[low + k]));
+            }
+        }
+    }
+    return sum.map((one) => one / weight);
+}
+
+function canvas(width, height) {
+    const made = document.createElement("canvas");
+    made.width = width;
+    made.height = height;
+    return [made, made.getContext("2d")];
+}
+
+/** A picture of colours that paint(share of noise, latitude in [-1, 1]) gives as [r, g, b]. */
+function shaded(seed, cells, paint) {
+    const [made, brush] = canvas(512, 256), field = noise(512, 256, seed, cells),
+                 image = brush.createImageData(512, 256);
+    for (let y = 0, p = 0; y < 256; y++)
+        for (let x = 0; x < 512; x++, p++) {
+            const [r, g, b] = paint(field[p], 1 - y / 128);
+            image.data.set([r, g, b, 255], 4 * p);
+        }
+    brush.putImageData(image, 0, 0);
+    return made;
+}
+
+const mix = (a, b, x) => a.map((one, k) => one + (b[k] - one) * Math.max(0, Math.min(1, x)));
+const rgb = (text) => new THREE.Color(text).convertLinearToSRGB().toArray().map((one) => 255 * one);
+
+/** A ring on the map with longitudes that do not jump, by way of the pole where it goes round that; with each point,
+    whether a coast leads to it, and not an edge of the map. */
+function unwrapped(ring) {
+    const points = [];
+    let turn = 0;
+    ring.forEach(([lon, lat], k) => {
+        const before = k ? ring[k - 1][0] : lon, edge = Math.abs(lon) > 179.9 && Math.abs(before) > 179.9;
+        if (lon - before > 180) turn -= 360;
+        if (lon - before < -180) turn += 360;
+        points.push([lon + turn, lat, lat > -89.9 && !edge]);
+    });
+    if (turn) {
+        const pole = Math.sign(points[0][1]) * 90;
+        points.push([points.at(-1)[0], pole, false], [points[0][0], pole, false]);
+    }
+    return points;
+}
+
+function earth() {
+    const [made, brush] = canvas(2048, 1024), x = (lon) => ((lon + 180) / 360) * 2048,
+                 y = (lat) => ((90 - lat) / 180) * 1024;
+    const ocean = shaded(
+        3, 8,
+        (n, lat) => mix(mix([9, 38, 74], [24, 82, 124], 1.6 * n - 0.3), [58, 98, 128], 4 * (Math.abs(lat) - 0.75)));
+    const ground = shaded(11, 16, (n, lat) => {
+        const a = Math.abs(lat * 90 + 14 * (n - 0.5));
+        let colour = mix([46, 84, 44], [176, 152, 96], 1 - Math.abs(a - 24) / 11);
+        colour = mix(colour, [64, 92, 56], (a - 34) / 10);
+        colour = mix(colour, [112, 118, 100], (a - 58) / 8);
+        return mix(mix(colour, [235, 240, 244], (a - 68) / 5), colour.map((c) => 0.7 * c), 0.55 - n);
+    });
+    brush.drawImage(ocean, 0, 0, 2048, 1024);
+    const shape = new Path2D(), coast = new Path2D();
+    for (const one of feature(land, land.objects.land).features)
+        for (const polygon of one.geometry.type === "Polygon" ? [one.geometry.coordinates] : one.geometry.coordinates)
+            for (const ring of polygon) {
+                const points = unwrapped(ring);
+                for (const turn of [-360, 0, 360]) {
+                    points.forEach(([lon, lat, coastal], k) => {
+                        shape[k ? "lineTo" : "moveTo"](x(lon + turn), y(lat));
+                        coast[k && coastal ? "lineTo" : "moveTo"](x(lon + turn), y(lat));
+                    });
+                    shape.closePath();
+                }
+            }
+    brush.save();
+    brush.clip(shape, "evenodd");
+    brush.drawImage(ground, 0, 0, 2048, 1024);
+    brush.restore();
+    brush.strokeStyle = "rgba(210, 232, 245, .35)";
+    brush.lineWidth = 1.2;
+    brush.stroke(coast);
+    return made;
+}
+
+function texture(name, sharpness) {
+    const [dark, light] = (LOOKS[name] ?? ["#666a70", "#a8acb2"]).map(rgb);
+    const bands = {JUPITER: 22, SATURN: 16, URANUS: 6, NEPTUNE: 8}[name];
+    const made = name === "EARTH" ?
+        earth() :
+        shaded(
+            name.length * 77 + name.charCodeAt(0), bands ? 4 : 10,
+            (n, lat) => mix(dark, light, bands ? 0.5 + 0.5 * Math.sin(bands * lat + 3 * n) : 2.2 * n - 0.6));
+    const found = new THREE.CanvasTexture(made);
+    found.colorSpace = THREE.SRGBColorSpace;
+    found.anisotropy = sharpness;
+    found.wrapS = THREE.RepeatWrapping;
+    return found;
+}
+
+const VERTEX = `
+#include <common>
+#include <logdepthbuf_pars_vertex>
+varying vec2 vUv; varying vec3 vNormal; varying vec3 vToEye;
+void main() {
+    vUv = uv;
+    vNormal = mat3(modelMatrix) * normal;
+    vec4 place = modelMatrix * vec4(position, 1.0);
+    vToEye = cameraPosition - place.xyz;
+    gl_Position = projectionMatrix * viewMatrix * place;
+    #include <logdepthbuf_vertex>
+}`;
+const SURFACE = `
+#include <common>
+#include <logdepthbuf_pars_fragment>
+uniform sampler2D map; uniform vec3 toSun; uniform vec3 rim; uniform float shine; uniform float night;
+varying vec2 vUv; varying vec3 vNormal; varying vec3 vToEye;
+void main() {
+    #include <logdepthbuf_fragment>
+    vec3 n = normalize(vNormal), e = normalize(vToEye);
+    float sun = dot(n, toSun), lit = smoothstep(-0.08, 0.28, sun) * (0.35 + 0.65 * max(sun, 0.0));
+    vec3 colour = texture2D(map, vUv).rgb;
+    vec2 cell = vUv * vec2(24.0, 12.0), from = abs(fract(cell - 0.5) - 0.5) / max(fwidth(cell), vec2(1e-6));
+    float row = step(0.5, cell.y) * step(cell.y, 11.5);      // every 15 degrees
+    colour += 0.045 * (1.0 - min(min(from.x, mix(2.0, from.y, row)), 1.0));
+    float edge = pow(1.0 - max(dot(n, e), 0.0), 3.5);
+    float glint = shine * pow(max(dot(n, normalize(e + toSun)), 0.0), 40.0) * step(colour.r * 1.35, colour.b);
+    vec3 air = rim * edge * (0.03 + 0.5 * smoothstep(-0.15, 0.35, sun));
+    vec3 seen = colour * (night + 1.25 * lit) + air + vec3(0.35 * glint * lit);
+    gl_FragColor = vec4(seen, 1.0);
+    #include <colorspace_fragment>
+}`;
+const HALO = `
+#include <common>
+#include <logdepthbuf_pars_fragment>
+uniform vec3 toSun; uniform vec3 rim;
+varying vec2 vUv; varying vec3 vNormal; varying vec3 vToEye;
+void main() {
+    #include <logdepthbuf_fragment>
+    vec3 n = normalize(vNormal), e = normalize(vToEye);
+    float thin = clamp(-dot(n, e) * 4.2, 0.0, 1.0), sun = smoothstep(-0.25, 0.4, dot(n, toSun));
+    gl_FragColor = vec4(rim, thin * thin * (0.04 + 0.6 * sun));
+    #include <colorspace_fragment>
+}`;
+
+/** A body of radius 1 whose third axis is its pole. update(direction to the Sun, whether the
+    sky is light, its size on the screen [px]) lights it.
+    software: whether it must cost little. */
+export function makePlanet(name, software) {
+    const group = new THREE.Group();
+    if (name === "SUN") {
+        group.add(new THREE.Mesh(new THREE.SphereGeometry(1, 64, 32), new THREE.MeshBasicMaterial({color: 0xfff1c9})));
+        group.update = () => {};
+        return group;
+    }
+    const rim = new THREE.Color((LOOKS[name] ?? [])[2] || 0x000000), toSun = new THREE.Vector3(1, 0, 0);
+    const uniforms = {
+        map: {value: texture(name, software ? 1 : 8)},
+        toSun: {value: toSun},
+        rim: {value: rim},
+        shine: {value: name === "EARTH" ? 1 : 0},
+        night: {value: 0.035}
+    };
+    const surface = new THREE.ShaderMaterial({uniforms, vertexShader: VERTEX, fragmentShader: SURFACE});
+    const balls = [[160, 80], [32, 16]].map(
+        (parts) => new THREE.Mesh(new THREE.SphereGeometry(1, ...parts).rotateX(Math.PI / 2), surface));
+    group.add(...balls);
+    if (rim.getHex()) {
+        const halo =
+            new THREE.Mesh(new THREE.SphereGeometry(1.022, 64, 32).rotateX(Math.PI / 2), new THREE.ShaderMaterial({
+                uniforms: {toSun: uniforms.toSun, rim: uniforms.rim},
+                vertexShader: VERTEX,
+                fragmentShader: HALO,
+                side: THREE.BackSide,
+                transparent: true,
+                depthWrite: false
+            }));
+        group.add(halo);
+    }
+    group.update = (direction, light, size) => {
+        balls[0].visible = size > 60;
+        balls[1].visible = size <= 60;
+        toSun.set(...direction);
+        uniforms.night.value = light ? 0.25 : 0.035;
+    };
+    return group;
+}
+
+/** Points that stand for stars; they are decoration, not a catalogue. */
+export function makeStars() {
+    const next = random(5), places = [], colours = [];
+    for (let k = 0; k < 2600; k++) {
+        const z = 2 * next() - 1, a = 2 * Math.PI * next(), s = Math.sqrt(1 - z * z),
+              bright = 0.25 + 0.75 * next() ** 6;
+        places.push(s * Math.cos(a), s * Math.sin(a), z);
+        const warm = next();
+        colours.push(bright * (0.85 + 0.15 * warm), bright * 0.92, bright * (1 - 0.15 * warm));
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.Float32BufferAttribute(places, 3));
+    geometry.setAttribute("color", new THREE.Float32BufferAttribute(colours, 3));
+    const stars = new THREE.Points(geometry, new THREE.PointsMaterial({
+        size: 1.7,
+        sizeAttenuation: false,
+        vertexColors: true,
+        depthWrite: false,
+        depthTest: true,
+        transparent: true
+    }));
+    stars.frustumCulled = false;
+    stars.renderOrder = -2;
+    return stars;
+}
+
+/** The Sun as a glow in the sky. */
+export function makeSun() {
+    const [made, brush] = canvas(256, 256), glow = brush.createRadialGradient(128, 128, 0, 128, 128, 128);
+    for (const [at, colour] of [
+             [0, "rgba(255,255,255,1)"], [0.045, "rgba(255,252,240,1)"], [0.07, "rgba(255,236,190,.5)"],
+             [0.2, "rgba(255,214,140,.16)"], [1, "rgba(255,200,120,0)"]])
+        glow.addColorStop(at, colour);
+    brush.fillStyle = glow;
+    brush.fillRect(0, 0, 256, 256);
+    const picture = new THREE.CanvasTexture(made);
+    picture.colorSpace = THREE.SRGBColorSpace;
+    const sun = new THREE.Sprite(new THREE.SpriteMaterial({map: picture, transparent: true, depthWrite: false}));
+    sun.renderOrder = -1;
+    return sun;
+}

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plots of what was recorded: one time axis, and one cursor, for all of them and for the picture.
+import uPlot from "uplot";
+
+import {level} from "./data.js";
+
+const COLOURS = {
+    dark: ["#58b7ff", "#ff9d5c", "#7ee08a", "#e58cff", "#ffd75e", "#5ee0d6", "#ff7f97", "#b7c4d0"],
+    light: ["#1f6fb5", "#c8581a", "#2f8a45", "#8c3fb0", "#a07800", "#0c8a82", "#bf3350", "#5b6874"]
+};
+
+export class Plots {
+    /** seek(t): the user has chosen a time. */
+    constructor(data, panel, seek) {
+        Object.assign(this, {data, seek, t: data.begin, theme: "dark", charts: new Map()});
+        this.span = [data.begin, data.end];
+        this.choice = document.createElement("details");
+        this.choice.className = "choice";
+        this.choice.innerHTML = "<summary>Fields</summary><input type=search placeholder='find a field'><div></div>";
+        this.grid = document.createElement("div");
+        this.grid.className = "charts";
+        panel.append(this.choice, this.grid);
+        this.fill();
+        new ResizeObserver(() => this.fit()).observe(this.grid);
+    }
+
+    fill() {
+        const list = this.choice.querySelector("div"), search = this.choice.querySelector("input");
+        for (const plot of this.data.plots) {
+            const row = document.createElement("label"), box = document.createElement("input");
+            box.type = "checkbox";
+            box.onchange = () => (box.checked ? this.add(plot) : this.remove(plot));
+            plot.box = box;
+            row.append(box, ` ${plot.name}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}`);
+            row.title = plot.meaning;
+            list.append(row);
+        }
+        search.oninput = () => {
+            for (const row of list.children)
+                row.hidden = !row.textContent.toLowerCase().includes(search.value.toLowerCase());
+        };
+    }
+
+    /** Show the fields that say most at first: errors and actuators before states. */
+    begin(count) {
+        const worth = (name) => [/error\.sigma/, /speeds\.Omega$/, /command\.u$/, /output\.thrust$/, /error\.omega/,
+                                 /sigma_BN$/, /omega_BN_B$/]
+                                    .findIndex((one) => one.test(name)) >>>
+            0;
+        for (const plot of [...this.data.plots].sort((a, b) => worth(a.name) - worth(b.name)).slice(0, count)) {
+            plot.box.checked = true;
+            this.add(plot);
+        }
+    }
+
+    add(plot) {
+        if (this.charts.has(plot)) return;
+        const {signal} = plot, n = signal.values.k, rows = signal.time.n;
+        plot.table ??= [
+            signal.time.data,
+            ...Array.from(
+                {length: n},
+                (_, k) => {
+                    const column = new Float64Array(rows);
+                    for (let i = 0; i < rows; i++) column[i] = signal.values.data[n * i + k];
+                    return column;
+                })
+        ];
+        const holder = document.createElement("div");
+        this.grid.append(holder);
+        const css = getComputedStyle(this.grid), ink = css.getPropertyValue("--soft"),
+              line = css.getPropertyValue("--line");
+        const axis =
+            {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}, font: "11px system-ui"};
+        const [, field] = plot.name.match(/([^.]+\.[^.]+)$/) ?? [0, plot.name];
+        const chart = new uPlot({
+            width: 320, height: 170, title: `${field}${plot.unit && plot.unit !== "-" ? `  [${plot.unit}]` : ""}`,
+            scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [4, 12, 0, 0],
+            axes: [{ ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map(clock) },
+                { ...axis, size: 58, values: (_, ticks) => ticks.map((one) => short(one)) }],
+            series: [{ label: "t", value: (_, t) => (t == null ? "" : clock(t)) },
+                ...Array.from({ length: n }, (_, k) => ({
+                label: plot.labels[k] || field, stroke: COLOURS[this.theme][k % 8], width: 1.4, points: { show: false },
+                value: (_, y) => (y == null ? "" : y.toPrecision(5)) }))],
+            cursor: { sync: { key: "fledge", setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
+            hooks: {
+                draw: [(u) => {
+                    const x = u.valToPos(this.t, "x", true), { left, top, width, height } = u.bbox;
+                    if (x < left || x > left + width) return;
+                    u.ctx.fillStyle = css.getPropertyValue("--accent");
+                    u.ctx.fillRect(x - 0.75, top, 1.5, height);
+                }],
+                setScale: [(u, key) => key === "x" && this.zoom(u, u.scales.x.min, u.scales.x.max)],
+                ready: [(u) => u.over.addEventListener("click", (event) => {
+                    if (!u.select.width) this.seek(u.posToVal(event.offsetX, "x"));
+                })],
+            },
+        }, plot.table, holder);
+        chart.root.title = plot.meaning;
+        chart.over.addEventListener("dblclick", () => this.zoom(null, this.data.begin, this.data.end));
+        this.charts.set(plot, {chart, holder});
+        this.fit();
+    }
+
+    remove(plot) {
+        const found = this.charts.get(plot);
+        found?.chart.destroy();
+        found?.holder.remove();
+        this.charts.delete(plot);
+    }
+
+    /** Give all charts the same span of time. */
+    zoom(source, min, max) {
+        if (this.zooming || !(max > min)) return;
+        this.zooming = true;
+        this.span = [min, max];
+        for (const {chart} of this.charts.values())
+            if (chart !== source) chart.setScale("x", {min, max});
+        this.zooming = false;
+    }
+
+    fit() {
+        for (const {chart, holder} of this.charts.values()) {
+            const width = holder.clientWidth;
+            if (width > 60 && Math.abs(width - chart.width) > 1) chart.setSize({width, height: 170});
+        }
+    }
+
+    /** Move the line of the present time. */
+    show(t) {
+        this.t = t;
+        for (const [plot, {chart}] of this.charts) {
+            chart.redraw(false);
+            if (chart.cursor.left >= 0) continue;  // else it has what the pointer is at
+            const said = chart.root.querySelectorAll(".u-value");
+            said[0].textContent = clock(Math.round(10 * t) / 10);
+            for (let k = 1; k < said.length; k++) said[k].textContent = level(plot.signal, t, k - 1).toPrecision(5);
+        }
+    }
+
+    setTheme(theme) {
+        this.theme = theme;
+        const open = [...this.charts.keys()];
+        for (const plot of open) this.remove(plot);
+        for (const plot of open) this.add(plot);
+    }
+}
+
+/** 3723.5 -> "1:02:03.5" */
+export function clock(t) {
+    const sign = t < 0 ? "\u2212" : "", whole = Math.abs(t), h = Math.floor(whole / 3600),
+          m = Math.floor(whole / 60) % 60;
+    const s = whole % 60, fraction = Math.abs(s - Math.round(s)) > 1e-6 ? s.toFixed(2) : String(Math.round(s));
+    return `${sign}${h}:${String(m).padStart(2, "0")}:${fraction.replace(/^(\d)(?=\.|$)/, "0$1")}`;
+}
+
+function short(value) {
+    const size = Math.abs(value);
+    return size && (size >= 1e5 || size < 1e-3) ? value.toExponential(1) : String(+value.toPrecision(4));
+}

@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: Apache-2.0
+// The 3-D picture. All places are in double precision until the place of the focus has been taken off.
+import * as THREE from "three";
+
+import {COLOURS, makeArrow, makeCraft, makeFrame, makeGhost} from "./craft.js";
+import {attitude, cross, dot, level, norm, position, primary, sub, sunlight, toSun, unit, velocity} from "./data.js";
+import {makePath} from "./path.js";
+import {makePlanet, makeStars, makeSun} from "./planet.js";
+
+export const CRAFT_COLOURS = ["#58b7ff", "#ff9d5c", "#7ee08a", "#e58cff", "#ffd75e", "#5ee0d6", "#ff7f97", "#b7c4d0"];
+const AXES = ["#ff5d5d", "#5fd068", "#5c9dff"];
+export const PRESETS = {
+    hill: "Hill frame",
+    follow: "Inertial",
+    body: "Body-fixed",
+    orbit: "Orbit",
+    sun: "From the Sun",
+    boresight: "Boresight",
+};
+// What the legend can show and hide: key, words, whether it is shown at first.
+export const LAYERS = [
+    ["path", "Orbit and trajectory", true],
+    ["labels", "Names", true],
+    ["bodyAxes", "Body axes", true],
+    ["directions", "Sun, nadir, velocity", true],
+    ["hill", "Hill frame", false],
+    ["inertial", "Inertial frame", false],
+    ["cones", "Fields of view", true],
+    ["keepout", "Keep-out cones", true],
+    ["plume", "Thrusters", true],
+    ["inside", "Wheels and rods inside", false],
+    ["estimate", "Estimate", true],
+    ["reference", "Reference", false],
+];
+const FALLBACK_LIGHT = unit([0.6, -0.5, 0.62]);
+
+/** Whether there is no graphics processor, so that smooth edges would cost too much. */
+function drawsInSoftware() {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    if (!gl) throw new Error("this browser has no WebGL 2");
+    const about = gl.getExtension("WEBGL_debug_renderer_info");
+    const name = gl.getParameter(about ? about.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
+    gl.getExtension("WEBGL_lose_context")?.loseContext();
+    return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
+export class Stage {
+    constructor(data, canvas, labels) {
+        this.data = data;
+        this.labels = labels;
+        this.software = drawsInSoftware();
+        // Without alpha the browser need not blend the picture with the page.
+        const context = canvas.getContext(
+            "webgl2", {alpha: false, antialias: !this.software, powerPreference: "high-performance"});
+        this.renderer = new THREE.WebGLRenderer({canvas, context, logarithmicDepthBuffer: true});
+        this.renderer.toneMapping = THREE.NeutralToneMapping;
+        this.world = new THREE.Scene();
+        this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 1e14);
+        this.ratio = Math.min(devicePixelRatio, 2);
+        this.preset = "hill";
+        this.focus = 0;
+        this.boresight = 0;
+        this.exaggerate = 1;
+        this.shown = Object.fromEntries(LAYERS.map(([key, , on]) => [key, on]));
+        this.view = {azimuth: 0.7, elevation: 0.35, distance: 1};
+        this.build();
+    }
+
+    build() {
+        const {data, world} = this;
+        this.stars = makeStars();
+        this.sunGlow = makeSun();
+        this.light = new THREE.DirectionalLight(0xffffff, 3);
+        this.bounce = new THREE.DirectionalLight(0x9fc4e8, 0);
+        this.fill = new THREE.HemisphereLight(0xbfd4ea, 0x3a3f46, 0.55);
+        world.add(this.stars, this.sunGlow, this.light, this.light.target, this.bounce, this.bounce.target, this.fill);
+        this.planets = data.planets.map((planet) => {
+            const group = makePlanet(planet.name, this.software);
+            group.scale.setScalar(planet.radius);
+            world.add(group);
+            return {planet, group, label: this.label(planet.name[0] + planet.name.slice(1).toLowerCase(), "planet")};
+        });
+        this.crafts = data.crafts.map((craft, k) => this.buildCraft(craft, CRAFT_COLOURS[k % CRAFT_COLOURS.length]));
+        this.resetView();
+    }
+
+    buildCraft(craft, colour) {
+        const {world, data} = this, body = makeCraft(craft), axes = makeFrame(1.9 * craft.extent, AXES);
+        body.add(axes);
+        world.add(body);
+        const made = {craft, colour, body, axes, place: [0, 0, 0], speed: [0, 0, 0], sunlight: 1};
+        const soft = AXES.map((one) => new THREE.Color(one).lerp(new THREE.Color("#c8d0d8"), 0.55));
+        made.hill = makeFrame(2.6 * craft.extent, soft, 0.006);
+        made.inertial = makeFrame(2.6 * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
+        made.arrows = [
+            ["Sun", "#ffd34d"], ["nadir", "#6fb4ff"], ["velocity", "#b7e36a"],
+            ...craft.directions.map((one) => [one.name, "#e58cff"])
+        ].map(([name, tint]) => {
+            const arrow = makeArrow(tint, 0.007);
+            arrow.scale.setScalar(2.4 * craft.extent);
+            world.add(arrow);
+            return {name, arrow, label: this.label(name, "tip", tint)};
+        });
+        made.ghosts = craft.poses.map((pose) => {
+            const ghost = makeGhost(craft, COLOURS[pose.kind]);
+            world.add(ghost);
+            return {pose, ghost, shown: true};
+        });
+        world.add(made.hill, made.inertial);
+        if (craft.motion.time.n > 1) {
+            made.path = makePath(craft.motion, data.begin, data.end, colour);
+            world.add(made.path);
+        }
+        made.label = this.label(craft.name, "craft", colour);
+        made.label.style.marginTop = `${- 0.7 + 1.25 * (data.crafts.indexOf(craft) % 6)}em`;
+        made.axisLabels = ["b1", "b2", "b3"].map((name, k) => this.label(name, "tip", AXES[k]));
+        return made;
+    }
+
+    label(text, kind, colour) {
+        const made = document.createElement("span");
+        made.className = `label ${kind}`;
+        made.textContent = text;
+        made.dataset.name = text;
+        if (colour) made.style.setProperty("--tint", colour);
+        this.labels.append(made);
+        return made;
+    }
+
+    get focused() { return this.crafts[this.focus]; }
+
+    /** The cones that a camera can look along: those of the spacecraft in focus. */
+    get boresights() { return this.focused.body.cones.filter((one) => !one.part.keep_out).map((one) => one.part); }
+
+    resize(width, height) {
+        this.size = [Math.max(1, width), Math.max(1, height)];
+        this.renderer.setPixelRatio(this.ratio);
+        this.renderer.setSize(width, height, false);
+        this.camera.aspect = width / height;
+    }
+
+    /** The view from which a preset begins. */
+    resetView() {
+        const {extent} = this.focused.craft, view = this.view;
+        view.azimuth = {follow: 2.6, hill: 2.6, sun: 0, body: 0.8, orbit: 0.6}[this.preset] ?? 0.7;
+        view.elevation = {sun: 0, orbit: 0.75}[this.preset] ?? 0.3;
+        this.anchor = null;  // "follow" keeps the Hill frame of the moment at which it begins
+        view.distance = 7 * extent;
+        if (this.preset === "orbit") {
+            const {data} = this, centre = primary(data, position(this.focused.craft.motion, data.begin), data.begin);
+            let far = centre ? 1.4 * centre.radius : 10 * extent;
+            for (let k = 0; k <= 60; k++) {
+                const t = data.begin + ((data.end - data.begin) * k) / 60;
+                far = Math.max(far, norm(sub(position(this.focused.craft.motion, t), position(centre?.motion, t))));
+            }
+            view.distance = 2.7 * far;
+        }
+    }
+
+    setPreset(preset) {
+        this.preset = preset;
+        this.resetView();
+    }
+
+    /** The quaternion of the frame that the camera keeps to, and the place that it looks at. */
+    frame(t) {
+        const {craft, place, speed, body} = this.focused, turn = new THREE.Quaternion();
+        let target = place;
+        if (this.preset === "body" || this.preset === "boresight") turn.copy(body.quaternion);
+        if (this.preset === "hill") turn.copy(this.horizon(place, speed, t));
+        if (this.preset === "follow") turn.copy(this.anchor ??= this.horizon(place, speed, t));
+        if (this.preset === "orbit") {
+            const centre = primary(this.data, place, t);
+            if (centre) target = position(centre.motion, t);
+        }
+        if (this.preset === "sun") {
+            const s = toSun(this.data, place, t) ?? FALLBACK_LIGHT, side = unit(cross([0, 0, 1], s));
+            turn.setFromRotationMatrix(basis(s, side, cross(s, side)));
+        }
+        return {turn, target: [...target]};
+    }
+
+    /** The frame of a local observer: its first axis along the velocity, its third up. N's without an orbit. */
+    horizon(place, speed, t) {
+        const hill = this.hillFrame(place, speed, t), turn = new THREE.Quaternion();
+        return hill ? hill.multiply(turn.setFromRotationMatrix(basis([0, 1, 0], [0, 0, 1], [1, 0, 0]))) : turn;
+    }
+
+    /** Its columns: radial, along the velocity, along the orbit's momentum. Null without an orbit. */
+    hillFrame(place, speed, t) {
+        const centre = primary(this.data, place, t), r = sub(place, position(centre?.motion, t));
+        const h = cross(r, sub(speed, velocity(centre?.motion, t)));
+        if (!centre || norm(h) < 1e-6 * norm(r)) return null;
+        const out = unit(r), normal = unit(h);
+        return new THREE.Quaternion().setFromRotationMatrix(basis(out, cross(normal, out), normal));
+    }
+
+    render(t, since) {
+        const {data, camera, shown} = this, spare = new THREE.Quaternion();
+        for (const one of this.crafts) {
+            position(one.craft.motion, t, one.place);
+            velocity(one.craft.motion, t, one.speed);
+            attitude(one.craft.turning, t, one.body.quaternion, spare);
+            one.sunlight = sunlight(data, one.place, t);
+        }
+        const {turn, target} = this.frame(t), {azimuth, elevation, distance} = this.view, here = this.focused;
+        const offset = new THREE
+                           .Vector3(
+                               Math.cos(elevation) * Math.cos(azimuth), Math.cos(elevation) * Math.sin(azimuth),
+                               Math.sin(elevation))
+                           .multiplyScalar(distance);
+        const cone =
+            this.preset === "boresight" ? this.boresights[this.boresight % (this.boresights.length || 1)] : null;
+        camera.up.set(0, 0, 1);
+        camera.fov = 40;
+        if (cone) {
+            const axis = new THREE.Vector3(...cone.axis);
+            camera.up.set(...(Math.abs(axis.z) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+            camera.position.set(...cone.at).addScaledVector(axis, 1e-3).applyQuaternion(turn);
+            camera.fov = Math.min(120, THREE.MathUtils.radToDeg(2.5 * cone.half_angle));
+            camera.up.applyQuaternion(turn);
+            camera.lookAt(camera.position.clone().add(axis.applyQuaternion(turn)));
+        } else {
+            camera.up.applyQuaternion(turn);
+            camera.position.copy(offset.applyQuaternion(turn));
+            camera.lookAt(0, 0, 0);
+        }
+        camera.updateProjectionMatrix();
+        camera.updateMatrixWorld();
+        this.origin = target;
+        const eye = camera.position.toArray().map((one, k) => one + target[k]);
+        const relative = (place) => sub(place, target);
+
+        const s = toSun(data, here.place, t), light = s ?? FALLBACK_LIGHT;
+        this.light.position.set(...light);
+        this.light.intensity = 0.15 + 3.1 * here.sunlight;
+        const centre = primary(data, here.place, t);
+        this.bounce.intensity = 0;
+        if (centre) {
+            const down = unit(sub(position(centre.motion, t), here.place));
+            this.bounce.position.set(...down);
+            this.bounce.intensity = 1.1 * Math.max(0, -dot(down, light)) * (centre.name === "SUN" ? 0 : 1);
+        }
+        this.stars.position.copy(camera.position);
+        this.stars.scale.setScalar(1e13);
+        this.sunGlow.visible = Boolean(s);
+        this.sunGlow.position.copy(camera.position).addScaledVector(new THREE.Vector3(...light), 9e12);
+        this.sunGlow.scale.setScalar(9e12 * (this.theme === "light" ? 0.12 : 0.2) * (camera.fov / 40));
+
+        for (const {planet, group, label} of this.planets) {
+            const place = position(planet.motion, t), near = relative(place);
+            group.position.set(...near);
+            attitude(planet.turning, t, group.quaternion, spare);
+            const size = (planet.radius / norm(sub(place, eye))) * this.size[1];
+            group.visible = size > 0.3;
+            group.update(data.sun ? toSun(data, place, t) : light, this.theme === "light", size);
+            this.put(label, near, shown.labels && size < 60);
+        }
+        for (const one of this.crafts) this.renderCraft(one, t, since, relative, eye, light, cone, spare);
+        this.renderer.render(this.world, camera);
+    }
+
+    renderCraft(one, t, since, relative, eye, light, cone, spare) {
+        const {shown, data} = this, {craft, body, place, speed} = one, near = relative(place);
+        const close = norm(sub(place, eye)) < 250 * craft.extent, focused = one === this.focused;
+        body.position.set(...near);
+        body.update(t, since);
+        const through = shown.inside || (focused && Boolean(cone));
+        body.see(through);
+        for (const child of body.children) {
+            if (child === one.axes)
+                child.visible = shown.bodyAxes && close && !cone;
+            else if (child.tag === "body")
+                child.visible = !(focused && cone);
+            else if (child.tag)
+                child.visible = shown[child.tag] && !(focused && cone && child.tag !== "inside");
+        }
+        for (const {part, made} of body.cones)
+            if (part.keep_out) made.warn(this.inside(one, part, t));
+        const centre = primary(data, place, t);
+        const ways = [
+            toSun(data, place, t), centre && unit(sub(position(centre.motion, t), place)),
+            norm(speed) > 0 ? unit(sub(speed, velocity(centre?.motion, t))) : null,
+            ...craft.directions.map(({signal}) => [0, 1, 2].map((k) => level(signal, t, k)))
+        ];
+        one.arrows.forEach(({arrow, label}, k) => {
+            arrow.visible = Boolean(shown.directions && ways[k] && close && !cone);
+            if (!arrow.visible) return this.put(label, null, false);
+            arrow.position.set(...near);
+            arrow.along(new THREE.Vector3(...ways[k]));
+            this.put(label, near.map((x, c) => x + 2.5 * craft.extent * ways[k][c]), shown.labels);
+        });
+        const hill = this.hillFrame(place, speed, t);
+        one.hill.visible = Boolean(shown.hill && close && hill && !cone);
+        if (one.hill.visible) one.hill.quaternion.copy(hill);
+        one.hill.position.set(...near);
+        one.inertial.visible = shown.inertial && close && !cone;
+        one.inertial.position.set(...near);
+        for (const {pose, ghost, shown: chosen} of one.ghosts) {
+            ghost.visible = shown[pose.kind] && chosen && close && !cone;
+            if (!ghost.visible) continue;
+            attitude(pose.turning, t, ghost.quaternion, spare);
+            let away = pose.motion ? sub(position(pose.motion, t), place) : [0, 0, 0];
+            if (pose.kind === "estimate" && this.exaggerate !== 1) {
+                const error = ghost.quaternion.clone().multiply(body.quaternion.clone().invert());
+                if (error.w < 0) error.set(-error.x, -error.y, -error.z, -error.w);
+                const size = Math.hypot(error.x, error.y, error.z), angle = 2 * Math.atan2(size, error.w);
+                if (size > 0)
+                    error.setFromAxisAngle(
+                        new THREE.Vector3(error.x, error.y, error.z).divideScalar(size),
+                        Math.min(Math.PI, this.exaggerate * angle));
+                ghost.quaternion.copy(error.multiply(body.quaternion));
+                away = away.map((x) => this.exaggerate * x);
+            }
+            ghost.position.set(...near.map((x, k) => x + away[k]));
+        }
+        if (one.path) {
+            one.path.visible = shown.path && !cone;
+            one.path.position.set(0, 0, 0);
+            one.path.update(t, eye, this.size, close ? 1.2 : 1.6, 300 * this.view.distance);
+        }
+        one.label.classList.toggle("far", !close);
+        this.put(one.label, near, shown.labels && !(focused && cone));
+        one.axisLabels.forEach((label, k) => {
+            const tip =
+                new THREE.Vector3().setComponent(k, 2 * craft.extent).applyQuaternion(body.quaternion).toArray();
+            this.put(label, near.map((x, c) => x + tip[c]), shown.labels && shown.bodyAxes && close && !cone);
+        });
+    }
+
+    /** Whether the body that a cone is to keep out is in it. */
+    inside(one, part, t) {
+        const name = part.keep_out.toUpperCase();
+        const planet = this.data.planets.find((found) => found.name === name);
+        const way = name === "SUN" ? toSun(this.data, one.place, t) :
+                                     planet && unit(sub(position(planet.motion, t), one.place));
+        if (!way) return false;
+        const axis = new THREE.Vector3(...part.axis).applyQuaternion(one.body.quaternion);
+        return dot(axis.toArray(), way) > Math.cos(part.half_angle);
+    }
+
+    /** Where a place relative to the origin is on the screen [px]; null behind the camera. */
+    project(near) {
+        const v = new THREE.Vector3(...near).applyMatrix4(this.camera.matrixWorldInverse);
+        if (v.z > -1e-9) return null;
+        const focal = this.size[1] / 2 / Math.tan(THREE.MathUtils.degToRad(this.camera.fov) / 2);
+        return [this.size[0] / 2 - (focal * v.x) / v.z, this.size[1] / 2 + (focal * v.y) / v.z];
+    }
+
+    /** Put a name at a place, if it is shown and neither behind the camera nor behind a planet. */
+    put(label, near, shown) {
+        let at = shown && near ? this.project(near) : null;
+        if (at && !(at[0] > -200 && at[0] < this.size[0] + 200 && at[1] > -50 && at[1] < this.size[1] + 50)) at = null;
+        if (at)
+            for (const {group, planet} of this.planets) {
+                const eye = this.camera.position.toArray(), way = sub(near, eye), far = norm(way), d = unit(way);
+                const to = sub(group.position.toArray(), eye), along = dot(to, d);
+                if (along > 0 && along < far - 0.5 * planet.radius && norm(cross(to, d)) < planet.radius) at = null;
+                if (!at) break;
+            }
+        label.hidden = !at;
+        if (at) label.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
+    }
+
+    setTheme(theme) {
+        this.theme = theme;
+        this.world.background = new THREE.Color(theme === "light" ? "#e9eef3" : "#05070b");
+        this.stars.visible = theme !== "light";
+    }
+}
+
+function basis(x, y, z) {
+    return new THREE.Matrix4().makeBasis(new THREE.Vector3(...x), new THREE.Vector3(...y), new THREE.Vector3(...z));
+}
