@@ -13,6 +13,7 @@ import fledge
 from fledge import cli
 from fledge.report.numbers import number, unit, value
 from fledge.report.run import templates
+from fledge.scene import bundle
 
 FLIGHT = '''
     """What flies: <b>nothing</b> & "more".
@@ -124,6 +125,7 @@ def here(tmp_path, monkeypatch):
     for name, content in (("flight", FLIGHT), ("world", WORLD), ("scenarios", SCENARIOS)):
         (folder / f"{name}.py").write_text(textwrap.dedent(content))
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(bundle, "folder", lambda: tmp_path / "view")
     return tmp_path
 
 
@@ -141,6 +143,19 @@ def test_one_page_that_needs_nothing_else(here):
         assert link.startswith("data:image/png;base64,") or (link[:1] == "#" and link[1:] in page.ids), link[:80]
     assert len(page.ids) == len(set(page.ids))
     assert str(here) not in page.source and "/missions" not in page.source
+
+
+def test_the_flight_is_in_the_page_where_there_is_a_viewer(here):
+    assert fly(here).says("The 3-D view and interactive plots need Node when Fledge is built")
+    (here / "view").mkdir()
+    (here / "view/view.js").write_text("show('</script>')")
+    (here / "view/view.css").write_text("p { color: red; }")
+    page = fly(here)
+    assert page.tags.count("script") == 2 and {"fledge-view", "fledge-data"} <= set(page.ids)
+    assert not page.says("need Node") and page.says("show('<\\/script>')")
+    page = fly(here, scenario="failing", code=1)
+    assert page.says("no 3-D view: no attitude is recorded, so there is nothing to show; record world.craft.state.")
+    assert "fledge-data" in page.ids, "the plots are there all the same"
 
 
 def test_it_says_all_of_the_run(here):

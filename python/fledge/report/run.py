@@ -17,7 +17,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from fledge import __version__, objects, wiring_picture
+from fledge import __version__, objects, scene, wiring_picture
 from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
@@ -25,6 +25,7 @@ from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation
 from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
 from fledge.report.numbers import duration, number, unit, value
+from fledge.scene import bundle, page
 
 QUALITIES = ("none", "stale", "degraded", "good")
 
@@ -70,16 +71,30 @@ class Report:
             svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
         except SetupError as error:
             svg, no_svg = None, error
+        view, not_shown = self._view()
         return templates().get_template("run.html").render(
             sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
             message=_without_paths(outcome.message, sim.mission), documents=_documents(sim.mission),
             pictures=[(plot.stem, b64encode(plot.read_bytes()).decode()) for plot in outcome.plots or ()],
-            wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
+            view=view, not_shown=not_shown, wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
             schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
             parameters=[(path, objects.struct(node.instance), self._changes(path, node.instance))
                         for path, node in wiring.nodes.items()],
             finals=[_final(log) for log in logs if first[log.path] is log],
             versions=_versions(sim.mission))
+
+    def _view(self) -> tuple[Markup, str]:
+        """The flight in 3-D with its plots, and what of them is not shown, and why."""
+        if not any(len(log) for log in self._simulation.records):
+            return Markup(), "Nothing was recorded"
+        if not bundle.is_built():
+            return Markup(), bundle.ADVICE
+        try:
+            shown, missing = scene.of(self._simulation), ""
+        except SetupError as error:
+            shown = scene.of(self._simulation, plots_only=True)
+            missing = f"There is no 3-D view: {str(error).removeprefix('the log: ')}"
+        return Markup(page.fragment(shown)), missing
 
     def _schedule(self, wiring: Wiring) -> Iterator[tuple[str, list[str], list]]:
         """(heading, titles, rows) of the tables of tasks, modes and events."""
