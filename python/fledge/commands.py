@@ -350,8 +350,9 @@ def rules_of(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0,
         text = "0 or of size 1e-100 to 1e100" if ELEMENTS[f.type].is_float else "whole"
         text += f", {rule}" if rule else ""
         text += f" {f.unit}" if f.unit not in ("", "-") and (low is not None or high is not None) else ""
-        yield Rule(prefix + f.name, text, at, n, n // f.shape[0] if f.shape else 1,
-                   places[f.count] if f.count else None, flags, f.type, low or 0.0, high or 0.0)
+        row = n // f.shape[0] if f.shape and (f.count or len(f.shape) > 1) else n if n == 3 else 1
+        yield Rule(prefix + f.name, text, at, n, row, places[f.count] if f.count else None, flags, f.type, low or 0.0,
+                   high or 0.0)
 
 
 # --- packets of commands ---------------------------------------------------------------------------

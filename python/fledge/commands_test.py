@@ -158,6 +158,16 @@ def test_a_wrong_packet_is_reported_and_counted(mission, packet, reason):
         assert objects.memory(one) == objects.memory(other.flight.instances[name])
 
 
+@pytest.mark.parametrize("axis, good", [([0, 0, 2], True), ([0, 0, 0], False)])
+def test_a_vector_that_must_have_a_length_may_have_zeros(axis, good):
+    sim = fledge.load("sun_safe")
+    c = sim.flight.commands
+    c.send(c.packets.write("flight.safe", axis_B=axis)[0])
+    sim.run(1 * s)
+    assert [r.reason for r in c.reports if not r.good] == ([] if good else [Reason.RULE])
+    assert list(sim.flight.safe.axis_B) == (axis if good else [1, 0, 0])
+
+
 def test_refusals_of_what_was_accepted(mission):
     c = mission.flight.commands
     version = c.dictionary.version

@@ -6,4 +6,5 @@ from _fledge_flight import *
 from _project_flight import *
 
 PYRAMID: list[list[float]]
+SUN_PYRAMIDS: list[list[float]]
 TYPES: dict[str, Any]

@@ -1,10 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C during a run."""
+"""Ctrl-C during a run, and other signals that end a program."""
 
 import signal
 import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
+
+
+@contextmanager
+def handled(numbers: Iterable[int], handler: Callable[[int, Any], None] | signal.Handlers) -> Iterator[None]:
+    """These signals have this handler within the block, and their own again after it."""
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, own in before.items():
+            signal.signal(number, own)
 
 
 class Interruption:

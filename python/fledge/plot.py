@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.display import shown_by_pyplot
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -264,6 +265,7 @@ def deliver(figure: Figure, source: Records) -> Figure:
 
         # pyplot takes a figure from elsewhere in this way only: a new number, this figure as its content.
         plt.figure(FigureClass=lambda *_, **__: figure)
+        shown_by_pyplot(figure)
     return figure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
-TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+TYPE_CHECKING = False   # of `typing`
 if TYPE_CHECKING:
     from typing import Self
 
@@ -21,22 +21,32 @@ def bar(done: float) -> str:
 
 
 class Bar:
-    """One line on stderr, drawn again and again; cleared at the end."""
+    """One line on stderr, or in the output of a notebook, drawn again and again; cleared at the end."""
 
     def __init__(self, title: str):
         self._title = title
         self._begun = time.monotonic()
         self._drawn = 0
+        from fledge.display import Live     # `typing`, which it imports, would delay every command
+
+        self._live = Live()
+        self.notebook = self._live.there
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_):
-        if self._drawn:
+        if self._drawn and self._live.there:
+            self._live.show("")
+        elif self._drawn:
             self._write(" " * self._drawn + "\r")
 
     def draw(self, done: float, text: str) -> None:
         line = f"{self._title} {bar(done)}  {text}"
+        if self._live.there:
+            self._live.show(f"{self._title}  {done:.0%}  {text}", done)
+            self._drawn = 1
+            return
         self._write(line.ljust(self._drawn))
         self._drawn = max(self._drawn, len(line))
 
@@ -51,7 +61,7 @@ class Progress(Bar):
 
     def __init__(self, title: str, start: int, end: int, wanted: bool | None = None):
         super().__init__(title)
-        self.wanted = sys.stderr.isatty() if wanted is None else wanted
+        self.wanted = self.notebook or sys.stderr.isatty() if wanted is None else wanted
         self._forced = bool(wanted)
         self._start, self._end = start, end
 

@@ -9,11 +9,13 @@ of a row of an array of structs, "wheels.axis_B" that of all rows.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from os.path import commonprefix
 from typing import Any
 
+from fledge.display import table, unit_text
 from fledge.errors import SetupError, listed, nearest
 
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
@@ -47,9 +49,9 @@ class Series:
 class Records:
     """Messages by the names of their ports, and fields by their own.
 
-    A port has `name`, "flight.tracking.error", `fields`, name -> field, `parts`, name -> the names and shapes of its
-    parts, and `names`, of its fields and of the nested messages that hold them. A field of an array of structs has the
-    dimensions of both.
+    A port has `name`, "flight.tracking.error", `type`, "AttError", `fields`, name -> field, `parts`, name -> the names
+    and shapes of its parts, and `names`, of its fields and of the nested messages that hold them. A field of an array
+    of structs has the dimensions of both.
     """
 
     _error: type[Exception] = SetupError
@@ -127,6 +129,23 @@ class Records:
         port, name, indices = self._find(key)
         return part(self._values(port), name)[(slice(None), *indices)]
 
+    def _ipython_key_completions_(self):
+        """What IPython offers behind [": each port and field, as short as its last names are unique, and in full."""
+        full = [full_name(p, n) for p in self._ports() for n in (None, *p.names)
+                if not (n or "").startswith(HEAD.rstrip("."))]
+        short = [".".join(one.split(".")[2:]) or one for one in full]
+        seen = Counter(short)
+        return [*(one for one in short if seen[one] == 1), *full]
+
+    def _table(self, title):
+        """The ports and their fields, for a notebook."""
+        groups = []
+        for port in self._ports():
+            rows = [(name, "x".join(map(str, field.shape)), unit_text(field.unit), _meaning(field))
+                    for name, field in port.fields.items() if not name.startswith(HEAD)]
+            groups.append((f"{port.name}, {len(self._time(port))} samples", rows))
+        return table(title, groups, ("", "shape", "unit", "meaning"))
+
     def field(self, key: str) -> Any:
         """The declaration of a field: its unit, shape and meaning."""
         port, name, _ = self._find(key)
@@ -148,7 +167,7 @@ class Records:
         outer = [i for i, one in enumerate(shown[:-1]) if "[" in one]
         short = ".".join(shown[min(outer, default=-1):])
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
-                      field.meaning if hasattr(field, "meaning") else field.doc, words_of(field))
+                      _meaning(field), words_of(field))
 
     def _short_name(self, port):
         """The shortest ending of a port's name that is unique here: "error"."""
@@ -179,6 +198,11 @@ def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
         dot = "." if names != [""] else ""
         names = [f"{prefix}{dot}{one}{e}" for prefix in names for e in elements]
     return names
+
+
+def _meaning(field):
+    """Of a field of a header, or of an archive."""
+    return field.meaning if hasattr(field, "meaning") else field.doc
 
 
 def part(values: Any, name: str | None) -> Any:

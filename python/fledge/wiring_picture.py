@@ -154,7 +154,7 @@ def _wire(wiring: Wiring, link: Link) -> str:
     label = _Markup("<" + "".join(f'&#160;{word}&#160;<BR ALIGN="LEFT"/>' for word in words) + ">")
     says = f"{link.source} >> {link.target}"
     style: dict[str, object] = {
-        "label": label, "color": PALE if quiet else SHADES[wiring.kinds[link.start.partition(".")[0]]][0],
+        "label": label, "color": PALE if quiet else SHADES[wiring.kinds[(link.start or link.to).partition(".")[0]]][0],
         "edgetooltip": says, "labeltooltip": says}
     tail, head = (link.start if a else link.source), (link.to if b else link.target)
     if link.back:

@@ -48,7 +48,7 @@ class Channel:
     """A topic: its message type, its fields, and the number of messages.
 
     topic: "/flight/tracking/error"; name: the same with dots, "flight.tracking.error"
-    schema: the message type, "fledge/msg/AttError"; schema_text: its definition
+    schema: the message type, "fledge/msg/AttError"; type: its own name, "AttError"; schema_text: its definition
     metadata: notes of the writer on the topic, text to text
     count: number of messages
     """
@@ -59,6 +59,7 @@ class Channel:
         self.topic = raw.topic
         self.name = raw.topic.strip("/").replace("/", ".")
         self.schema = raw.schema_name
+        self.type = raw.schema_name.rpartition("/")[2]
         self.schema_text = raw.schema_text
         self.metadata = raw.metadata
         self.count = len(raw.offsets)
@@ -146,6 +147,11 @@ class Archive(Records):
 
     def __exit__(self, *_):
         self.close()
+
+    def _repr_html_(self):
+        run = self.metadata.get("run", {})
+        about = ", ".join(run[key] for key in ("mission", "scenario") if key in run)
+        return self._table(f"{self.path}{f', {about}' if about else ''}{'' if self.complete else ', incomplete'}")
 
     def __repr__(self):
         lines = [f"<Archive {self.path}{'' if self.complete else ', incomplete'}>"]

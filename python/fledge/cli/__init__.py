@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | node | up | montecarlo | flips | export | keys | show | list | plot | convert |
-bench`.
+"""The command line: `./fledge run | node | up | montecarlo | sweep | flips | export | keys | show | list | plot |
+view | convert | bench`.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from fledge.cli.arguments import number, parse_duration
 from fledge.cli.console import Plots, say, size_of, trace
-from fledge.cli.runs import RUNS, WHAT, alone, folder_of, kept, open_run
+from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -204,7 +204,7 @@ def list_(options: argparse.Namespace) -> int:
     return 0
 
 
-# --- plot, convert ---------------------------------------------------------------------------------
+# --- plot, view, convert ---------------------------------------------------------------------------
 
 def plot(options: argparse.Namespace) -> int:
     from fledge.plot import plot as draw, save
@@ -224,6 +224,20 @@ def plot(options: argparse.Namespace) -> int:
         raise Failure(f"{archive.path}: there is nothing to plot", 1)
     for figure in figures:
         say(str(save(figure, folder)))
+    return 0
+
+
+def view(options: argparse.Namespace) -> int:
+    from fledge import scene
+    import fledge.scene.foxglove
+
+    archive = open_run(options.run)
+    if options.foxglove:
+        path = scene.foxglove.write(scene.of(archive), archive.path,
+                                    options.out or archive.path.with_suffix(SCENE))
+    else:
+        path = scene.view(archive, options.out)
+    say(f"{path} ({size_of(path)})")
     return 0
 
 
@@ -288,9 +302,12 @@ def bench(options: argparse.Namespace) -> int:
 def new(options: argparse.Namespace) -> int:
     from fledge import new as scaffold
 
+    if options.source and options.kind not in ("module", "model"):
+        raise Failure("new: --from is for a module or model")
     make = getattr(scaffold, options.kind)
     try:
-        files, next_step = make(options.name) if options.kind == "project" else make(options.name, options.project)
+        where = [] if options.kind == "project" else [options.project]
+        files, next_step = make(options.name, *where, **({"source": options.source} if options.source else {}))
     except scaffold.NewError as error:
         raise Failure(f"new {options.kind}: {error}") from None
     for file in files:
@@ -366,6 +383,8 @@ def parser() -> argparse.ArgumentParser:
                      help="SunSlew, or guidance/SunSlew for a subfolder; of a project: its folder")
     one.add_argument("--project", metavar="DIR", default=os.environ.get("FLEDGE_PROJECT"),
                      help="the project that it belongs to; default: FLEDGE_PROJECT, else Fledge itself")
+    one.add_argument("--from", dest="source", metavar="FILE:CLASS", help="of a module or model: the prototype whose "
+                     "interface it gets, with a test that compares both")
 
     one = command("list", list_, "list missions, modules and models", "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
@@ -374,6 +393,12 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("run", metavar="RUN", help=WHAT)
     one.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
     one.add_argument("--out", metavar="DIR", help="default: beside the record")
+
+    one = command("view", view, "show a record in 3-D, as one page for any browser", "view earth_imager")
+    one.add_argument("run", metavar="RUN", help=WHAT)
+    one.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
+                     "Foxglove's 3-D panel, in place of a page")
+    one.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
 
     one = command("convert", convert, "write a record as CSV or HDF5, or print what it says of its run",
                   "convert nadir_spin --csv --out tables")

@@ -7,7 +7,6 @@ or the mission cannot be split; 130 Ctrl-C.
 from __future__ import annotations
 
 import ast
-import contextlib
 import inspect
 import os
 import re
@@ -37,6 +36,8 @@ def add(command: Callable) -> None:
                      "in a program of its own")
     one.add_argument("scenario", nargs="?", help="whose set-up to take, up to its run: what it changes and records; "
                      "default: the mission's first")
+    one.add_argument("--scripted", action="store_true", help="what the scenario does between its runs comes by "
+                     "commands, as of --script")
     one.add_argument("--free", action="store_true", help="without a scenario, all outputs recorded every second")
     add_parameters(one)
     one.add_argument("--name", metavar="NODE", help="of this node; default: FLEDGE_NODE, else the process' name")
@@ -62,9 +63,10 @@ def add(command: Callable) -> None:
 
 def node(options: argparse.Namespace) -> int:
     import fledge
+    from fledge.interruption import handled
 
     sim = fledge.load(options.mission, **given_parameters(options))
-    scenario = set_up(sim, options.scenario, options.free)
+    scenario = set_up(sim, options.scenario, options.free, options.scripted)
     names = [name.strip() for name in options.process.split(",")]
     if names == ["all"] and "all" not in [process.name for process in sim.processes]:
         names = [process.name for process in sim.processes if process.tasks]
@@ -80,7 +82,8 @@ def node(options: argparse.Namespace) -> int:
         Path(options.record).mkdir(parents=True, exist_ok=True)
     if options.until is None and options.seed is not None:
         raise Failure("node: the seed is the controller's to give; --seed is for a run with --until")
-    with _ending_once():
+    # A program in the background of a shell script ignores Ctrl-C: then it stays so.
+    with handled([number for number in ENDS if signal.getsignal(number) is not signal.SIG_IGN], _interrupt_once):
         if len(names) > 1 or options.until is not None:
             from fledge import cosim
 
@@ -92,6 +95,7 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
+    from fledge.interruption import handled
 
     from fledge.cli import health
 
@@ -128,14 +132,16 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     findings = sim.health
     if not quiet or findings and not problem:
         health.show(findings, process)
-    with _undisturbed():
+    with handled(ENDS, signal.SIG_IGN):
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
         show(f"  record   {path} ({size_of(path)})")
     elif options.record:
         show("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
-    if problem and quiet and code == 1 and options.until is not None and problem == reason:
-        return 1  # the controller, which runs here too, reports the reason
+    over = f"the controller refuses {name}: the run is over"  # to a program that comes late
+    if quiet and options.until is not None and problem and (
+            problem in (reason, "interrupted") or problem.startswith(over)):
+        return code  # the controller, which runs here too, reports the reason
     if problem:
         raise Failure(f"{sim.name}, {process}: {problem}", code)
     return 0
@@ -252,35 +258,14 @@ class _Programs:
             self.wait(timeout)
 
 
-@contextlib.contextmanager
-def _ending_once():
-    """SIGINT and SIGTERM interrupt once: the terminal and the command that started this program may each send one."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-
-    def interrupt(number, frame):
-        for each in before:
-            signal.signal(each, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    for number, handler in before.items():
-        if handler is not signal.SIG_IGN:
-            signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
-@contextlib.contextmanager
-def _undisturbed():
-    """Ignore signals."""
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _interrupt_once(number, frame):
+    """The terminal and the command that started this program may each send a signal; the first one ends it."""
+    for each in ENDS:
+        signal.signal(each, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 # --- parameters of missions ------------------------------------------------------------------------
@@ -314,11 +299,11 @@ def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
 
 # --- what comes before the run ---------------------------------------------------------------------
 
-def set_up(sim: Simulation, scenario: str | None = None, free: bool = False) -> str:
+def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scripted: bool = False) -> str:
     """Do what a scenario does before its run: change parameters, choose what to record. Returns its name.
 
     Its checks and plots after the run need all processes and are left out. Raises SetupError
-    if it runs more than once, because the steps between the runs would be left out too.
+    if it runs more than once and is not `scripted`, because the steps between the runs would be left out too.
     """
     from fledge import SetupError
     from fledge.mission import scenario as scenarios
@@ -332,7 +317,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False) -> 
         return "free"
     name, function = scenarios.chosen(sim, scenario)
     again = _second_run(function)
-    if again:
+    if again and not scripted:
         from fledge.files import shown
 
         others = [other for other in known if not _second_run(known[other])]

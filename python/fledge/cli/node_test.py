@@ -105,6 +105,23 @@ def test_nothing_stays_behind(which, number):
             time.sleep(0.01)
 
 
+def test_a_program_that_comes_after_the_end_adds_no_lines():
+    with Group("node", "constellation", "all", "--until", "1000h", "--set", "spacecraft=2") as group:
+        deadline = time.monotonic() + 30
+        while len(group.members()) < 5:
+            assert time.monotonic() < deadline and group.process.poll() is None
+            time.sleep(0.01)
+        first, *_, late = sorted(pid for pid in group.members() if pid != group.process.pid)
+        os.kill(late, signal.SIGSTOP)
+        time.sleep(0.5)
+        os.kill(first, signal.SIGKILL)
+        time.sleep(0.5)
+        os.kill(late, signal.SIGCONT)
+        assert group.process.wait(30) == 1
+        said = group.process.stdout.read()
+        assert said.count("\n") == 2 and said.count("sat0_world") == 2, said
+
+
 def test_ctrl_c_leaves_readable_records(tmp_path):
     with Group("node", "inertial_pointing", "all", "--until", "1000h", "--record", tmp_path) as group:
         deadline = time.monotonic() + 30

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 RUNS = Path("runs")
 KEPT = RUNS / "kept"
+SCENE = ".scene.mcap"   # ends the name of a copy with a scene, which is no run of its own
 WHAT = "a .mcap file, its folder, the name of a mission flown before, or that of a kept run"    # what RUN may be
 
 
@@ -102,7 +103,8 @@ def find_run(name: str) -> Path:
         if path.is_file():
             return path
         if path.is_dir():
-            found = sorted([*path.glob("*.mcap"), *path.glob("*/*.mcap")])
+            found = sorted(one for one in [*path.glob("*.mcap"), *path.glob("*/*.mcap")]
+                           if not one.name.endswith(SCENE))
             if len(found) == 1:
                 return found[0]
             if found:

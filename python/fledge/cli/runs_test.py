@@ -7,6 +7,7 @@ import sys
 import textwrap
 import time
 
+import matplotlib.pyplot
 import pytest
 
 import fledge
@@ -204,6 +205,7 @@ def test_no_link_is_followed(here):
 
 
 def test_figures_of_pyplot_are_saved_with_the_run_even_if_it_fails(here, capsys):
+    matplotlib.pyplot.close("all")      # those of other tests count, too
     assert cli.main(["run", "looker", "figures", "--report"]) == 1
     folder = here / "runs/looker/figures"
     names = ["by hand_2.png", "error-2.png", "error.png", "figure-1.png"]

@@ -8,10 +8,12 @@ import subprocess
 import sys
 import threading
 
+import numpy as np
 import pytest
 
 import fledge
 from fledge import cosim
+from fledge.attitude import mrp_to_dcm
 
 FLIGHT = """
 from fledge import flight as fsw
@@ -133,6 +135,59 @@ def test_modes_events_noise_and_ages_are_the_same_in_two(mission, there, back):
     assert one.mode == "work" and one.flight.motor.command.u.any()
     together = records(one)
     apart = records(*fly_apart(make, 30, 7, ["flight", "world"]))
+    assert sorted(apart) == sorted(together)
+    assert [path for path in together if apart[path] != together[path]] == []
+
+
+PUSHED = """
+from fledge import Orbit, world
+
+def build(sim):
+    # Two probes in the air, and a craft that feels what acts on them, each force and torque by an input of its own.
+    air, hub = sim.add_world("air"), sim.add_world("world")
+    air.air = world.Atmosphere(body=world.EARTH, law="STANDARD_1976", spin=7e-5)
+    air.light = world.Sunlight(sun=world.SUN.at([1.5e11, 0, 0]), irradiance=1361)
+    loads = []
+    for k in (1, 2):
+        drag = world.Drag(air=air.air, Cd=2.2 * k, area=3, centre_B=[0.1, 0.2 * k, 0])
+        press = world.SolarPressure(light=air.light, Cr=1.2, area=9 * k, centre_B=[0, 0.3, 0])
+        probe = world.Spacecraft(mass=50, I_B=[9, 8, 7], parts=[drag, press], gravity=[world.EARTH],
+                                 omega_BN_B=[0.01 * k, 0.02, 0.03], orbit=Orbit(world.EARTH, altitude=120e3, f=0.1 * k))
+        for name, model in (("drag", drag), ("press", press), ("probe", probe)):
+            setattr(air, f"{name}{k}", model)
+        loads += [drag.load, press.load]
+    pushes = [world.ExternalForce() for _ in loads[1:]]
+    for k, push in enumerate(pushes):
+        setattr(hub, f"push{k}", push)
+    hub.craft = world.Spacecraft(mass=20, I_B=[3, 4, 5], omega_BN_B=[0.02, 0, 0.01], parts=pushes)
+    hub.connect(*(load >> port.external for load, port in zip(loads, [hub.craft, *pushes])))
+    air.connect(air.probe1.state >> [air.air.truth, air.light.truth])
+    air.task("air", every=0.5, run=[air.air, air.light, air.probe1, air.probe2])
+    hub.task("craft", every=0.1, run=[hub.craft])
+"""
+
+
+def test_forces_of_several_sources_add_up_in_one_program_and_in_two(tmp_path):
+    folder = tmp_path / "pair"
+    folder.mkdir()
+    (folder / "mission.py").write_text(PUSHED)
+
+    def make():
+        return fledge.load(str(folder))
+
+    one = make()
+    record(one)
+    one.run(20)
+    w = one.process("world")
+    inputs = [part.external for part in (w.craft, w.push0, w.push1, w.push2)]
+    assert min(np.linalg.norm(load.force_B) for load in inputs) > 1e-6
+    C_BN = mrp_to_dcm(w.craft.state.sigma_BN)
+    omega, I_B = w.craft.state.omega_BN_B, np.diag([3, 4, 5])
+    torque = sum(load.torque_B for load in inputs) - np.cross(omega, I_B @ omega)
+    np.testing.assert_allclose(w.craft.state.a_BN_N, C_BN.T @ sum(load.force_B for load in inputs) / 20, rtol=1e-12)
+    np.testing.assert_allclose(w.craft.state.domega_BN_B, np.linalg.solve(I_B, torque), rtol=1e-12)
+    together = records(one)
+    apart = records(*fly_apart(make, 20, 0, ["air", "world"]))
     assert sorted(apart) == sorted(together)
     assert [path for path in together if apart[path] != together[path]] == []
 

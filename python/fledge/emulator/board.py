@@ -253,7 +253,7 @@ class _Flight:
         for id, (path, offset, size, is_input) in enumerate(link.messages()):
             _, name, port = path.split(".")
             if is_input:
-                target = wires[path].split(".")
+                target = wires.get(path, path).split(".")
                 self.inputs.append((id, getattr(process.instances[target[1]], target[2])))
                 continue
             instance = process.instances[name]

@@ -191,10 +191,11 @@ def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
     assert in_order(said, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
                     "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3",
                     "snapshot here taken",
-                    r"80\s+int wheels = head_written", "Breakpoint 1, mrp_feedback_update", "instructions",
-                    r"\$2 = 0x400", "bit 3 inverted", r"\$3 = 7.5", "restored", r"\$4 = 2.531",
-                    "0x40.*78", "Breakpoint 1, mrp_feedback_update", "Hardware watchpoint 2: -location m->mem.newest",
-                    "Old value = 0", "New value = ",
+                    r"\d+\s+int wheels = head_written", "Breakpoint 1, mrp_feedback_update", "instructions",
+                    rf"\$2 = {board.address('flight.control.K'):#x}\b", "bit 3 inverted", r"\$3 = 7.5", "restored",
+                    r"\$4 = 2.531",
+                    r"0x40.*\d+\s+{", "Breakpoint 1, mrp_feedback_update",
+                    "Hardware watchpoint 2: -location m->mem.newest", "Old value = 0", "New value = ",
                     r"monitor snapshot \[NAME\]", "detached"), said
     desktop = fledge.load("nadir_spin")
     desktop.run(3)

@@ -88,7 +88,7 @@ def ids(mission: Mission) -> str:
     for message in (*mission.inputs, *mission.outputs):
         note = message.struct.name
         if message.direction == "in":
-            note += f" from {message.path}"
+            note += f" from {message.fed or message.path}"
         elif message.ends:
             note += f" to {', '.join(message.ends)}"
         rows.append((f"{upper}_MSG_{message.name.upper()} = {n},", note))
@@ -102,7 +102,7 @@ def ids(mission: Mission) -> str:
 def inputs(mission: Mission) -> str:
     if not mission.inputs:
         return ""
-    rows = [(f"{m.struct.name} {m.name};", f"{m.path} >> {', '.join(m.ends)}") for m in mission.inputs]
+    rows = [(f"{m.struct.name} {m.name};", f"{m.fed or m.path} >> {', '.join(m.ends)}") for m in mission.inputs]
     return "\n".join([*doc("The messages that flight reads: to be filled before each tick, each copied whole, head "
                            "included."),
                       f"typedef struct {mission.struct()}In {{", *with_notes(rows, "    ", "///<", ""),

@@ -17,6 +17,7 @@ from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
 from fledge.export.micropython_script import Scripts, read_scripts
 from fledge.export.micropython_tables import emit_tables
+from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -36,6 +37,9 @@ def compose(sim: Any, mission: Mission, own: Mission | None = None, boards: Sequ
 
     own: the mission as its scripts compose it, where `mission` is what a scenario has changed of it since.
     """
+    if fed := [one for one in mission.inputs if one.fed]:
+        raise ExportError("\n".join(f"{one.path} is fed {one.fed}, which the script cannot do on a target: wire it to "
+                                    "a model of the world" for one in fed))
     own = replace(own or mission, form="micropython")
     scripts = read_scripts(sim)
     left = {one.name: one.memory for one in own.modules}

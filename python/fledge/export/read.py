@@ -17,9 +17,10 @@ from fledge.commands import leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import names
+from fledge.files import shown
 from fledge.mission.crossing import crossing_wires
 from fledge.mission.wiring import event_text
-from fledge.objects.script import function_text, script
+from fledge.objects.script import function_text, prototype, script
 
 
 class ExportError(SetupError):
@@ -91,6 +92,7 @@ class Message:
     ends: list                       # paths at its other ends
     latency: str = "same_instant"    # of an input, as the host must see to: mission/crossing.py
     optional: bool = False           # of an input: flight does without
+    fed: str = ""                    # of an input that no wire feeds: what does on the desktop
 
 
 @dataclass
@@ -198,9 +200,22 @@ class _Reader:
         if not self.partial:
             wanted = set(live)
         self.running = running
+        self.refuse_prototypes({name: one for name, one in live.items() if name in wanted})
         c = names.distinct(live, ("in", "task", "mode", "event"))   # what the mission's struct holds besides
         return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name],
                              self.read_script(name, one)) for name, one in live.items() if name in wanted}
+
+    def refuse_prototypes(self, modules):
+        """Raise ExportError for modules whose interface is Python, too: no target has that."""
+        found = []
+        for name, cls in ((name, prototype(one)) for name, one in modules.items()):
+            if cls:
+                kind, file, line = cls._struct.name, shown(cls._struct.path), cls._struct.line
+                found.append(self.refusal(
+                    f"{self.flight.name}.{name} is still Python (the class {kind}, {file}, line {line}): "
+                    f"./fledge new module {kind} --from {file}:{kind} begins its C", name))
+        if found:
+            raise ExportError("\n".join(map(str, found)))
 
     def read_script(self, name, module):
         functions = script(module)
@@ -243,6 +258,14 @@ class _Reader:
                 message.optional &= field.optional
                 message.ends.append(target)
                 mission.wires[module.name].append(Wire(source, end, wire.stale_after if wire else stale_after))
+        for target, source, stale_after in self.sim.feeds:
+            process, name, port = target.split(".")
+            if process == self.flight.name and name in self.modules:
+                module = self.modules[name]
+                field = next(f for f in module.struct.fields if f.name == port)
+                order[target] = Message("", target, field.struct, "", "in", [target], optional=field.optional,
+                                        fed=source)
+                mission.wires[module.name].append(Wire(target, f"{module.name}.in.{port}", stale_after))
         c = names.distinct([path.removeprefix("world.") for path in order])
         for path, message in order.items():
             message.name = c[path.removeprefix("world.")]

@@ -25,7 +25,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
 
     built, job = target.build(part), part.job
     board = Board(target.board, built)
-    board.fly(job.start.clone(), part.tables(), part.process)
+    board.fly(job.begun(), part.tables(), part.process)
     flight, core = board.in_flight, board.core
     flight.script = [(one.t, one.packet) for one in part.script]
     after: list[int] = []       # the instructions until the end of each tick; the first is the reset

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fledge.errors import Failure
+from fledge.targets.build import without_preload
 
 
 def run(tool: str, options: Sequence[str], command: Sequence[str | Path], folder: Path,
@@ -20,9 +21,9 @@ def run(tool: str, options: Sequence[str], command: Sequence[str | Path], folder
     """Run a command under a tool, in a folder; returns what it printed."""
     if not shutil.which("valgrind"):
         raise Failure("profile: valgrind is not installed")
-    clean = {name: value for name, value in {**os.environ, **(environment or {})}.items() if name != "LD_PRELOAD"}
     done = subprocess.run(["valgrind", "-q", f"--tool={tool}", *options, *map(str, command)], cwd=folder, text=True,
-                          capture_output=True, errors="replace", env=clean)
+                          capture_output=True, errors="replace",
+                          env=without_preload({**os.environ, **(environment or {})}))
     if done.returncode:
         raise Failure(f"profile: {command[0]} failed under {tool}:\n{(done.stderr or done.stdout).strip()[-2000:]}", 1)
     return done.stdout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,12 +85,17 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     return folder / name
 
 
+def without_preload(environment: Mapping[str, str]) -> dict[str, str]:
+    """An environment for a program that a sanitizer's library slows down or breaks: the launcher preloads that library
+    for Python, and other programs inherit it."""
+    return {name: value for name, value in environment.items() if name != "LD_PRELOAD"}
+
+
 def run_ninja(folder: Path, output: str) -> None:
     """Build folder / output as folder / "build.ninja" says. Raises Failure with the words of the compiler."""
-    # A sanitizer's library, which Python may need, would slow a compiler down.
-    plain = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+    environment = {"CCACHE_BASEDIR": str(folder.resolve()), **without_preload(os.environ)}     # any folder is alike
     done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          errors="replace", env=plain)
+                          errors="replace", env=environment)
     if done.returncode:
         failed = done.stdout.partition("FAILED:")[2] or done.stdout
         raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)

@@ -24,13 +24,11 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
     record: of its flight on the desktop. The desktop flies again; the record has the place of flight.
     """
     job, mission, found = part.job, part.mission, []
-    sim = job.start.clone()
+    sim = job.begun()
     sim.prepare()
     process = sim.process(part.process)
-    wires = {source: target.split(".") for source, target, *_ in sim.wires
-             if target.startswith(f"{part.process}.")}
     inputs = [(id, getattr(process.instances[name], port)) for id, (_, name, port) in
-              ((id, wires[one.path]) for id, one in enumerate(mission.inputs))]
+              ((id, one.ends[0].split(".")) for id, one in enumerate(mission.inputs))]
     with Archive(record) as archive:
         played = []
         for one in mission.outputs:

@@ -33,6 +33,9 @@ class Part:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
         self.boards = [Path(path).resolve() for path in boards]
         self.instants: Any = None       # [ns] of the desktop's flight
+        if fed := [one for one in mission.inputs if one.fed]:
+            raise Failure("\n".join(f"{one.path} is fed {one.fed}, and no program does that for a target: wire it to a "
+                                    "model of the world" for one in fed))
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
         self.script: list[Timed] = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
         self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
@@ -168,7 +171,7 @@ class Job:
         self.roots = list(roots)
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
         self.scenario, self.duration, self.script = play.name, play.duration, play.script
-        self.start, self.whole = play.start, play.whole
+        self.start, self.whole, self.begun = play.start, play.whole, play.begun
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
         several = len(play.missions) > 1

@@ -74,7 +74,7 @@ def test_a_reset_of_the_computer_in_flight(tmp_path, capsys):
 @pytest.mark.parametrize("on", ["deputy=leon3,chief=leon3-cfs", "deputy=leon3-cfs,chief=leon3"])
 def test_several_boards_fly_in_one_run(on, tmp_path, capsys):
     span = [] if WHOLE else ["--for", "30s"]
-    assert cli.main(["fly", "formation", *span, "--on", on, "--out", str(tmp_path)]) == 0, capsys.readouterr()
+    assert cli.main(["fly", "formation", "sensed", *span, "--on", on, "--out", str(tmp_path)]) == 0, capsys.readouterr()
     rows = [line for line in capsys.readouterr().out.splitlines() if " on leon3" in line]
     assert len(rows) == 2 and all(" none " in row and "s, simulated" in row for row in rows)
     for process, target in (one.split("=") for one in on.split(",")):

@@ -51,7 +51,7 @@ def meeting(job: Job) -> list[Any]:
 def python_node(job: Job, process: str, options: list[Any]) -> list[Any]:
     """The command of a process that flies on the desktop's code."""
     return [sys.executable, "-P", "-m", "fledge.cli", "node", job.asked, process,
-            *(["--free"] if job.scenario == "free" or job.script else [job.scenario]), "--name", process, *options,
+            *(["--free"] if job.scenario == "free" else [job.scenario, "--scripted"]), "--name", process, *options,
             *(word for name, value in job.parameters.items() for word in ("--set", f"{name}={value!r}"))]
 
 

@@ -2,7 +2,6 @@
 """Missions under MicroPython: what its interpreter refuses is said with its line, the desktop's bits, and records that
 tell nothing of where they were made. fly_test.py flies all targets, random_test.py random missions."""
 
-import os
 import shutil
 import subprocess
 from types import SimpleNamespace
@@ -15,8 +14,6 @@ from fledge.archive import Archive
 from fledge.targets import TARGETS, micropython, table
 from fledge.targets.target import _heap
 
-pytestmark = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan",
-                                reason="the programs that fly have no sanitizer")
 LEON3 = pytest.param("leon3-micropython", marks=pytest.mark.skipif(
     bool(TARGETS["leon3-micropython"].missing()), reason="the compiler for LEON3 is not installed"))
 FLIGHT = '''"""Small."""

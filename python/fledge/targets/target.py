@@ -146,12 +146,12 @@ class Desktop(Target):
         return command, flown
 
     def fly(self, job: Job, timeout: float = 60.0) -> dict[str, Flown]:
-        sim = job.start.clone()
+        sim = job.begun()
         for part in job.parts:
             flight = sim.process(part.process)
             sim.record(*(getattr(getattr(flight, one), port) for one, port in
                          (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
-            # What comes before the first run waits in `start` already.
+            # What comes before the first run waits already.
             flight.commands.script([one for one in part.script if one.t >= 0])
         record = new_record(job.folder, self.name)
         sim.archive(record, mission=sim.name, target="desktop")

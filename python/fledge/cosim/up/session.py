@@ -12,7 +12,6 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
 from fledge.cosim.up.table import Lines, Progress, Row
+from fledge.interruption import handled
 
 _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to end a run
@@ -97,7 +97,7 @@ class Session:
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
             make_room(len(self._running))
-            with _Signals(self._interrupt):
+            with handled((signal.SIGINT, signal.SIGTERM, signal.SIGHUP), lambda number, _: self._interrupt(number)):
                 return self._run()
         finally:
             os.close(lock)
@@ -426,18 +426,3 @@ def make_room(programs: int) -> None:
                          "in /etc/security/limits.conf raises it)")
     if soft != resource.RLIM_INFINITY and soft < needed:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
-
-
-class _Signals:
-    """Ctrl-C, SIGTERM and SIGHUP call a function instead of ending the program."""
-
-    def __init__(self, on_signal: Callable[[int], None]):
-        self._on_signal = on_signal
-
-    def __enter__(self):
-        self._before = {number: signal.signal(number, lambda number, _: self._on_signal(number))
-                        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-
-    def __exit__(self, *_):
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
