@@ -576,7 +576,7 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
         with pytest.raises(NodeError, match="has no field q; it has k"):
             ground.write("/ground/stiffness", {"q": 1})
         viewer.write("/ground/stiffness", {"k": 3.0})
-        viewer.subscribe("/mass/")      # which the controller reads after it
+        viewer.subscribe("/mass/")      # the controller reads this after the write, and answers it
         while viewer.next(20).topic != "/mass/state":
             pass
         controller.process.send_signal(signal.SIGINT)
