@@ -5,6 +5,8 @@ from fledge.units import N, deg, kg, km, m, ms, rad, s
 
 GOLDEN = 0.6180339887498949    # the fractions of its multiples are spread evenly
 
+MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
+
 
 def build(w, f, number, count):
     """number: of the spacecraft, from 0; count: of all spacecraft."""
@@ -19,8 +21,8 @@ def build(w, f, number, count):
     # Inertias within 2 percent; orbits within a tenth of a degree and 20 km, evenly spaced.
     w.craft  = world.Spacecraft(
         I_B=[700 + 14 * spread(2), 700 + 14 * spread(3), 800 + 16 * spread(5)] * kg * m**2,
-        parts=[w.wheels], gravity=[world.MARS],
-        orbit=Orbit(world.MARS, a=9500 * km, e=0.001 * (1 + spread(7)), i=(35 + 0.1 * spread(11)) * deg,
+        parts=[w.wheels], gravity=[MARS],
+        orbit=Orbit(MARS, a=9500 * km, e=0.001 * (1 + spread(7)), i=(35 + 0.1 * spread(11)) * deg,
                     f=360 * deg * number / count),
         sigma_BN=[0.2 * spread(13), 0.2 * spread(17), 0.2 * spread(19)],
         omega_BN_B=[0.01 * spread(23), 0.01 * spread(29), 0.01 * spread(31)] * rad / s)

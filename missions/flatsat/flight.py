@@ -7,8 +7,7 @@ from fledge.units import A, N, V, kg, m, mA, ms, ohm, s, us
 # The data sheets of the avionics, which the world has too.
 MOTOR = dict(bits=16, volts=10 * V, torque_constant=0.05 * N * m / A, resistance=2 * ohm, back_emf=0.05 * V * s)
 TACHOMETER = dict(marks=1024, window=500 * ms)
-CORNERS = [[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
-SUN_SENSORS = dict(axes_B=CORNERS, current=5 * mA)
+SUN_SENSORS = dict(axes_B=fsw.SUN_PYRAMIDS, current=5 * mA)
 SCALES, OFFSETS = [2e-6, 2.5e-6] * A, [0, -1e-5] * A
 LOADS = {"wheels": 0, "sensors": 1, "propulsion": 2}
 

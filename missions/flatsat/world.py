@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth: a rigid body with four wheels at Mars, and the avionics between it and flight."""
 from fledge import Orbit, world
-from fledge.units import A, N, V, km, kg, m, minute, ms, ohm, rad, s
+from fledge.units import A, N, V, kg, km, m, minute, ms, ohm, rad, s
 
 from .flight import LOADS, MOTOR, OFFSETS, SCALES, SUN_SENSORS, TACHOMETER
+
+MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
 
 
 def build(w, f):
     w.wheels = world.ReactionWheels(axes_B=f.wheels.axes_B, J=f.wheels.J, u_max=0.2 * N * m)
-    w.craft  = world.Spacecraft(I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[world.MARS],
-                                orbit=Orbit(world.MARS, a=7471.618 * km, e=0.1), sigma_BN=[0.1, 0.2, -0.3],
+    w.craft  = world.Spacecraft(I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[MARS],
+                                orbit=Orbit(MARS, a=7471.618 * km, e=0.1), sigma_BN=[0.1, 0.2, -0.3],
                                 omega_BN_B=[0.001, -0.01, 0.02] * rad / s)
     w.nav    = world.Navigation()
     w.css    = world.CoarseSunSensors(**SUN_SENSORS, s_N=[0.6, 0, 0.8])
 
     # Each converter has its own scale and offset. From 6 minutes on one channel of A stays at its end.
     w.adc_a  = world.SunSensorConverter(n=8, bits=12, scale=SCALES[0], offset=OFFSETS[0], noise=1e-6 * A,
-                                        fault_from=6 * minute, fault=["SOUND"] * 7 + ["HIGH"])
+                                        faults=[{"kind": "HIGH", "channels": 1 << 7, "begin": 6 * minute}])
     w.adc_b  = world.SunSensorConverter(n=8, bits=12, scale=SCALES[1], offset=OFFSETS[1], noise=1e-6 * A)
     w.driver = world.WheelConverter(n=4, **MOTOR, **TACHOMETER)
     w.clock  = world.VehicleClock(epoch=7e8 * s, pulse=1 * s, drift=12500, slew=1000000)

@@ -3,6 +3,8 @@
 from fledge import Orbit, world
 from fledge.units import N, deg, kg, km, m, ms, rad, s
 
+MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
+
 
 def build(w, f, latency=0):
     # The wheels are those that flight believes in, at rest.
@@ -10,8 +12,8 @@ def build(w, f, latency=0):
 
     # Table 2.1.
     w.craft  = world.Spacecraft(
-        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[world.MARS],
-        orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg),
+        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[MARS],
+        orbit=Orbit(MARS, a=7471.618 * km, e=0.4, f=270 * deg),
         sigma_BN=[0.1, 0.2, -0.3], omega_BN_B=[0.001, -0.01, 0.03] * rad / s)
 
     w.nav    = world.Navigation()

@@ -3,7 +3,9 @@
 from math import sqrt
 
 from fledge import Orbit, world
-from fledge.units import N, deg, kg, km, m, ms
+from fledge.units import N, deg, kg, km, m, ms, s
+
+MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
 
 
 def build(w, f):
@@ -12,8 +14,8 @@ def build(w, f):
 
     # Table 2.1. It begins at rest, with b1 on nadir.
     w.craft  = world.Spacecraft(
-        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[world.MARS],
-        orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg),
+        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[MARS],
+        orbit=Orbit(MARS, a=7471.618 * km, e=0.4, f=270 * deg),
         sigma_BN=[0, 0, sqrt(2) - 1])
 
     w.nav    = world.Navigation()

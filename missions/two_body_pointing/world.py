@@ -3,10 +3,12 @@
 from fledge import Orbit, world
 from fledge.units import N, deg, kg, km, m, ms, rad, s
 
+MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
+
 
 def build(w, f):
     # N has the axes of J2000 and its origin in Mars. Earth and Sun are 18 deg apart from there.
-    sky = world.Sky("2015-03-02T12:00:00", center=world.MARS)
+    sky = world.Sky("2015-03-02T12:00:00", center=MARS)
     w.earth  = world.CelestialBody(body=world.EARTH, sky=sky)
     w.sun    = world.CelestialBody(body=world.SUN, sky=sky)
 
@@ -15,8 +17,8 @@ def build(w, f):
 
     # The size and shape of table 2.1, over Mars' equator by and large. Tumbling.
     w.craft  = world.Spacecraft(
-        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], sky=sky, gravity=[world.MARS, world.SUN],
-        orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, i=37 * deg, Omega=48 * deg, f=270 * deg),
+        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], sky=sky, gravity=[MARS, world.SUN],
+        orbit=Orbit(MARS, a=7471.618 * km, e=0.4, i=37 * deg, Omega=48 * deg, f=270 * deg),
         sigma_BN=[0.1, 0.2, -0.3], omega_BN_B=[0.001, -0.01, 0.03] * rad / s)
 
     w.nav    = world.Navigation()
