@@ -17,6 +17,9 @@ def build(f, chief):
 
     # Of its own: b1 on the chief, by the chief's beacon.
     f.look     = fsw.TwoBodyPointing(separation_min=1 * deg)
+    # The chief's attitude, by the camera and the deputy's own.
+    f.seen     = fsw.SeenTarget(hold=5 * s)
+
     f.base     = fsw.BaseReference(hold=10 * s, source="COMMANDED")
 
     f.rasters  = fsw.RasterManager(
@@ -32,6 +35,7 @@ def build(f, chief):
         (chief.offset.reference >> f.base.commanded).latency(1).stale_after(5 * s),
         (chief.beacon.body      >> f.look.primary).latency(1),
 
+        f.seen.attitude         >> f.base.sensed,
         f.look.reference        >> f.base.own,
         f.base.reference        >> f.scan.base,
         f.rasters.command       >> f.scan.command,
@@ -42,4 +46,4 @@ def build(f, chief):
         f.wheels.wheels         >> [f.control.wheels, f.motor.wheels],
     )
     f.task("navigation", every=1 * s, priority=1, run=[f.look])
-    f.task("gnc", every=0.5 * s, run=[f.base, f.rasters, f.scan, f.tracking, f.control, f.motor])
+    f.task("gnc", every=0.5 * s, run=[f.seen, f.base, f.rasters, f.scan, f.tracking, f.control, f.motor])

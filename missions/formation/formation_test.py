@@ -70,6 +70,21 @@ def test_without_the_radio_the_deputy_holds_what_it_heard_last():
     assert base.reference.head.quality == 2 and base.reference.head.t == before
 
 
+def test_a_dead_camera_leaves_the_deputy_what_it_saw_last():
+    sim = fledge.load("formation")
+    deputy, camera = sim.process("deputy"), sim.process("deputy_world").camera
+    deputy.base.source = "SENSED"
+    sim.run(5 * minute)
+    assert deputy.base.reference.head.quality == 3
+    camera.faults = [{"kind": "DEAD"}]
+    sim.run(1 * minute)
+    assert camera.seen.head.quality == 2 and camera.seen.head.t == 300e9
+    assert deputy.base.reference.head.quality == 2 and deputy.base.reference.head.t < 312e9
+    camera.n_faults = 0
+    sim.run(1 * minute)
+    assert deputy.base.reference.head.quality == 3 and deputy.base.reference.head.t == 420e9
+
+
 # --- on targets ------------------------------------------------------------------------------------
 
 def test_two_byte_orders_in_one_run_give_the_bits_of_the_desktop(tmp_path, capsys):
