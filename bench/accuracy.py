@@ -8,14 +8,17 @@ import sys
 import textwrap
 from pathlib import Path
 
+from bench import accuracy_earth as earth
 from bench import accuracy_environment as environment
 from bench import accuracy_flight as flight
 from bench import accuracy_motion as motion
+from bench import accuracy_parts as parts
+from bench import accuracy_surroundings as around
 from bench.rows import Rows
 
 SECTIONS = [motion.rotation, motion.orbits, motion.oblate, environment.gravity, environment.planets,
-            environment.ephemerides, environment.time_scales, motion.wheels, flight.navigation, flight.elementary,
-            flight.loop]
+            environment.check_cases, environment.ephemerides, environment.time_scales, earth.earth, motion.wheels,
+            parts.moving, parts.actuators, around.surroundings, flight.navigation, flight.elementary, flight.loop]
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "accuracy.md"
 

@@ -14,6 +14,13 @@ __attribute__((visibility("default"))) void hand_written_loop(long steps, double
 /// negative number if there is no module of that name.
 __attribute__((visibility("default"))) double time_flight_update(const char *module, long n);
 
+/// The same for modules of control and actuation, on inputs of a small spacecraft with four wheels, eight thrusters and
+/// three rods.
+__attribute__((visibility("default"))) double time_control_update(const char *module, long n);
+
+/// The same for filters and ephemerides, of which each has a case or several from 0 on: bench/filters.py lists them.
+__attribute__((visibility("default"))) double time_filter_update(const char *module, int kind, long n);
+
 /// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
 /// per evaluation. Plain: by the textbook's recursion, else by the world's.
 __attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);

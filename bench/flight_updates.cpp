@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The cost of each flight module's update, on the inputs that it has in the nadir spin.
 #include "bench/bench.h"
+#include "bench/update_time.h"
 
 extern "C" {
 #include "flight/actuation/wheel_torques.h"
@@ -12,7 +13,6 @@ extern "C" {
 #include "flight/vehicle/wheel_config.h"
 }
 
-#include <chrono>
 #include <cstring>
 
 namespace {
@@ -62,18 +62,6 @@ struct Chain {
     MrpFeedback control{};
     WheelTorques motor{};
 };
-
-template <class T> double seconds_per_call(void (*update)(T *, Tick), T &module, long n)
-{
-    const auto start = std::chrono::steady_clock::now();
-    Tick tick{0, 500'000'000};
-    for (long i = 0; i < n; i++) {
-        tick.t += tick.dt;
-        update(&module, tick);
-    }
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    return elapsed.count() / static_cast<double>(n);
-}
 
 } // namespace
 

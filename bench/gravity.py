@@ -4,10 +4,14 @@
 The world's `Harmonics` runs against a plain evaluation (bench/plain_harmonics.cpp: fully normalised
 forward columns, factors computed in advance), in turn, in this process, with the same compiler
 flags, by processor time; their results must agree. A degree n has (n + 1)^2 coefficients.
+Then a step of RK4 about the Earth by zonal harmonics, with its built-in orientation and with IAU 2006/2000A.
 """
 from __future__ import annotations
 import ctypes
+import time
 from functools import partial
+
+from fledge import Orbit, Simulation, world
 
 from bench.rows import Rows, in_turn, median_ratio, options, report
 
@@ -45,4 +49,22 @@ def main(arguments: list[str]) -> None:
         rows.add(f"gravity, degree {degree}", "per coefficient", ours, "ns",
                  f"plain, degree {degree}", note=f"{1 / median_ratio(ours, plain):.2f} times faster")
         rows.add(f"gravity, degree {degree}", "difference", difference, "relative")
+    earths = {"built in": None, "IAU 2006/2000A": world.EarthOrientation(ut1_tai=-33.0)}
+    steps = in_turn({name: partial(time_of_a_step, earth) for name, earth in earths.items()}, chosen.runs)
+    rows.add("Earth's orientation built in", "step of RK4, J2 to J6", steps["built in"], "ns")
+    rows.add("Earth's orientation IAU 2006/2000A", "step of RK4, J2 to J6", steps["IAU 2006/2000A"], "ns",
+             "Earth's orientation built in")
     report(rows, chosen)
+
+
+def time_of_a_step(earth, steps=20_000):
+    """[ns] of processor time."""
+    sim = Simulation("gravity")
+    sim.world.craft = world.Spacecraft(I_B=1, sky=world.Sky("2007-11-20", world.EARTH, earth=earth),
+                                       gravity=[world.EARTH.zonal(6)], orbit=Orbit(world.EARTH, altitude=400e3, i=1.0))
+    sim.world.integrator = world.RK4()
+    sim.world.task("dynamics", every=1, run=[sim.world.craft])
+    sim.run(1)
+    start = time.process_time()
+    sim.run(steps)
+    return 1e9 * (time.process_time() - start) / steps
