@@ -45,10 +45,11 @@ foreach(folder flight record registers sim world targets cosim introspect missio
         REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
 endforeach()
 install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
-    REGEX "(_test[.]py|fledge/CMakeLists[.]txt|/__pycache__|fledge/templates|fledge/core)$" EXCLUDE)
+    REGEX "(_test[.]py|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/(web|testing))$" EXCLUDE)
+install(FILES build/view/view.js build/view/view.css DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL)
 install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fledge
     REGEX "/__pycache__$" EXCLUDE)     # with the tests that a project begins with
-install(DIRECTORY registers DESTINATION ${FLEDGE_HOME}/python
+install(DIRECTORY registers introspect DESTINATION ${FLEDGE_HOME}/python
     FILES_MATCHING PATTERN "*.py" PATTERN "*_test.py" EXCLUDE PATTERN "testing" EXCLUDE PATTERN "boards" EXCLUDE)
 install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING
     PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py")

@@ -68,6 +68,9 @@ function(fledge_project name)
 
         list(TRANSFORM arg_WORLD APPEND _model OUTPUT_VARIABLE models)
         foreach(path IN LISTS arg_FLIGHT models)
+            if(EXISTS ${PROJECT_SOURCE_DIR}/${path}_test.py AND NOT EXISTS ${PROJECT_SOURCE_DIR}/${path}_test.cpp)
+                continue()     # its test is in Python, as `fledge new --from` writes it
+            endif()
             string(REPLACE / _ test ${path}_test)
             fledge_add_test(${test} SOURCES ${path}_test.cpp LIBRARIES ${name}_code fledge::tables)
         endforeach()
