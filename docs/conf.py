@@ -19,10 +19,11 @@ sys.path.append(str(next(ROOT.glob("cosim/**/fledge_node.py")).parent))
 
 project = "Fledge"
 author = "the Fledge maintainers"
+NOTEBOOKS = "build/docs/notebooks"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
-                    f"{REFERENCE}/*"]
+                    f"{REFERENCE}/*", f"{NOTEBOOKS}/*.md"]
 exclude_patterns = ["build/release/**", "build/asan/**", "build/debug/**", "build/tsan/**",
                     "python/README.md", "python/*/*/README.md"]
 myst_heading_anchors = 4
@@ -42,11 +43,13 @@ html_copy_source = False
 html_theme_options = {"sidebar_hide_name": False}
 
 CHAPTERS = {
-    "Begin": ["docs/tutorial", "docs/guide", "docs/existing-code", "docs/debugging", "docs/glossary"],
+    "Begin": ["docs/tutorial", "docs/guide", f"{NOTEBOOKS}/notebook", "docs/view", "docs/prototypes",
+              "docs/existing-code", "docs/debugging", "docs/glossary"],
     "Several programs": ["docs/cosim", "Co-simulation, inside <cosim/README>", "registers/README"],
     "Targets": ["docs/export", "docs/targets", "docs/profiling", "docs/avionics", "docs/leon3", "docs/leon3-debugging",
                 "docs/micropython", "docs/cfs", "targets/cfs/README", "record/README"],
-    "Models and missions": ["docs/environment", "docs/accuracy", "docs/references", "missions/README"],
+    "Models and missions": ["docs/dynamics", "docs/environment", "docs/sensors", "docs/actuators", "docs/navigation",
+                            "docs/control", "docs/linear", "docs/accuracy", "docs/references", "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
@@ -54,8 +57,8 @@ CHAPTERS = {
 }
 
 # Classes of objects that the user gets from others, and therefore never imports.
-RETURNED = {"Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Result", "Task", "Watch", "Wire",
-            "World"}
+RETURNED = {"Batch", "Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Result", "Task", "Trim",
+            "Watch", "Wire", "World"}
 
 
 # --- the reference ---------------------------------------------------------------------------------
@@ -77,6 +80,25 @@ def write_reference(app):
     for name, text in pages.items():
         if not (folder / name).exists() or (folder / name).read_text(encoding="utf-8") != text:
             (folder / name).write_text(text, encoding="utf-8")
+
+
+def run_notebooks(app):
+    """Run the notebooks of docs/, and write each as a page with what its cells put out. A cell that fails ends this."""
+    import nbformat
+    from nbclient import NotebookClient
+    from nbconvert import MarkdownExporter
+
+    folder = ROOT / NOTEBOOKS
+    folder.mkdir(parents=True, exist_ok=True)
+    for source in sorted((ROOT / "docs").glob("*.ipynb")):
+        notebook = nbformat.read(source, 4)
+        NotebookClient(notebook, kernel_name="python3", timeout=600,
+                       resources={"metadata": {"path": str(folder)}}).execute()
+        text, resources = MarkdownExporter().from_notebook_node(
+            notebook, {"unique_key": source.stem, "output_files_dir": "."})
+        for name, data in resources["outputs"].items():
+            (folder / name).write_bytes(data)
+        (folder / f"{source.stem}.md").write_text(text.replace("](guide.md", "](../../../docs/guide.md"), "utf-8")
 
 
 def directive(kind, name, members=None):
@@ -111,7 +133,7 @@ def is_member(value, module):
     if inspect.isclass(value) and {"Module", "Model", "Message"} & {base.__name__ for base in value.__mro__}:
         return False
     where = getattr(value, "__module__", None) or ""
-    return (inspect.isclass(value) or inspect.isfunction(value)) and f"{where}.".startswith(f"{module.__name__}.")
+    return (inspect.isclass(value) or inspect.isroutine(value)) and f"{where}.".startswith(f"{module.__name__}.")
 
 
 def classes_of(package):
@@ -201,6 +223,7 @@ def begin_at_the_readme(app, error):
 
 def setup(app):
     app.connect("builder-inited", write_reference)
+    app.connect("builder-inited", run_notebooks)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("source-read", prepare)
     app.connect("build-finished", begin_at_the_readme)
