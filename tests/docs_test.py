@@ -112,15 +112,27 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
     assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
 
 
+def test_the_loop_meets_control_theory(tmp_path):
+    assert follow("linear.md", Shell(tmp_path)) == 3
+    assert (tmp_path / "loop.png").stat().st_size > 10_000
+
+
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
-@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="Valgrind does not share a process with it")
 def test_flight_is_profiled(tmp_path):
     assert follow("profiling.md", Shell(tmp_path)) == 2
     assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000
 
 
+def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
+    assert follow("sensors.md", Shell(tmp_path)) == 7
+
+
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 6
+
+
+def test_a_guidance_law_goes_from_a_class_to_c_and_to_targets(tmp_path):
+    assert follow("prototypes.md", Shell(tmp_path)) >= 15
 
 
 def test_a_mission_flies_under_micropython(tmp_path):

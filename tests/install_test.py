@@ -49,7 +49,7 @@ def test_its_command_flies_a_mission(prefix, tmp_path):
 
 def test_a_python_of_its_prefix_imports_it(prefix, tmp_path):
     packages = prefix / "lib/python{0.major}.{0.minor}/site-packages".format(sys.version_info)
-    program = ("import site, sys; site.addsitedir(sys.argv[1]); import fledge, fledge.emulator; "
+    program = ("import site, sys; site.addsitedir(sys.argv[1]); import fledge, fledge.emulator, fledge.prototype; "
                "print(fledge.emulator.Board.__name__)")
     assert run("/usr/bin/python3", "-c", program, packages, cwd=tmp_path) == "Board\n"
 

@@ -60,7 +60,7 @@ RULES = {
     "emulator/tools": Rule("C++20", "the programs", ["flight/exec", "registers", "targets", "emulator"]),
     "ground": Rule("Python", "telecommands and telemetry, by emitted codecs alone", []),
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
-                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "targets"]),
+                   ["flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator", "targets"]),
     "missions": Rule("Python", "worked missions", ["fledge"]),
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
@@ -75,11 +75,12 @@ RULES = {
 THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
-    "fledge":     {"_core", "_core_build", "_emulator", "_fledge_world", "_project_world", "h5py", "jinja2",
-                   "markupsafe", "matplotlib", "numpy", "pandas", "zmq"},
+    "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
+    "fledge":     {"IPython", "_core", "_core_build", "_emulator", "_fledge_world", "_project_world", "cloudpickle",
+                   "distributed", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy", "pandas", "scipy", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
-    "bench":      {"_core", "jplephem", "mpmath", "numpy"},
+    "bench":      {"_core", "erfa", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},
 }
 

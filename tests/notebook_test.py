@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The notebooks in docs/ run from their first cell to their last, and hold nothing that a run has put out."""
+import json
+import os
+
+import pytest
+
+from tests.tree import ROOT
+
+SLOW = pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="kernels start slowly under the sanitizer")
+NOTEBOOKS = sorted((ROOT / "docs").glob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
+def test_the_source_has_no_outputs(path):
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        assert cell["metadata"] == {} and not cell.get("outputs") and cell.get("execution_count") is None
+
+
+@SLOW
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
+def test_no_cell_fails(path, tmp_path):
+    nbformat = pytest.importorskip("nbformat")
+    client = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    notebook = nbformat.read(path, 4)
+    client.NotebookClient(notebook, kernel_name="python3", timeout=300,
+                          resources={"metadata": {"path": str(tmp_path)}}).execute()
+    outputs = [one for cell in notebook.cells for one in cell.get("outputs", ())]
+    kinds = [set(one.get("data", ())) for one in outputs]
+    assert not [one for one in outputs if one.output_type == "error" or one.get("name") == "stderr"]
+    assert sum("text/html" in kind for kind in kinds) >= 5 and sum("image/png" in kind for kind in kinds) == 1
+
+
+@SLOW
+def test_a_figure_is_shown_once_in_its_cell_and_again_where_it_is_asked_for(tmp_path):
+    nbformat = pytest.importorskip("nbformat")
+    client = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    begin = "import fledge\nsim = fledge.load('nadir_spin')\nlog = sim.record(sim.flight.tracking.error)\nsim.run(10)\n"
+    draw = "figure = log.plot('sigma_BR')\n"
+    cells = [begin + draw + "figure", "figure", draw + "1"]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
+    client.NotebookClient(notebook, kernel_name="python3", timeout=300,
+                          resources={"metadata": {"path": str(tmp_path)}}).execute()
+    pictures = [sum("image/png" in one.get("data", ()) for one in cell.outputs) for cell in notebook.cells]
+    assert pictures == [1, 1, 1]
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
