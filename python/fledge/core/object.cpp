@@ -407,36 +407,25 @@ PyObject *root_of(PyObject *object)
     return object;
 }
 
-namespace {
-
-/// The group of the module's field that a member is in; `object` becomes the module, or null.
-FledgeGroup group_of(PyObject *&object, const Member &member)
+Writable writable(PyObject *object, const Member &member)
 {
-    const Member *outer = &member;
+    const Member *outer = &member; // the field of the module that the member is in
     for (; object && is_view(object); object = as_view(object)->owner) {
         outer = as_view(object)->member;
     }
-    return object ? static_cast<FledgeGroup>(outer->field->group) : FLEDGE_NONE; // a message of no module has none
-}
-
-} // namespace
-
-bool is_written_by_its_module(PyObject *object, const Member &member)
-{
-    const FledgeGroup group = group_of(object, member);
-    return object && group == FLEDGE_OUT && !as_root(object)->runs && !as_root(object)->instance->name.empty();
-}
-
-bool is_given_to_update(PyObject *object, const Member &member)
-{
-    const FledgeGroup group = group_of(object, member);
-    return object && running() == as_root(object)->instance.get() && (group == FLEDGE_PAR || group == FLEDGE_IN);
-}
-
-bool is_of_another(PyObject *object)
-{
-    PyObject *root = running() ? root_of(object) : nullptr;
-    return root && as_root(root)->instance.get() != running() && !as_root(root)->instance->name.empty();
+    if (!object) {
+        return Writable::yes; // of no module
+    }
+    const Root &root = *as_root(object);
+    const auto group = static_cast<FledgeGroup>(outer->field->group);
+    if (running() == root.instance.get()) {
+        if (group == FLEDGE_PAR || group == FLEDGE_IN) {
+            return Writable::given;
+        }
+    } else if (running() && !root.instance->name.empty()) {
+        return Writable::of_another;
+    }
+    return group == FLEDGE_OUT && !root.runs && !root.instance->name.empty() ? Writable::written : Writable::yes;
 }
 
 PyObject *wrap(std::shared_ptr<sim::Instance> instance)

@@ -94,14 +94,14 @@ std::string path_of(PyObject *object);
 /// The module or model that a view is a part of; itself for a root; null for a view by itself.
 PyObject *root_of(PyObject *object);
 
-/// Whether a field is in an output of a module or model that has a process: an assignment would have no effect.
-bool is_written_by_its_module(PyObject *object, const Member &member);
-
-/// Whether it is of another module than the one whose function in Python runs.
-bool is_of_another(PyObject *object);
-
-/// Whether it is in a parameter or an input of the module whose function in Python runs: no reset would undo it.
-bool is_given_to_update(PyObject *object, const Member &member);
+/// Whether an assignment may change a field, or why not.
+enum class Writable {
+    yes,
+    of_another, ///< of another module than the one whose function in Python runs
+    given,      ///< in a parameter or an input of that module: no reset would undo it
+    written,    ///< in an output of a module that has a process and writes it: the assignment would have no effect
+};
+Writable writable(PyObject *object, const Member &member);
 
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);

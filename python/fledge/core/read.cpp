@@ -125,9 +125,7 @@ PyObject *get_array(PyObject *self, void *closure)
     npy_intp shape[FLEDGE_DIMS_MAX];
     std::copy_n(field.shape, field.ndim, shape);
     shape[0] = rows_of(*as_object(self), member);
-    const bool read_only =
-        is_written_by_its_module(self, member) || is_of_another(self) || is_given_to_update(self, member);
-    const int flags = read_only ? NPY_ARRAY_CARRAY_RO : NPY_ARRAY_CARRAY;
+    const int flags = writable(self, member) == Writable::yes ? NPY_ARRAY_CARRAY : NPY_ARRAY_CARRAY_RO;
     PyObject *array =
         PyArray_NewFromDescr(&PyArray_Type, PyArray_DescrFromType(numpy_type(field.type)), static_cast<int>(field.ndim),
                              shape, nullptr, as_object(self)->memory + field.offset, flags, nullptr);

@@ -460,23 +460,23 @@ int set_any(PyObject *self, PyObject *value, void *closure)
         PyErr_Format(PyExc_AttributeError, "%s.%s cannot be deleted", path_of(self).c_str(), member.field->name);
         return -1;
     }
-    if (is_of_another(self)) {
-        PyErr_Format(setup_error(), "%s.%s is of another module: an update writes its own alone", path_of(self).c_str(),
-                     member.field->name);
+    const auto path = [&] { return path_of(self) + "." + member.field->name; };
+    switch (writable(self, member)) {
+    case Writable::yes: break;
+    case Writable::of_another:
+        PyErr_Format(setup_error(), "%s is of another module: an update writes its own alone", path().c_str());
         return -1;
-    }
-    if (is_given_to_update(self, member)) {
+    case Writable::given:
         PyErr_Format(setup_error(),
-                     "%s.%s is a parameter or an input: an update only reads these, because no reset undoes what it "
+                     "%s is a parameter or an input: an update only reads these, because no reset undoes what it "
                      "writes there; what it remembers belongs into its memory",
-                     path_of(self).c_str(), member.field->name);
+                     path().c_str());
         return -1;
-    }
-    if (is_written_by_its_module(self, member)) {
+    case Writable::written:
         PyErr_Format(setup_error(),
-                     "%s.%s is in an output of %s, which writes it at each update: an assignment has no "
+                     "%s is in an output of %s, which writes it at each update: an assignment has no "
                      "effect. Assign to a parameter, or to an input that is not wired",
-                     path_of(self).c_str(), member.field->name, as_root(root_of(self))->instance->path.c_str());
+                     path().c_str(), as_root(root_of(self))->instance->path.c_str());
         return -1;
     }
     const Stored stored = store(self, member, value);
@@ -497,8 +497,7 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
         const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
         const bool plain = exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) &&
                            (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
-        if ((plain || !member.checked) && !is_written_by_its_module(self, member) && !is_of_another(self) &&
-            !is_given_to_update(self, member)) {
+        if ((plain || !member.checked) && writable(self, member) == Writable::yes) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
                 mark_given(self, member);
