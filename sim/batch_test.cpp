@@ -24,32 +24,8 @@ namespace {
 
 constexpr Ns second = 1'000'000'000;
 
-std::string error_of(const std::function<void()> &f)
-{
-    try {
-        f();
-    } catch (const SetupError &error) {
-        return error.what();
-    }
-    return "(no error)";
-}
-
-/// x' = u, from a level of 8; a controller that puts out gain x, joined to the tank by a wire.
-struct Nominal {
-    Nominal()
-    {
-        Process &world = sim.add_process("world");
-        Process &flight = sim.add_process("flight");
-        world.add("tank", tank);
-        flight.add("control", control);
-        interface<Tank>(tank).par.initial = 8.0;
-        interface<Scale>(control).par.gain = -0.5;
-        world.add_task({"dynamics", second / 10, 0, 0, {tank}});
-        flight.add_task({"gnc", second / 2, 0, 0, {control}});
-        sim.connect(port(tank, "level"), port(control, "number"));
-        sim.connect(port(control, "product"), port(tank, "flow"));
-    }
-
+/// The loop, and plans of batches of it.
+struct Nominal : Loop {
     /// Clones that get a flow and show their level.
     BatchPlan plan(std::size_t clones, unsigned threads = 1)
     {
@@ -61,10 +37,6 @@ struct Nominal {
         plan.observations = {{"world.tank", offsetof(Tank, out.level.x), FLEDGE_F64, {"world.tank.level.x"}}};
         return plan;
     }
-
-    Simulation sim;
-    std::shared_ptr<Instance> tank = std::make_shared<Instance>(tank_type);
-    std::shared_ptr<Instance> control = std::make_shared<Instance>(scale_type);
 };
 
 void begin(Batch &batch)

@@ -18,23 +18,10 @@ namespace {
 
 constexpr Ns second = 1'000'000'000;
 
-/// x' = gain x, from a dispersed level, with a dispersed gain.
-struct Nominal {
+/// The loop, from a dispersed level, with a dispersed gain.
+struct Nominal : Loop {
     Nominal()
     {
-        Process &world = sim.add_process("world");
-        Process &flight = sim.add_process("flight");
-        tank = std::make_shared<Instance>(tank_type);
-        control = std::make_shared<Instance>(scale_type);
-        world.add("tank", tank);
-        flight.add("control", control);
-        interface<Tank>(tank).par.initial = 8.0;
-        interface<Scale>(control).par.gain = -0.5;
-        world.add_task({"dynamics", second / 10, 0, 0, {tank}});
-        flight.add_task({"gnc", second / 2, 0, 0, {control}});
-        sim.connect(port(tank, "level"), port(control, "number"));
-        sim.connect(port(control, "product"), port(tank, "flow"));
-
         plan.seed = 7;
         plan.runs = 200;
         plan.duration = 5 * second;
@@ -51,20 +38,8 @@ struct Nominal {
         plan.retained = {{"world.tank.level", offsetof(Number, x), 1}};
     }
 
-    Simulation sim;
-    std::shared_ptr<Instance> tank, control;
     CampaignPlan plan;
 };
-
-std::string error_of(const std::function<void()> &f)
-{
-    try {
-        f();
-    } catch (const SetupError &error) {
-        return error.what();
-    }
-    return "(no error)";
-}
 
 } // namespace
 

@@ -42,18 +42,6 @@ std::shared_ptr<Instance> make(Process &process, const std::string &name, const 
     return instance;
 }
 
-template <class F> std::string error_of(F &&f)
-{
-    try {
-        f();
-    } catch (const SetupError &error) {
-        return error.what();
-    } catch (const RunError &error) {
-        return error.what();
-    }
-    return "(no error)";
-}
-
 /// Good Numbers, each valid at its time.
 std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer_list<double> values)
 {
@@ -67,27 +55,6 @@ std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer
     }
     return std::make_shared<Messages>(std::move(made));
 }
-
-/// A tank at 10 Hz whose level a controller at 2 Hz drives back to zero.
-struct Loop {
-    explicit Loop(WireOptions command = {}, WireOptions level = {})
-    {
-        Process &world = sim.add_process("world");
-        Process &flight = sim.add_process("flight");
-        tank = make(world, "tank", tank_type);
-        control = make(flight, "control", scale_type);
-        interface<Tank>(tank).par.initial = 8.0;
-        interface<Scale>(control).par.gain = -0.5;
-        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
-        flight.add_task({"gnc", 500 * ms, 0, 0, {control}});
-        sim.connect(port(tank, "level"), port(control, "number"), level);
-        sim.connect(port(control, "product"), port(tank, "flow"), command);
-    }
-    double level() const { return interface<Tank>(tank).out.level.x; }
-
-    Simulation sim;
-    std::shared_ptr<Instance> tank, control;
-};
 
 } // namespace
 

@@ -227,4 +227,19 @@ void attach(const Instance &tank, const Instance &leak)
     dynamic_cast<TankModel &>(*tank.model()).leak_ = dynamic_cast<LeakModel *>(leak.model());
 }
 
+Loop::Loop(WireOptions command, WireOptions level)
+{
+    constexpr Ns ms = 1'000'000;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    world.add("tank", tank);
+    flight.add("control", control);
+    interface<Tank>(tank).par.initial = 8.0;
+    interface<Scale>(control).par.gain = -0.5;
+    world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    flight.add_task({"gnc", 500 * ms, 0, 0, {control}});
+    sim.connect(port(tank, "level"), port(control, "number"), level);
+    sim.connect(port(control, "product"), port(tank, "flow"), command);
+}
+
 } // namespace fledge::sim::toys

@@ -3,9 +3,12 @@
 #pragma once
 
 #include "flight/msg/head.h"
+#include "sim/error.h"
 #include "sim/instance.h"
 #include "sim/simulation.h"
 
+#include <memory>
+#include <string>
 #include <vector>
 
 namespace fledge::sim::toys {
@@ -91,6 +94,29 @@ template <class T> T &interface(const std::shared_ptr<Instance> &instance)
 inline Port port(const std::shared_ptr<Instance> &instance, std::string_view name)
 {
     return {instance, find_field(instance->type(), name)};
+}
+
+/// A Tank in the world, at 10 Hz, whose level a Scale in flight, at 2 Hz, drives from 8 to 0: x' = -0.5 x.
+struct Loop {
+    explicit Loop(WireOptions command = {}, WireOptions level = {});
+    double level() const { return interface<Tank>(tank).out.level.x; }
+
+    Simulation sim;
+    std::shared_ptr<Instance> tank = std::make_shared<Instance>(tank_type);
+    std::shared_ptr<Instance> control = std::make_shared<Instance>(scale_type);
+};
+
+/// What f says as it refuses or fails.
+template <class F> std::string error_of(F &&f)
+{
+    try {
+        f();
+    } catch (const SetupError &error) {
+        return error.what();
+    } catch (const RunError &error) {
+        return error.what();
+    }
+    return "(no error)";
 }
 
 } // namespace fledge::sim::toys
