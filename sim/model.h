@@ -72,8 +72,8 @@ public:
     /// The states that it integrates, its own and those of its parts. May be called after prepare().
     virtual std::vector<DifferentialState> differential_states() { return {}; }
 
-    /// Something outside has changed these states, or the inputs: compute the derivatives at the time of the last
-    /// update, and publish. dt > 0: as an update that begins now takes the inputs for dt; 0: as the last one took them.
+    /// The states or the inputs were changed from outside: compute the derivatives at the time of the last update, and
+    /// publish. If dt > 0, read the inputs as an update over dt [ns] from now would; if 0, as the last update did.
     virtual void follow(Ns dt) { (void)dt; }
 
     /// All that changes during a run besides the interface: a snapshot is a copy of these bytes.
