@@ -12,7 +12,7 @@ import pytest
 import fledge
 from fledge import emulator, objects
 from fledge.targets import leon3
-from fledge.targets.build import native
+from fledge.targets.build import native, without_preload
 from fledge.units import N, m, s
 
 
@@ -150,9 +150,8 @@ def test_ticks_can_be_lost_and_interrupts_stick(board):
 
 def begin_gdb(program, *commands):
     words = [word for one in commands for word in ("-ex", one)]
-    clean = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}    # it hangs with a sanitizer
     return subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", *words, program], stdout=subprocess.PIPE,
-                            stderr=subprocess.STDOUT, text=True, env=clean)
+                            stderr=subprocess.STDOUT, text=True, env=without_preload(os.environ))
 
 
 def gdb(board, program, *commands, seconds=3.0):

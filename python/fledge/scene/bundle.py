@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 from fledge.errors import SetupError
+from fledge.targets.build import without_preload
 
 WEB = Path(__file__).with_name("web")
 ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
@@ -52,13 +53,12 @@ def build() -> None:
     if npm is None:
         raise SetupError(ADVICE)
     work = out / "work"
-    without = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}   # of a sanitizer
     for path in sources:
         copy = work / path.relative_to(WEB)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, copy)
     for command in ([npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"], [npm, "run", "--silent", "build"]):
-        done = subprocess.run(command, cwd=work, text=True, env=without,
+        done = subprocess.run(command, cwd=work, text=True, env=without_preload(os.environ),
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")

@@ -86,8 +86,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
 
 
 def without_preload(environment: Mapping[str, str]) -> dict[str, str]:
-    """An environment for a program that a sanitizer's library slows down or breaks: the launcher preloads that library
-    for Python, and other programs inherit it."""
+    """An environment for a program that a sanitizer's library slows down, breaks or hangs: the launcher preloads that
+    library for Python, and other programs inherit it."""
     return {name: value for name, value in environment.items() if name != "LD_PRELOAD"}
 
 

@@ -27,7 +27,7 @@ from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
 from fledge.targets import leon3_toolchain
-from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja, without_preload
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
 ARCHIVE = f"{PACKAGE}_{VERSION.rpartition('-')[0]}.orig.tar.xz"
@@ -247,7 +247,8 @@ def _fetch(folder: Path) -> None:
     words = [word for option in options for word in ("-o", option)]
     for command in (["update"], ["source", "--download-only", f"{PACKAGE}={VERSION}"]):
         done = subprocess.run(["apt-get", "-q", *words, *command], cwd=folder, stdout=subprocess.PIPE,
-                              stderr=subprocess.STDOUT, text=True, errors="replace", env={**os.environ, "LC_ALL": "C"})
+                              stderr=subprocess.STDOUT, text=True, errors="replace",
+                              env=without_preload({**os.environ, "LC_ALL": "C"}))
         wrong = "\n".join(re.findall(r"^(?:E|W|Err):.*$", done.stdout, re.MULTILINE))
         if done.returncode or (command == ["update"] and wrong):
             raise Failure(f"apt cannot fetch MicroPython's source package, {PACKAGE} {VERSION}, from {mirror}; "
@@ -260,7 +261,8 @@ def _mirror() -> str:
     if not shutil.which("apt-get") or not KEYRING.is_file():
         raise Failure(f"MicroPython's source comes from Debian, by apt and its keys in {KEYRING}, and one of them is "
                       f"not here; put {ARCHIVE} into {_folder()}", 1)
-    known = subprocess.run(["apt-get", "update", "--print-uris"], capture_output=True, text=True).stdout
+    known = subprocess.run(["apt-get", "update", "--print-uris"], capture_output=True, text=True,
+                           env=without_preload(os.environ)).stdout
     found = re.search(r"^'(.*)/dists/[^/'-]+/InRelease'", known, re.MULTILINE)
     if not found:
         raise Failure("apt's configuration names no mirror of Debian's archive, from which MicroPython's source could "

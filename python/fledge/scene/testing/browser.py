@@ -14,6 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from fledge.targets.build import without_preload
+
 PROGRAM = shutil.which("chromium")
 SWITCHES = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
             "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
@@ -36,11 +38,11 @@ class Browser:
         input_, self._to = os.pipe()
         # The browser reads its descriptor 3 and writes 4; those to begin with must be neither.
         ends = [fcntl.fcntl(one, fcntl.F_DUPFD_CLOEXEC, 10) for one in (input_, output)]
-        without = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}   # of a sanitizer
         self._process = subprocess.Popen(
             ["bash", "-c", f'exec "$@" 3<&{ends[0]} 4>&{ends[1]}', "bash", str(PROGRAM), *SWITCHES,
              f"--user-data-dir={self._folder.name}", f"--window-size={width},{height}", "about:blank"],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=ends, env=without)
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, pass_fds=ends,
+            env=without_preload(os.environ))
         for one in (input_, output, *ends):
             os.close(one)
         self._session = None
