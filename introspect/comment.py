@@ -11,6 +11,7 @@ What stands before the first colon is clauses if its first part is one; else all
 """
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from dataclasses import dataclass, replace
@@ -77,6 +78,9 @@ def parse(text: str) -> Comment:
                           f"write `{text}: ` and what the field is")
         return Comment(unit, meaning=text)
     if not _is_clause(parts[0]):
+        if near := difflib.get_close_matches(parts[0], WORDS, 1, 0.8):
+            raise Refusal(f"a clause is one of: {CLAUSES}", f"`{parts[0]}`, which is almost `{near[0]}`",
+                          "correct it, or begin the meaning with another word")
         return Comment(unit, meaning=text)
     comment = Comment(unit, meaning=after.strip())
     for part in parts:

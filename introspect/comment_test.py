@@ -70,6 +70,13 @@ def test_a_misspelt_clause_among_clauses_is_not_swallowed():
     assert refusal.value.found == "`conut n` between other clauses"
 
 
+@pytest.mark.parametrize("word", ["requird", "Optional", "non-zer", "initials", "inertai"])
+def test_a_misspelt_clause_alone_is_not_taken_for_the_meaning(word):
+    with pytest.raises(Refusal) as refusal:
+        parse(f"[m] {word}: where it is")
+    assert refusal.value.found.startswith(f"`{word}`, which is almost `")
+
+
 @pytest.mark.parametrize("text", ["[m] required", "[m] required, > 0", "optional", "[-] in [0, 1]"])
 def test_clauses_without_a_meaning_are_not_taken_for_one(text):
     with pytest.raises(Refusal) as refusal:
