@@ -24,7 +24,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 # The parts of python/fledge: its sub-packages and the modules beside them, from the bottom up. A part may
 # import itself and the parts of the layers below it; the command line is on top of all.
 LAYERS = [
-    {"units", "elements", "errors", "files", "columns", "display", "interruption"},
+    {"units", "elements", "errors", "files", "columns", "display", "interruption", "programs"},
     {"progress"},
     {"series"},
     {"objects", "archive", "attitude", "plot", "commands"},

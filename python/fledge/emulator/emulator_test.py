@@ -11,8 +11,9 @@ import pytest
 
 import fledge
 from fledge import emulator, objects
+from fledge.programs import without_preload
 from fledge.targets import leon3
-from fledge.targets.build import native, without_preload
+from fledge.targets.build import native
 from fledge.units import N, m, s
 
 

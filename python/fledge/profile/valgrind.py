@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fledge.errors import Failure
-from fledge.targets.build import without_preload
+from fledge.programs import without_preload
 
 
 def run(tool: str, options: Sequence[str], command: Sequence[str | Path], folder: Path,

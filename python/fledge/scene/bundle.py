@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 from fledge.errors import SetupError
-from fledge.targets.build import without_preload
+from fledge.programs import without_preload
 
 WEB = Path(__file__).with_name("web")
 ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"

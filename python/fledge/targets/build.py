@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
+from fledge.programs import without_preload
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -83,12 +84,6 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     write_files({"build.ninja": text}, folder)
     run_ninja(folder, name)
     return folder / name
-
-
-def without_preload(environment: Mapping[str, str]) -> dict[str, str]:
-    """An environment for a program that a sanitizer's library slows down, breaks or hangs: the launcher preloads that
-    library for Python, and other programs inherit it."""
-    return {name: value for name, value in environment.items() if name != "LD_PRELOAD"}
 
 
 def run_ninja(folder: Path, output: str) -> None:

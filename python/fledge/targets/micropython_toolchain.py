@@ -26,8 +26,9 @@ from typing import NamedTuple
 from fledge.errors import Failure
 from fledge.export.write import write_files
 from fledge.files import build_folder
+from fledge.programs import without_preload
 from fledge.targets import leon3_toolchain
-from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja, without_preload
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
 ARCHIVE = f"{PACKAGE}_{VERSION.rpartition('-')[0]}.orig.tar.xz"

@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from fledge.targets.build import without_preload
+from fledge.programs import without_preload
 
 PROGRAM = shutil.which("chromium")
 SWITCHES = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
