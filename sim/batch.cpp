@@ -242,9 +242,10 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     if (plan_.every <= 0) {
         throw SetupError("the duration of a step must be > 0, found " + format_time(plan_.every));
     }
-    if (has_callables(nominal)) {
-        throw SetupError("a simulation whose events or modules call Python cannot be stepped in a batch, where threads "
-                         "would share what these functions use");
+    if (const auto found = callables(nominal); !found.empty()) {
+        throw SetupError("a simulation that calls Python cannot be stepped in a batch, where threads would share what "
+                         "its functions use: " +
+                         format_list(found));
     }
     nominal_ = nominal.clone();
     if (nominal_->prepared()) {

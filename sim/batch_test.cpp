@@ -280,7 +280,8 @@ TEST(Batch, RefusesWhatCannotBe)
     event.predicate = [] { return false; };
     event.action = [] {};
     nominal.sim.process("world").add_event(event);
-    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("call Python"));
+    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("calls Python cannot be stepped in a batch, where threads would "
+                                                       "share what its functions use: event world.calls"));
 }
 
 TEST(Batch, RefusesActionsThatAreNoNumbersBeforeAnyCloneMoves)

@@ -338,21 +338,22 @@ std::size_t dispersed_elements(const CampaignPlan &plan)
     return n;
 }
 
-bool has_callables(const Simulation &simulation)
+std::vector<std::string> callables(const Simulation &simulation)
 {
+    std::vector<std::string> found;
     for (const auto &process : simulation.processes()) {
         for (const auto &event : process->events()) {
             if (event->predicate || event->action) {
-                return true;
+                found.push_back("event " + process->name + "." + event->name);
             }
         }
         for (const auto &instance : process->instances()) {
             if (instance->script.update) {
-                return true;
+                found.push_back(instance->path);
             }
         }
     }
-    return false;
+    return found;
 }
 
 void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)

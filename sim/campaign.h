@@ -94,8 +94,8 @@ struct CampaignProgress {
     std::size_t failed = 0;
 };
 
-/// Whether an event or a module has a callable. Callables may share data, so threads must not fly such runs.
-bool has_callables(const Simulation &simulation);
+/// The events and modules that have a callable. Callables may share data, so threads must not fly such runs.
+std::vector<std::string> callables(const Simulation &simulation);
 
 /// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements
 /// outside it, or a distribution that cannot keep the parameter's own rule: a bounded one must lie

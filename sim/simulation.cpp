@@ -89,7 +89,8 @@ void Simulation::feed(Feed feed)
     }
     for (const Wire &wire : wires()) {
         if (wire.to.instance == to.instance && wire.to.field == to.field) {
-            throw SetupError(path + " cannot be fed by hand: " + wire.from.path() + " already writes it");
+            throw SetupError(path + " cannot be fed by hand: " + wire.from.path() +
+                             " already writes it; leave out that wire");
         }
     }
     if (feed.stale_after < 0) {

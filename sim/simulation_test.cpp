@@ -961,7 +961,7 @@ TEST(Setup, NamesWhatIsWrong)
     const std::string all = error_of([&] { sim.prepare(); });
     EXPECT_THAT(all, HasSubstr("flight.source.value is required: what is put out"));
     EXPECT_THAT(all, HasSubstr("flight.scale is in no task"));
-    EXPECT_THAT(all, HasSubstr("flight.scale.number is not wired; outputs of its type Number: "
+    EXPECT_THAT(all, HasSubstr("flight.scale.number is not wired, nor fed by hand; outputs of its type Number: "
                                "flight.source.number, flight.scale.product and world.tank.level"));
     EXPECT_THAT(all, HasSubstr("world.tank is in no task"));
 }

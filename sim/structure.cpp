@@ -193,8 +193,9 @@ void check(const Structure &structure, const Roles &roles)
                 if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
                     std::none_of(structure.wires.begin(), structure.wires.end(), feeds) &&
                     !structure.feed_of({instance, &field})) {
-                    faults.add(instance->path + "." + field.name + " is not wired; outputs of its type " +
-                               field.sub->name + ": " + format_list(structure.outputs_of_type(field.sub)));
+                    faults.add(instance->path + "." + field.name +
+                               " is not wired, nor fed by hand; outputs of its type " + field.sub->name + ": " +
+                               format_list(structure.outputs_of_type(field.sub)));
                 }
             }
         }

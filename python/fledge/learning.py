@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, listed
+from fledge.mission.batch import ByPath
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
@@ -177,7 +178,8 @@ class VectorEnv:
         failed = self.batch.failed
         self._seen[failed] = before[failed]
         after = self.batch.by_name(self._seen)
-        given = {b.path: action[:, b.columns].reshape(self.num_envs, *b.shape) for b in self.batch.actions.values()}
+        given = ByPath({b.path: action[:, b.columns].reshape(self.num_envs, *b.shape)
+                        for b in self.batch.actions.values()})
         rewards = self._checked(self._reward(self.batch.by_name(before), given, after), float, "reward")
         ended = np.zeros(self.num_envs, bool) if self._ends is None else self._checked(self._ends(after), bool,
                                                                                        "terminated")

@@ -174,6 +174,8 @@ def test_boxes_hold_what_they_say():
     (dict(limit=0.1 * s), "limit must be at least a step, 0.5 s; found 0.1 s"),
     (dict(low=1.0), "a lower one is above the upper one"),
     (dict(low=[1.0, 2.0]), "bounds: expected a number"),
+    (dict(reward=lambda b, a, c: c["flight.tracking.error.sigma"]),
+     r"there is no 'flight.tracking.error.sigma' here; did you mean 'flight.tracking.error.sigma_BR'\? there are "),
     (dict(reward=lambda b, a, c: 0.0), r"reward\(\) must give an array of the shape \(3,\); found \(\)"),
     (dict(terminated=lambda c: np.zeros(2)), r"terminated\(\) must give an array of the shape"),
     (dict(reset=dict(options={"speed": 2})), "options: expected reset_mask, runs and snapshot; found speed"),

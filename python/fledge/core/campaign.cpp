@@ -137,7 +137,7 @@ py::array view(py::handle owner, std::vector<double> &values, std::vector<std::s
 std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
                                                           unsigned threads, py::object progress)
 {
-    if (sim::has_callables(nominal)) {
+    if (!sim::callables(nominal).empty()) {
         throw sim::SetupError("a mission that calls Python cannot be flown by threads");
     }
     Poll poll;
@@ -216,7 +216,7 @@ void bind_campaign(py::module_ &m)
             },
             "an array (runs, samples, elements) of each variable");
 
-    m.def("has_callables", sim::has_callables);
+    m.def("callables", sim::callables);
     m.def(
         "fly_one",
         [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError, listed
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.field_path import FieldPath
 from fledge.objects.si import time_ns
 
@@ -42,6 +42,13 @@ class Block:
     shape: tuple[int, ...]
     unit: str
     meaning: str
+
+
+class ByPath(dict):
+    """Arrays by the paths of their fields."""
+
+    def __missing__(self, path: str) -> Any:
+        raise SetupError(f"there is no '{path}' here{did_you_mean(path, self)} there are {listed(list(self))}")
 
 
 class Batch:
@@ -117,7 +124,8 @@ class Batch:
 
     def by_name(self, observed: Any) -> dict[str, Any]:
         """path -> view (n, *shape) of the rows that step(), reset() or observe() gave."""
-        return {b.path: observed[:, b.columns].reshape(len(observed), *b.shape) for b in self.observations.values()}
+        return ByPath({b.path: observed[:, b.columns].reshape(len(observed), *b.shape)
+                       for b in self.observations.values()})
 
     @property
     def failed(self) -> Any:

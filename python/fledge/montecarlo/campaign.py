@@ -58,7 +58,7 @@ class Campaign:
     def has_callables(self) -> bool:
         """Whether the mission's events or modules call Python. Processes fly such runs, each in a mission loaded
         afresh, because the functions of one mission may share data."""
-        return _core.has_callables(self.nominal.kernel)
+        return bool(_core.callables(self.nominal.kernel))
 
     def simulation(self, index: int, seed: int = 0) -> Simulation:
         """The simulation of one run, its parameters and seed set, not yet run.

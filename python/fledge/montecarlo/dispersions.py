@@ -329,7 +329,12 @@ class Dispersions:
         The fields are those of `faults` (docs/sensors.md): kind, channels, size, begin, lasts; each is drawn, or a
         constant for all runs. With "NONE" among the kinds some runs have no fault. Raises SetupError.
         """
-        owner = FieldPath(self.simulation, f"{path}.n_faults").owner
+        takers = {f"{p.name}.{name}": one for p in self.simulation.processes for name, one in p.instances.items()
+                  if any(f.name == "n_faults" for f in _core.struct(one).fields)}
+        if path not in takers:
+            raise SetupError(f"d.fault({path!r}): no model of that name takes faults; these do: "
+                             + listed(list(takers)))
+        owner = takers[path]
         if "kind" not in fields:
             raise SetupError(f'd.fault({path!r}): name its kind, as in kind="BIAS" or kind=d.choice("NONE", "BIAS")')
         known = [f.name for one in _core.struct(owner).fields if one.name == "faults" for f in one.struct.fields]

@@ -374,7 +374,7 @@ def test_faults_that_the_mission_does_not_plan_are_dispersed(tmp_path):
         assert np.allclose(rate[:, :, channel], expected[:, :, 0], atol=1e-12)
     with pytest.raises(fledge.SetupError, match="a fault has no 'sise'; did you mean 'size'"):
         campaign.dispersions.fault("world.gyro", kind="BIAS", sise=3)
-    with pytest.raises(fledge.SetupError, match="world.craft has no 'n_faults'"):
+    with pytest.raises(fledge.SetupError, match="no model of that name takes faults; these do: world.gyro"):
         campaign.dispersions.fault("world.craft", kind="BIAS")
     with pytest.raises(fledge.SetupError, match="of the rows of world.gyro.faults the mission gives 2"):
         campaign.dispersions["world.gyro.faults[2].size"] = campaign.dispersions.uniform(0, 1)
