@@ -51,6 +51,7 @@ class Channel:
     schema: the message type, "fledge/msg/AttError"; type: its own name, "AttError"; schema_text: its definition
     metadata: notes of the writer on the topic, text to text
     count: number of messages
+    problem: why its messages cannot be decoded, as those that have no fixed size; None if they can
     """
 
     def __init__(self, raw, path):
@@ -63,6 +64,7 @@ class Channel:
         self.schema_text = raw.schema_text
         self.metadata = raw.metadata
         self.count = len(raw.offsets)
+        self.problem = raw.why_not
 
     @property
     def fields(self) -> dict[str, Field]:
@@ -73,8 +75,8 @@ class Channel:
         return {f.name: f for f in self._struct().fields()}
 
     def _struct(self):
-        if self._raw.struct is None:
-            raise ArchiveError(f"{self._path}: {self.topic} ({self.schema}) cannot be decoded: {self._raw.why_not}")
+        if self.problem is not None:
+            raise ArchiveError(f"{self._path}: {self.topic} ({self.schema}) cannot be decoded: {self.problem}")
         return self._raw.struct
 
     @property

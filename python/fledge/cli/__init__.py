@@ -215,7 +215,7 @@ def plot(options: argparse.Namespace) -> int:
         figures = [draw(archive, *options.fields)]
     else:  # a figure per topic, a panel per field
         figures = []
-        for channel in archive.topics.values():
+        for channel in _decodable(archive):
             fields = {f"{channel.name}.{n}": f for n, f in channel.fields.items() if not n.startswith("head.")}
             if channel.count and fields:
                 figures.append(draw(archive, *fields, name=channel.name, title=channel.name,
@@ -245,14 +245,24 @@ def convert(options: argparse.Namespace) -> int:
     archive = open_run(options.run)
     if options.about:
         return _about(archive)
-    if not archive.topics:
+    topics = [channel.topic for channel in _decodable(archive)]
+    if not topics:
         raise Failure(f"{archive.path}: there is nothing to convert", 1)
     if options.hdf5:
-        say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"))))
+        say(str(archive.to_hdf5(options.out or archive.path.with_suffix(".h5"), topics)))
     else:
-        for path in archive.to_csv(options.out or archive.path.parent):
+        for path in archive.to_csv(options.out or archive.path.parent, topics):
             say(str(path))
     return 0
+
+
+def _decodable(archive):
+    """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
+    for channel in archive.topics.values():
+        if channel.problem:
+            print(f"fledge: without {printable(channel.topic)} ({printable(channel.schema)}), whose messages are "
+                  "no plain structs", file=sys.stderr)
+    return [channel for channel in archive.topics.values() if not channel.problem]
 
 
 def _about(archive):

@@ -3,6 +3,7 @@
 
 import re
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,6 +112,17 @@ def test_the_command_writes_it_beside_the_record_and_hides_nothing(formation, tm
         assert capsys.readouterr().out.startswith("runs/formation/free/run.scene.mcap (")
     with fledge.Archive("runs/formation/free/run.scene.mcap") as archive:
         assert archive.problem is None
+    # What is no plain data is named, and the rest is converted and plotted.
+    for name in ("run", "run.scene"):
+        assert cli.main(["convert", "--csv", f"runs/formation/free/{name}.mcap", "--out", name]) == 0
+    without = [f"fledge: without {topic} ({schema}), whose messages are no plain structs" for topic, schema in
+               (("/scene/transforms", "foxglove_msgs/msg/FrameTransforms"),
+                ("/scene/entities", "foxglove_msgs/msg/SceneUpdate"))]
+    assert capsys.readouterr().err.splitlines() == without
+    files = [{path.name: path.read_bytes() for path in Path(name).iterdir()} for name in ("run", "run.scene")]
+    assert files[0] == files[1] and len(files[0]) >= 4
+    assert cli.main(["plot", "runs/formation/free/run.scene.mcap"]) == 0
+    assert capsys.readouterr().err.splitlines() == without
 
 
 def test_the_transforms_are_the_recorded_motion(formation):
