@@ -18,7 +18,8 @@ from bench.rows import Rows
 
 SECTIONS = [motion.rotation, motion.orbits, motion.oblate, environment.gravity, environment.planets,
             environment.check_cases, environment.ephemerides, environment.time_scales, earth.earth, motion.wheels,
-            parts.moving, parts.actuators, around.surroundings, flight.navigation, flight.elementary, flight.loop]
+            parts.moving, parts.actuators, around.surroundings, earth.air_and_field, flight.navigation,
+            flight.elementary, flight.loop]
 
 DOCUMENT = Path(__file__).resolve().parents[1] / "docs" / "accuracy.md"
 

@@ -6,14 +6,16 @@ import pytest
 
 pytest.importorskip("mpmath", reason="python3-mpmath is not installed")
 
-from bench import accuracy, accuracy_motion, accuracy_parts, accuracy_surroundings, closed_forms as exact
+from bench import accuracy, accuracy_earth, accuracy_motion, accuracy_parts, accuracy_surroundings
+from bench import closed_forms as exact
 from bench.accuracy_table import Table, two_digits
 
 WRITTEN = accuracy.DOCUMENT.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("measure", [accuracy_motion.rotation, accuracy_motion.wheels, accuracy_parts.moving,
-                                     accuracy_parts.actuators, accuracy_surroundings.surroundings])
+                                     accuracy_parts.actuators, accuracy_surroundings.surroundings,
+                                     accuracy_earth.air_and_field])
 def test_what_is_written_is_what_is_measured(measure):
     section = accuracy.wrap(measure().markdown())
     assert section in WRITTEN, "the models have changed: run ./fledge bench accuracy, and look at what it changes"
