@@ -12,7 +12,7 @@
  *  Source: thesis Eq. (A.1). */
 typedef struct Spacecraft {
     struct {
-        ForceTorque external; ///< optional: what else acts on it; each further output needs a part ExternalForce
+        ForceTorque external; ///< optional: what else acts on it; each further output has a part ExternalForce
     } in;
     struct {
         CraftState state;

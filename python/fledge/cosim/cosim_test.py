@@ -143,7 +143,7 @@ PUSHED = """
 from fledge import Orbit, world
 
 def build(sim):
-    # Two probes in the air, and a craft that feels what acts on them, each force and torque by an input of its own.
+    # Two probes in the air, and a craft that feels all that acts on them.
     air, hub = sim.add_world("air"), sim.add_world("world")
     air.air = world.Atmosphere(body=world.EARTH, law="STANDARD_1976", spin=7e-5)
     air.light = world.Sunlight(sun=world.SUN.at([1.5e11, 0, 0]), irradiance=1361)
@@ -156,11 +156,8 @@ def build(sim):
         for name, model in (("drag", drag), ("press", press), ("probe", probe)):
             setattr(air, f"{name}{k}", model)
         loads += [drag.load, press.load]
-    pushes = [world.ExternalForce() for _ in loads[1:]]
-    for k, push in enumerate(pushes):
-        setattr(hub, f"push{k}", push)
-    hub.craft = world.Spacecraft(mass=20, I_B=[3, 4, 5], omega_BN_B=[0.02, 0, 0.01], parts=pushes)
-    hub.connect(*(load >> port.external for load, port in zip(loads, [hub.craft, *pushes])))
+    hub.craft = world.Spacecraft(mass=20, I_B=[3, 4, 5], omega_BN_B=[0.02, 0, 0.01])
+    hub.connect(*(load >> hub.craft.external for load in loads))
     air.connect(air.probe1.state >> [air.air.truth, air.light.truth])
     air.task("air", every=0.5, run=[air.air, air.light, air.probe1, air.probe2])
     hub.task("craft", every=0.1, run=[hub.craft])
@@ -179,13 +176,15 @@ def test_forces_of_several_sources_add_up_in_one_program_and_in_two(tmp_path):
     record(one)
     one.run(20)
     w = one.process("world")
-    inputs = [part.external for part in (w.craft, w.push0, w.push1, w.push2)]
+    inputs = [part.external for part in (w.craft, w.craft_external_2, w.craft_external_3, w.craft_external_4)]
     assert min(np.linalg.norm(load.force_B) for load in inputs) > 1e-6
     C_BN = mrp_to_dcm(w.craft.state.sigma_BN)
     omega, I_B = w.craft.state.omega_BN_B, np.diag([3, 4, 5])
     torque = sum(load.torque_B for load in inputs) - np.cross(omega, I_B @ omega)
     np.testing.assert_allclose(w.craft.state.a_BN_N, C_BN.T @ sum(load.force_B for load in inputs) / 20, rtol=1e-12)
     np.testing.assert_allclose(w.craft.state.domega_BN_B, np.linalg.solve(I_B, torque), rtol=1e-12)
+    with pytest.raises(fledge.SetupError, match="air.press2.load >> world.craft.external: .* by .*_external_4"):
+        w.connect(one.process("air").press2.load >> w.craft.external)
     together = records(one)
     apart = records(*fly_apart(make, 20, 0, ["air", "world"]))
     assert sorted(apart) == sorted(together)

@@ -439,14 +439,37 @@ class Process:
     def connect(self, *wires: Wire) -> None:
         """Join outputs to inputs: `connect(a.output >> b.input, ...)`.
 
+        Forces add up: for each output beyond the first that is joined to the `external` of a spacecraft `craft`, that
+        gets a part of the type ExternalForce, `craft_external_2` and so on.
+
         Raises SetupError if an input already has a writer, or a module has no name yet.
         """
         for one in wires:
             if not isinstance(one, Wire):
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
             for target in one.targets:
+                target = self._with_room(one.source, target)
                 self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
                 self.declare(_core.path(target), one.declared_at)
+
+    def _with_room(self, source, target):
+        """The input; that of a new ExternalForce if it is a spacecraft's `external` that another output writes."""
+        path, craft = _core.path(target), _core.root(target)
+        taken = {to: writer for writer, to, *_ in self._core_simulation.wires}
+        if path not in taken or not path.endswith(".external"):
+            return target
+        from fledge.world import ExternalForce, Spacecraft
+
+        if not isinstance(craft, Spacecraft):
+            return target
+        others = [_core.path(part.external) for part in craft.parts if isinstance(part, ExternalForce)]
+        for to in (path, *others):
+            if taken.get(to) == _core.path(source):
+                raise SetupError(f"{taken[to]} >> {path}: this output already acts on it, by {to}")
+        part = ExternalForce()
+        setattr(_core.context(craft)(), f"{path.split('.')[1]}_external_{len(others) + 2}", part)
+        craft.parts = part
+        return part.external
 
     def feed(self, port: Any, record: Any = None, /, **options: Any) -> None:
         """Feed an input by hand, in place of a wire, as Simulation.feed() does."""
