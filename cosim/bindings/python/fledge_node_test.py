@@ -257,6 +257,7 @@ def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, al
         _, errors = programs[0].communicate(timeout=60)
         # If the controller is quick to break off, the node cannot ask whose the connection was.
         assert ("another user" if allows == "neither" else "breaks off") in errors
+        controller.wait_for(spring="joining")       # a program that connects after the end would wait
         controller.process.send_signal(signal.SIGTERM)
         assert controller.end() == (1, "the run ended early: the user ended it")
 
