@@ -4,6 +4,7 @@
 import contextlib
 import csv
 import json
+import multiprocessing
 import os
 import pty
 import re
@@ -149,6 +150,25 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
     for i, text in result.failures.items():
         assert (text == "the process that flew it ended with code 3") if died[i] else "ZeroDivisionError" in text
     assert set(result.failures) == set(np.flatnonzero(died | (mass < 0.3)))
+
+
+def test_processes_that_are_killed_fail_their_runs_and_end_with_the_campaign(tmp_path):
+    mission(tmp_path, RELEASE, CALLABLES)
+    killed = []
+
+    def progress(finished, failed):
+        if finished >= 10 * (len(killed) + 1) and len(killed) < 3:
+            killed.append(multiprocessing.active_children()[0])
+            killed[-1].kill()
+
+    campaign = Campaign(tmp_path)
+    result, whole = campaign.fly(60, seed=2, threads=2, progress=progress), campaign.fly(60, seed=2, threads=1)
+    assert set(result.failures.values()) == {"the process that flew it was ended by SIGKILL"}
+    assert len(killed) == 3 and 1 <= len(result.failures) <= 3 and result.flown.all()
+    kept = [i for i in range(60) if i not in result.failures]
+    for path, retained in whole.retained.items():
+        assert (result.retained[path][kept] == retained[kept]).all()
+    assert multiprocessing.active_children() == []
 
 
 # --- health --------------------------------------------------------------------------------------

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
@@ -123,68 +125,58 @@ def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
     from multiprocessing import connection
 
     fork = multiprocessing.get_context("fork")
-    following = fork.Value("q", 0)
-    children: dict[Any, Any] = {}       # pipe -> process
-    flying: dict[Any, int] = {}         # pipe -> index of the run in the air
+    waiting = (index for first, end in ranges for index in range(first, end))
+    flying: dict[Any, tuple[Any, int]] = {}     # pipe -> (process, index of the run in the air)
     finished = failed = 0
 
-    def start():
+    def start(index):
         ours, theirs = fork.Pipe()
-        children[ours] = fork.Process(target=_fly_following, args=(campaign, ranges, seed, following, theirs),
-                                      daemon=True)
-        children[ours].start()
+        child = fork.Process(target=_fly_given, args=(campaign, seed, theirs, ours), daemon=True)
+        child.start()
         theirs.close()
+        give(ours, child, index)
+
+    def give(pipe, child, index):
+        with suppress(OSError):     # it has died, which the next look at its pipe shows
+            pipe.send(index)
+        if index is None:
+            child.join()
+        else:
+            flying[pipe] = child, index
 
     try:
-        for _ in range(min(processes, sum(end - first for first, end in ranges))):
-            start()
-        while children:
+        for _, index in zip(range(processes), waiting):
+            start(index)
+        while flying:
             pipe: Any
-            for pipe in connection.wait(list(children), 0.1):
+            for pipe in connection.wait(list(flying), 0.1):
+                child, index = flying.pop(pipe)
                 try:
-                    found = pipe.recv()
-                except EOFError:  # it has come to its end, or died in a run
-                    child = children.pop(pipe)
+                    share = pipe.recv()
+                    give(pipe, child, next(waiting, None))
+                except (EOFError, OSError):     # it died in the run
                     child.join()
-                    if pipe not in flying:
-                        continue
-                    found = Share.failed(campaign, flying[pipe], death(child.exitcode))
-                    start()
-                if isinstance(found, int):
-                    flying[pipe] = found
-                    continue
-                del flying[pipe]
-                finished, failed = finished + 1, failed + bool(found.errors[0])
-                yield found
+                    share = Share.failed(campaign, index, death(child.exitcode))
+                    for following in islice(waiting, 1):
+                        start(following)
+                finished, failed = finished + 1, failed + bool(share.errors[0])
+                yield share
             progress(finished, failed)
     finally:
-        for child in children.values():
+        for child, _ in flying.values():
             child.terminate()
             child.join()
 
 
-def _fly_following(campaign, ranges, seed, following, pipe):
-    """Fly the next run until there is none. Sends its index, then its share."""
+def _fly_given(campaign, seed, pipe, of_parent):
+    """Fly the runs whose indices come, until there is none, or the parent has gone."""
     import signal
 
+    of_parent.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it, and ends the children
-    while True:
-        with following.get_lock():
-            index = _nth(ranges, following.value)
-            following.value += 1
-        if index is None:
-            return
-        pipe.send(index)
-        pipe.send(fly_loaded(campaign, seed, index))
-
-
-def _nth(ranges: Iterable[tuple[int, int]], n: int) -> int | None:
-    """The n-th index of ranges."""
-    for first, end in ranges:
-        if n < end - first:
-            return first + n
-        n -= end - first
-    return None
+    with suppress(EOFError, OSError):
+        while (index := pipe.recv()) is not None:
+            pipe.send(fly_loaded(campaign, seed, index))
 
 
 def death(code: int | None) -> str:
