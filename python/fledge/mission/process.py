@@ -455,12 +455,12 @@ class Process:
     def _with_room(self, source, target):
         """The input; that of a new ExternalForce if it is a spacecraft's `external` that another output writes."""
         path, craft = _core.path(target), _core.root(target)
-        taken = {to: writer for writer, to, *_ in self._core_simulation.wires}
-        if path not in taken or not path.endswith(".external"):
+        if not path.endswith(".external"):
             return target
         from fledge.world import ExternalForce, Spacecraft
 
-        if not isinstance(craft, Spacecraft):
+        taken = {to: writer for writer, to, *_ in self._core_simulation.wires}
+        if path not in taken or not isinstance(craft, Spacecraft):
             return target
         others = [_core.path(part.external) for part in craft.parts if isinstance(part, ExternalForce)]
         for to in (path, *others):
