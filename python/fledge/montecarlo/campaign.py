@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _core, mission as missions
 from fledge.errors import SetupError
+from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, first_line, functions_of
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_processes, by_threads
 from fledge.montecarlo.store import Store
-from fledge.mission.field_path import FieldPath
 from fledge.progress import Bar
 
 if TYPE_CHECKING:

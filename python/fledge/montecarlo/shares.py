@@ -137,7 +137,7 @@ def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
         give(ours, child, index)
 
     def give(pipe, child, index):
-        with suppress(OSError):     # it has died, which the next look at its pipe shows
+        with suppress(OSError):     # the child has died: recv() will say so
             pipe.send(index)
         if index is None:
             child.join()
@@ -145,7 +145,7 @@ def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
             flying[pipe] = child, index
 
     try:
-        for _, index in zip(range(processes), waiting):
+        for index in islice(waiting, processes):
             start(index)
         while flying:
             pipe: Any
@@ -157,7 +157,8 @@ def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
                 except (EOFError, OSError):     # it died in the run
                     child.join()
                     share = Share.failed(campaign, index, death(child.exitcode))
-                    for following in islice(waiting, 1):
+                    following = next(waiting, None)
+                    if following is not None:
                         start(following)
                 finished, failed = finished + 1, failed + bool(share.errors[0])
                 yield share
@@ -168,11 +169,11 @@ def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
             child.join()
 
 
-def _fly_given(campaign, seed, pipe, of_parent):
+def _fly_given(campaign, seed, pipe, parents_end):
     """Fly the runs whose indices come, until there is none, or the parent has gone."""
     import signal
 
-    of_parent.close()
+    parents_end.close()     # this child inherited it: while it holds it, recv() does not end with the parent
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it, and ends the children
     with suppress(EOFError, OSError):
         while (index := pipe.recv()) is not None:
