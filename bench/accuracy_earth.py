@@ -46,6 +46,18 @@ def orientation():
     return table
 
 
+def still(model, place, t=0.0):
+    """The model at a place, where a craft without forces stays, at the time t [s]."""
+    sim = fledge.Simulation()
+    w = sim.world
+    w.craft = world.Spacecraft(I_B=[1, 1, 1], r_BN_N=place)
+    w.model = model
+    w.connect(w.craft.state >> w.model.truth)
+    w.task("model", every=max(t, 1.0), run=[w.craft, w.model])
+    sim.run(t)
+    return w.model
+
+
 def hidden(sun, body, apart):
     """The share of a disc of constant brightness that another one hides: two caps of a sphere, of these radii."""
     def arc(rho):
@@ -66,33 +78,15 @@ def shadow():
             sun, body = asin(world.SUN.radius / AU), asin(world.EARTH.radius / r)
             angle = abs(sun - body) + share * (sun + body - abs(sun - body))
             place = [-r * cos(angle), r * sin(angle), 0.0]
-            sim = fledge.Simulation()
-            w = sim.world
-            w.craft = world.Spacecraft(I_B=[1, 1, 1], r_BN_N=place)
-            w.light = world.Sunlight(sun=world.SUN.at([AU, 0, 0]), shadows=[world.EARTH])
-            w.connect(w.craft.state >> w.light.truth)
-            w.task("light", every=1, run=[w.craft, w.light])
-            sim.run(0)
+            light = still(world.Sunlight(sun=world.SUN.at([AU, 0, 0]), shadows=[world.EARTH]), place).light
             to_sun = exact.add(exact.vector([AU, 0, 0]), exact.vector(place), -1)
             to_earth = exact.scale(-1, exact.vector(place))
             apart = mp.acos(exact.dot(to_sun, to_earth) / exact.norm(to_sun) / exact.norm(to_earth))
             expected = 1 - hidden(mp.asin(mpf(world.SUN.radius) / exact.norm(to_sun)),
                                   mp.asin(mpf(world.EARTH.radius) / exact.norm(to_earth)), apart)
-            figures.append(abs(mpf(w.light.light.visible) - expected))
+            figures.append(abs(mpf(light.visible) - expected))
         table.add(name, *figures)
     return table
-
-
-def still(model, place, t=0.0):
-    """The model at a place, where a craft without forces stays, at the time t [s]."""
-    sim = fledge.Simulation()
-    w = sim.world
-    w.craft = world.Spacecraft(I_B=[1, 1, 1], r_BN_N=place)
-    w.model = model
-    w.connect(w.craft.state >> w.model.truth)
-    w.task("model", every=max(t, 1.0), run=[w.craft, w.model])
-    sim.run(t)
-    return w.model
 
 
 def air_at(altitude):
@@ -117,8 +111,7 @@ def lower_air(altitude):
 
 
 def low_air():
-    table = Table("The US Standard Atmosphere 1976 to 86 km", "altitude",
-                  [("density", "relative")])
+    table = Table("The US Standard Atmosphere 1976 to 86 km", "altitude", [("density", "relative")])
     for km in (0, 8, 15, 25, 40, 50, 60, 80, 86):
         air = air_at(1e3 * km)
         table.add(f"{km} km", abs(mpf(air.density) / lower_air(mpf(air.altitude)) - 1))
