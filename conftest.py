@@ -19,8 +19,8 @@ sys.path[:] = [*(path for path in sys.path if path not in ("", os.getcwd())), *F
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), *FOLDERS]))
 
 # Tests of the launcher, of documents, of generated sources, of programs of targets, and of pages in a browser: the
-# sanitizers look into none of these. Those of Dask have threads beside which a child that is forked would wait forever
-# for a lock of the sanitizer's allocator.
+# sanitizers look into none of these. And the tests of Dask, which leave threads behind: if a thread holds the lock of
+# the sanitizer's allocator while the test forks, the child waits for that lock forever.
 IN_RELEASE = [ROOT / path for path in (
     "bench/mutants_test.py", "introspect", "python/fledge/export", "python/fledge/montecarlo/scheduler_test.py",
     "python/fledge/scene", "python/fledge/targets", "registers/emit_test.py", "registers/machines_test.py",
@@ -30,7 +30,7 @@ IN_RELEASE = [ROOT / path for path in (
 
 
 def pytest_collection_modifyitems(items):
-    """Under the sanitizers, leave out what they would only slow down."""
+    """Under the sanitizers, leave out the tests of IN_RELEASE."""
     if os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan"):
         for item in items:
             if any(path in IN_RELEASE for path in (item.path, *item.path.parents)):
