@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BOARDS = [read(file) for file in sorted((ROOT / "registers/boards").glob("*.toml"))]
 STRICT = ["-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes", "-Werror",
           "-ffp-contract=off", f"-I{ROOT}"]
-COMPILERS = {"gcc": [], "clang-14": [], "aarch64-linux-gnu-gcc": ["qemu-aarch64", "-L",
+COMPILERS = {"gcc": [], "clang": [], "aarch64-linux-gnu-gcc": ["qemu-aarch64", "-L",
              "/usr/aarch64-linux-gnu"], "sparc64-linux-gnu-gcc": ["qemu-sparc64", "-L",
              "/usr/sparc64-linux-gnu"]}
 
@@ -106,7 +106,7 @@ def test_a_header_stands_by_itself(written, standard):
     for board in BOARDS:
         source = written / "alone.c"
         source.write_text(f'#include "{board.name}.h"\n#include "{board.name}.h"\n')
-        for compiler in filter(shutil.which, ("gcc", "clang-14")):
+        for compiler in filter(shutil.which, ("gcc", "clang")):
             done = subprocess.run([compiler, f"-std={standard}", *STRICT, f"-I{written}", "-c",
                                    str(source), "-o", str(written / "alone.o")],
                                   capture_output=True, text=True)
@@ -177,7 +177,7 @@ bits = [0, 8]
     (tmp_path / "b.toml").write_text(text, encoding="utf-8")
     for name, written in emit_c.emit(read(tmp_path / "b.toml")).items():
         (tmp_path / name).write_text(written, encoding="utf-8")
-    for compiler in filter(shutil.which, ("gcc", "clang-14")):
+    for compiler in filter(shutil.which, ("gcc", "clang")):
         done = subprocess.run([compiler, "-std=c99", *STRICT, f"-I{tmp_path}", "-c",
                                str(tmp_path / "b.c"), "-o", str(tmp_path / "b.o")],
                               capture_output=True, text=True)

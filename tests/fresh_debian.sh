@@ -83,7 +83,7 @@ done
 # Without root and without sudo it must say what to type, and touch nothing.
 said=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
     { echo "fresh_debian: set-up without root should have failed" >&2; exit 1; }
-[[ $said == *"apt-get install --no-install-recommends"* ]] || { echo "$said" >&2; exit 1; }
+[[ $said == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$said" >&2; exit 1; }
 
 status=0
 for command; do

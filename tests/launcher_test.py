@@ -15,16 +15,17 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = "cat cksum cut date dirname env flock getconf grep head ls mkdir readlink rm sed sleep stat tail tr".split()
+TOOLS = ("cat cksum cut date dirname env flock getconf grep head ls mkdir paste readlink rm sed sleep stat tail "
+         "tr").split()
 
 STAND_INS = {
     "id": 'echo "${FAKE_UID:-0}"',
     "dpkg-query": 'cat "$FAKE/installed" 2>/dev/null; exit 1',
     # The first install of each run of the test fails, as it does when the lists are outdated.
     "apt-get": 'echo "$*" >> "$FAKE/apt"; . "$FAKE/during" "$0"\n'
-               'case "$*" in *install*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
+               'case "$*" in *satisfy*) [ -e "$FAKE/updated" ] || { echo "E: no"; exit 100; } ;;\n'
                '*) : > "$FAKE/updated" ;; esac\n'
-               'for name; do echo "installed $name" >> "$FAKE/installed"; done\n'
+               'for name in $(echo "$*" | tr ",|" "  "); do echo "installed $name, " >> "$FAKE/installed"; done\n'
                'echo "Need to get 12.3 MB of archives."',
     "cmake": 'echo "$*" >> "$FAKE/cmake"; . "$FAKE/during" "$0"\n'
              'for one; do case $one in release | debug) dir=build/$one ;; build/*) dir=$one ;;\n'
@@ -92,19 +93,20 @@ def launch():
 
 
 def packages(purpose):
-    """The names in that section of the list."""
+    """The names in that section of the list; of alternatives, the first."""
     section = (ROOT / "cmake/packages.txt").read_text().split(f"[{purpose}]")[1].split("[")[0]
     return re.findall(r"^[^#\s]+", section, re.MULTILINE)
 
 
 def test_setup_installs_what_is_missing_and_only_that(launch):
-    (launch.fake / "installed").write_text("installed cmake\nconfig-files ninja-build\n")
+    (launch.fake / "installed").write_text(
+        "installed cmake, cmake-data (= 3.25)\nconfig-files ninja-build, \ninstalled x, python-clang-x.y, g++ (= 12)\n")
     (launch.fake / "updated").touch()
     done = launch("setup")
     assert done.returncode == 0, done.stderr
-    (command,) = (line for line in launch.said("apt") if " install " in line)
-    wanted = command.split("--no-install-recommends ")[1].split()
-    assert wanted == [name for name in packages("run") if name != "cmake"]
+    (command,) = (line for line in launch.said("apt") if " satisfy " in line)
+    wanted = command.split("--no-install-recommends ")[1].split(", ")
+    assert wanted == [name for name in packages("run") if name not in ("cmake", "python3-clang", "g++")]
     assert "12.3 MB" in done.stderr
 
 
@@ -122,16 +124,39 @@ def test_package_lists_are_fetched_only_when_an_install_fails(launch):
     done = launch("setup")
     assert done.returncode == 0, done.stderr
     words = [word for line in launch.said("apt") for word in line.split()
-             if word in ("install", "update")]
-    assert words[-2:] == ["update", "install"]
+             if word in ("satisfy", "update")]
+    assert words[-2:] == ["update", "satisfy"]
     assert words.count("update") == 1
 
 
 def test_without_root_or_sudo_it_says_what_to_type_and_touches_nothing(launch):
     done = launch("setup", FAKE_UID="1000")
     assert done.returncode == 1
-    assert "apt-get install --no-install-recommends " + " ".join(packages("run")) in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("fledge: packages are missing; as root, run: apt-get satisfy --no-install-recommends 'g++, ")
+    assert "python3-clang | python-clang-x.y, " in line and packages("run")[-1] in line
     assert launch.said("apt") == launch.said("cmake") == []
+
+
+def test_what_only_developers_like_comes_when_they_ask(launch):
+    (launch.fake / "updated").touch()
+    launch("setup")
+    assert "ccache" not in " ".join(launch.said("apt"))
+    launch("setup", "--develop")
+    assert launch.said("apt")[-1].endswith("ccache, pre-commit")
+
+
+def test_another_system_needs_the_tools_and_says_what_else(launch):
+    (launch.place / "bin/apt-get").unlink()
+    done = launch("list")
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 1 and line.startswith(
+        "fledge: this is no Debian, and lacks g++; install by hand what is missing of: g++ cmake ")
+    (launch.place / "bin/g++").symlink_to(shutil.which("true"))
+    done = launch("list")
+    assert done.returncode == 0 and "list in" in done.stdout
+    assert done.stderr.startswith("fledge: this is no Debian; install by hand")
+    assert launch("list").stderr == ""
 
 
 def test_a_broken_build_shows_its_error_and_fails(launch):
@@ -274,7 +299,7 @@ def test_two_first_commands_do_not_collide(launch):
     assert "list in" in first.communicate(timeout=300)[0]
     out, error = second.communicate(timeout=300)
     assert first.returncode == second.returncode == 0, out + error
-    (for_run,) = (line for line in launch.said("apt") if " cmake " in line)
+    (for_run,) = (line for line in launch.said("apt") if " cmake, " in line)
 
 
 def test_the_second_build_waits_for_the_first(launch):
@@ -365,7 +390,7 @@ def test_micropython_comes_when_it_is_needed(launch, arguments, asked):
     (launch.tree / "python/fledge/targets/leon3_toolchain.py").touch()      # a bench of MicroPython needs it, too
     launch(*arguments)
     assert launch.said("micropython") == asked
-    assert (" debian-archive-keyring" in " ".join(launch.said("apt"))) == bool(asked)
+    assert ("debian-archive-keyring" in " ".join(launch.said("apt"))) == bool(asked)
 
 
 @pytest.mark.parametrize("arguments, needed", [

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fuzzes the decoders with libFuzzer, for hours instead of the unit test's second:
-//     cmake --preset debug -DCMAKE_C_COMPILER=clang-14 -DCMAKE_CXX_COMPILER=clang++-14 -DFLEDGE_FUZZ=ON
+//     cmake --preset debug -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DFLEDGE_FUZZ=ON
 //     cmake --build --preset debug --target cosim_protocol_fuzz
 // Frames are given without their header, whose checksum no fuzzer would guess.
 #include "cosim/protocol/protocol.h"

@@ -35,9 +35,9 @@ SPARC_V8 = ["sparc64-linux-gnu-gcc", "-O3", "-m32", "-mcpu=leon3", "-mno-v8plus"
 # Target: how to compile, and how to run.
 TARGETS = {
     "gcc_O3": (["gcc", "-O3"], []),
-    "clang_O2": (["clang-14", "-O2"], []),
+    "clang_O2": (["clang", "-O2"], []),
     "aarch64": (AARCH64, ["qemu-aarch64"]),
-    "aarch64_clang": (["clang-14", "-O3", "--target=aarch64-linux-gnu", "-static"],
+    "aarch64_clang": (["clang", "-O3", "--target=aarch64-linux-gnu", "-static"],
                       ["qemu-aarch64"]),
     "sparc_v8": (SPARC_V8, ["qemu-sparc"]),
     "fused": (AARCH64 + ["-ffp-contract=fast"], ["qemu-aarch64"]),

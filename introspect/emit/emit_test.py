@@ -202,15 +202,15 @@ def test_tables_are_the_same_again(model):
 
 
 def test_clang_compiles_tables_too(model, tmp_path):
-    if not shutil.which("clang-14"):
-        pytest.skip("clang-14 is not installed")
+    if not shutil.which("clang"):
+        pytest.skip("clang is not installed")
     for source in write(model, tmp_path, "tables"):
-        assert compile_c(source, f"-I{ROOT}", compiler="clang-14").stderr == ""
+        assert compile_c(source, f"-I{ROOT}", compiler="clang").stderr == ""
 
 
 # Layout
 
-@pytest.mark.parametrize("compiler", ["gcc", "gcc -std=c11", "clang-14", "aarch64-linux-gnu-gcc",
+@pytest.mark.parametrize("compiler", ["gcc", "gcc -std=c11", "clang", "aarch64-linux-gnu-gcc",
                                       "sparc64-linux-gnu-gcc -m32 -mcpu=v8"])
 def test_the_layout_holds_with_every_compiler(model, tmp_path, compiler):
     compiler, *options = compiler.split()

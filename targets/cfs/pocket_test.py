@@ -33,10 +33,10 @@ def test_it_is_small_and_has_no_heap(tmp_path):
                     "snprintf", "vsnprintf"}
 
 
-@pytest.mark.skipif(not shutil.which("clang-14"), reason="clang-14 is not installed")
+@pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
 def test_it_is_clean_under_another_compiler(tmp_path):
-    compiled(tmp_path, "-O1", compiler="clang-14")
-    subprocess.run(["clang-14", *STRICT, "-c", str(ROOT / "targets/cfs/host.c")], check=True, cwd=tmp_path)
+    compiled(tmp_path, "-O1", compiler="clang")
+    subprocess.run(["clang", *STRICT, "-c", str(ROOT / "targets/cfs/host.c")], check=True, cwd=tmp_path)
 
 
 def test_its_tasks_race_nowhere(tmp_path):

@@ -15,8 +15,8 @@ from fledge import export
 ROOT = Path(__file__).resolve().parents[4]
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
           "-ffp-contract=off", "-fno-math-errno"]
-CLANG = pytest.param("clang-14", marks=pytest.mark.skipif(not shutil.which("clang-14"),
-                                                          reason="clang-14 is not installed"))
+CLANG = pytest.param("clang", marks=pytest.mark.skipif(not shutil.which("clang"),
+                                                          reason="clang is not installed"))
 COMPILERS = ["gcc", CLANG]
 
 
