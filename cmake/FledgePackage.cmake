@@ -5,6 +5,7 @@
 # with CMAKE_PREFIX_PATH=<prefix>. Below the prefix, `cmake --install build/release --prefix P` writes
 #
 #   bin/fledge                              the command
+#   share/bash-completion, share/zsh        its completion
 #   lib/fledge/                             this tree without its tests, and what was built
 #   lib/python3.11/*-packages/fledge.pth    for `import fledge`: a Python of that prefix reads it
 #
@@ -64,6 +65,8 @@ file(CONFIGURE OUTPUT installed/fledge @ONLY CONTENT
 exec \"$(dirname -- \"$(readlink -f -- \"$0\")\")/../${FLEDGE_HOME}/fledge\" \"$@\"
 ")
 install(PROGRAMS ${PROJECT_BINARY_DIR}/installed/fledge DESTINATION bin)
+install(FILES python/fledge/cli/completion.sh DESTINATION share/bash-completion/completions RENAME fledge)
+install(FILES python/fledge/cli/completion.sh DESTINATION share/zsh/site-functions RENAME _fledge)
 find_package(Python 3.11 REQUIRED COMPONENTS Interpreter)
 foreach(packages site-packages dist-packages)     # the latter in Debian's own Python
     install(FILES ${PROJECT_BINARY_DIR}/installed/fledge.pth

@@ -25,7 +25,7 @@ FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "std
 # import itself and the parts of the layers below it; the command line is on top of all.
 LAYERS = [
     {"units", "elements", "errors", "files", "columns", "display", "interruption", "programs"},
-    {"progress"},
+    {"progress", "folders"},
     {"series"},
     {"objects", "archive", "attitude", "plot", "commands"},
     {"flight", "flight_math", "linear"},

@@ -47,6 +47,12 @@ def test_its_command_flies_a_mission(prefix, tmp_path):
         f"{prefix}/lib/fledge/python/fledge/__init__.py\n"
 
 
+def test_the_shells_find_its_completion(prefix, tmp_path):
+    script = ('source "$1/share/bash-completion/completions/fledge"; cmp "$1/share/zsh/site-functions/_fledge" "$_"; '
+              'COMP_LINE="$1/bin/fledge run nadir_s" COMP_POINT=99 _fledge; echo "${COMPREPLY[@]}"')
+    assert run("bash", "-c", script, "bash", prefix, cwd=tmp_path) == "nadir_spin\n"
+
+
 def test_a_python_of_its_prefix_imports_it(prefix, tmp_path):
     packages = prefix / "lib/python{0.major}.{0.minor}/site-packages".format(sys.version_info)
     program = ("import site, sys; site.addsitedir(sys.argv[1]); import fledge, fledge.emulator, fledge.prototype; "

@@ -15,8 +15,8 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date dirname env flock getconf grep head ls mkdir paste readlink rm sed sleep stat tail "
-         "tr").split()
+TOOLS = ("cat cksum cut date dirname env flock getconf grep head ls mkdir paste readlink rm sed sleep sort stat "
+         "tail tr").split()
 
 STAND_INS = {
     "id": 'echo "${FAKE_UID:-0}"',
@@ -523,7 +523,8 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
 
 
 # The launcher's own, and those of the command line proper.
-COMMANDS = ["setup", "demo", "test", "exec", *next(a.choices for a in cli.parser()._actions if a.dest == "command")]
+COMMANDS = ["setup", "demo", "test", "docs", "exec", "completion",
+            *next(a.choices for a in cli.parser()._actions if a.dest == "command")]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -540,9 +541,21 @@ def test_a_command_begins_without_what_only_some_need():
     assert done.stdout == "[]\n", done.stderr
 
 
-def test_the_usage_names_every_command():
+def test_help_the_readme_and_each_command_say_the_same():
     usage = subprocess.run([ROOT / "fledge", "help"], capture_output=True, text=True).stdout
-    assert [name for name in COMMANDS if not re.search(rf"  {name} ", usage)] == []
+    listed = dict(re.findall(r"^  (\w+) .{,20}?  +(.*)", usage, re.M))
+    assert set(listed) == {*COMMANDS, "help"}
+    (parsed,) = (a._choices_actions for a in cli.parser()._actions if a.dest == "command")
+    assert {one.dest: one.help for one in parsed}.items() <= listed.items()
+    groups = usage.partition("\n\n")[2].partition("\n\nThe first use")[0]
+    assert f"```text\n{groups}\n```" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_help_of_a_command_is_what_the_command_says():
+    for words in (["setup"], ["run"], ["keys", "new"]):
+        asked, told = (subprocess.run([ROOT / "fledge", *command], capture_output=True, text=True)
+                       for command in (["help", *words], [*words, "--help"]))
+        assert (asked.returncode, asked.stdout) == (0, told.stdout) and words[0] in told.stdout
 
 
 def test_it_prints_the_version():
@@ -555,6 +568,23 @@ def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
     assert launch("exec", "/bin/sh", "-c", "echo $PATH").stdout.startswith("/usr/bin:")
 
 
+@pytest.mark.parametrize("tool, found, said", [
+    ("ipython4", "ipython4 - a shell", "exec: ipython4 is not installed; as root, run: apt-get install ipython4"),
+    ("pytest4", "python3-pytest4 - tests", "as root, run: apt-get install python3-pytest4"),
+    ("a.b+", "", "exec: a.b+ is not installed, and no Debian package has its name: try 'apt-file search bin/a.b+'"),
+    ("./tool", "tool - x", "exec: there is no program ./tool")])
+def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, found, said):
+    (launch.fake / "updated").touch()
+    apt = launch.place / "bin/apt-cache"
+    apt.write_text(f"#!/bin/sh\necho \"$*\" >> \"$FAKE/apt-cache\"\necho '{found}'\n")
+    apt.chmod(0o755)
+    done = launch("exec", tool)
+    assert done.returncode == 127 and said in done.stderr.splitlines()[-1]
+    pattern = {"a.b+": "a\\.b\\+"}.get(tool, tool)
+    assert launch.said("apt-cache") in ([], [f"search --names-only ^(python3-)?{pattern}3?$"])
+    assert launch.said("ninja") == []       # nothing is built first
+
+
 @pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"]])
 def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
     assert launch(*arguments).returncode == 2
@@ -563,7 +593,78 @@ def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
 def test_an_unknown_command_is_refused(launch):
     done = launch("hover")
     assert done.returncode == 2
-    assert "unknown command 'hover'" in done.stderr and "usage:" in done.stderr
+    assert done.stderr == "fledge: unknown command 'hover'; './fledge help' lists all\n"
+
+
+# --- completion --------------------------------------------------------------------------------------
+
+# How a shell is asked what it completes: a line of a file each.
+SHELLS = {
+    "bash": """source {script}
+               COMP_LINE="$1" COMP_POINT=${{#1}}
+               _fledge && printf '%s\\n' "${{COMPREPLY[@]}}" """,
+    "zsh": """compdef() {{ :; }}; compadd() {{ shift; print -l -- "$@"; }}; _files() {{ :; }}
+              source {script}
+              words=("${{(@s: :)1}}") CURRENT=${{#words}}
+              _fledge """,
+}
+
+
+@pytest.fixture(params=SHELLS)
+def complete(request, tmp_path):
+    """complete(line) -> what the shell offers at its end, in a folder with a project and runs."""
+    if not shutil.which(request.param):
+        pytest.skip(f"{request.param} is not installed")
+    (tmp_path / "CMakeLists.txt").write_text("fledge_project(sat)\n")
+    (tmp_path / "missions/first_scan").mkdir(parents=True)
+    (tmp_path / "missions/first_scan/flight.py").touch()
+    (tmp_path / "missions/first_scan/scenarios.py").write_text(
+        "import x\ndef acquire(sim): pass\ndef _part(sim): pass\ndef both(a, b): pass\n")
+    for run in ("scan/free/run.mcap", "two/a/run.mcap", "two/b/run.mcap", "fly/fly/cfs.mcap", "fly/fly/linux.mcap",
+                "fly/a/run.mcap", "kept/best/run.mcap", "kept/best/run.scene.mcap"):
+        (tmp_path / "runs" / run).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "runs" / run).touch()
+    script = SHELLS[request.param].format(script=ROOT / "python/fledge/cli/completion.sh")
+
+    def offered(line):
+        done = subprocess.run([request.param, "-c", script, request.param, line], cwd=tmp_path, text=True,
+                              capture_output=True, check=True, env={"PATH": f"{ROOT}:/usr/bin:/bin"}, timeout=60)
+        assert done.stderr == ""
+        return done.stdout.split()
+
+    yield offered
+    assert not (tmp_path / "build").exists()        # nothing is built
+
+
+def test_the_shell_completes_commands_and_their_arguments(complete):
+    assert complete("fledge ") == sorted([*COMMANDS, "help"]) == complete("fledge help ")
+    assert complete("fledge mo") == ["montecarlo"]
+    assert complete("fledge run --s") == ["--seed", "--set", "--strict"]
+    assert complete("fledge setup --m") == complete("fledge --preset debug setup --m") == ["--micropython"]
+    assert complete("fledge setup --v") == ["--view"]       # of the second line of its usage
+    assert complete("fledge --preset r") == complete("fledge test --preset r") == ["release"]
+    assert complete("fledge keys new --") == ["--help", "--keys"]
+    assert complete("fledge new mo") == ["model", "module"]
+    assert complete("fledge bench cosim_") == ["cosim_scaling"]
+
+
+def test_the_shell_completes_missions_scenarios_runs_and_targets(complete):
+    assert complete("fledge run f") == ["first_scan", "flatsat", "flyby", "formation"]
+    assert complete("fledge run first_scan ") == complete("fledge run --seed 3 first_scan ") == ["acquire"]
+    assert complete("fledge --project /nowhere run f") == []
+    assert complete("fledge montecarlo nadir_spin ") == ["release"]
+    assert complete("fledge plot ") == complete("fledge compare scan ") == [
+        "best", "runs/fly/a", "runs/fly/fly/cfs.mcap", "runs/fly/fly/linux.mcap", "runs/two/a", "runs/two/b", "scan"]
+    assert complete("fledge fly nadir_spin --on desktop,li") == ["desktop,linux"]
+    assert complete("fledge run first_scan --out ") == []       # the shell's files
+
+
+def test_completion_begins_without_what_would_delay_it():
+    program = ("import sys; sys.path.insert(0, 'python'); from fledge.cli import completion\n"
+               "assert completion.offers(['run', 'nadir_spin', 's']) == ['spin']\n"
+               "print([name for name in ('typing', 'numpy', '_core', 'subprocess') if name in sys.modules])")
+    done = subprocess.run(["/usr/bin/python3", "-S", "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout == "[]\n", done.stderr
 
 
 def test_the_launcher_is_plain_posix():

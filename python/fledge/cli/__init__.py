@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: `./fledge run | node | up | montecarlo | sweep | flips | export | keys | show | list | plot |
-view | convert | bench`.
+"""The command line: every command of `./fledge help` that the launcher does not carry out itself.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -21,6 +20,8 @@ from fledge.errors import Failure, printable
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from typing import NoReturn
+
+BENCH = Path(__file__).resolve().parents[3] / "bench"
 
 
 # --- run -------------------------------------------------------------------------------------------
@@ -293,18 +294,22 @@ def _about(archive):
 
 # --- bench -----------------------------------------------------------------------------------------
 
+def benches() -> list[str]:
+    """The names of the benches; none where Fledge is installed without them."""
+    return sorted(p.stem for p in BENCH.glob("*.py") if "def main(" in p.read_text(encoding="utf-8"))
+
+
 def bench(options: argparse.Namespace) -> int:
     from importlib import import_module
 
-    folder = next((p / "bench" for p in Path(__file__).resolve().parents if (p / "bench").is_dir()), Path("bench"))
-    known = sorted(p.stem for p in folder.glob("*.py") if "def main(" in p.read_text(encoding="utf-8"))
-    if not options.name:
+    known = benches()
+    if not options.bench:
         say("benches: " + (", ".join(known) or "none"))
         return 0
-    if options.name not in known:
-        raise Failure(f"there is no bench '{options.name}'; there are {', '.join(known) or 'none'}")
-    sys.path.insert(0, str(folder.parent))
-    return import_module(f"bench.{options.name}").main(options.options) or 0
+    if options.bench not in known:
+        raise Failure(f"there is no bench '{options.bench}'; there are {', '.join(known) or 'none'}")
+    sys.path.insert(0, str(BENCH.parent))
+    return import_module(f"bench.{options.bench}").main(options.options) or 0
 
 
 # --- new -------------------------------------------------------------------------------------------
@@ -410,7 +415,7 @@ def parser() -> argparse.ArgumentParser:
                      "Foxglove's 3-D panel, in place of a page")
     one.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
 
-    one = command("convert", convert, "write a record as CSV or HDF5, or print what it says of its run",
+    one = command("convert", convert, "write a record as CSV or HDF5, or say what it holds",
                   "convert nadir_spin --csv --out tables")
     one.add_argument("run", metavar="RUN", help=WHAT)
     kind = one.add_mutually_exclusive_group(required=True)
@@ -421,7 +426,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
 
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
-    one.add_argument("name", nargs="?", metavar="NAME")
+    one.add_argument("bench", nargs="?", metavar="NAME")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
                      help="the bench's own, such as --json FILE; 'bench NAME --help' lists them")
     return top

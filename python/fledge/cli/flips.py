@@ -14,7 +14,7 @@ from fledge.cli.arguments import parse_duration
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("flips", flips, "flip bits of the flight computer, and classify what happens",
+    one = command("flips", flips, "flip bits of the flight computer, and count what follows",
                   "flips nadir_spin --count 1000")
     one.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
     one.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")

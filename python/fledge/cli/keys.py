@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one: Any = command("keys", lambda options: one.error("new, list, allow or deny?"),
-                       "make keys for a co-simulation beyond one machine, and list the keys that may take part",
+                       "make and list keys for programs on several machines",
                        "keys new controller world flight")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 

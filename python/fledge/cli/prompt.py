@@ -23,7 +23,7 @@ Ctrl-D ends."""
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("console", console, "fly a mission under MicroPython in real time, and talk to it",
+    one = command("console", console, "fly under MicroPython in real time, and talk to it",
                   "console nadir_spin")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")

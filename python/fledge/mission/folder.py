@@ -25,10 +25,10 @@ import weakref
 from typing import Any
 from pathlib import Path
 
+from fledge import folders
 from fledge.errors import SetupError
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
-from fledge.objects import project
 from fledge.units import Quantity
 
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view"}  # arguments of build() by file
@@ -67,30 +67,10 @@ class Mission:
 
         It executes nothing.
         """
-        found = {"": ""}
-        for file in ("mission.py", "flight.py", "scenarios.py"):
-            path = self.folder / file
-            if not path.exists():
-                continue
-            try:
-                tree = ast.parse(path.read_text(encoding="utf-8"))
-            except SyntaxError as error:
-                return {"": f"{path}, line {error.lineno}: {error.msg}"}
-            if file != "scenarios.py":
-                found[""] = first_line(ast.get_docstring(tree)) or found[""]
-            else:
-                found.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
-                             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
-                             and len(node.args.args) == 1)
-        return found
+        return folders.summaries(self.folder)
 
     def __repr__(self):
         return f"<mission {self.name} in {self.folder}>"
-
-
-def first_line(text: str | None) -> str:
-    """The first line of a docstring."""
-    return (text or "").strip().split("\n")[0]
 
 
 def functions_of(module: types.ModuleType) -> dict[str, types.FunctionType]:
@@ -100,43 +80,22 @@ def functions_of(module: types.ModuleType) -> dict[str, types.FunctionType]:
             and not name.startswith("_") and one.__code__.co_argcount == 1}
 
 
-def _folders():
-    """The folders of missions: the project's, ./missions, then the one beside this package."""
-    if own := project.folder():
-        yield own / "missions"
-    yield Path.cwd() / "missions"
-    for parent in Path(__file__).resolve().parents:
-        if (parent / "missions").is_dir():
-            yield parent / "missions"
-            break
-
-
 def missions() -> dict[str, Mission]:
     """All missions by name."""
-    found: dict[str, Mission] = {}
-    for place in _folders():
-        if place.is_dir():
-            for folder in sorted(place.iterdir()):
-                if _is_mission(folder):
-                    found.setdefault(folder.name, Mission(folder))
-    return found
-
-
-def _is_mission(folder):
-    return any((folder / file).is_file() for file in ("flight.py", "mission.py"))
+    return {name: Mission(folder) for name, folder in folders.missions().items()}
 
 
 def find(name: str | os.PathLike[str]) -> Mission:
     """The mission of that name, or in that folder. Raises SetupError that lists those found."""
     folder = Path(name)
-    if _is_mission(folder):
+    if folders.is_mission(folder):
         return Mission(folder.resolve())
     known = missions()
     if str(name) in known:
         return known[str(name)]
     if folder.is_dir() or os.sep in str(name):
         raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py or a mission.py")
-    places = ", ".join(str(p) for p in dict.fromkeys(_folders()))
+    places = ", ".join(str(p) for p in dict.fromkeys(folders.of_missions()))
     raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
 
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _core, mission as missions
 from fledge.errors import SetupError
+from fledge.folders import first_line
 from fledge.mission.field_path import FieldPath
-from fledge.mission.folder import MissionFiles, first_line, functions_of
+from fledge.mission.folder import MissionFiles, functions_of
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_processes, by_threads

@@ -10,21 +10,11 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
-
-
-def folder() -> Path | None:
-    """The project's folder, or None. Raises SetupError if FLEDGE_PROJECT names no folder."""
-    named = os.environ.get("FLEDGE_PROJECT")
-    if not named:
-        return None
-    if not Path(named).is_dir():
-        raise SetupError(f"FLEDGE_PROJECT: there is no folder {named}")
-    return Path(named).resolve()
+from fledge.folders import project as folder
 
 
 def types(part: str) -> dict[str, Any]:

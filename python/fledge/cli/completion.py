@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may follow on a command line, for completion.sh: `fledge completion -- WORD...`, the last of which is typed.
+
+The usage of the launcher, and the parser of all other commands, have the names and options.
+"""
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from fledge import cli, folders
+from fledge.cli.runs import KEPT, RUNS, SCENE
+
+ROOT = Path(__file__).resolve().parents[3]
+OPTION = re.compile(r"\[(--?[a-z][\w-]*)(?: ([^\]]+))?\]")     # of a usage, with its value
+
+
+def main() -> None:
+    print("\n".join(offers(sys.argv[1:])))
+
+
+def offers(words: list[str]) -> list[str]:
+    """What the last of the words may become; nothing where any file may stand."""
+    *before, word = words
+    launcher = (ROOT / "fledge").read_text(encoding="utf-8")
+    usage = launcher.partition("<<'END'\n")[2].partition("\nEND\n")[0]
+    before_command = usage.partition("\n")[0]
+    found: Iterable[str]
+    while len(before) > 1 and before[0] in dict(OPTION.findall(before_command)):
+        if before[0] == "--project":
+            os.environ["FLEDGE_PROJECT"] = before[1]
+        del before[:2]
+    if before[:1] == ["help"]:
+        del before[0]
+    if before and not before[0].startswith("-"):
+        own = re.search(rf'"usage: \./fledge {re.escape(before[0])}\b((?:.*"\n *echo " )*.*)"', launcher)
+        found = _of_usage(own[1], before[-1]) if own else _of_parser(cli.parser(), before, word)
+    elif before or word.startswith("-"):
+        found = _of_usage(before_command, *before)
+    else:
+        found = re.findall(r"^  (\w+) ", usage, re.M)
+    return sorted(one for one in found if one.startswith(word))
+
+
+def _of_usage(usage: str, last: str = "") -> list[str]:
+    """The options of a usage, or the values of the last word, if it is one of them."""
+    options = dict(OPTION.findall(usage))
+    values = options.get(last, "")
+    return values.split("|") if "|" in values else [] if values else list(options)
+
+
+def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) -> Iterable[str]:
+    places = [one for one in parser._actions if not one.option_strings]
+    given: dict[str, str] = {}
+    option = None       # whose value comes next
+    for i, text in enumerate(before):
+        if text in parser._option_string_actions:
+            option = parser._option_string_actions[text]
+            option = option if option.nargs != 0 else None
+        elif option or places:
+            action = option or places[0]
+            if isinstance(action, argparse._SubParsersAction):
+                return _of_parser(action.choices[text], before[i + 1:], word) if text in action.choices else ()
+            given[action.dest] = text
+            if action.nargs in (None, "?"):
+                option, places = None, places if option else places[1:]
+    if word.startswith("-"):
+        return [name for name, one in parser._option_string_actions.items() if one.help != argparse.SUPPRESS]
+    action = option or next(iter(places), None)
+    if action is None:
+        return ()
+    return action.choices or _names(action, given, word)
+
+
+def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterable[str]:
+    """What an argument names: that is known by what the parser calls it."""
+    name = action.dest
+    if name in ("mission", "simulation"):
+        return folders.missions()
+    if name in ("scenario", "campaign"):
+        folder = folders.missions().get(given.get("mission") or given.get("simulation") or "")
+        file = "scenarios.py" if name == "scenario" else "dispersions.py"
+        return filter(None, folders.summaries(folder, file)) if folder else ()
+    if name in ("run", "runs") and action.metavar == "RUN":
+        return _runs()
+    if name == "on":
+        done = word[:max(word.rfind(","), word.rfind("=")) + 1]
+        return [done + target for target in _targets()]
+    return cli.benches() if name == "bench" else ()
+
+
+def _runs() -> Iterable[str]:
+    """The shortest names of all records in ./runs: a mission's, a kept run's, a folder's, or the file's own."""
+    records = [one for one in RUNS.glob("**/*.mcap") if not one.name.endswith(SCENE)]
+    for record in records:
+        short = [folder for folder in list(record.parents)[-3::-1]      # runs/X first
+                 if folder != KEPT and [one for one in records if folder in one.parents] == [record]]
+        folder = short[0] if short else record
+        yield folder.name if folder.parent in (RUNS, KEPT) else str(folder)
+
+
+def _targets() -> list[str]:
+    return ["desktop", *(one.name for top in (ROOT, folders.project()) if top for one in (top / "targets").glob("*/"))]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folders of a project and of missions, and what the files of a mission declare. Nothing is executed here."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+
+def project() -> Path | None:
+    """The project's folder, or None. Raises SetupError if FLEDGE_PROJECT names no folder."""
+    named = os.environ.get("FLEDGE_PROJECT")
+    if not named:
+        return None
+    if not Path(named).is_dir():
+        from fledge.errors import SetupError    # the extension's
+
+        raise SetupError(f"FLEDGE_PROJECT: there is no folder {named}")
+    return Path(named).resolve()
+
+
+def of_missions() -> Iterator[Path]:
+    """The folders of missions: the project's, ./missions, then the one beside this package."""
+    if own := project():
+        yield own / "missions"
+    yield Path.cwd() / "missions"
+    for parent in Path(__file__).resolve().parents:
+        if (parent / "missions").is_dir():
+            yield parent / "missions"
+            break
+
+
+def missions() -> dict[str, Path]:
+    """The folder of each mission by its name."""
+    found: dict[str, Path] = {}
+    for place in of_missions():
+        for folder in sorted(place.iterdir()) if place.is_dir() else ():
+            if is_mission(folder):
+                found.setdefault(folder.name, folder)
+    return found
+
+
+def is_mission(folder: Path) -> bool:
+    return any((folder / file).is_file() for file in ("flight.py", "mission.py"))
+
+
+def summaries(mission: Path, of_functions: str = "scenarios.py") -> dict[str, str]:
+    """Name -> first line of the docstring, of the mission (under "") and of each scenario; of each campaign with
+    "dispersions.py"."""
+    import ast
+
+    found = {"": ""}
+    for file in ("mission.py", "flight.py", of_functions):
+        path = mission / file
+        if not path.exists():
+            continue
+        try:
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+        except SyntaxError as error:
+            return {"": f"{path}, line {error.lineno}: {error.msg}"}
+        if file != of_functions:
+            found[""] = first_line(ast.get_docstring(tree)) or found[""]
+        else:
+            found.update((node.name, first_line(ast.get_docstring(node))) for node in tree.body
+                         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+                         and len(node.args.args) == 1)
+    return found
+
+
+def first_line(text: str | None) -> str:
+    """The first line of a docstring."""
+    return (text or "").strip().split("\n")[0]
