@@ -73,9 +73,19 @@ def comment_place(cursor: Cursor) -> tuple[str, int] | None:
     return (start.file.name, start.offset) if start.file else None
 
 
+def tag(cursor: Cursor) -> str:
+    """The tag of a struct or enum, empty if it has none: libclang 16 and later then spell something else."""
+    return cursor.spelling if cursor.type.spelling.endswith(f" {cursor.spelling}") else ""
+
+
 def struct_name(cursor: Cursor) -> str:
     """The tag of a struct, or, where it has none, its typedef's name."""
-    return cursor.spelling or cursor.type.spelling
+    return tag(cursor) or cursor.type.spelling
+
+
+def member_name(member: Cursor) -> str:
+    """The name of a member, empty if it has none: libclang 19 then spells its place."""
+    return "" if "(" in member.spelling else member.spelling
 
 
 def is_group(member: Cursor) -> bool:
@@ -84,7 +94,7 @@ def is_group(member: Cursor) -> bool:
     while type_.kind is TypeKind.CONSTANTARRAY:
         type_ = type_.element_type
     declaration = type_.get_declaration()
-    return declaration.kind is CursorKind.STRUCT_DECL and not declaration.spelling
+    return declaration.kind is CursorKind.STRUCT_DECL and not tag(declaration)
 
 
 def offsets(record: cindex.Type, start: int = 0) -> list[int]:

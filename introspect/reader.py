@@ -81,6 +81,7 @@ class _Reader:
         self._uses: dict[str, list[str]] = {}
         self._incomplete: set[str] = set()  # structs with a member that was refused
         self._reading: list[str] = []       # the struct being read, after those it is part of
+        self._unread: list[Problem] = []    # structs that look like interfaces, and are read as none
 
     def _by_name(self, kind: CursorKind) -> dict[str, Cursor]:
         return {c.spelling: c for c in self._declarations if c.kind is kind}
@@ -101,7 +102,10 @@ class _Reader:
                      tuple(sorted(self._headers.folders)))
 
     def _judge(self) -> None:
-        """Raise the problems of interfaces and messages; leave out other structs with problems."""
+        """Raise the problems of interfaces and messages; leave out other structs with problems. Where these are all
+        interfaces that there may be, this libclang is not understood."""
+        if self._unread and not any(struct.kind.is_interface for struct in self._structs.values()):
+            raise HeaderError(self._unread)
         strict: set[str] = set()
         pending = [s.name for s in self._structs.values() if s.library and s.kind is not Kind.PLAIN]
         while pending:
@@ -148,6 +152,10 @@ class _Reader:
         if _is_interface(members):
             kind, fields = source.kind if source else Kind.MODULE, self._interface_fields(members)
         else:
+            if source and members and {member.spelling for member in members} <= _GROUPS.keys():
+                self._unread.append(Problem(
+                    self._headers.show(file), cursor.location.line, "a library has modules or models",
+                    f"`{name}` looks like one, and libclang reads none", "install another version of python3-clang"))
             kind, fields = Kind.PLAIN, self._fields(members, Group.NONE, 0)
             if fields and fields[0].ctype == "Head" and fields[0].name == "head":
                 kind = Kind.MESSAGE
@@ -163,7 +171,7 @@ class _Reader:
         return struct
 
     def _check_typedef(self, cursor: Cursor, name: str) -> None:
-        if not cursor.spelling:
+        if not libclang.tag(cursor):
             found = f"`{name}` has no tag"
         elif not self._has_typedef(cursor):
             found = f"`struct {name}` has no typedef of its name"
@@ -179,7 +187,7 @@ class _Reader:
     def _interface_fields(self, members: list[Cursor]) -> tuple[Field, ...]:
         fields: tuple[Field, ...] = ()
         for member in members:
-            name, record = member.spelling, member.type.get_canonical()
+            name, record = libclang.member_name(member), member.type.get_canonical()
             if name not in _GROUPS or not libclang.is_group(member) \
                     or record.kind is not TypeKind.RECORD:
                 self._drop(member, Refusal(
@@ -250,7 +258,7 @@ class _Reader:
 
     def _typed_field(self, member: Cursor, group: Group, start: int) -> Field:
         """The field without its comment. Raises Refusal."""
-        name = member.spelling
+        name = libclang.member_name(member)
         if not name:
             raise Refusal("a member has a name", "an unnamed member", "name it")
         if member.is_bitfield():
@@ -332,7 +340,7 @@ class _Reader:
     # Enums
 
     def _enum(self, cursor: Cursor, where: str = "the enum") -> Enumeration:
-        name = cursor.spelling
+        name = libclang.tag(cursor)
         if name in self._enums:
             return self._enums[name]
         rule = "an enum is `typedef enum NAME {...} NAME;`"

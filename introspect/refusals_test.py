@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from introspect import libclang
 from introspect.errors import HeaderError
 from introspect.testing import read_tree, write_header
 
@@ -35,6 +36,13 @@ def refusals():
                       re.M | re.S)
     for name, where, body, expected in case.findall(text[text.index("# What"):]):
         yield pytest.param(BODIES[where] % body, " ".join(expected.split()), id=name)
+
+
+def test_a_libclang_that_is_not_understood(tmp_path, monkeypatch):
+    monkeypatch.setattr(libclang, "tag", lambda cursor: cursor.spelling or "struct (a new way to say unnamed)")
+    header = write_header(tmp_path, "m/x.h", PAR.replace("Msg", "Other") % "double P; ///< [-] P")
+    with pytest.raises(HeaderError, match=rf"{header}:\d+: .* `Mod` looks like one, .*; install another version"):
+        read_tree(tmp_path)
 
 
 @pytest.mark.parametrize("body, expected", refusals())
