@@ -1,14 +1,15 @@
 #!/bin/bash
 # SPDX-License-Identifier: Apache-2.0
-# Proof that Fledge starts from nothing: an empty Debian 12 made with debootstrap, a clone of this
+# Proof that Fledge starts from nothing: an empty Debian or Ubuntu made with debootstrap, a clone of this
 # repository in it, and the launcher's commands, each twice; then how long every step took and how
-# much it downloaded. Run by hand, as root, on a Debian with debootstrap and git:
+# much it downloaded. Run by hand, as root, on a Debian or Ubuntu with debootstrap and git:
 #
-#   tests/fresh_debian.sh                        demo and test
-#   tests/fresh_debian.sh setup 'test -k mrp'    other commands, one per argument
+#   tests/fresh_debian.sh bookworm                      demo and test
+#   tests/fresh_debian.sh trixie demo 'test -k mrp'     other commands, one per argument
+#   tests/fresh_debian.sh noble demo                    Ubuntu 24.04
 #
-# FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is the one this machine's
-# apt uses. Mounts and processes live in namespaces of their own and vanish with the script; so
+# FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is FLEDGE_MIRROR, or else the one
+# of that system that this machine's apt uses. Mounts and processes live in namespaces of their own and vanish with the script; so
 # does the chroot, below ${TMPDIR:-/tmp}, about 3 GB at its largest.
 set -euo pipefail
 
@@ -20,16 +21,20 @@ if [ "${FLEDGE_FRESH_INSIDE:-}" != 1 ]; then
     FLEDGE_FRESH_INSIDE=1 exec unshare --mount --pid --fork --kill-child "$0" "$@"
 fi
 
+suite=${1:?a system: bookworm, trixie or noble}
+shift
 [ $# -gt 0 ] || set -- demo test
+label=Debian components=main script=sid
+[ "$suite" != noble ] || label=Ubuntu components=main,universe script=gutsy
 root=$(cd "$(dirname "$0")/.." && pwd -P)
 fresh=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
 chmod 755 "$fresh"
 mount --bind "$fresh" "$fresh"  # a root that can be mounted over, as namespaces do
 trap 'umount -R "$fresh" 2>/dev/null || :; rm -rf --one-file-system "$fresh"' EXIT
 
-mirror=$(apt-get indextargets --format '$(SITE) $(CODENAME) $(COMPONENT)' 'Created-By: Packages' |
-    awk '$2 == "bookworm" && $3 == "main" { print $1; exit }')
-[ -n "$mirror" ] || { echo "fresh_debian: apt knows no mirror of bookworm" >&2; exit 1; }
+mirror=${FLEDGE_MIRROR:-$(apt-get indextargets --format '$(SITE)' \
+    'Created-By: Packages' "Label: $label" 'Component: main' | sed -n 1p)}
+[ -n "$mirror" ] || { echo "fresh_debian: apt knows no mirror of $label; set FLEDGE_MIRROR" >&2; exit 1; }
 
 table=()
 
@@ -62,7 +67,8 @@ finish() {
         sed 's/^/and the package lists: /' || :
 }
 
-step "debootstrap" debootstrap --variant=minbase bookworm "$fresh" "$mirror" > "$fresh.log" ||
+step "debootstrap" debootstrap --variant=minbase --components=$components "$suite" "$fresh" "$mirror" $script \
+    > "$fresh.log" ||
     { tail "$fresh.log"; exit 1; }
 rm -f "$fresh.log"
 echo 'APT::Keep-Downloaded-Packages "true";' > "$fresh/etc/apt/apt.conf.d/keep"  # to be counted
