@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -14,7 +15,7 @@ using Matrix34 = Eigen::Matrix<double, 3, 4>;
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+using std::numbers::pi;
 constexpr double mu = 4.2828314e13, a = 7471618.0, e = 0.4, f0 = 1.5 * pi;
 constexpr double J = 0.1591549, u_max = 0.2, K = 2.531, P = 45.0, spin = 0.3 * pi / 180.0;
 

@@ -8,34 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from introspect import keywords
 from introspect.errors import Problem, Refusal
 from introspect.model import Field, Group, Kind, Struct, Type
 
 Finding = tuple[int, Refusal]
 
-_C = """
-auto break case char const continue default do double else enum extern float for goto if inline
-int long register restrict return short signed sizeof static struct switch typedef union
-unsigned void volatile while"""
-_CPP = """
-alignas alignof and and_eq asm bitand bitor bool catch char16_t char32_t char8_t class co_await
-co_return co_yield compl concept const_cast consteval constexpr constinit decltype delete
-dynamic_cast explicit export false friend mutable namespace new noexcept not not_eq nullptr
-operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
-template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq"""
-_PYTHON = """
-False None True and as assert async await break class continue def del elif else except finally
-for from global if import in is lambda nonlocal not or pass raise return try while with yield"""
-_CSHARP = """
-abstract as base bool break byte case catch char checked class const continue decimal default
-delegate do double else enum event explicit extern false finally fixed float for foreach goto if
-implicit in int interface internal is lock long namespace new null object operator out override
-params private protected public readonly ref return sbyte sealed short sizeof stackalloc static
-string struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual
-void volatile while"""
 _METHODS = ("held", "publish", "reset", "turns", "update")    # of a module in Python, and keywords
-_KEYWORDS = [("C", set(_C.split())), ("C++", set(_CPP.split())), ("Python", set(_PYTHON.split()))]
-_MESSAGE_KEYWORDS = _KEYWORDS + [("C#", set(_CSHARP.split()))]
+_KEYWORDS = [("C", keywords.C), ("C++", keywords.CPP), ("Python", keywords.PYTHON)]
+_MESSAGE_KEYWORDS = _KEYWORDS + [("C#", keywords.CSHARP)]
 
 
 def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from introspect.files import fnv1a
+from introspect.keywords import C, CPP
 from registers import checked_toml
 from registers.checked_toml import Tables, TomlError, shown
 from registers.location import line_of
@@ -56,9 +57,7 @@ _DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
-_KEYWORDS = set("""auto break case char const continue default do double else enum extern float for
-    goto if inline int long register restrict return short signed sizeof static struct switch
-    typedef union unsigned void volatile while class namespace new delete this template""".split())
+_KEYWORDS = C | CPP
 
 
 @dataclass(frozen=True)

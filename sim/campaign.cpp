@@ -12,13 +12,14 @@
 #include <cstring>
 #include <limits>
 #include <mutex>
+#include <numbers>
 #include <thread>
 
 namespace fledge::sim {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+using std::numbers::pi;
 constexpr int draws_max = 10'000; ///< tries to draw between the bounds of a normal distribution
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 constexpr double far = 8.0; ///< standard deviations; practically no draw is farther from the mean

@@ -21,25 +21,6 @@ TOPS = {folder.split("/")[0] for folder in layers.RULES}
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
 
-# The parts of python/fledge: its sub-packages and the modules beside them, from the bottom up. A part may
-# import itself and the parts of the layers below it; the command line is on top of all.
-LAYERS = [
-    {"units", "elements", "errors", "files", "columns", "display", "interruption", "programs"},
-    {"progress", "folders"},
-    {"series"},
-    {"objects", "archive", "attitude", "plot", "commands"},
-    {"flight", "flight_math", "linear"},
-    {"world"},
-    {"scan", "trajectory"},
-    {"mission"},
-    {"prototype"},
-    {"new"},
-    {"learning", "wiring_picture", "montecarlo", "cosim", "export", "scene"},
-    {"report", "targets"},
-    {"emulator"},
-    {"profile"},
-    {"cli"},
-]
 # The parts that may use the extension `_core`; all others use the public functions of these.
 USE_CORE = {"errors", "files", "objects", "flight", "flight_math",
             "world", "prototype", "mission", "montecarlo", "cosim"}
@@ -204,12 +185,12 @@ def library_imports() -> dict[str, list[tuple[int, str]]]:
 
 def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
     """Complaints about the imports between the parts of python/fledge."""
-    level = {part: i for i, parts in enumerate(LAYERS) for part in parts}
+    level = {part: i for i, (parts, _) in enumerate(layers.PARTS) for part in parts.split()}
     complaints = []
     for module, found in imports.items():
         part = module.split(".")[0]
         if part not in level:
-            complaints.append(f"fledge.{module}: the part {part} has no layer; add it to LAYERS")
+            complaints.append(f"fledge.{module}: the part {part} has no layer; add it to PARTS in tests/layers.py")
             continue
         for line, other in found:
             there = other.split(".")[0]
@@ -221,7 +202,7 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
                 if part != "cli":
                     complaints.append(f"fledge.{module}:{line}: {part} may not import fledge as a whole; name the "
                                       "module")
-            elif there != part and level.get(there, len(LAYERS)) >= level[part]:
+            elif there != part and level.get(there, len(layers.PARTS)) >= level[part]:
                 complaints.append(f"fledge.{module}:{line}: {part} may not import fledge.{other}, which is not "
                                   "below it")
     return complaints
@@ -317,4 +298,4 @@ def test_what_goes_the_right_way_passes(path, line):
 
 def test_the_architecture_document_shows_these_rules():
     text = layers.DOCUMENT.read_text(encoding="utf-8")
-    assert text == layers.with_table(text), "the table is outdated; mend it with: /usr/bin/python3 -m tests.layers"
+    assert text == layers.with_tables(text), "a table is outdated; mend it with: /usr/bin/python3 -m tests.layers"

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which folder may use which: the table that include_direction_test.py checks, and that docs/architecture.md shows.
+"""Which folder and which part of the Python package may use which: the tables that include_direction_test.py checks,
+and that docs/architecture.md shows.
 
-    /usr/bin/python3 -m tests.layers        writes the table into docs/architecture.md
+    /usr/bin/python3 -m tests.layers        writes the tables into docs/architecture.md
 
 A rule holds for its folder and all folders below it that have no rule of their own. The rule `flight/*` holds for each
 sub-folder of flight/ by itself: they do not use one another.
@@ -12,7 +13,7 @@ from typing import NamedTuple
 from tests.tree import ROOT
 
 DOCUMENT = ROOT / "docs/architecture.md"
-BEGIN, END = "<!-- printed by tests/layers.py -->\n", "<!-- end of what tests/layers.py prints -->\n"
+BEGIN, END = "<!-- printed by tests/layers.py: {} -->\n", "<!-- end of what tests/layers.py prints -->\n"
 
 
 class Rule(NamedTuple):
@@ -71,6 +72,30 @@ RULES = {
                    "introspect", "fledge", "missions"]),
 }
 
+# The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
+# these are. A part may import itself and the rows below it; the command line is on top of all.
+PARTS = [
+    ("units elements errors files columns display interruption programs", "what all others need"),
+    ("progress folders", "a progress bar; the folders of a project and of missions"),
+    ("series", "recorded fields by name"),
+    ("objects archive attitude plot commands", "C structs as Python objects; MCAP files: read, compare, convert; "
+     "conversions; figures; packets of commands and telemetry"),
+    ("flight flight_math linear", "the flight modules by name; the functions of `flight/math`; linear systems and "
+     "their margins"),
+    ("world", "the world's models by name, bodies, orbits, the sky"),
+    ("scan trajectory", "figures of boresights and orbits"),
+    ("mission", "load a mission; processes, simulation, log, wiring, batches"),
+    ("prototype", "modules and models that are Python classes"),
+    ("new", "what `fledge new` writes"),
+    ("learning wiring_picture montecarlo cosim export scene", "reset and step of reinforcement learning; the wiring as "
+     "a graph; campaigns; a mission in several programs; a mission as C, with boards, and as a cFS app; a run in 3-D"),
+    ("report targets", "a run on one page; the same flight software on several targets, compared"),
+    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips; the "
+     "extension `_emulator`"),
+    ("profile", "what flight costs on a target"),
+    ("cli", "the commands of `./fledge`"),
+]
+
 # Python packages of other projects, and where each may be imported. They are Debian's.
 THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
@@ -105,7 +130,13 @@ def may_use(folder: str, other: str) -> bool:
     return other == folder or any(other == name or other.startswith(f"{name}/") for name in uses(folder))
 
 
-def table() -> str:
+def table_of_parts() -> str:
+    """The parts of python/fledge, as Markdown."""
+    return "\n".join(["| part | what it does |", "|---|---|",
+                      *(f"| `{'`, `'.join(parts.split())}` | {what} |" for parts, what in PARTS)]) + "\n"
+
+
+def table_of_folders() -> str:
     """The rules of the folders that there are, as Markdown."""
     rows = ["| folder | language | what it is | may use |", "|---|---|---|---|"]
     for folder, rule in RULES.items():
@@ -115,11 +146,13 @@ def table() -> str:
     return "\n".join(rows) + "\n"
 
 
-def with_table(text: str) -> str:
-    """A document with the table of today between its two marks."""
-    before, rest = text.split(BEGIN)
-    return before + BEGIN + table() + END + rest.split(END)[1]
+def with_tables(text: str) -> str:
+    """A document with the tables of today, each between its two marks."""
+    for name, table in (("folders", table_of_folders()), ("parts", table_of_parts())):
+        before, rest = text.split(BEGIN.format(name))
+        text = before + BEGIN.format(name) + table + END + rest.split(END, 1)[1]
+    return text
 
 
 if __name__ == "__main__":
-    DOCUMENT.write_text(with_table(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
+    DOCUMENT.write_text(with_tables(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")

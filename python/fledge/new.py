@@ -6,23 +6,15 @@ never overwrites a file.
 """
 from __future__ import annotations
 
-import keyword
 import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+from introspect import keywords
+
 TEMPLATES = Path(__file__).with_name("templates")
 FLEDGE = Path(__file__).resolve().parents[2]
-
-# Of C and C++, as far as they are lower-case names. The module `keyword` has those of Python.
-_C_KEYWORDS = set("""
-    alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const
-    consteval constexpr constinit continue decltype default delete do double else enum explicit export
-    extern false float for friend goto if inline int long mutable namespace new noexcept not nullptr
-    operator or private protected public register requires restrict return short signed sizeof static
-    struct switch template this thread_local throw true try typedef typeid typename typeof union
-    unsigned using virtual void volatile wchar_t while xor""".split())
 
 # Libraries, namespaces and CMake targets that a project's name would hide.
 _TAKEN = set("all clean fledge flight help install math package record sim std tables test tests world".split())
@@ -145,7 +137,7 @@ def _root(project: Path | str | None) -> Path:
 # --- names -----------------------------------------------------------------------------------------
 
 def _no_keyword(name: str, given: str) -> None:
-    for language, words in (("C or C++", _C_KEYWORDS), ("Python", set(keyword.kwlist))):
+    for language, words in (("C or C++", keywords.C | keywords.CPP), ("Python", keywords.PYTHON)):
         if name in words:
             raise NewError(f"{given}: '{name}' is a keyword of {language}; choose another name")
 

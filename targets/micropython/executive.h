@@ -187,8 +187,8 @@ const char *process_run(void);
 /** Of update.c: NULL, or the text of a failure that there was. */
 const char *update_failure(void);
 
-/** Of update.c: a line for each module whose update is the script's: updates, failures, turns, times and the last
- *  failure. */
+/** Of update.c: a line for each module whose update is the script's, "script.flight.control" with updates, failures,
+ *  turns and times, and one with its last failure. */
 void update_figures(void (*line)(const char *text));
 
 /** Begin to compose. Returns 0 if the arena has no room for the table of modules. */

@@ -196,6 +196,7 @@ void update_figures(void (*line)(const char *text))
         char memory[sizeof u->failure + 200u];
         ScriptText text = {memory, sizeof memory, 0u};
         const mp_print_t print = script_text(&text);
+        mp_print_str(&print, "script.");
         objects_print_path(&print, &u->module->node);
         mp_printf(&print,
                   " %u updates of the script, %u calls failed; at most %u of %u turns; longest %lld ns, all %lld ns",
@@ -204,6 +205,7 @@ void update_figures(void (*line)(const char *text))
         line(memory);
         if (u->failures > 0u) {
             (void)script_text(&text);
+            mp_print_str(&print, "script.");
             objects_print_path(&print, &u->module->node);
             mp_printf(&print, ".failure %s", u->failure);
             line(memory);

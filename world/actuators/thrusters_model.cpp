@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace fledge::world {
 
@@ -15,7 +16,7 @@ using sim::Ns;
 namespace {
 
 constexpr double g0 = 9.80665; // [m/s^2] by definition
-constexpr double pi = 3.141592653589793;
+using std::numbers::pi;
 constexpr Ns never = INT64_MAX;
 
 /// r x (a x r)

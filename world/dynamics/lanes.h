@@ -7,6 +7,8 @@
 #include "sim/wide.h"
 #include "world/dynamics/effector.h"
 
+#include <numbers>
+
 namespace fledge::world {
 
 /// Four numbers: those of four parts, or a vector with a fourth component of 0.
@@ -210,7 +212,7 @@ LANES_INLINE void sincos(const Quad &angle, Quad &sine, Quad &cosine)
 {
     // angle = n pi / 2 + r with |r| <= pi / 4, by rounding that needs no instruction of its own; then Taylor's series.
     const Quad round = quad(6755399441055744.0);
-    const Quad n = (angle * (2.0 / 3.141592653589793) + round) - round;
+    const Quad n = (angle * (2.0 / std::numbers::pi) + round) - round;
     const Quad r = (angle - n * 1.5707963258028030) - n * 9.920935796805404e-10;
     const Quad s = r * r, q = s * s, w = q * q;
     const Quad c = ((1.0 - 1.0 / 2 * s) + q * (1.0 / 24 - 1.0 / 720 * s)) +

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include <cmath>
+#include <numbers>
 
 namespace fledge::world {
 
@@ -17,7 +18,7 @@ namespace {
 
 using sim::format_number;
 
-constexpr double pi = 3.141592653589793;
+using std::numbers::pi;
 constexpr double degenerate = 1e-12; // what counts as circular, parabolic, equatorial or straight
 
 void check(bool holds, const char *rule, double found)

@@ -6,11 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace fledge::world {
 
 namespace {
-constexpr double pi = 3.141592653589793;
+using std::numbers::pi;
 }
 
 std::size_t ReactionWheelsModel::states() const

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <span>
 
 namespace fledge::world {
@@ -18,7 +19,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
+using std::numbers::pi;
 constexpr double degree = pi / 180.0;
 constexpr double day = 86'400.0;            // [s]
 constexpr double century = 36'525.0;        // [d]

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include <cmath>
+#include <numbers>
 
 namespace fledge::world {
 namespace {
@@ -22,7 +23,7 @@ using ::testing::HasSubstr;
 using testing::real_file;
 
 constexpr int bodies[] = {10, 199, 299, 399, 301, 499, 599, 699, 799, 899};
-constexpr double deg = 3.14159265358979323846 / 180.0;
+constexpr double deg = std::numbers::pi / 180.0;
 
 /// R_i(angle), the frame turned about an axis.
 Matrix3d turn(int axis, double degrees)

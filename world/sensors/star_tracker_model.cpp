@@ -5,6 +5,8 @@
 
 #include "sim/text.h"
 
+#include <numbers>
+
 namespace fledge::world {
 
 namespace {
@@ -16,7 +18,7 @@ bool blinds(const Vec3 &way, double radius, const Vec3 &boresight, double exclus
     if (exclusion == 0.0 || distance == 0.0) {
         return false;
     }
-    const double half = distance > radius ? fm_asin(radius / distance) : 0.5 * 3.141592653589793;
+    const double half = distance > radius ? fm_asin(radius / distance) : 0.5 * std::numbers::pi;
     return fm_acos(std::clamp(vec_dot(vec_unit(way), boresight), -1.0, 1.0)) < exclusion + half;
 }
 

@@ -22,6 +22,7 @@ from fledge.export import names
 from fledge.export.c_source import extern, row, written
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError, Message, Mission
+from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
     from registers.description import Board
@@ -125,7 +126,7 @@ def _doc(message):
 def _distinct(texts):
     """Names as boards have them: lower case, no two underscores in a row."""
     found = names.distinct([re.sub("_+", "_", text.lower()).strip("_") or "unnamed" for text in texts])
-    return [name.strip("_") if name.rstrip("_") not in names.KEYWORDS else name + "2" for name in found.values()]
+    return [name.strip("_") if name.rstrip("_") not in C | CPP else name + "2" for name in found.values()]
 
 
 def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Board]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-KEYWORDS = frozenset("""auto break case char const continue default do double else enum extern float for goto if
-    inline int long register restrict return short signed sizeof static struct switch typedef union unsigned void
-    volatile while _Bool _Complex _Imaginary""".split())
+from introspect.keywords import C
 
 
 def snake(name: str) -> str:
@@ -26,7 +24,7 @@ def identifier(text: str) -> str:
     name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "unnamed"
     if name[0].isdigit():
         name = "n" + name
-    return name + "_" if name in KEYWORDS else name
+    return name + "_" if name in C else name
 
 
 def distinct(texts: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:

@@ -56,7 +56,7 @@ class Target:
     def command(self, built: Path, record: str) -> list[str]:
         """The arguments that start it: {registers} stands for the register file; it writes all outputs of flight into
         `record`, a file in its working directory, and at its end prints lines of a key and a value, at least ticks and
-        cpu_ns."""
+        cpu_ns; what a script of its own did has keys that begin with "script."."""
         raise NotImplementedError
 
     def sizes(self, built: Path) -> tuple[int | None, int | None]:
@@ -91,8 +91,8 @@ class Target:
                      code, memory, *(sum(int(figures.get(k, 0)) for k in keys) for keys in (
                          ("saturated", "outside_saturated"), ("lost", "skipped", "outside_skipped"))),
                      heap=_heap(figures.get("heap", "")),
-                     script=tuple(f"{key} {text}" for key, text in figures.items() if "of the script" in text
-                                  or key.endswith(".failure")))
+                     script=tuple(f"{key.removeprefix('script.')} {text}" for key, text in figures.items()
+                                  if key.startswith("script.")))
 
 
 def _heap(marks):

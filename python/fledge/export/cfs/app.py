@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fledge.export.names import KEYWORDS
 from fledge.export.read import ExportError, Mission
+from introspect.keywords import C
 
 CMD, TLM, HIGHEST = 0x1800, 0x0800, 0x7FF
 ORDERS = ("little", "big")
@@ -36,7 +36,7 @@ class App:
         if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", self.name) or len(self.name) > LONGEST:
             raise ExportError(f"--app {self.name}: an app's name has 1 to {LONGEST} letters, digits and underscores, "
                               "in lower case, and begins with a letter")
-        if self.name in MODULES or self.name in KEYWORDS:
+        if self.name in MODULES or self.name in C:
             raise ExportError(f"--app {self.name}: a cFS build has this name already; choose another one")
         if self.order not in ORDERS:
             raise ExportError(f"--order {self.order}: must be one of {', '.join(ORDERS)}")
