@@ -8,9 +8,9 @@
 #   tests/fresh_debian.sh trixie demo 'test -k mrp'     other commands, one per argument
 #   tests/fresh_debian.sh noble demo                    Ubuntu 24.04
 #
-# FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is FLEDGE_MIRROR, or else the one
-# of that system that this machine's apt uses. Mounts and processes live in namespaces of their own and vanish with the script; so
-# does the chroot, below ${TMPDIR:-/tmp}, about 3 GB at its largest.
+# FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is FLEDGE_MIRROR, or else that of the
+# system which this machine's apt uses. Mounts and processes live in namespaces of their own and vanish with the
+# script; so does the chroot, below ${TMPDIR:-/tmp}, about 3 GB at its largest.
 set -euo pipefail
 
 if [ "${FLEDGE_FRESH_INSIDE:-}" != 1 ]; then

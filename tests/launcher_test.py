@@ -28,11 +28,11 @@ STAND_INS = {
                'for name in $(echo "$*" | tr ",|" "  "); do echo "installed $name, " >> "$FAKE/installed"; done\n'
                'echo "Need to get 12.3 MB of archives."',
     "cmake": 'echo "$*" >> "$FAKE/cmake"; . "$FAKE/during" "$0"\n'
-             'for one; do case $one in release | debug) dir=build/$one ;; build/*) dir=$one ;;\n'
+             'for one; do case $one in release | debug) dir=$PWD/build/$one ;; /*/build/*) dir=$one ;;\n'
              '-DBUILD_TESTING=*) tests=${one#*=} ;; -DFledge_DIR=*) fledge=${one#*=} ;; esac; done\n'
-             'mkdir -p $dir; : > $dir/build.ninja\n'
+             'mkdir -p "$dir"; cd "$dir"; : > build.ninja; : > FledgeConfig.cmake; cd "$OLDPWD"\n'
              'printf "CMAKE_HOME_DIRECTORY:INTERNAL=%s\\nBUILD_TESTING:BOOL=%s\\nFledge_DIR:PATH=%s\\n" '
-             '"$PWD" "$tests" "$fledge" > $dir/CMakeCache.txt',
+             '"$PWD" "$tests" "$fledge" > "$dir/CMakeCache.txt"',
     "ninja": 'echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do [ "$1" != --output-junit ] || report=$2; shift; done\n'
@@ -271,6 +271,25 @@ def test_a_project_is_built_anew_for_another_place_or_another_fledge(launch):
     launch.tree = launch.tree.rename(launch.place / "fledge")
     assert f"building {moved} anew (release): {moved}/build/release was made in {moved} with {before}" in launch(
         "--project", moved, "list").stderr
+
+
+def test_two_fledges_keep_their_builds_of_one_project(launch):
+    (launch.fake / "updated").touch()
+    other, sat = launch.place / "other", launch.place / "sat"
+    shutil.copytree(launch.tree, other)
+    sat.mkdir()
+    (sat / "CMakeLists.txt").touch()
+
+    def builds(program):
+        done = launch("--project", sat, "exec", "/bin/sh", "-c", "echo $FLEDGE_PROJECT_BUILD", program=program, cwd=sat)
+        assert done.returncode == 0 and "anew" not in done.stderr
+        return Path(done.stdout.strip())
+
+    ours, theirs = [builds(tree / "fledge") for tree in (launch.tree, other)]
+    assert ours == sat / "build/release" != theirs and theirs.parent == ours.parent
+    assert [builds(tree / "fledge") for tree in (launch.tree, other)] == [ours, theirs]
+    shutil.rmtree(launch.tree)
+    assert builds(other / "fledge") == theirs
 
 
 def test_packages_are_looked_for_on_another_machine_too(launch):

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A project: a folder outside Fledge with modules, models and missions of one's own.
 
-`./fledge --project DIR COMMAND` builds the libraries of DIR/CMakeLists.txt into DIR/build/<preset>, and sets
-FLEDGE_PROJECT to DIR and FLEDGE_PRESET. Then `fledge.flight` also has the project's modules, `fledge.world` its
-models, and the search for missions begins in DIR/missions.
+`./fledge --project DIR COMMAND` builds the libraries of DIR/CMakeLists.txt into DIR/build/<preset>, or into a folder
+beside it if another Fledge has that one, and sets FLEDGE_PROJECT, FLEDGE_PROJECT_BUILD and FLEDGE_PRESET. Then
+`fledge.flight` also has the project's modules, `fledge.world` its models, and the search for missions begins in
+DIR/missions.
 """
 
 from __future__ import annotations
 
 import os
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from fledge import _core
@@ -42,7 +44,8 @@ def _types():
     project = folder()
     if project is None:
         return {}
-    build = project / "build" / os.environ.get("FLEDGE_PRESET", "release")
+    build = Path(os.environ.get("FLEDGE_PROJECT_BUILD")
+                 or project / "build" / os.environ.get("FLEDGE_PRESET", "release"))
     try:
         libraries = (build / "fledge-libraries.txt").read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
