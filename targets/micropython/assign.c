@@ -1,66 +1,35 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/assign.h"
 
-#include "targets/micropython/update.h"
-
+#include "flight/exec/assign.h"
 #include "targets/micropython/units.h"
+#include "targets/micropython/update.h"
 
 #include <py/runtime.h>
 
 #include <string.h>
 
-enum { DEPTH = 4, ASIDE = 256 /* [bytes] */ };
+enum { ASIDE = 256 /* [bytes] */ };
 
-static int is_float(const ScriptField *field)
+static AssignField described(const ScriptNode *node, const ScriptField *field)
 {
-    return field->type == FLEDGE_F64 || field->type == FLEDGE_F32;
+    AssignField all = {.type = (FledgeType)field->type,
+                       .size = objects_stride(field, 0),
+                       .n_dimensions = field->n_dimensions,
+                       .unit = script_field_unit(field)->text};
+    for (uint32_t i = 0; i < field->n_dimensions; i++) {
+        all.shape[i] = field->shape[i];
+    }
+    if (field->count != SCRIPT_NO_FIELD) {
+        all.count = script_field_name(&node->type->fields[field->count]);
+    }
+    if (field->type == FLEDGE_STRUCT) {
+        all.struct_ = script_field_struct(field)->name;
+    }
+    return all;
 }
 
 // --- refusing --------------------------------------------------------------------------------------
-
-static void print_expected(const mp_print_t *print, const ScriptField *field)
-{
-    if (field->type == FLEDGE_CHAR) {
-        mp_printf(print, "a text of up to %d bytes", (int)objects_stride(field, 0) - 1);
-        return;
-    }
-    if (field->type == FLEDGE_STRUCT) {
-        if (field->n_dimensions) {
-            mp_printf(print, "a list of %s%d, each ", field->count == SCRIPT_NO_FIELD ? "" : "up to ",
-                      (int)field->shape[0]);
-        }
-        mp_printf(print, "a %s or dict of its fields", script_field_struct(field)->name);
-        return;
-    }
-    if (field->n_dimensions) {
-        mp_printf(print, field->count == SCRIPT_NO_FIELD ? "shape (%d" : "shape (up to %d", (int)field->shape[0]);
-        for (uint32_t i = 1; i < field->n_dimensions; i++) {
-            mp_printf(print, ", %d", (int)field->shape[i]);
-        }
-        mp_print_str(print, ") of ");
-    }
-    if (field->type == FLEDGE_ENUM) {
-        for (uint32_t i = 0; i < script_field_enum(field)->n; i++) {
-            mp_printf(print, i ? ", %s" : "%s", script_field_enum(field)->values[i].name);
-        }
-    } else if (is_float(field)) {
-        mp_print_str(print, field->n_dimensions ? "numbers" : "a number");
-    } else {
-        const int has_sign = field->type == FLEDGE_I8 || field->type == FLEDGE_I16 || field->type == FLEDGE_I32 ||
-                             field->type == FLEDGE_I64;
-        mp_printf(print, "%swhole number%s of %d bits%s", field->n_dimensions ? "" : "a ",
-                  field->n_dimensions ? "s" : "", (int)(8u * element_size((FledgeType)field->type)),
-                  has_sign ? "" : " without sign");
-    }
-    if (field->n_dimensions == 1 && field->count != SCRIPT_NO_FIELD) {
-        mp_print_str(print, ", or one number for all");
-    } else if (field->n_dimensions == 2 && field->count == SCRIPT_NO_FIELD && field->shape[0] == field->shape[1]) {
-        mp_printf(print, ", or %d for the diagonal, or one for a multiple of the identity", (int)field->shape[0]);
-    }
-    if (strcmp(script_field_unit(field)->text, "-")) {
-        mp_printf(print, ", in %s", script_field_unit(field)->text);
-    }
-}
 
 /* "flight.control.K" */
 static const mp_print_t *at_field(const ScriptNode *node, const ScriptField *field)
@@ -76,8 +45,15 @@ static const mp_print_t *at_field(const ScriptNode *node, const ScriptField *fie
 static const mp_print_t *expected(const ScriptNode *node, const ScriptField *field)
 {
     const mp_print_t *error = at_field(node, field);
+    const AssignField all = described(node, field);
+    const ScriptEnum *names = script_field_enum(field);
     mp_print_str(error, ": expected ");
-    print_expected(error, field);
+    if (names == NULL || field->n_dimensions) {
+        assign_expected((AssignText){error->data, error->print_strn}, &all);
+    }
+    for (uint32_t i = 0; names != NULL && i < names->n; i++) {
+        mp_printf(error, i ? ", %s" : field->n_dimensions ? " of %s" : "%s", names->values[i].name);
+    }
     mp_print_str(error, "; found ");
     return error;
 }
@@ -118,62 +94,14 @@ static void refuse_output(const ScriptNode *node, const ScriptField *field)
 
 // --- numbers ---------------------------------------------------------------------------------------
 
-/* Whether a whole number fits. */
-static int write_whole(const ScriptField *field, uint8_t *to, int64_t x)
-{
-    const uint32_t bits = 8u * element_size((FledgeType)field->type);
-    switch (field->type) {
-    case FLEDGE_U8:
-    case FLEDGE_U16:
-    case FLEDGE_U32:
-        if (x < 0 || x >= (int64_t)1 << bits) {
-            return 0;
-        }
-        break;
-    case FLEDGE_U64:
-        if (x < 0) {
-            return 0;
-        }
-        break;
-    case FLEDGE_I64: break;
-    default:
-        if (x < -((int64_t)1 << (bits - 1u)) || x >= (int64_t)1 << (bits - 1u)) {
-            return 0;
-        }
-    }
-    if (bits == 64u) {
-        memcpy(to, &x, sizeof x);
-    } else {
-        element_write((FledgeType)field->type, to, (double)x);
-    }
-    return 1;
-}
-
 /* Whether the number fits. */
 static int write_number(const ScriptField *field, uint8_t *to, mp_obj_t value)
 {
     if (mp_obj_is_int(value) || mp_obj_is_bool(value)) {
         const int64_t x = mp_obj_is_int(value) ? mp_obj_int_get_checked(value) : value == mp_const_true;
-        if (!is_float(field)) {
-            return write_whole(field, to, x);
-        }
-        element_write((FledgeType)field->type, to, (double)x);
-        return 1;
+        return assign_number((FledgeType)field->type, to, assign_whole(x));
     }
-    if (!mp_obj_is_float(value)) {
-        return 0;
-    }
-    const double x = mp_obj_float_get(value);
-    if (is_float(field)) {
-        element_write((FledgeType)field->type, to, x);
-        return 1;
-    }
-    if (field->type == FLEDGE_U64 && x >= 0x1p63 && x < 0x1p64) {
-        const uint64_t whole = (uint64_t)x;
-        memcpy(to, &whole, sizeof whole);
-        return 1;
-    }
-    return x >= -0x1p63 && x < 0x1p63 && (double)(int64_t)x == x && write_whole(field, to, (int64_t)x);
+    return mp_obj_is_float(value) && assign_number((FledgeType)field->type, to, assign_real(mp_obj_float_get(value)));
 }
 
 /* The enumerator of a name, short or whole, or of a number; whether there is one. */
@@ -242,14 +170,14 @@ static void convert(const ScriptNode *node, const ScriptField *field, mp_obj_t v
     const mp_obj_t number = within(node, field, value, &seconds);
     if (field->type == FLEDGE_ENUM && (!field->n_dimensions || depth || !mp_obj_is_int(value))) {
         int32_t found;
-        fits = enumerator(script_field_enum(field), value, &found) && write_whole(field, to, found);
+        fits =
+            enumerator(script_field_enum(field), value, &found) && assign_number(FLEDGE_ENUM, to, assign_whole(found));
     } else if (seconds) {
         int64_t ns;
-        fits = !units_time(number, &ns, objects_error());
-        fits = fits &&
-               (is_float(field) ? write_number(field, to, mp_obj_new_float((double)ns)) : write_whole(field, to, ns));
+        fits =
+            !units_time(number, &ns, objects_error()) && assign_number((FledgeType)field->type, to, assign_whole(ns));
     } else {
-        const int bool_fits = depth || (!field->n_dimensions && !is_float(field));
+        const int bool_fits = depth || (!field->n_dimensions && !assign_is_float((FledgeType)field->type));
         fits = (bool_fits || !mp_obj_is_bool(number)) && write_number(field, to, number);
     }
     if (!fits) {
@@ -266,7 +194,7 @@ typedef struct Gathering {
     uint32_t step; ///< [elements] from one number to the next
     uint32_t n;
     uint32_t depth;
-    size_t shape[DEPTH];
+    size_t shape[ASSIGN_DIMENSIONS];
 } Gathering;
 
 static void gather(Gathering *g, mp_obj_t value, uint32_t depth)
@@ -293,7 +221,7 @@ static void gather(Gathering *g, mp_obj_t value, uint32_t depth)
     } else {
         mp_obj_get_array(plain, &n, &items);
     }
-    if (depth == DEPTH || seconds) {
+    if (depth == ASSIGN_DIMENSIONS || seconds) {
         refuse(g->node, g->field, g->value);
     }
     if (!g->n && depth == g->depth) {
@@ -454,41 +382,27 @@ static void put(const ScriptNode *node, const ScriptField *field, uint8_t *aside
  * others, or 0 if a number shall fill the rows that count, and there are none. */
 static uint32_t spread(const ScriptNode *node, const ScriptField *field, mp_obj_t value, uint8_t *aside)
 {
-    Gathering g = {.node = node, .field = field, .value = value, .step = 1};
+    Gathering g = {.node = node, .field = field, .value = value};
     gather(&g, value, 0);
-    const uint32_t width = element_size((FledgeType)field->type), elements = objects_stride(field, 0) / width;
-    int same = g.depth == field->n_dimensions; /* in all dimensions but the first */
-    for (uint32_t i = 1; same && i < g.depth; i++) {
-        same = g.shape[i] == field->shape[i];
+    const AssignField all = described(node, field);
+    AssignSpread how;
+    const AssignFit fit = assign_spread(&all, g.shape, g.depth, objects_rows(node, field), &how);
+    if (fit == ASSIGN_WRONG_SHAPE) {
+        refuse(node, field, value);
     }
-    uint32_t copies = 0, rows = 1;
-    if (field->count != SCRIPT_NO_FIELD) {
-        if (!g.depth && field->n_dimensions == 1) {
-            rows = copies = objects_rows(node, field);
-            if (!rows) {
-                return 0;
-            }
-        } else if (same && g.shape[0] > 0 && g.shape[0] <= field->shape[0]) {
-            rows = (uint32_t)g.shape[0];
-        } else {
-            refuse(node, field, value);
-        }
-    } else if (!same || (g.depth && g.shape[0] != field->shape[0])) {
-        if (field->n_dimensions != 2 || field->shape[0] != field->shape[1] || g.depth > 1 ||
-            (g.depth && g.shape[0] != field->shape[0])) {
-            refuse(node, field, value);
-        }
-        g.step = field->shape[0] + 1u;
-        copies = g.depth ? 0 : field->shape[0];
+    if (fit == ASSIGN_NO_ROWS) {
+        return 0;
     }
-    memset(aside, 0, (size_t)elements * width);
+    const uint32_t width = element_size((FledgeType)field->type);
+    memset(aside, 0, all.size);
     g.to = aside;
+    g.step = how.step;
     g.n = 0;
     gather(&g, value, 0);
-    for (uint32_t i = 1; i < copies; i++) {
-        memcpy(aside + (size_t)i * g.step * width, aside, width);
+    for (uint32_t i = 1; i < how.copies; i++) {
+        memcpy(aside + (size_t)i * how.step * width, aside, width);
     }
-    return rows;
+    return how.rows;
 }
 
 static int store_text(const ScriptNode *node, const ScriptField *field, mp_obj_t value, uint8_t *aside)
@@ -742,6 +656,7 @@ double objects_constant(const ScriptField *field, mp_obj_t value, const char *wh
 {
     ScriptField named = *field;
     named.n_dimensions = 0;
+    named.count = SCRIPT_NO_FIELD;
     const ScriptType type = {.name = what};
     const ScriptRoot root = {.node = {.base = {&script_view_type}, .type = &type}, .place = -1};
     int seconds = 0;

@@ -26,6 +26,26 @@ const char *kind_text(const FledgeField &field)
     }
 }
 
+/// "(3, 3)", "(n <= 8, 3)"; "" for a scalar.
+std::string shape_text(const FledgeField &field)
+{
+    if (!field.ndim) {
+        return "";
+    }
+    std::string text = "(";
+    for (std::uint32_t i = 0; i < field.ndim; i++) {
+        text += i ? ", " : field.count ? std::string(field.count) + " <= " : "";
+        text += std::to_string(field.shape[i]);
+    }
+    return text + ")";
+}
+
+/// " [N m]", or "" if the field has no unit or is dimensionless.
+std::string unit_text(const FledgeField &field)
+{
+    return has_unit(field) ? " [" + std::string(field.unit) + "]" : "";
+}
+
 /// "float [N m], shape (3), required, > 0"
 std::string summary(const FledgeField &field)
 {
@@ -118,24 +138,6 @@ std::string rule_text(const FledgeField &field)
         add((field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + sim::format_number(field.hi));
     }
     return text;
-}
-
-std::string shape_text(const FledgeField &field)
-{
-    if (!field.ndim) {
-        return "";
-    }
-    std::string text = "(";
-    for (std::uint32_t i = 0; i < field.ndim; i++) {
-        text += i ? ", " : field.count ? std::string(field.count) + " <= " : "";
-        text += std::to_string(field.shape[i]);
-    }
-    return text + ")";
-}
-
-std::string unit_text(const FledgeField &field)
-{
-    return has_unit(field) ? " [" + std::string(field.unit) + "]" : "";
 }
 
 std::string field_doc(const FledgeField &field)

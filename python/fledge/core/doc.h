@@ -9,12 +9,6 @@ namespace fledge::core {
 /// "required, > 0", as in the header; "" if there is no rule.
 std::string rule_text(const FledgeField &field);
 
-/// "(3, 3)", "(n <= 8, 3)"; "" for a scalar.
-std::string shape_text(const FledgeField &field);
-
-/// " [N m]", or "" if the field has no unit or is dimensionless.
-std::string unit_text(const FledgeField &field);
-
 /// Of an attribute: what it is, its unit, shape, rule and meaning.
 std::string field_doc(const FledgeField &field);
 

@@ -47,11 +47,6 @@ template <class F> auto with_type(FledgeType type, F &&f)
     return f(double{});
 }
 
-inline bool is_float(FledgeType type)
-{
-    return type == FLEDGE_F64 || type == FLEDGE_F32;
-}
-
 inline std::uint32_t read_count(const Object &object, const Member &count)
 {
     return with_type(count.field->type, [&]<class T>(T) {

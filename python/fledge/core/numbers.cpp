@@ -11,26 +11,29 @@ bool is_plain_number(PyObject *value)
     return PyFloat_Check(value) || (PyLong_Check(value) && !PyBool_Check(value));
 }
 
-Number number_of(PyObject *value)
+AssignNumber number_of(PyObject *value)
 {
     if (PyLong_Check(value)) {
         int beyond = 0;
         const long long x = PyLong_AsLongLongAndOverflow(value, &beyond);
         if (!beyond) {
-            return static_cast<Number>(x);
+            return assign_whole(x);
         }
         const unsigned long long natural = PyLong_AsUnsignedLongLong(value);
         if (!PyErr_Occurred()) {
-            return static_cast<Number>(natural);
+            return {static_cast<double>(natural), natural, 1};
         }
         PyErr_Clear();
+        if (beyond < 0) {
+            return {PyFloat_AsDouble(value), UINT64_MAX, -1}; // below all whole numbers of 64 bits
+        }
     }
-    return static_cast<Number>(PyFloat_AsDouble(value));
+    return assign_real(PyFloat_AsDouble(value));
 }
 
 namespace {
 
-Read read_sequence(PyObject *value, Numbers &out, int depth)
+Read read_sequence(PyObject *value, Numbers &out, std::uint32_t depth)
 {
     const Py_ssize_t n = PySequence_Fast_GET_SIZE(value);
     PyObject **items = PySequence_Fast_ITEMS(value);
@@ -40,8 +43,8 @@ Read read_sequence(PyObject *value, Numbers &out, int depth)
     const auto size = static_cast<std::size_t>(n);
     if (out.values.empty() && depth == out.ndim) { // the first of this depth
         out.ndim = depth + 1;
-        out.shape[static_cast<std::size_t>(depth)] = size;
-    } else if (depth >= out.ndim || out.shape[static_cast<std::size_t>(depth)] != size) {
+        out.shape[depth] = size;
+    } else if (depth >= out.ndim || out.shape[depth] != size) {
         return Read::ragged;
     }
     for (Py_ssize_t i = 0; i < n; i++) {
@@ -50,7 +53,7 @@ Read read_sequence(PyObject *value, Numbers &out, int depth)
             if (depth + 1 != out.ndim) {
                 return Read::ragged;
             }
-            out.values.push_back(PyFloat_AS_DOUBLE(item));
+            out.values.push_back(assign_real(PyFloat_AS_DOUBLE(item)));
         } else if (PyList_CheckExact(item) || PyTuple_CheckExact(item)) {
             if (const Read read = read_sequence(item, out, depth + 1); read != Read::yes) {
                 return read;
@@ -59,11 +62,10 @@ Read read_sequence(PyObject *value, Numbers &out, int depth)
             if (depth + 1 != out.ndim) {
                 return Read::ragged;
             }
-            const Number x = number_of(item);
-            if (x == -1.0L && PyErr_Occurred()) {
+            out.values.push_back(number_of(item));
+            if (PyErr_Occurred()) {
                 return Read::error;
             }
-            out.values.push_back(x);
         } else {
             return Read::foreign;
         }
@@ -81,11 +83,11 @@ Read read_buffer(PyObject *value, Numbers &out)
     }
     Read read = Read::foreign;
     if (buffer.format && !std::strcmp(buffer.format, "d") && buffer.ndim <= FLEDGE_DIMS_MAX) {
-        out.ndim = buffer.ndim;
+        out.ndim = static_cast<std::uint32_t>(buffer.ndim);
         std::copy_n(buffer.shape, buffer.ndim, out.shape.begin());
         std::vector<double> values(static_cast<std::size_t>(buffer.len) / sizeof(double));
         read = PyBuffer_ToContiguous(values.data(), &buffer, buffer.len, 'C') ? Read::error : Read::yes;
-        out.values.assign(values.begin(), values.end());
+        std::transform(values.begin(), values.end(), std::back_inserter(out.values), assign_real);
     }
     PyBuffer_Release(&buffer);
     return read;

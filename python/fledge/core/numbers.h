@@ -3,21 +3,17 @@
 #pragma once
 
 #include "core/object.h"
+#include "flight/exec/assign.h"
 
 #include <array>
-#include <limits>
 
 namespace fledge::core {
 
-/// Holds every double and every whole number of 64 bits exactly.
-using Number = long double;
-static_assert(std::numeric_limits<Number>::digits >= 64);
-
 /// A nested sequence of numbers, flattened by rows.
 struct Numbers {
-    int ndim = 0;
+    std::uint32_t ndim = 0;
     std::array<std::size_t, FLEDGE_DIMS_MAX> shape{};
-    std::vector<Number> values;
+    std::vector<AssignNumber> values;
 };
 
 enum class Read {
@@ -28,7 +24,7 @@ enum class Read {
 };
 
 /// A Python number; an exception is set if it is none, or beyond a double.
-Number number_of(PyObject *value);
+AssignNumber number_of(PyObject *value);
 
 /// A float or int, but no bool.
 bool is_plain_number(PyObject *value);

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // From Python's values to a field's bytes: convert, check, and undo if the check fails.
-#include "core/doc.h"
 #include "core/element.h"
 #include "core/errors.h"
 #include "core/numbers.h"
 #include "core/value.h"
+#include "flight/exec/assign.h"
 #include "sim/error.h"
 
-#include <cmath>
-#include <limits>
+#include <optional>
 
 namespace fledge::core {
 
@@ -16,39 +15,21 @@ namespace {
 
 // --- complaining -----------------------------------------------------------------------------------
 
-/// "shape (3, 3), or 3 numbers for the diagonal, or one for a multiple of the identity, in kg m^2"
-std::string expectation(const Member &member)
+AssignField described(const Member &member)
 {
     const FledgeField &field = *member.field;
+    AssignField all{field.type, field.size, field.ndim, {}, field.count, field.unit, field.ctype};
+    std::copy_n(field.shape, field.ndim, all.shape);
+    return all;
+}
+
+std::string expectation(const Member &member)
+{
     std::string text;
-    if (field.type == FLEDGE_CHAR) {
-        return "a text of up to " + std::to_string(field.size - 1) + " bytes";
-    }
-    if (field.type == FLEDGE_STRUCT) {
-        const std::string one = std::string(field.ctype) + " or dict of its fields";
-        return field.ndim ? "a list of " + std::string(field.count ? "up to " : "") + std::to_string(field.shape[0]) +
-                                ", each a " + one
-                          : one;
-    }
-    const std::string range =
-        is_float(field.type) || field.type == FLEDGE_ENUM ? "" : with_type(field.type, []<class T>(T) {
-            return "from " + std::to_string(std::numeric_limits<T>::min()) + " to " +
-                   std::to_string(std::numeric_limits<T>::max());
-        });
-    if (!field.ndim) {
-        text = range.empty() ? "a number" : "a whole number " + range;
-    } else {
-        text = "shape " + shape_text(field) + (range.empty() ? "" : " of whole numbers " + range);
-        if (field.count && field.ndim == 1) {
-            text += ", or one number for all";
-        } else if (!field.count && field.ndim == 2 && field.shape[0] == field.shape[1]) {
-            text += ", or " + std::to_string(field.shape[0]) +
-                    " numbers for the diagonal, or one for a multiple of the identity";
-        }
-    }
-    if (const std::string unit = unit_text(field); !unit.empty()) {
-        text += ", in " + unit.substr(2, unit.size() - 3);
-    }
+    const AssignField field = described(member);
+    assign_expected(
+        {&text, [](void *to, const char *words, std::size_t n) { static_cast<std::string *>(to)->append(words, n); }},
+        &field);
     return text;
 }
 
@@ -92,6 +73,23 @@ PyObject *to_si(PyObject *object, const Member &member, PyObject *value)
     return PyObject_CallFunction(function, "OssNs", value, path.c_str(), field.unit, dims, expected.c_str());
 }
 
+/// A new reference to the number of an enumerator, or to nested lists of them; null with an exception set.
+PyObject *to_enumerators(PyObject *object, const Member &member, PyObject *value)
+{
+    const FledgeEnum &values = *member.field->values;
+    PyObject *convert = hook("to_enumerators");
+    PyObject *list = PyList_New(0);
+    for (std::uint32_t i = 0; convert && list && i < values.n; i++) {
+        PyObject *item = Py_BuildValue("(sL)", values.values[i].name, static_cast<long long>(values.values[i].value));
+        if (!item || PyList_Append(list, item)) {
+            Py_CLEAR(list);
+        }
+        Py_XDECREF(item);
+    }
+    const std::string path = path_of(object) + "." + member.field->name;
+    return convert && list ? PyObject_CallFunction(convert, "sNOs", values.name, list, value, path.c_str()) : nullptr;
+}
+
 /// Remember that the user gave a parameter; inside a struct, the parameter that holds it.
 void mark_given(PyObject *object, const Member &member)
 {
@@ -111,41 +109,6 @@ bool is_given(PyObject *object, const Member &member)
     return is_root(object) && as_root(object)->instance->given[member.index];
 }
 
-/// The bytes of a field and of its count. Calling it writes them back.
-class Undo {
-public:
-    Undo(const Object &object, const Member &member) : object_(object), member_(member)
-    {
-        keep(member);
-        if (member.count) {
-            keep(*member.count);
-        }
-    }
-    void operator()()
-    {
-        std::size_t at = 0;
-        put_back(member_, at);
-        if (member_.count) {
-            put_back(*member_.count, at);
-        }
-    }
-
-private:
-    void keep(const Member &member)
-    {
-        const std::byte *from = object_.memory + member.field->offset;
-        bytes_.insert(bytes_.end(), from, from + member.field->size);
-    }
-    void put_back(const Member &member, std::size_t &at)
-    {
-        std::memcpy(object_.memory + member.field->offset, bytes_.data() + at, member.field->size);
-        at += member.field->size;
-    }
-    const Object &object_;
-    const Member &member_;
-    std::vector<std::byte> bytes_;
-};
-
 /// Whether the field holds the header's rule. Only parameters are checked: tests may write any number into inputs and
 /// memory.
 bool obeys(PyObject *object, const Member &member)
@@ -160,22 +123,6 @@ bool obeys(PyObject *object, const Member &member)
         return false;
     }
     return true;
-}
-
-/// False with SetupError set if the number does not fit into the field's C type.
-bool write_number(std::byte *to, FledgeType type, Number x)
-{
-    return with_type(type, [&]<class T>(T) {
-        if constexpr (!std::is_floating_point_v<T>) {
-            if (!(x >= static_cast<Number>(std::numeric_limits<T>::min()) &&
-                  x <= static_cast<Number>(std::numeric_limits<T>::max())) ||
-                x != std::floor(x)) {
-                return false;
-            }
-        }
-        save(to, static_cast<T>(x));
-        return true;
-    });
 }
 
 /// Set the array's count to the number of rows, unless the user or another array has set it.
@@ -208,203 +155,90 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
     return true;
 }
 
-/// Spread the given numbers over the elements of the field. `out` gets the size of the field.
-Stored spread(PyObject *object, const Member &member, PyObject *value, const Numbers &in, std::vector<Number> &out)
+/// The bytes of a field, made aside because a value may be a view of what is there.
+struct Made {
+    std::vector<std::byte> bytes;
+    std::optional<std::uint32_t> rows; ///< that count then, of a field with a count
+};
+
+/// Put them in place, unless that breaks a rule.
+Stored put(PyObject *object, const Member &member, Made &made)
 {
-    const FledgeField &field = *member.field;
-    const std::size_t elements = sim::field_elements(field);
-    const std::size_t row = elements / field.shape[0];
-    const auto same_from = [&](std::uint32_t first) {
-        return in.ndim == static_cast<int>(field.ndim) &&
-               std::equal(field.shape + first, field.shape + field.ndim, in.shape.begin() + first);
-    };
-    out.assign(elements, 0.0L);
-    if (member.count) {
-        if (in.ndim == 0 && field.ndim == 1) {
-            const std::uint32_t rows = rows_of(*as_object(object), member);
-            if (rows == 0) {
-                return Stored::needs_count;
-            }
-            std::fill_n(out.begin(), rows, in.values[0]);
-            return Stored::yes;
-        }
-        if (same_from(1) && in.shape[0] <= field.shape[0] && in.shape[0] > 0) {
-            if (!settle_count(object, member, static_cast<std::uint32_t>(in.shape[0]))) {
-                return Stored::no;
-            }
-            std::copy(in.values.begin(), in.values.end(), out.begin());
-            return Stored::yes;
-        }
-    } else if (same_from(0)) {
-        out = in.values;
-        return Stored::yes;
-    } else if (field.ndim == 2 && row == field.shape[0] && (in.ndim == 0 || (in.ndim == 1 && in.shape[0] == row))) {
-        for (std::size_t i = 0; i < row; i++) {
-            out[i * row + i] = in.values[in.ndim ? i : 0];
-        }
+    std::byte *to = as_object(object)->memory + member.field->offset;
+    const std::uint32_t n = made.rows ? read_count(*as_object(object), *member.count) : 0;
+    if (made.rows && !settle_count(object, member, *made.rows)) {
+        return Stored::no;
+    }
+    std::swap_ranges(made.bytes.begin(), made.bytes.end(), to);
+    if (obeys(object, member)) {
         return Stored::yes;
     }
-    std::string found = in.ndim ? "shape (" : "a single number";
-    for (int i = 0; i < in.ndim; i++) {
-        found += (i ? ", " : "") + std::to_string(in.shape[static_cast<std::size_t>(i)]);
+    std::swap_ranges(made.bytes.begin(), made.bytes.end(), to);
+    if (made.rows) {
+        write_count(*as_object(object), *member.count, n);
     }
-    return refuse(object, member, value, found + (in.ndim ? ")" : ""));
+    return Stored::no;
 }
 
-Stored store_numbers(PyObject *object, const Member &member, PyObject *value)
+Stored make_numbers(PyObject *object, const Member &member, PyObject *value, Made &made)
 {
     const FledgeField &field = *member.field;
-    Numbers numbers;
-    numbers.values.reserve(sim::field_elements(field));
-    Read read = read_numbers(value, numbers);
-    if (read == Read::foreign) {
-        PyObject *plain = to_si(object, member, value);
+    const bool names = field.type == FLEDGE_ENUM && !(field.ndim && PyLong_CheckExact(value));
+    const bool flag = PyBool_Check(value) && !field.ndim && !assign_is_float(field.type) && !names;
+    Numbers in;
+    Read read = flag ? Read::yes : names ? Read::foreign : read_numbers(value, in);
+    if (flag) {
+        in.values.push_back(number_of(value));
+    } else if (read == Read::foreign) {
+        PyObject *plain = names ? to_enumerators(object, member, value) : to_si(object, member, value);
         if (!plain) {
             return Stored::no;
         }
-        numbers = {};
-        read = read_numbers(plain, numbers);
+        in = {};
+        read = read_numbers(plain, in);
         Py_DECREF(plain);
     }
-    switch (read) {
-    case Read::yes: break;
-    case Read::ragged: return refuse(object, member, value, "rows of unequal length");
-    case Read::foreign:
-    case Read::error: return refuse(object, member, value);
+    if (read != Read::yes) {
+        return refuse(object, member, value, read == Read::ragged && field.ndim ? "rows of unequal length" : "");
     }
-    Undo undo(*as_object(object), member);
-    std::vector<Number> values;
-    if (const Stored stored = spread(object, member, value, numbers, values); stored != Stored::yes) {
-        return stored;
+    const AssignField all = described(member);
+    AssignSpread spread;
+    const std::uint32_t rows = field.ndim ? rows_of(*as_object(object), member) : 1;
+    switch (assign_spread(&all, in.shape.data(), in.ndim, rows, &spread)) {
+    case ASSIGN_FITS: break;
+    case ASSIGN_NO_ROWS: return Stored::needs_count;
+    case ASSIGN_WRONG_SHAPE:
+        std::string found = in.ndim ? "shape (" : "a single number";
+        for (std::uint32_t i = 0; i < in.ndim; i++) {
+            found += (i ? ", " : "") + std::to_string(in.shape[i]);
+        }
+        return refuse(object, member, value, field.ndim ? found + (in.ndim ? ")" : "") : "");
     }
-    std::byte *to = as_object(object)->memory + field.offset;
-    const std::size_t width = field.size / values.size();
-    for (std::size_t i = 0; i < values.size(); i++) {
-        if (!write_number(to + i * width, field.type, values[i])) {
-            undo();
+    if (member.count && in.ndim) {
+        made.rows = spread.rows;
+    }
+    const std::size_t step = spread.step * element_size(field.type);
+    for (std::size_t i = 0; i < std::max<std::size_t>(in.values.size(), spread.copies); i++) {
+        if (!assign_number(field.type, made.bytes.data() + i * step, in.values[spread.copies > 1 ? 0 : i])) {
             return refuse(object, member, value);
         }
     }
-    if (!obeys(object, member)) {
-        undo();
-        return Stored::no;
-    }
     return Stored::yes;
 }
 
-/// A new reference to the number of an enumerator, or to nested lists of them; null with an exception set.
-PyObject *to_enumerators(PyObject *object, const Member &member, PyObject *value)
-{
-    const FledgeEnum &values = *member.field->values;
-    PyObject *convert = hook("to_enumerators");
-    PyObject *list = PyList_New(0);
-    for (std::uint32_t i = 0; convert && list && i < values.n; i++) {
-        PyObject *item = Py_BuildValue("(sL)", values.values[i].name, static_cast<long long>(values.values[i].value));
-        if (!item || PyList_Append(list, item)) {
-            Py_CLEAR(list);
-        }
-        Py_XDECREF(item);
-    }
-    const std::string path = path_of(object) + "." + member.field->name;
-    return convert && list ? PyObject_CallFunction(convert, "sNOs", values.name, list, value, path.c_str()) : nullptr;
-}
-
-Stored store_array(PyObject *object, const Member &member, PyObject *value)
-{
-    const FledgeField &field = *member.field;
-    if (field.type == FLEDGE_ENUM && !PyLong_CheckExact(value)) {
-        PyObject *numbers = to_enumerators(object, member, value);
-        const Stored stored = numbers ? store_numbers(object, member, numbers) : Stored::no;
-        Py_XDECREF(numbers);
-        return stored;
-    }
-    return store_numbers(object, member, value);
-}
-
-/// A whole number, without a detour through a double.
-bool write_integer(std::byte *to, FledgeType type, PyObject *value)
-{
-    return with_type(type, [&]<class T>(T) {
-        if constexpr (std::is_floating_point_v<T>) {
-            return false;
-        } else if constexpr (std::is_same_v<T, std::uint64_t>) {
-            const unsigned long long x = PyLong_AsUnsignedLongLong(value);
-            if (PyErr_Occurred()) {
-                return false;
-            }
-            save(to, static_cast<T>(x));
-            return true;
-        } else {
-            const long long x = PyLong_AsLongLong(value);
-            if (PyErr_Occurred() || x < static_cast<long long>(std::numeric_limits<T>::min()) ||
-                x > static_cast<long long>(std::numeric_limits<T>::max())) {
-                return false;
-            }
-            save(to, static_cast<T>(x));
-            return true;
-        }
-    });
-}
-
-Stored store_scalar(PyObject *object, const Member &member, PyObject *value)
-{
-    const FledgeField &field = *member.field;
-    if (!is_plain_number(value) && !(PyBool_Check(value) && !is_float(field.type))) {
-        PyObject *plain = to_si(object, member, value);
-        if (!plain) {
-            return Stored::no;
-        }
-        const Stored stored =
-            is_plain_number(plain) ? store_scalar(object, member, plain) : refuse(object, member, value);
-        Py_DECREF(plain);
-        return stored;
-    }
-    Undo undo(*as_object(object), member);
-    std::byte *to = as_object(object)->memory + field.offset;
-    bool fits;
-    if (PyLong_Check(value) && !is_float(field.type)) {
-        fits = write_integer(to, field.type, value);
-    } else {
-        const double x = PyFloat_AsDouble(value);
-        fits = !(x == -1.0 && PyErr_Occurred()) && write_number(to, field.type, x);
-    }
-    if (!fits) {
-        undo();
-        return refuse(object, member, value);
-    }
-    if (!obeys(object, member)) {
-        undo();
-        return Stored::no;
-    }
-    return Stored::yes;
-}
-
-Stored store_enum(PyObject *object, const Member &member, PyObject *value)
-{
-    PyObject *number = to_enumerators(object, member, value);
-    if (number && PyLong_Check(number)) {
-        save(as_object(object)->memory + member.field->offset, static_cast<std::int32_t>(PyLong_AsLong(number)));
-    }
-    const Stored stored = !number ? Stored::no : PyLong_Check(number) ? Stored::yes : refuse(object, member, value);
-    Py_XDECREF(number);
-    return stored;
-}
-
-Stored store_text(PyObject *object, const Member &member, PyObject *value)
+Stored make_text(PyObject *object, const Member &member, PyObject *value, Made &made)
 {
     Py_ssize_t size = 0;
     const char *text = PyUnicode_Check(value) ? PyUnicode_AsUTF8AndSize(value, &size) : nullptr;
     if (!text || static_cast<std::size_t>(size) >= member.field->size) {
         return refuse(object, member, value);
     }
-    std::byte *to = as_object(object)->memory + member.field->offset;
-    std::memset(to, 0, member.field->size);
-    std::memcpy(to, text, static_cast<std::size_t>(size));
+    std::memcpy(made.bytes.data(), text, static_cast<std::size_t>(size));
     return Stored::yes;
 }
 
 /// A row of `rows`, from a struct of the same type or from a dict: fields that it leaves out become 0.
-bool store_row(PyObject *object, const Member &member, std::size_t index, PyObject *value, std::byte *rows)
+bool make_row(PyObject *object, const Member &member, std::size_t index, PyObject *value, std::byte *rows)
 {
     const Type &type = *member.sub;
     if (is_view(value) && as_view(value)->type == &type) {
@@ -421,8 +255,8 @@ bool store_row(PyObject *object, const Member &member, std::size_t index, PyObje
     return stored;
 }
 
-/// A struct, or an array of them. They are made aside, because the values may be views of what was there.
-Stored store_struct(PyObject *object, const Member &member, PyObject *value)
+/// A struct, or an array of them.
+Stored make_structs(PyObject *object, const Member &member, PyObject *value, Made &made)
 {
     const FledgeField &field = *member.field;
     const bool list = PyList_Check(value) || PyTuple_Check(value);
@@ -434,21 +268,14 @@ Stored store_struct(PyObject *object, const Member &member, PyObject *value)
                       : is_object(value) ? as_object(value)->type->table->name
                                          : "");
     }
-    std::vector<std::byte> rows(field.size);
     for (std::size_t i = 0; i < n; i++) {
         PyObject *one = list ? PySequence_Fast_GET_ITEM(value, static_cast<Py_ssize_t>(i)) : value;
-        if (!store_row(object, member, i, one, rows.data())) {
+        if (!make_row(object, member, i, one, made.bytes.data())) {
             return Stored::no;
         }
     }
-    Undo undo(*as_object(object), member);
-    if (member.count && !settle_count(object, member, static_cast<std::uint32_t>(n))) {
-        return Stored::no;
-    }
-    std::copy(rows.begin(), rows.end(), as_object(object)->memory + field.offset);
-    if (!obeys(object, member)) {
-        undo();
-        return Stored::no;
+    if (member.count) {
+        made.rows = static_cast<std::uint32_t>(n);
     }
     return Stored::yes;
 }
@@ -517,17 +344,13 @@ setter setter_for(const FledgeField &field)
 
 Stored store(PyObject *object, const Member &member, PyObject *value)
 {
-    Stored stored;
-    switch (member.field->type) {
-    case FLEDGE_STRUCT: stored = store_struct(object, member, value); break;
-    case FLEDGE_CHAR: stored = store_text(object, member, value); break;
-    case FLEDGE_ENUM:
-        if (!member.field->ndim) {
-            stored = store_enum(object, member, value);
-            break;
-        }
-        [[fallthrough]];
-    default: stored = member.field->ndim ? store_array(object, member, value) : store_scalar(object, member, value);
+    Made made{std::vector<std::byte>(member.field->size), {}};
+    const auto make = member.field->type == FLEDGE_STRUCT ? make_structs
+                      : member.field->type == FLEDGE_CHAR ? make_text
+                                                          : make_numbers;
+    Stored stored = make(object, member, value, made);
+    if (stored == Stored::yes) {
+        stored = put(object, member, made);
     }
     if (stored == Stored::yes && member.checked) {
         mark_given(object, member);

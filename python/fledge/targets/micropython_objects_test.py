@@ -325,6 +325,18 @@ def test_assignments_have_the_bytes_and_refusals_of_the_desktop(run, types):
     assert stored > CASES / 2 and refused > CASES / 4
 
 
+def test_a_refusal_has_the_words_of_the_desktop(run, types):
+    statements = [f"x = fsw.{line}" for line in (
+        "MrpFeedback(K='high')", "MrpFeedback(P=[1, 2])", "WheelConfig(axes_B=[[1, 2]])", "WheelConfig(J=[])",
+        "WheelConfig(n=-1)", "Noise(level=256)", "Noise(wide=[0, 1.5])", "Noise(counts=[70000, 0])", "Noise(part=[])",
+        "Noise(parts=[{}])", "Noise(phases=['SAFE'])")]
+    text = HEAD + "".join(f"try:\n    {one}\nexcept ValueError as e:\n    print(str(e).split('; found')[0])\n"
+                          for one in statements)
+    here, there = desktop(text, types[0]), run("from fledge import flight as fsw\n" + text)
+    assert there[:-1] == here[:-1] and len(here) == len(statements)
+    assert there[-1].startswith(here[-1])   # that of an enumeration names its enumerators, too
+
+
 # --- what the desktop has no equal of ----------------------------------------------------------------
 
 def errors(run, *statements):
@@ -357,7 +369,7 @@ def test_errors_name_the_place_and_what_is_allowed(run):
               "TypeError: MrpFeedback has no attribute 'gain'",
               "SetupError: flight.mrp_feedback.error.head.quality: expected QUALITY_NONE, ",
               "SetupError: WheelConfig.J: one number fills the rows that count, and there are none yet; set n",
-              "SetupError: WheelConfig.axes_B: expected shape (up to 8, 3) of numbers; found [[1, 2]]",
+              "SetupError: WheelConfig.axes_B: expected shape (n <= 8, 3); found [[1, 2]]",
               "SetupError: flight.mrp_feedback.torque.torque_B is in an output",
               "SetupError: flight.mrp_feedback.torque.torque_B is in an output",
               "SetupError: flight.mrp_feedback: this module is flight.mrp_feedback already",
