@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 from fledge.errors import Failure
 from fledge.files import build_folder
-from fledge.targets import build, leon3
+from fledge.targets import build
+from fledge.targets.leon3 import board
 
 from bench.rows import Rows, in_turn, options, pair_by_pair, report
 
+NEEDS = ["leon3-qemu"]
 GUEST = build.ROOT / "bench/guest"
 BOARD = build.ROOT / "emulator/boards/leon3_generic.toml"
 MODULES = ["actuation/wheel_torques", "control/mrp_feedback", "guidance/euler_rotation", "guidance/hill_pointing",
@@ -41,7 +43,7 @@ SHORT = 30      # the interpreter has a part of the work
 
 def built(name: str, rounds: int) -> Path:
     program = PROGRAMS[name]
-    return leon3.program(build_folder() / f"bench_emulator/{name}_{rounds}", name,
+    return board.program(build_folder() / f"bench_emulator/{name}_{rounds}", name,
                          [GUEST / "main.c", GUEST / f"{name}.c", *program.sources], [],
                          [f"-DROUNDS={rounds}", *program.flags])
 

@@ -18,10 +18,12 @@ from typing import Any
 from fledge.errors import Failure
 from fledge.files import build_folder
 from fledge.profile import Profile, board, code, desktop, process, valgrind
-from fledge.targets import TARGETS, Job, build, inputs
+from fledge.targets import TARGETS, Job, build
+from fledge.targets.linux import inputs
 
 from bench.rows import Rows, in_turn, median_ratio, options, report
 
+NEEDS = ["profile", "micropython-dev", "leon3-micropython"]
 MISSION, SECONDS, CYCLES = "inertial_spin", 23999.5, 48_000
 SENSOR = build.ROOT / "bench/sensor.py"
 CASES = ["linux", "micropython", "micropython-dev", "leon3-micropython", "wall", "sensor"]
@@ -138,8 +140,8 @@ def sensor(rows: Rows) -> None:
 
 def interpreter(folder: Path, development: bool) -> Path:
     """The plain interpreter, with the example frozen."""
-    from fledge.export.write import write_files
-    from fledge.targets import micropython_toolchain as toolchain
+    from fledge.files import write_files
+    from fledge.targets.micropython import toolchain
 
     library = toolchain.library("host", development)
     frozen, = write_files({"frozen.c": toolchain.freeze({"script.py": SENSOR}, library)}, folder)

@@ -60,7 +60,7 @@ SEEN_FROM_PYTHON = {
     "registers": ["python/fledge/export/board_test.py"],
     "introspect": ["python/fledge/objects"],
     "targets": ["python/fledge/targets", "python/fledge/export"],
-    "targets/cfs": ["python/fledge/targets/cfs_test.py", "python/fledge/export/cfs"],
+    "targets/cfs": ["targets/cfs"],
     "python/fledge/core": ["python/fledge"],
     "python/fledge/cli": ["python/fledge/errors_test.py", "python/fledge/archive", "python/fledge/montecarlo",
                           "python/fledge/mission", "python/fledge/targets/fly_test.py"],

@@ -146,7 +146,7 @@ def test_every_quoted_include_is_found_from_the_root():
 
 # --- the parts of python/fledge --------------------------------------------------------------------
 
-PACKAGE = Path("python/fledge")
+PACKAGE, TARGETS = Path("python/fledge"), Path("targets")       # the latter has parts of fledge.targets
 
 
 def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]]:
@@ -175,10 +175,10 @@ def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]
 
 
 def library_imports() -> dict[str, list[tuple[int, str]]]:
-    """The imports of each module of python/fledge, tests apart."""
-    paths = {".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): path
-             for path in files() if path.suffix == ".py" and path.is_relative_to(PACKAGE) and not is_test(path)
-             and "templates" not in path.parts and path.parent / path.name != PACKAGE / "__init__.py"}
+    """The imports of each module of the package fledge, tests apart."""
+    paths = {".".join(path.with_suffix("").parts).removeprefix("python.fledge.").removesuffix(".__init__"): path
+             for path in files() if path.suffix == ".py" and {PACKAGE, TARGETS} & {*path.parents}
+             and not is_test(path) and "templates" not in path.parts and path != PACKAGE / "__init__.py"}
     return {module: imports_of(path, (ROOT / path).read_text(encoding="utf-8"), set(paths))
             for module, path in paths.items()}
 

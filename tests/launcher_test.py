@@ -51,7 +51,7 @@ def launch():
     place = Path(tempfile.mkdtemp(prefix="fledge-"))
     place.chmod(0o755)
     tree, bin_, fake = place / "tree", place / "bin", place / "fake"
-    for folder in (tree / "cmake", tree / "python/fledge/cli", bin_, fake):
+    for folder in (tree / "cmake", bin_, fake):
         folder.mkdir(parents=True)
     fake.chmod(0o777)
     (fake / "during").touch()
@@ -60,11 +60,16 @@ def launch():
     (tree / "CMakeLists.txt").touch()
     (tree / "a_test.py").write_text("def test_one():\n    pass\n")
     (tree / "pytest.ini").write_text("[pytest]\npython_files = *_test.py\n")
+    for path in [*ROOT.glob("python/fledge/*.py"), *ROOT.glob("python/fledge/cli/*.py"), *ROOT.glob("bench/*.py"),
+                 *ROOT.glob("python/fledge/targets/*.py"), *ROOT.glob("targets/*/__init__.py"),
+                 *ROOT.glob("targets/*/packages.txt")]:
+        if not path.stem.endswith("_test"):
+            (tree / path.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, tree / path.relative_to(ROOT))
     (tree / "python/fledge/cli/__main__.py").write_text(
         "import os, sys\nprint(*sys.argv[1:], 'in', os.getcwd(), 'for', os.environ['FLEDGE_PROJECT'])\n")
-    (tree / "python/fledge/targets").mkdir()
-    (tree / "python/fledge/targets/micropython_toolchain.py").write_text(
-        "import os, sys\nopen(os.environ['FAKE'] + '/micropython', 'a').write(' '.join(sys.argv[1:]) + '\\n')\n")
+    (tree / "python/fledge/targets/__main__.py").write_text(
+        "import os, sys\nopen(os.environ['FAKE'] + '/prepared', 'a').write(' '.join(sys.argv[1:]) + '\\n')\n")
     for tool in TOOLS:
         (bin_ / tool).symlink_to(shutil.which(tool))
     for name, script in STAND_INS.items():
@@ -96,6 +101,11 @@ def packages(purpose):
     """The names in that section of the list; of alternatives, the first."""
     section = (ROOT / "cmake/packages.txt").read_text().split(f"[{purpose}]")[1].split("[")[0]
     return re.findall(r"^[^#\s]+", section, re.MULTILINE)
+
+
+# Name of a target's folder -> the packages that the target needs.
+ROOMS = {path.parent.name: re.findall(r"^[^#\s]+", path.read_text(), re.MULTILINE)
+         for path in ROOT.glob("targets/*/packages.txt")}
 
 
 def test_setup_installs_what_is_missing_and_only_that(launch):
@@ -341,7 +351,8 @@ def reader(launch):
     (launch.fake / "updated").touch()
     launch("setup")
     (launch.fake / "installed").write_text("".join(
-        f"installed {name}\n" for purpose in ("run", "unit", "test", "docs") for name in packages(purpose)))
+        f"installed {name}\n" for names in (*map(packages, ("run", "unit", "test", "docs")), *ROOMS.values())
+        for name in names))
     subprocess.run(["chmod", "-R", "a-w", launch.tree], check=True)
     (launch.fake / "ninja").chmod(0o666)
     user = ["/usr/bin/setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
@@ -382,46 +393,43 @@ def test_the_first_command_runs_after_an_install(launch):
         assert done.stdout.startswith(" ".join(arguments) + " in "), done.stderr
 
 
-@pytest.mark.parametrize("arguments, purposes", [
-    (["setup", "--leon3"], ["leon3"]), (["fly", "x", "--on", "linux,leon3"], ["leon3"]),
-    (["fly", "x", "--on", "a=leon3-qemu"], ["leon3", "leon3_qemu"]), (["fly", "x", "--on", "linux"], [])])
-def test_the_toolchain_of_the_leon3_comes_when_it_is_needed(launch, arguments, purposes):
-    (launch.fake / "updated").touch()
-    library = launch.tree / "python/fledge/targets/leon3_toolchain.py"
-    library.write_text("import os, pathlib\npathlib.Path(os.environ['FAKE'], 'library').touch()\n")
-    done = launch(*arguments)
-    assert done.returncode == 0, done.stderr
-    installed = " ".join(launch.said("apt"))
-    for purpose in ("leon3", "leon3_qemu"):
-        assert all((f" {name}" in installed) == (purpose in purposes) for name in packages(purpose))
-    assert (launch.fake / "library").exists() == bool(purposes)
-    assert ("building the C library" in done.stderr) == bool(purposes)
-
-
-@pytest.mark.parametrize("arguments, asked", [
-    (["setup", "--micropython"], [""]), (["setup", "--test"], ["source"]), (["test"], ["source"]), (["setup"], []),
-    (["fly", "x", "--on", "linux,micropython"], ["source"]), (["export", "micropython", "x"], ["source"]),
-    (["bench", "micropython"], ["source"]), (["plot", "runs/x/fly/micropython.mcap"], [])])
-def test_micropython_comes_when_it_is_needed(launch, arguments, asked):
+@pytest.mark.parametrize("arguments, needed, prepared", [
+    (["setup", "--on", "leon3"], ["leon3"], ["leon3"]), (["setup"], [], []),
+    (["setup", "--test"], [*ROOMS, "profile"], [""]), (["test"], [*ROOMS, "profile"], [""]),
+    (["fly", "x"], [], []), (["fly", "x", "--on", "linux", "--out", "leon3_old"], [], []),
+    (["fly", "x", "--on", "linux,leon3"], ["leon3"], []), (["fly", "x", "--on=aarch64"], ["aarch64"], []),
+    (["fly", "x", "--on", "a=leon3-qemu,b=leon3-cfs"], ["leon3", "leon3_qemu"], []),
+    (["fly", "x", "--on", "leon3-micropython"], ["leon3", "micropython"], []),
+    (["fly", "x", "--on", "vax"], [], []), (["fly", "--on", "leon3"], [], []),
+    (["profile", "x"], ["profile"], []), (["profile", "x", "--on", "leon3"], ["profile", "leon3"], []),
+    (["console", "x"], ["micropython"], []), (["flips", "x"], ["leon3"], []),
+    (["export", "micropython", "x"], ["micropython"], []), (["export", "c", "micropython"], [], []),
+    (["bench", "micropython"], ["profile", "leon3", "micropython"], []),
+    (["bench", "emulator"], ["leon3", "leon3_qemu"], []), (["bench", "sim", "leon3"], [], []),
+    (["plot", "runs/x/fly/micropython.mcap"], [], [])])
+def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, needed, prepared):
+    """An installed compiler, and a library that `setup` builds; other commands build it when they fly."""
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
     (launch.fake / "report").write_text(REPORT.format(0))
-    (launch.tree / "python/fledge/targets/leon3_toolchain.py").touch()      # a bench of MicroPython needs it, too
-    launch(*arguments)
-    assert launch.said("micropython") == asked
-    assert ("debian-archive-keyring" in " ".join(launch.said("apt"))) == bool(asked)
+    done = launch(*arguments)
+    assert done.returncode == 0, done.stderr
+    lists = {**ROOMS, "profile": packages("profile")}
+    installed = {name for line in launch.said("apt") for name in re.split("[ ,|]+", line)}
+    assert installed & set(sum(lists.values(), [])) == set(sum((lists[one] for one in needed), []))
+    assert launch.said("prepared") == prepared
 
 
-@pytest.mark.parametrize("arguments, needed", [
-    (["profile", "x"], ["profile"]), (["profile", "x", "--on", "leon3"], ["profile", "leon3"]),
-    (["bench", "micropython"], ["profile", "leon3"]), (["fly", "x"], [])])
-def test_profiles_install_what_they_measure_with(launch, arguments, needed):
+def test_the_targets_of_a_project_say_what_they_need(launch):
     (launch.fake / "updated").touch()
-    (launch.tree / "python/fledge/targets/leon3_toolchain.py").touch()
-    launch(*arguments)
-    installed = " ".join(launch.said("apt"))
-    for purpose in ("profile", "leon3"):
-        assert all((f" {name}" in installed) == (purpose in needed) for name in packages(purpose))
+    target = launch.place / "a project/targets/vax"
+    target.mkdir(parents=True)
+    (launch.place / "a project/CMakeLists.txt").touch()
+    (target / "__init__.py").write_text("from fledge.targets.linux import Linux\n\n\nclass Vax(Linux):\n    pass\n")
+    (target / "packages.txt").write_text("gcc-vax   # its compiler\n")
+    done = launch("--project", launch.place / "a project", "fly", "x", "--on", "vax,linux")
+    assert done.stdout.startswith("fly x --on vax,linux in "), done.stderr
+    assert launch.said("apt")[-1].endswith(" gcc-vax")
 
 
 def test_commands_run_where_the_user_stands(launch):
@@ -659,7 +667,7 @@ def test_the_shell_completes_commands_and_their_arguments(complete):
     assert complete("fledge ") == sorted([*COMMANDS, "help"]) == complete("fledge help ")
     assert complete("fledge mo") == ["montecarlo"]
     assert complete("fledge run --s") == ["--seed", "--set", "--strict"]
-    assert complete("fledge setup --m") == complete("fledge --preset debug setup --m") == ["--micropython"]
+    assert complete("fledge setup --o") == complete("fledge --preset debug setup --o") == ["--on"]
     assert complete("fledge setup --v") == ["--view"]       # of the second line of its usage
     assert complete("fledge --preset r") == complete("fledge test --preset r") == ["release"]
     assert complete("fledge keys new --") == ["--help", "--keys"]

@@ -15,7 +15,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from fledge.targets import build, leon3, leon3_toolchain
+from fledge.targets import build
+from fledge.targets.leon3 import board, toolchain
 
 ENGINES = ["interpreter", "threaded", "translator"]
 GENERIC = build.ROOT / "emulator/boards/leon3_generic.toml"
@@ -57,18 +58,18 @@ def random_program(seed: int, folder: Path) -> tuple[Path, str] | None:
         expected = subprocess.run([here], capture_output=True, text=True, check=True, timeout=2).stdout
     except subprocess.TimeoutExpired:
         return None
-    return leon3.program(folder / f"board_{seed}", "random", [source], [], [*flags, "-O2"]), expected
+    return board.program(folder / f"board_{seed}", "random", [source], [], [*flags, "-O2"]), expected
 
 
 def newlib_math(folder: Path) -> Path:
     """The tests of newlib's mathematics and strings, which print each function and each result that is not exact."""
-    tests = leon3_toolchain.library() / "source/libm/test"
+    tests = toolchain.library() / "source/libm/test"
     # Left out: what prints at random, what needs a library for another machine, and names that newlib has no more.
     left_out = {"dcvt": "", "dvec": "", "convert": "test_cvt", "test_is": "test_is", "test_ieee": "test_ieee"}
     stubs = folder / "stubs.c"
     stubs.write_text("".join(f"void {name}(void);\nvoid {name}(void) {{}}\n" for name in left_out.values() if name),
                      encoding="utf-8")
-    return leon3.program(folder / "newlib", "math", [*(one for one in sorted(tests.glob("*.c"))
+    return board.program(folder / "newlib", "math", [*(one for one in sorted(tests.glob("*.c"))
                          if one.stem not in left_out), stubs], [tests], ["-w", "-std=gnu99", "-O2", "-g0", "-fcommon"])
 
 
@@ -77,7 +78,7 @@ def elementary_hashes(folder: Path) -> tuple[Path, str]:
     math = build.ROOT / "flight/math"
     sources = [math / "elementary_hash.c", *build.math_sources()]
     here = build.program(folder / "here", "hash", sources, [build.ROOT], link=["-lm"])
-    return (leon3.program(folder / "board", "hash", sources, []),
+    return (board.program(folder / "board", "hash", sources, []),
             subprocess.run([here], capture_output=True, text=True, check=True).stdout)
 
 

@@ -7,7 +7,10 @@ import errno
 import fcntl
 import os
 import stat
+from collections.abc import Mapping
 from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]      # flight/, targets/ and python/ lie there, in this tree or installed
 
 
 class Part:
@@ -88,6 +91,46 @@ def create(part: Path) -> int:
         if ours:
             return file
     raise OSError(errno.EBUSY, "other programs write it all the time", str(part))
+
+
+def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Path]:
+    """Write name -> text or bytes into a folder; names may have folders of their own. No file is left half
+    written: each gets its name only after all are written, and another program cannot write them meanwhile. A
+    file that has the same content already is not touched, so that a build does not start anew."""
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
+    fresh, made = [], []
+    locks = []
+    done = False
+    try:
+        for name, content in files.items():
+            part = folder / (name + ".part")
+            made += make(part.parent)
+            locks.append(create(part))
+            fresh.append((part, folder / name))
+            part.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8"))
+        for part, whole in fresh:
+            if whole.exists() and whole.read_bytes() == part.read_bytes():
+                part.unlink()
+            else:
+                os.replace(part, whole)
+        done = True
+    finally:
+        for part, _ in fresh:
+            part.unlink(missing_ok=True)
+        for lock in locks:
+            os.close(lock)
+        for one in reversed([] if done else made):
+            one.rmdir()
+    return [whole for _, whole in fresh]
+
+
+def make(folder: Path) -> list[Path]:
+    """Make a folder and those above it; returns those that were not there."""
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    return made[::-1]
 
 
 def build_folder() -> Path:

@@ -2,11 +2,11 @@
 """The pocket cFE as a whole: its size, its cleanliness, and its tasks under the thread sanitizer."""
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from fledge.files import ROOT
+
 SOURCES = sorted(file for file in (ROOT / "targets/cfs").glob("*.c") if file.name not in ("host.c", "watch.c"))
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Wstrict-prototypes", "-Werror",
           f"-I{ROOT}", f"-I{ROOT}/targets/cfs/inc"]

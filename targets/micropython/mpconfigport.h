@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What MicroPython can do in flight: the language of a mission's scripts, without a garbage collector. A build of
  * development (FLEDGE_COMPILER) also reads Python; the others run frozen scripts and bytecode. The toolchain
- * (python/fledge/targets/micropython_toolchain.py) compiles mpy-cross for the same sizes of integers. */
+ * (toolchain.py) compiles mpy-cross for the same sizes of integers. */
 #ifndef TARGETS_MICROPYTHON_MPCONFIGPORT_H
 #define TARGETS_MICROPYTHON_MPCONFIGPORT_H
 

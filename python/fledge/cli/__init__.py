@@ -299,6 +299,16 @@ def benches() -> list[str]:
     return sorted(p.stem for p in BENCH.glob("*.py") if "def main(" in p.read_text(encoding="utf-8"))
 
 
+def _needed(options):
+    """The NEEDS of a bench, which is not imported: it may import what is not built yet."""
+    import ast
+    import re
+
+    text = (BENCH / f"{options.bench}.py").read_text(encoding="utf-8") if options.bench in benches() else ""
+    found = re.search(r"^NEEDS = (.*)$", text, re.MULTILINE)
+    return ast.literal_eval(found[1]) if found else []
+
+
 def bench(options: argparse.Namespace) -> int:
     from importlib import import_module
 
@@ -426,18 +436,24 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
 
     one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
+    one.set_defaults(needs=_needed)
     one.add_argument("bench", nargs="?", metavar="NAME")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
                      help="the bench's own, such as --json FILE; 'bench NAME --help' lists them")
     return top
 
 
-def main(arguments: list[str] | None = None) -> int:
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
+def parsed(arguments: list[str]) -> argparse.Namespace:
+    """The options of a command line, and what follows `--`."""
     cut = arguments.index("--") if "--" in arguments else len(arguments)
     options = parser().parse_args(arguments[:cut])
     options.after_dashes = arguments[cut + 1:]
     options.words = arguments
+    return options
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = parsed(list(sys.argv[1:] if arguments is None else arguments))
     if isinstance(sys.stdout, io.TextIOWrapper):    # a character that the user's encoding lacks is no error
         sys.stdout.reconfigure(errors="backslashreplace")
     try:

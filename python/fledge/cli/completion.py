@@ -89,7 +89,9 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
         return _runs()
     if name == "on":
         done = word[:max(word.rfind(","), word.rfind("=")) + 1]
-        return [done + target for target in _targets()]
+        from fledge.targets import TARGETS      # of the project, too, if one was named
+
+        return [done + target for target in TARGETS]
     return cli.benches() if name == "bench" else ()
 
 
@@ -101,10 +103,6 @@ def _runs() -> Iterable[str]:
                  if folder != KEPT and [one for one in records if folder in one.parents] == [record]]
         folder = short[0] if short else record
         yield folder.name if folder.parent in (RUNS, KEPT) else str(folder)
-
-
-def _targets() -> list[str]:
-    return ["desktop", *(one.name for top in (ROOT, folders.project()) if top for one in (top / "targets").glob("*/"))]
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fledge.cli.node import add_parameters, given_parameters
+from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def add(command: Callable) -> None:
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, runs/MISSION/micropython, or "
                      "runs/MISSION/cfs/APP")
     add_parameters(one)
+    one.set_defaults(needs=lambda options: TARGETS.known([options.form]))
 
 
 def export(options: argparse.Namespace) -> int:
@@ -94,19 +96,22 @@ def export_micropython(options: argparse.Namespace) -> int:
     from fledge import export as exports
     from fledge.cli.console import say
     from fledge.errors import Failure
-    from fledge.targets import micropython, table
+    from fledge.targets import table
+    from fledge.targets.micropython import program
+    from fledge.targets.micropython.export import compose
 
     for name in ("tasks", "outputs"):
         if getattr(options, name):
             raise Failure(f"export micropython: --{name} is for `export c`; a script composes the whole process")
+    TARGETS.ready(["micropython-dev" if options.development else "micropython"], "export")
     sim = fledge.load(options.mission, **given_parameters(options))
     mission = exports.read(sim, options.process)
     folder = Path(options.out) if options.out else Path("runs") / mission.folder / "micropython"
-    composed = exports.compose(sim, mission, boards=options.board or ())
-    built = micropython.export(composed, sim.process(mission.process), folder, options.development)
+    composed = compose(sim, mission, boards=options.board or ())
+    built = program.export(composed, sim.process(mission.process), folder, options.development)
     for path in sorted(folder.glob("c/*")):
         say(f"  wrote  {path}")
-    say(f"  built  {built}, {table.size(micropython.stripped(built))} without symbols")
+    say(f"  built  {built}, {table.size(program.stripped(built))} without symbols")
     return 0
 
 
@@ -114,7 +119,7 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
     """Write an app's folder; returns the paths."""
     from fledge.objects import project
     from fledge.errors import Failure
-    from fledge.export import cfs
+    from fledge.targets.cfs import export as cfs
 
     def number(option: str, text: str) -> int:
         try:

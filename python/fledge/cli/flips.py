@@ -32,6 +32,7 @@ def add(command: Callable) -> None:
     one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
                      help="of the emulator; default: translator")
     one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
+    one.set_defaults(needs=lambda options: ["leon3"])
 
 
 def flips(options: argparse.Namespace) -> int:
@@ -41,7 +42,7 @@ def flips(options: argparse.Namespace) -> int:
     from fledge.cli.console import say
     from fledge.cli.runs import alone
     from fledge.emulator import flips as campaigns
-    from fledge.export.write import write_files
+    from fledge.files import write_files
     from fledge.progress import Bar
 
     at, duration, after = map(parse_duration, (options.at, options.duration, options.after))

@@ -13,6 +13,7 @@ import re
 import sys
 
 from fledge.cli.node import add_parameters, given_parameters
+from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -27,11 +28,10 @@ def add(command: Callable) -> None:
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
-    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help="of desktop, linux, aarch64, sparc64, "
-                     "cfs, leon3, leon3-qemu, leon3-cfs, micropython, micropython-dev, leon3-micropython, "
-                     "leon3-micropython-qemu; default: desktop,linux. The desktop always flies, because the others are "
-                     "compared with it. chief=cfs,deputy=leon3: one run, with a target for each of these flight "
-                     "processes; all others on the desktop's code")
+    one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
+                     "desktop,linux. The desktop always flies, because the others are compared with it. "
+                     "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
+                     "the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
@@ -59,25 +59,25 @@ def add(command: Callable) -> None:
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
     add_parameters(one)
+    one.set_defaults(needs=lambda options: TARGETS.known([*(chosen := _chosen(options.on))[0], *chosen[1].values()]))
 
 
 def fly(options: argparse.Namespace) -> int:
     from fledge.cli.arguments import parse_duration
     from fledge.cli.runs import alone
     from fledge.errors import Failure
-    from fledge.targets import TARGETS, Job, RealCfs
+    from fledge.targets import Job
 
     names, apart = _chosen(options.on)
-    for name in [*names, *apart.values()]:
-        if name not in TARGETS:
-            raise Failure(f"fly: there is no target '{name}'; there are "
-                          + "; ".join(f"{t.name}, {t.about}" for t in TARGETS.values()))
-        missing = TARGETS[name].missing()
-        if missing:
-            raise Failure(f"fly: {name} needs {' and '.join(missing)}, not installed here")
-    if options.cfs and "cfs" not in [*names, *apart.values()]:
-        raise Failure("fly: --cfs is for --on cfs")
-    targets = {**TARGETS, **({"cfs": RealCfs(options.cfs)} if options.cfs else {}), **_with_tools(options)}
+    chosen = [*names, *apart.values()]
+    targets = {one.name: one for one in TARGETS.ready(["desktop", *chosen], "fly")}
+    if options.cfs:
+        from fledge.targets.cfs.real import RealCfs
+
+        if "cfs" not in targets:
+            raise Failure("fly: --cfs is for --on cfs")
+        targets["cfs"] = RealCfs(options.cfs)
+    targets |= _with_tools(options, chosen)
     duration = parse_duration(options.duration) if options.duration else None
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
@@ -122,24 +122,22 @@ def fly(options: argparse.Namespace) -> int:
         return _fly(options, job, runs, bounds)
 
 
-def _with_tools(options):
-    """The targets on a LEON3, with what a developer wants of them."""
+def _with_tools(options, chosen):
+    """The one target on a LEON3, with what a developer wants of it."""
     from fledge.errors import Failure
-    from fledge.targets import Leon3, Leon3Cfs
 
     words = [word for name in ("trace", "coverage", "profile") if getattr(options, name)
              for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
     words += ["--gdb", options.gdb] if options.gdb else []
-    flown = re.findall(r"\bleon3(?:-cfs)?(?![-\w])", options.on)
+    flown = [name for name in chosen if name in ("leon3", "leon3-cfs")]
     if words and len(flown) != 1:
         raise Failure(f"fly: {words[0]} is for one leon3 or leon3-cfs, as in --on leon3; found {options.on}")
-    return {one.name: one for one in (Leon3(words), Leon3Cfs(words))} if words else {}
+    return {name: type(TARGETS[name])(words) for name in flown} if words else {}
 
 
 def _chosen(text):
     """(names of targets, a run each; process -> name of its target, in one more run) of --on."""
     from fledge.errors import Failure
-    from fledge.targets import TARGETS
 
     names, apart = [], {}
     for word in filter(None, map(str.strip, text.split(","))):
@@ -151,7 +149,7 @@ def _chosen(text):
         else:
             apart[process] = name
     if not names and not apart:
-        raise Failure("fly: --on names no target; there are " + ", ".join(t.name for t in TARGETS.values()))
+        raise Failure("fly: --on names no target; there are " + ", ".join(TARGETS))
     return names, apart
 
 
@@ -169,7 +167,7 @@ def _fly(options, job, runs, bounds):
     from fledge.errors import Failure
     from fledge.archive import Archive
     from fledge.archive.compare import compare, digest
-    from fledge.targets import TARGETS, fly, table
+    from fledge.targets import fly, table
 
     whole = f"{job.title}, {job.scenario}, {job.duration:g} s"
     boards = [path.name for path in job.boards]
@@ -257,9 +255,9 @@ def _clock(job, others):
 
     from fledge.cli.console import say
     from fledge.columns import columns
-    from fledge.export.write import write_files
+    from fledge.files import write_files
     from fledge.plot import save
-    from fledge.targets import TARGETS, clock
+    from fledge.targets.linux import clock
 
     (part, target), = others
     paced = clock.fly(target, part, TARGETS["desktop"].fly(job)[part.process].record)

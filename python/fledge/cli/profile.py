@@ -11,6 +11,7 @@ import argparse
 from pathlib import Path
 
 from fledge.cli.node import add_parameters, given_parameters
+from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -24,14 +25,15 @@ def add(command: Callable) -> None:
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")
-    one.add_argument("--on", default="linux", metavar="TARGETS", help="of linux, micropython, micropython-dev, leon3, "
-                     "leon3-micropython, and desktop, which is CPython, to compare with; default: linux")
+    one.add_argument("--on", default="linux", metavar="TARGETS", help="as of fledge fly, where something "
+                     "measures it; desktop is CPython, to compare with; default: linux")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
                      "runs/MISSION/profile")
     add_parameters(one)
+    one.set_defaults(needs=lambda options: ["profile", *TARGETS.known(_names(options))])
 
 
 def profile(options: argparse.Namespace) -> int:
@@ -43,11 +45,11 @@ def profile(options: argparse.Namespace) -> int:
     from fledge.cli.runs import alone
     from fledge.columns import columns
     from fledge.errors import Failure
-    from fledge.export.write import write_files
+    from fledge.files import write_files
     from fledge.profile import page, profile as measure
     from fledge.targets import Job
 
-    names = list(dict.fromkeys(filter(None, map(str.strip, options.on.split(",")))))
+    names = _names(options)
     if not names:
         raise Failure("profile: --on names no target")
     duration = parse_duration(options.duration) if options.duration else None
@@ -71,3 +73,7 @@ def profile(options: argparse.Namespace) -> int:
     for problem in problems:
         print(f"fledge: {problem}", file=sys.stderr)
     return 1 if problems else 0
+
+
+def _names(options: argparse.Namespace) -> list[str]:
+    return list(dict.fromkeys(filter(None, map(str.strip, options.on.split(",")))))

@@ -14,6 +14,7 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+TARGET = "micropython-dev"
 HELP = """A line is Python, which flight evaluates at its next instant: f.control.K; f.control.K = 3.
 :run FILE    send a procedure, and start it
 :stop        stop it
@@ -31,21 +32,23 @@ def add(command: Callable) -> None:
                      "line or a procedure may take in one instant; default: 10000")
     one.add_argument("--out", metavar="DIR", help="for the programs; default: runs/MISSION/console")
     add_parameters(one)
+    one.set_defaults(needs=lambda options: [TARGET])
 
 
 def console(options: argparse.Namespace) -> int:
     from fledge.cli.runs import alone
     from fledge.errors import Failure
     from fledge.targets import TARGETS, Job
-    from fledge.targets.console import Console
+    from fledge.targets.micropython.console import Console
 
+    target, = TARGETS.ready([TARGET], "console")
     folder = Path(options.out) if options.out else Path("runs") / Path(options.mission).name / "console"
     with alone(folder):
         job = Job(options.mission, None, 1.0, 0, folder=folder, free=True, parameters=given_parameters(options))
         if options.process is None and len(job.parts) > 1:
             raise Failure(f"console: --process: {job.title} has {', '.join(one.process for one in job.parts)}")
         part = job.part(options.process or job.parts[0].process)
-        with Console(part, TARGETS["micropython-dev"]) as flight:
+        with Console(part, target) as flight:
             for text in _texts(f"{part.mission.title}; :help; Ctrl-D ends"):
                 _answer(flight, text, options.turns)
         return 0

@@ -329,7 +329,8 @@ def load(mission: str, scenario: str | None = None, *, process: str | None = Non
     parameters: of the mission, as fledge.load() takes them.
     """
     from fledge.targets import Job
-    from fledge.targets.leon3 import BOARD, Leon3
+    from fledge.targets.leon3 import Leon3
+    from fledge.targets.leon3.board import BOARD
 
     boards = {process or "": registers} if registers else None
     job = Job(mission, scenario, boards=boards, folder=folder, parameters=parameters)

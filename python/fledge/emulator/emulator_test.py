@@ -12,8 +12,8 @@ import pytest
 import fledge
 from fledge import emulator, objects
 from fledge.programs import without_preload
-from fledge.targets import leon3
 from fledge.targets.build import native
+from fledge.targets.leon3.board import BOARD, program
 from fledge.units import N, m, s
 
 
@@ -127,7 +127,7 @@ def test_a_fault_is_reported_and_the_watchdog_begins_anew(board):
 
 
 def test_without_a_watchdog_the_computer_tells_where_it_failed(folder, tmp_path):
-    text = leon3.BOARD.read_text(encoding="utf-8")
+    text = BOARD.read_text(encoding="utf-8")
     assert "\nwatchdog " in text
     (tmp_path / "board.toml").write_text(re.sub(r"(?m)^watchdog .*$", "", text))
     board = emulator.load("nadir_spin", folder=folder, board=tmp_path / "board.toml")
@@ -296,12 +296,12 @@ int main(void)
 @pytest.fixture(scope="module")
 def counter(folder):
     (folder / "counter.c").write_text(COUNTER)
-    return leon3.program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
+    return program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
 
 
 def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
     """Of a program without a mission, deeper in calls than the processor has windows."""
-    board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), leon3.BOARD, counter, "--gdb", "0",
+    board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), BOARD, counter, "--gdb", "0",
                               "--console", tmp_path / "console"], stderr=subprocess.PIPE, text=True)
     try:
         port = re.search(r"target remote :(\d+)", board.stderr.readline())[1]

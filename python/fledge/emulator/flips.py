@@ -70,7 +70,7 @@ class Campaign:
         if not 0 < self.at < self.middle <= self.end:
             raise SetupError("flips: at and duration must be more than 0 s")
         self.edac = edac
-        from fledge.targets.leon3 import BOARD
+        from fledge.targets.leon3.board import BOARD
 
         with TemporaryDirectory() as scratch:
             file = Path(scratch) / "board.toml"

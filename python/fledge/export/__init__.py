@@ -6,8 +6,8 @@
 
 `read` looks at the objects that flight.py made; `emit_c` writes them as C, and other exports use both.
 `emit_board` adds the board that its messages pass, and the tables of how (targets/mission_io.h); `emit_commands` the
-tables of commands and telemetry; `emit_host` all that a host needs to know (targets/mission_host.h). `compose` gives
-all of it for MicroPython, where the mission's script composes it again.
+tables of commands and telemetry; `emit_host` all that a host needs to know (targets/mission_host.h). What one target
+alone needs lies in its folder: targets/cfs/export, targets/micropython/export.
 """
 
 from fledge.commands import leaves
@@ -15,9 +15,9 @@ from fledge.export.board import emit_board
 from fledge.export.c_source import emit as emit_c
 from fledge.export.commands import dictionary, emit_commands
 from fledge.export.host import emit_host
-from fledge.export.micropython import Composed, compose
 from fledge.export.read import ExportError, read, read_all
-from fledge.export.write import write, write_files
+from fledge.export.write import write
+from fledge.files import write_files
 
-__all__ = ["Composed", "ExportError", "compose", "dictionary", "emit_board", "emit_c", "emit_commands", "emit_host",
-           "leaves", "read", "read_all", "write", "write_files"]
+__all__ = ["ExportError", "dictionary", "emit_board", "emit_c", "emit_commands", "emit_host", "leaves", "read",
+           "read_all", "write", "write_files"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.emulator import Board
 from fledge.profile import code
 from fledge.profile.measure import Profile
-from fledge.targets.leon3 import read_board
+from fledge.targets.leon3.board import read_board
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,7 +16,7 @@ from fledge.archive.compare import compare
 from fledge.errors import Failure
 from fledge.profile import code, valgrind
 from fledge.profile.measure import Profile
-from fledge.targets import inputs
+from fledge.targets.linux import inputs
 
 if TYPE_CHECKING:
     from fledge.targets import Part

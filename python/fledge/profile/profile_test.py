@@ -10,7 +10,7 @@ import pytest
 from fledge import cli
 from fledge.profile import Profile, code, process, run, valgrind
 from fledge.targets import TARGETS, build
-from fledge.targets.target import Linux
+from fledge.targets.linux import RUNNER, Linux
 
 needs_valgrind = pytest.mark.skipif(
     not shutil.which("valgrind") or os.environ.get("FLEDGE_PRESET") == "asan",
@@ -59,7 +59,7 @@ class Planted(Linux):
             "void __real_mission_host_exchange(WITH);\nvoid __wrap_mission_host_exchange(WITH);\n"
             "static volatile unsigned n;\nstatic void *volatile kept;\nvoid __wrap_mission_host_exchange(WITH)\n"
             "{\n    " + self.text + "\n    __real_mission_host_exchange(h, w, t, c);\n}\n")
-        sources = [*part.sources(), *(build.ROOT / path for path in build.RUNNER), (folder / "around.c").resolve()]
+        sources = [*part.sources(), *(build.ROOT / path for path in RUNNER), (folder / "around.c").resolve()]
         return build.program(folder, part.mission.name, sources, part.includes(), flags=["-fno-pie"],
                              link=[*self.link, "-Wl,--wrap=mission_host_exchange"])
 

@@ -8,6 +8,7 @@ from fledge.errors import Failure
 from fledge.profile import board, desktop, process as processes
 from fledge.profile.measure import Profile
 from fledge.targets import TARGETS, Job
+from fledge.targets.desktop import Desktop
 
 METHODS = {"process": processes.measure, "board": board.measure, "desktop": desktop.measure}     # Target.profiled_by
 
@@ -22,7 +23,6 @@ def profile(job: Job, names: Sequence[str], process: str | None = None) -> list[
         if name not in TARGETS or not TARGETS[name].profiled_by:
             can = [one.name for one in TARGETS.values() if one.profiled_by]
             raise Failure(f"profile: cannot profile on '{name}'; there are {', '.join(can)}")
-        if missing := TARGETS[name].missing():
-            raise Failure(f"profile: {name} needs {' and '.join(missing)}, not installed here")
-    flown = TARGETS["desktop"].fly(job)[part.process]
-    return [METHODS[TARGETS[name].profiled_by](TARGETS[name], part, flown.record) for name in names]
+    targets = TARGETS.ready(names, "profile")
+    flown = Desktop().fly(job)[part.process]
+    return [METHODS[one.profiled_by](one, part, flown.record) for one in targets]

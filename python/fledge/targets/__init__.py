@@ -1,30 +1,106 @@
 # SPDX-License-Identifier: Apache-2.0
 """One mission on several targets, in the same closed loop: exported, built, flown, and compared with the desktop.
 
+Each target has a folder in targets/, of Fledge or of a project, and its name: targets/leon3 is the target `leon3` and
+the package fledge.targets.leon3, whose __init__.py has its class. Here is what they share:
+
+    target.py     the class of all targets
     rehearsal.py  a scenario on the desktop: its set-up, its duration, and what it changes between its runs
     job.py        what is flown: a mission's scenario, exported, and for how long
     build.py      builds C by ninja, and measures the size of programs
-    target.py     the targets: the desktop, a Linux process, the same for aarch64 and sparc64
-    cfs.py        the target that is an app of the core Flight System
-    leon3.py      the targets on a LEON3 board; leon3_toolchain.py has its compiler and C library
-    console.py    a program that flies by this machine's clock and takes commands
-    inputs.py     what flight reads on the desktop, as a file that a process plays
-    clock.py      a process by the machine's clock, with histograms
-    micropython.py  the targets whose interpreter composes the mission; micropython_toolchain.py builds the interpreter
-    procedures.py sends a file to flight, which runs it as a procedure
     loop.py       the programs of one flight: controller, world, and the node of the target's board
+    flight.py     a flight of a job on its targets; flown.py: its results
+    playback.py   a target's flight in the place of flight
     table.py      the table that `fledge fly` prints
+
+Until a flight begins, the standard library alone is imported: the launcher asks the classes what to install, and Fledge
+may not be built yet.
 """
+from __future__ import annotations
 
-from fledge.targets.job import Job, Part
-from fledge.targets.cfs import Cfs, RealCfs
-from fledge.targets.leon3 import Leon3, Leon3Cfs, Leon3Qemu
-from fledge.targets.micropython import (Leon3MicroPython, Leon3MicroPythonQemu, MicroPython,
-                                        MicroPythonDevelopment)
-from fledge.targets.procedures import procedure
-from fledge.targets.target import TARGETS, Flown, Target, fly
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
 
-TARGETS |= {one.name: one for one in (Cfs(), Leon3(), Leon3Qemu(), Leon3Cfs(), MicroPython(),
-                                      MicroPythonDevelopment(), Leon3MicroPython(), Leon3MicroPythonQemu())}
+from fledge.errors import Failure
+from fledge.files import ROOT
+from fledge.targets.target import Target
 
-__all__ = ["TARGETS", "Flown", "Job", "Part", "RealCfs", "Target", "fly", "procedure"]
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
+PLACES = [Path(place, "targets") for place in (ROOT, os.environ.get("FLEDGE_PROJECT")) if place]
+__path__ = [str(Path(__file__).parent), *map(str, PLACES)]
+
+
+class Targets(Mapping[str, Target]):
+    """Name -> target; the desktop comes first. The names are those of the folders; a class is imported when it is asked
+    for."""
+
+    def __init__(self, places: Iterable[Path]) -> None:
+        found = {one.parent.name.replace("_", "-"): one.parent for place in places
+                 for one in place.glob("*/__init__.py")}
+        self.folders = {name: found[name] for name in sorted(found, key=lambda name: (name != "desktop", name))}
+        self._made: dict[str, Target] = {}
+
+    def __getitem__(self, name: str) -> Target:
+        """Raises Failure where a folder has no class, or where its class cannot be imported."""
+        if name not in self._made:
+            self._made[name] = self._class(self.folders[name])()
+            self._made[name].used = [self[used] for used in self._made[name].uses]
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.folders)
+
+    def __len__(self) -> int:
+        return len(self.folders)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.folders     # without its class
+
+    def _class(self, folder: Path) -> type[Target]:
+        file = folder / "__init__.py"
+        try:
+            module = import_module(f"fledge.targets.{folder.name}")
+        except Exception as error:
+            raise Failure(f"{file}: {type(error).__name__}: {error}") from error
+        if not file.samefile(module.__file__ or ""):
+            raise Failure(f"{folder}: Fledge has {module.__file__} by this name; give the folder another one")
+        for one in vars(module).values():
+            if isinstance(one, type) and issubclass(one, Target) and one.__module__ == module.__name__:
+                return one
+        raise Failure(f"{file} has no class that derives from fledge.targets.Target; docs/targets.md shows one")
+
+    def known(self, names: Iterable[str]) -> list[str]:
+        """Those of the names that are names of targets."""
+        return [name for name in names if name in self]
+
+    def ready(self, names: Iterable[str], command: str) -> list[Target]:
+        """The targets of these names, once all is built that any flight there needs. Raises Failure, which begins with
+        the command, if there is no such target, or if one needs what is not installed."""
+        found = []
+        for name in names:
+            if name not in self:
+                raise Failure(f"{command}: there is no target '{name}'; there are "
+                              + "; ".join(f"{one.name}, {one.about}" for one in self.values()))
+            found.append(self[name])
+            if missing := found[-1].missing():
+                raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here")
+        for one in dict.fromkeys(used for target in found for used in target.with_used()):
+            one.prepare()
+        return found
+
+
+TARGETS = Targets(PLACES)
+
+_LAZY = {"Flown": "flown", "Job": "job", "Part": "job", "fly": "flight", "procedure": "micropython.procedures"}
+__all__ = ["TARGETS", "Target", *_LAZY]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"fledge.targets has no '{name}'")
+    return getattr(import_module(f"fledge.targets.{_LAZY[name]}"), name)

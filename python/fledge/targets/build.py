@@ -10,14 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
-from fledge.export.write import write_files
-from fledge.files import build_folder
+from fledge.files import ROOT, build_folder, write_files
 from fledge.programs import without_preload
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
-
-ROOT = Path(__file__).resolve().parents[3]
 
 # The same bits on every machine: no contraction, no errno. Small: no tables to unwind a stack that C never unwinds.
 FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off", "-fno-math-errno",
@@ -25,10 +22,6 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-DFILE_SINK_PATH_MAX=256"]
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
-RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
-          "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c", "record/mcap_crc.c",
-          "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
-          "registers/shared_file.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
 
 

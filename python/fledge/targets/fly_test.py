@@ -24,9 +24,9 @@ from fledge import cli
 from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.cli.runs import alone
-from fledge.targets import TARGETS, Job, build, loop
+from fledge.targets import TARGETS, Job, build, fly, loop
 from fledge.targets.rehearsal import rehearse
-from fledge.targets.target import Linux
+from fledge.targets.linux import Linux
 
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
 CONVERTERS = build.ROOT / "missions/nadir_spin/converters.toml"
@@ -778,13 +778,13 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     monkeypatch.setattr(loop.Progress, "at", lambda self, t: seen.append(t))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     job = Job("nadir_spin", duration=600.0, folder=folder / "nadir_spin")
-    TARGETS["linux"].fly(job)
+    fly(job, {"flight": TARGETS["linux"]}, "linux")
     assert seen and seen == sorted(seen) and seen[-1] <= 600 * 10**9
 
 
 @pytest.mark.parametrize("arguments, complaint", [
     (["nadir_spin", "--on", "desktop,vax"], "there is no target 'vax'; there are desktop, the run in one program"),
-    (["nadir_spin", "--on", ","], "--on names no target; there are desktop, linux"),
+    (["nadir_spin", "--on", ","], "--on names no target; there are desktop, aarch64"),
     (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; it has spin"),
     (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
     (["nadir_spin", "--board", str(CONVERTERS), "--within", "x=1"], "--within: flight puts out no field x"),

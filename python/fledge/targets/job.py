@@ -49,11 +49,6 @@ class Part:
                           "\"commands\"")
 
     @cached_property
-    def composed(self) -> export.Composed:
-        """The same for MicroPython: what its script composes, and what the scenario changes of it before it runs."""
-        return export.compose(self.job.fresh, self.mission, self.job.own[self.process], self.boards)
-
-    @cached_property
     def written(self) -> list[Path]:
         """The paths of all exported files, which this writes."""
         return export.write(self.mission, self.folder / "c", self.files)

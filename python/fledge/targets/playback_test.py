@@ -14,7 +14,7 @@ from fledge.errors import Failure
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import build
 from fledge.targets.playback import stand_in
-from fledge.targets.target import Linux
+from fledge.targets.linux import Linux
 
 NADIR_SPIN = build.ROOT / "missions/nadir_spin"
 

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from fledge.targets import target
+from fledge.targets.linux import Linux
 from fledge.targets.testing import fly_mission
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
@@ -28,7 +28,7 @@ def test_a_random_mission_is_composed_and_flown_under_micropython(number, tmp_pa
 
 def test_a_difference_is_seen(tmp_path, monkeypatch):
     """The same mission, but for a seed that one of its processes draws from."""
-    build = target.Linux.build
+    build = Linux.build
 
     def spoiled(self, part):
         for path in part.written:
@@ -38,6 +38,6 @@ def test_a_difference_is_seen(tmp_path, monkeypatch):
                 path.write_text(text.replace("noise00.par.x = ", "noise00.par.x = 1e-9 + "))
         return build(self, part)
 
-    monkeypatch.setattr(target.Linux, "build", spoiled)
+    monkeypatch.setattr(Linux, "build", spoiled)
     flown, difference = fly_mission(3, tmp_path, ["linux"])
     assert "p0.noise00.kinds" in difference and "p0=" in flown

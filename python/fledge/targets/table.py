@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from fledge.columns import columns
 
 if TYPE_CHECKING:
-    from fledge.targets.target import Flown
+    from fledge.targets.flown import Flown
 
 HEADS = ("target", "steps", "flight outputs", "first difference", "CPU per step", "code", "memory")
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from fledge import export
+from fledge.files import ROOT
 
-ROOT = Path(__file__).resolve().parents[4]
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
           "-ffp-contract=off", "-fno-math-errno"]
 CLANG = pytest.param("clang", marks=pytest.mark.skipif(not shutil.which("clang"),

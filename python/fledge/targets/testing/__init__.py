@@ -16,6 +16,7 @@ from fledge.archive import Archive
 from fledge.archive.compare import compare, digest
 from fledge.objects.testing import kinds
 from fledge.targets import TARGETS, Job, fly
+from fledge.targets.desktop import Desktop
 
 flight.TYPES.update(kinds()[1])     # so that a mission finds fsw.Noise
 
@@ -211,7 +212,7 @@ def fly_mission(number: int, folder: Path, names: Sequence[str] = ()) -> tuple[s
     dice = Random(-number - 1)
     installed = list(names) or [name for name, target in TARGETS.items() if name != "desktop" and not target.missing()]
     on = {part.process: dice.choice(installed) for part in job.parts}
-    desktop = TARGETS["desktop"].fly(job)
+    desktop = Desktop().fly(job)
     flown = fly(job, {process: TARGETS[name] for process, name in on.items()}, "apart")
     words = ",".join(f"{process}={name}" for process, name in on.items())
     messages, hashes, first = 0, [], ""

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole folder of an app."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge.export import board as boards_of
+from fledge.export import c_source
+from fledge.targets.cfs.export import around, eds, joint, packets, sources, tables
+from fledge.targets.cfs.export.app import CMD, TLM, App, check_taken
+from fledge.export.commands import emit_commands
+from fledge.export.host import emit_host
+from fledge.export.read import ExportError, Mission
+from fledge.files import ROOT, write_files
+
+if TYPE_CHECKING:
+    from registers.description import Board
+
+HERE = Path(__file__).resolve().parent
+
+
+def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, outputs: Sequence[str] | str = (),
+         roots: Sequence[Path | str] = (), simulated: bool = False, watched: bool = False) -> dict[str, str | bytes]:
+    """Path in the folder -> text or bytes. files, outputs: of boards whose registers bring and take messages, as
+    export.emit_board; None: there are none. roots: folders of modules that are not Fledge's own. simulated: the
+    registers are in a file that a simulation maps too. watched: with a record of its own, for `fledge fly`."""
+    app.check_topics(mission)
+    found = tables.tables(mission, app)
+    registers = simulated or files is not None
+    flown, boards = flown_by(mission, files or (), outputs) if registers else (c_source.emit(mission), [])
+    of_bus = emit_commands(mission, CMD + app.topic, TLM + app.topic, app.order)
+    of_board = emit_commands(mission) if registers else of_bus
+    flown |= {file: text for file, text in of_board.items() if not file.endswith(".json")}
+    flown |= emit_host(mission) if watched else {}
+    prefix, name = app.prefix, app.name
+
+    def filled(template):
+        text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
+        return text.replace("@mission@", mission.name).replace("@title@", mission.title)
+
+    src: dict[str, str] = {}
+    inc: dict[str, str] = {}
+    left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
+        () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
+    for template in sorted((HERE / "templates").glob("*.in")):
+        what = template.name.removesuffix(".in")
+        if what in left_out:
+            continue
+        what = "attach.c" if what.startswith("attach") else what
+        (inc if what == "eventids.h" else src)[f"{name}_{what}"] = filled(template)
+    headers = packets.config(mission, app, found, simulated)
+    config = {f"{name}_{one}.h": text for one, text in headers.items()}
+    src |= {f"{name}_mission.h": joint.header(mission, app, found, boards, watched),
+            f"{name}_mission.c": joint.source(mission, app, found),
+            f"{name}_version.h": around.version(app, headers)}
+    for file in src.keys() & flown.keys():
+        raise ExportError(f"--app {name}: {mission.title} or one of its boards has a file {file} of its own; choose "
+                          "another name")
+    src |= {file: text for file, text in flown.items() if file.endswith((".c", ".h"))}
+    src |= sources.collect(mission, [*map(Path, roots), ROOT], src | inc | config,
+                           [*(sources.REGISTERS if registers else []), *(sources.SIMULATED if simulated else []),
+                            *(sources.WATCHED if watched else [])])
+    code = {file: text for file, text in src.items() if file.endswith(".c")}
+    src |= {file: sources.renamed(app, text) for file, text in code.items()}
+    src[f"{name}_names.h"] = sources.names_header(app, code.values())
+
+    out: dict[str, Any] = {f"fsw/inc/{file}": text for file, text in inc.items()}
+    out |= {f"config/default_{file}": text for file, text in config.items()}
+    out |= {f"fsw/src/{file}": text for file, text in src.items()}
+    out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
+    out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
+    out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
+    out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
+    out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
+            "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
+            "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
+            f"eds/{name}.xml": eds.sheet(mission, app),
+            "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
+            f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
+            "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
+            "install/sch_lab_table.c": around.schedule(mission, app),
+            "install/to_lab_sub.c": around.downlink(mission, app)}
+    return dict(sorted(out.items()))
+
+
+def flown_by(mission: Mission, files: Sequence[Path | str], outputs: Sequence[str] | str) -> tuple[dict[str, str],
+                                                                                                   list[Board]]:
+    """The mission's C with its boards', and the boards."""
+    texts: list[tuple[Path | str, str]] = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
+    own = f"{boards_of.board_name(mission)}.toml"
+    boards = boards_of.read(mission, texts or [(own, boards_of.toml(mission, outputs))])
+    return c_source.emit(mission) | boards_of.emit_board(mission, files, outputs), boards
+
+
+def write(mission: Mission, app: App, folder: Path | str, files: Sequence[Path | str] | None = None,
+          outputs: Sequence[str] | str = (), roots: Sequence[Path | str] = (), simulated: bool = False,
+          watched: bool = False) -> list[Path]:
+    """Write the folder, whole or not at all; returns the paths."""
+    texts = emit(mission, app, files, outputs, roots, simulated, watched)
+    check_taken(mission, app, folder)
+    return write_files(texts, folder)

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import DATA_MAX, Code, Reason
+from fledge.elements import ELEMENTS
+from fledge.export import names
+from fledge.export.c_text import comment, doc, plain, with_notes, wrap
+
+if TYPE_CHECKING:
+    from fledge.targets.cfs.export.app import App
+    from fledge.targets.cfs.export.tables import Table
+    from fledge.export.read import Mission
+
+
+def members(fields: Sequence[Any], indent: str = "    ") -> list[str]:
+    """Lines that declare fields, with units and meanings; nested structs in full."""
+    lines: list[str] = []
+    rows: list[tuple[str, str]] = []
+
+    def flush():
+        lines.extend(with_notes(rows, indent, "/*", " */"))
+        rows.clear()
+
+    for field in fields:
+        dims = "".join(f"[{n}]" for n in field.shape)
+        if field.type == "struct":
+            flush()
+            lines.append(f"{indent}struct {{")
+            lines.extend(members(field.struct.fields, indent + "    "))
+            lines.append(f"{indent}}} {field.name}{dims};" + (f" /* {plain(field.doc)} */" if field.doc else ""))
+            continue
+        notes = [f"[{field.unit}]"] if field.unit else []
+        notes += [field.doc] if field.doc else []
+        if field.type == "enum":
+            notes.append(", ".join(f"{value} {name}" for name, value in field.enumerators))
+        rows.append((f"{ELEMENTS[field.type].ctype.removesuffix('_t')} {field.name}{dims};", " ".join(notes)))
+    flush()
+    return lines
+
+
+def struct(name: str, fields: Sequence[Any], about: str, first: Sequence[str] = ()) -> str:
+    """A typedef; `first` are lines of members in front."""
+    return "\n".join([*doc(about), f"typedef struct {name} {{", *(f"    {line}" for line in first), *members(fields),
+                      f"}} {name}_t;", ""])
+
+
+def guarded(app: App, file: str, about: str, parts: Sequence[str]) -> str:
+    """A header of the app."""
+    guard = f"{app.prefix}_{file.upper()}_H"
+    return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */", *comment(about),
+                      f"#ifndef {guard}", f"#define {guard}", "", *parts, "#endif", ""])
+
+
+MISSION = ("topicids", "fcncodes", "interface_cfg", "mission_cfg", "msgdefs", "msgstruct", "msg", "tbldefs",
+           "tblstruct", "tbl")
+PLATFORM = ("msgids", "internal_cfg", "platform_cfg", "perfids")
+HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
+
+
+ARGUMENTS: dict[Code, dict[str, int]] = {
+    Code.MODE: {"Mode": 2}, Code.WRITE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX},
+    Code.STAGE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX}, Code.COMMIT: {"Module": 2, "Crc": 2},
+    Code.PUBLISH: {"Module": 2}, Code.RESET_FLIGHT: {}, Code.ARM: {"Event": 2, "On": 2},
+    Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2}}
+
+
+def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
+    """The headers that a mission may replace by its own: name -> text, of all in MISSION and PLATFORM."""
+    prefix, name = app.prefix, app.name
+    topics = app.topics(mission)
+    depth = 16 + 4 * len(mission.inputs)
+
+    def defines(values):
+        width = max(map(len, values), default=0)
+        return [f"#define {one.ljust(width)} {value}" for one, value in values.items()] + [""]
+
+    headers = {
+        "topicids": (f"The topics of {prefix}: of commands and requests, of telemetry, and of the packets that are its "
+                     "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
+        "fcncodes": (f"The function codes of {prefix}'s commands.",
+                     defines({f"{prefix}_{code.name}_CC": str(int(code))
+                              for code in (Code.NOOP, Code.RESET_COUNTERS, *ARGUMENTS)})),
+        "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
+                          defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
+        "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",
+                        [f'#include "{name}_interface_cfg.h"', ""]),
+        "msgdefs": (f"The payloads of {prefix}'s packets.", payloads(mission, app)),
+        "msgstruct": (f"The packets of {prefix}.", packets(mission, app)),
+        "msg": (f"The packets of {prefix}, with their codes and payloads.",
+                [f'#include "{name}_{one}.h"' for one in ("interface_cfg", "fcncodes", "msgdefs", "msgstruct")] + [""]),
+        "tbldefs": (f"The types in {prefix}'s tables.",
+                    ['#include "common_types.h"', f'#include "{name}_mission_cfg.h"', ""]),
+        "tblstruct": (f"The tables of {prefix}: the parameters of its modules.", structs(app, found)),
+        "tbl": (f"The tables of {prefix}.", [f'#include "{name}_tbldefs.h"', f'#include "{name}_tblstruct.h"', ""]),
+        "msgids": (f"The message ids of {prefix}, from its topics.", msgids(mission, app)),
+        "internal_cfg": (f"How {prefix} works inside.", [
+            "/* How long the app waits for a message before it looks whether it is to end [ms]. */",
+            f"#define {prefix}_WAIT_MS 500", "",
+            "/* Without registers, flight's time is: 1: the mission elapsed time of a wake-up, to the nearest step;",
+            " * 0: a step more than at the wake-up before. */", f"#ifndef {prefix}_TIME_FROM_MET",
+            f"#define {prefix}_TIME_FROM_MET 1", "#endif", "",
+            "/* 1: outputs that others read are sent from the start; 0: what a command turns on. */",
+            f"#define {prefix}_OUTPUTS_ON {0 if simulated else 1}", ""]),
+        "platform_cfg": (f"What {prefix} needs of a processor.", [
+            f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
+            "/* At most 4 messages of each id wait in a pipe of this depth, so none keeps out another. */",
+            f"#define {prefix}_PIPE_DEPTH {depth}", "",
+            "/* Of the child task that waits for registers. */", f"#define {prefix}_CHILD_PRIORITY 60", ""]),
+        "perfids": (f"The marks of {prefix} in performance logs.",
+                    [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
+    return {one: guarded(app, one, *headers[one]) for one in (*MISSION, *PLATFORM)}
+
+
+def msgids(mission: Mission, app: App) -> list[str]:
+    prefix = app.prefix
+    standard = {macro: macro.replace("_MISSION_", "_").replace("_TOPICID", "_MID") for macro in app.topics(mission)}
+    own = replace(app, wakeup=None, wires={}).ids(mission)
+    lines = ['#include "cfe_msgids.h"', f'#include "{app.name}_topicids.h"', "",
+             "/* Caelum and Draco have bases, 7.x has a map of its own. */"]
+    for kind in ("CMD", "TLM"):
+        lines += [f"#ifdef CFE_PLATFORM_{kind}_TOPICID_TO_MIDV",
+                  f"#define {prefix}_{kind}_MIDV(topic) CFE_PLATFORM_{kind}_TOPICID_TO_MIDV(topic)", "#else",
+                  f"#define {prefix}_{kind}_MIDV(topic) (CFE_PLATFORM_{kind}_MID_BASE + (topic))", "#endif"]
+    lines.append("")
+    width = max(map(len, standard.values()))
+    for macro, mid in standard.items():
+        given = app.ids(mission)[mid]
+        kind = "CMD" if given & 0x1000 else "TLM"
+        value = f"{prefix}_{kind}_MIDV({macro})" if given == own[mid] else f"0x{given:04X}"
+        lines.append(f"#define {mid.ljust(width)} {value}")
+    return [*lines, ""]
+
+
+def structs(app: App, found: Sequence[Table]) -> list[str]:
+    """The structs of all tables, as lines."""
+    parts = [f'#include "{app.name}_tbldefs.h"', ""]
+    for table in found:
+        name = f"{app.prefix}_{table.name}"
+        parts += [f"#define {name.upper()}_LAYOUT 0x{table.layout:08X}u",
+                  struct(name, table.fields, f"{table.module.path}: {table.module.type}", HEAD)]
+    return parts
+
+
+def title(code: Code) -> str:
+    return code.name.title().replace("_", "")
+
+
+def command(prefix: str, code: Code) -> list[str]:
+    """The payload of a command."""
+    name = f"{prefix}_{title(code)}Cmd_Payload"
+    return [f"typedef struct {name} {{", "    uint8 Version[2];",
+            *(f"    uint8 {argument}[{size}];" for argument, size in ARGUMENTS[code].items()), f"}} {name}_t;", ""]
+
+
+def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
+    """(name, type, meaning) of what the app's housekeeping has."""
+    modes = [f"{i} {mission.mode_titles[m]}" for i, m in enumerate(mission.modes)] or ["this mission has none"]
+    return [("Time", "int64", "[ns] of flight, at the last tick; -1: none yet"),
+            ("CommandCounter", "uint8", "the low bits of Accepted"),
+            ("CommandErrorCounter", "uint8", "the low bits of Refused and RequestErrors"),
+            ("Spare", "uint16", ""), ("Mode", "uint32", ", ".join(modes)), ("Accepted", "uint32", "commands"),
+            ("Executed", "uint32", ""), ("Refused", "uint32", "at acceptance or execution"),
+            ("Reasons", f"uint32[{len(Reason)}]", "of the refusals: " + ", ".join(
+                f"{int(one)} {one.name.lower()}" for one in Reason)),
+            ("RequestErrors", "uint32", "other messages that were not as expected"),
+            ("TableUpdates", "uint32", "parameters that were taken over since the start"),
+            ("TableRefusals", "uint32", "parameters that break their rules"), ("Ticks", "uint32", "of flight"),
+            ("Overdue", "uint32", "ticks that took longer than they may"),
+            ("WakeupsIgnored", "uint32", "without a tick"),
+            ("IoRefused", "uint32", "messages that a lane did not take"),
+            ("IoCorrupt", "uint32", "messages that were none"),
+            ("IoSaturated", "uint32", "numbers beyond the range of their field"),
+            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length"),
+            ("Spare2", "uint32", "")]
+
+
+def payloads(mission: Mission, app: App) -> list[str]:
+    prefix = app.prefix
+    parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
+             "/* Commands: numbers are big-endian, and the first is the version of the dictionary. */", "",
+             *(line for code in ARGUMENTS for line in command(prefix, code)),
+             f"typedef struct {prefix}_HkTlm_Payload {{",
+             *with_notes([(f"{type_.partition('[')[0]} {name}{''.join(type_.partition('[')[1:])};", about)
+                          for name, type_, about in housekeeping(mission)], "    "),
+             f"}} {prefix}_HkTlm_Payload_t;", "",
+             "/* Inputs and outputs of flight: host byte order, without padding. */", ""]
+    done: set[str] = set()
+    for message in (*mission.inputs, *mission.outputs):
+        if message.struct.name not in done:
+            done.add(message.struct.name)
+            parts.append(struct(f"{prefix}_{message.struct.name}", message.struct.fields,
+                                message.struct.doc or message.struct.name))
+    return parts
+
+
+def packets(mission: Mission, app: App) -> list[str]:
+    prefix = app.prefix
+
+    def packet(name, header, payload, about=""):
+        return [*([f"/** {about} */"] if about else []), f"typedef struct {prefix}_{name} {{",
+                f"    CFE_MSG_{header}Header_t {header}Header;", *([f"    {payload}_t Payload;"] if payload else []),
+                f"}} {prefix}_{name}_t;", ""]
+
+    parts = ['#include "cfe.h"', "", f'#include "{app.name}_msgdefs.h"', "", *packet("NoArgsCmd", "Command", "")]
+    for code in ARGUMENTS:
+        parts += packet(f"{title(code)}Cmd", "Command", f"{prefix}_{title(code)}Cmd_Payload")
+    parts += packet("HkTlm", "Telemetry", f"{prefix}_HkTlm_Payload")
+    for message in (*mission.inputs, *mission.outputs):
+        kind = "In" if message in mission.inputs else "Tlm"
+        parts += packet(names.camel(message.name) + kind, "Telemetry", f"{prefix}_{message.struct.name}", message.path)
+    return parts

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs for a LEON3 board."""
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fledge.targets import build
+from fledge.targets.leon3 import toolchain
+
+FOLDER = build.ROOT / "targets/leon3"
+BOARD = build.ROOT / "emulator/boards/leon3.toml"       # Leon3.board
+SUPPORT = [FOLDER / name for name in ("traps.S", "board.c", "runtime.c", "system.c")]
+# Flight on it, besides the mission's sources.
+FLIGHT = [*(build.ROOT / path for path in (
+    "targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",
+    "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c")),
+    FOLDER / "main.c", FOLDER / "recorder.c"]
+
+
+def read_board(path: Path) -> dict[str, Any]:
+    """A board's file."""
+    with path.open("rb") as file:
+        return tomllib.load(file)
+
+
+def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path], flags: Sequence[str] = (),
+            board: Path = BOARD, archives: Sequence[Path] = ()) -> Path:
+    """Build a program for a LEON3 board, with its board support."""
+    described = read_board(board)
+    linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
+                            LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
+    return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
+                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE, archives=archives)

@@ -1,0 +1,308 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The port of the pocket cFE to a board without an operating system. Each task has a stack, and another task runs only
+ * when one waits; when all wait, the processor sleeps until an interrupt. Files below /cf and /ram are in memory; apps
+ * are linked with the program. */
+#include "targets/leon3_cfs/cfs.h"
+
+#include "targets/cfs/config.h"
+#include "targets/cfs/port.h"
+#include "targets/leon3/leon3.h"
+
+#include "osapi.h"
+
+#include <string.h>
+
+enum { STACK = 24576, FILES = 16, OPEN = POCKET_FILES, PATH = 64, LARGEST = 8192 };
+
+/* ---- tasks */
+
+static struct {
+    Leon3Context context;
+    void (*entry)(uint32);
+    volatile int used;
+    volatile int blocked;
+    int64 until;
+} tasks[POCKET_TASKS];
+static uint64_t stacks[POCKET_TASKS][STACK / 8];
+static uint32 running;
+static uint32 waits_for_tick; /* the task; 0: none, for task 0 never does */
+
+static void tick_has_come(void)
+{
+    tasks[waits_for_tick].blocked = 0;
+}
+
+void port_start(const char *root)
+{
+    (void)root;
+    tasks[0].used = 1;
+    if (leon3.registers_line != 0u) {
+        leon3_on_interrupt(leon3.registers_line, tick_has_come);
+    }
+}
+
+void port_lock(void) {}
+
+void port_unlock(void) {}
+
+static void begin(uint32_t slot)
+{
+    tasks[slot].entry(slot);
+    port_task_end();
+}
+
+int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority)
+{
+    (void)priority;
+    if (stack == NULL) {
+        stack = stacks[slot];
+        if (stack_size > sizeof stacks[slot]) {
+            return 1;
+        }
+        stack_size = sizeof stacks[slot];
+    }
+    for (size_t i = 0; i < stack_size / 4u; i++) {
+        ((uint32_t *)stack)[i] = LEON3_PAINT;
+    }
+    tasks[slot].context = leon3_context(stack, stack_size, begin, slot);
+    tasks[slot].entry = entry;
+    tasks[slot].blocked = 0;
+    tasks[slot].used = 1;
+    return 0;
+}
+
+/* The next task that can go on, in turn. */
+static uint32 next(void)
+{
+    for (;;) {
+        const int64 now = port_now();
+        for (uint32 k = 1; k <= POCKET_TASKS; k++) {
+            const uint32 i = (running + k) % POCKET_TASKS;
+            if (tasks[i].used && (!tasks[i].blocked || (tasks[i].until >= 0 && tasks[i].until <= now))) {
+                return i;
+            }
+        }
+        leon3_idle();
+    }
+}
+
+static void give_way(void)
+{
+    const uint32 from = running;
+    running = next();
+    tasks[running].blocked = 0;
+    if (running != from) {
+        leon3_switch(&tasks[from].context, &tasks[running].context);
+    }
+}
+
+void port_task_end(void)
+{
+    tasks[running].used = 0;
+    give_way();
+}
+
+uint32 port_task_self(void)
+{
+    return running;
+}
+
+void port_block(int64 until_ns)
+{
+    tasks[running].until = until_ns;
+    tasks[running].blocked = 1;
+    give_way();
+}
+
+void port_unblock(uint32 slot)
+{
+    tasks[slot].blocked = 0;
+}
+
+void port_wait_for_tick(int64 until_ns)
+{
+    waits_for_tick = running;
+    /* Without an interrupt, look again after the other tasks. */
+    port_block(leon3.registers_line != 0u ? until_ns : 0);
+    waits_for_tick = 0u;
+}
+
+uint32 port_stack_used(void)
+{
+    uint32 most = 0u;
+    for (uint32 i = 0u; i < POCKET_TASKS; i++) {
+        uint32 n = 0u;
+        while (n < STACK / 4u && ((const uint32_t *)stacks[i])[n] == LEON3_PAINT) {
+            n++;
+        }
+        most = tasks[i].entry != NULL && STACK - 4u * n > most ? STACK - 4u * n : most;
+    }
+    return most;
+}
+
+/* ---- time and the console */
+
+int64 port_now(void)
+{
+    return leon3_now();
+}
+
+void port_console(const char *text, size_t n)
+{
+    if (!leon3_console_off) {
+        leon3_send(leon3.console, text, n);
+    }
+}
+
+/* ---- files */
+
+static struct {
+    char path[PATH]; ///< "": there is none
+    const uint8 *bytes;
+    size_t size;
+    uint8 own[LARGEST]; ///< of files that are written here
+} files[FILES];
+
+static struct {
+    int32 file; ///< its index + 1; 0: not open
+    int access;
+    size_t at;
+} opened[OPEN];
+
+static int32 find(const char *path)
+{
+    for (int32 i = 0; i < FILES; i++) {
+        if (strcmp(files[i].path, path) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static int32 add(const char *path)
+{
+    const int32 i = find("");
+    if (i >= 0) {
+        (void)strcpy(files[i].path, path);
+        files[i].bytes = files[i].own;
+        files[i].size = 0;
+    }
+    return i;
+}
+
+void port_add_file(const char *path, const uint8 *bytes, size_t n)
+{
+    const int32 i = add(path);
+    if (i >= 0) {
+        files[i].bytes = bytes;
+        files[i].size = n;
+    }
+}
+
+int32 port_file_open(const char *path, int access, int create, int truncate)
+{
+    if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) || strlen(path) >= PATH) {
+        return -1;
+    }
+    int32 i = find(path);
+    if (i < 0 && create) {
+        i = add(path);
+    }
+    if (i >= 0 && access != OS_READ_ONLY && files[i].bytes != files[i].own) {
+        if (files[i].size > LARGEST) {
+            return -1;
+        }
+        memcpy(files[i].own, files[i].bytes, files[i].size);
+        files[i].bytes = files[i].own;
+    }
+    for (int32 k = 0; i >= 0 && k < OPEN; k++) {
+        if (opened[k].file == 0) {
+            opened[k].file = i + 1;
+            opened[k].access = access;
+            opened[k].at = 0;
+            files[i].size = truncate ? 0 : files[i].size;
+            return k;
+        }
+    }
+    return -1;
+}
+
+static int is_open(int32 k)
+{
+    return k >= 0 && k < OPEN && opened[k].file != 0;
+}
+
+int32 port_file_read(int32 k, void *bytes, size_t n)
+{
+    if (!is_open(k) || opened[k].access == OS_WRITE_ONLY) {
+        return -1;
+    }
+    const size_t size = files[opened[k].file - 1].size, left = opened[k].at < size ? size - opened[k].at : 0;
+    n = n < left ? n : left;
+    memcpy(bytes, files[opened[k].file - 1].bytes + opened[k].at, n);
+    opened[k].at += n;
+    return (int32)n;
+}
+
+int32 port_file_write(int32 k, const void *bytes, size_t n)
+{
+    if (!is_open(k) || opened[k].access == OS_READ_ONLY || opened[k].at > LARGEST || n > LARGEST - opened[k].at) {
+        return -1;
+    }
+    const int32 i = opened[k].file - 1;
+    memcpy(files[i].own + opened[k].at, bytes, n);
+    opened[k].at += n;
+    files[i].size = opened[k].at > files[i].size ? opened[k].at : files[i].size;
+    return (int32)n;
+}
+
+int32 port_file_seek(int32 k, int32 offset, uint32 whence)
+{
+    if (!is_open(k) || whence > OS_SEEK_END) {
+        return -1;
+    }
+    const int64 from = whence == OS_SEEK_SET   ? 0
+                       : whence == OS_SEEK_CUR ? (int64)opened[k].at
+                                               : (int64)files[opened[k].file - 1].size;
+    if (from + offset < 0 || from + offset > LARGEST) {
+        return -1;
+    }
+    opened[k].at = (size_t)(from + offset);
+    return (int32)opened[k].at;
+}
+
+int32 port_file_close(int32 k)
+{
+    if (!is_open(k)) {
+        return -1;
+    }
+    opened[k].file = 0;
+    return 0;
+}
+
+int32 port_file_remove(const char *path)
+{
+    const int32 i = find(path);
+    for (int32 k = 0; k < OPEN; k++) {
+        if (i < 0 || opened[k].file == i + 1) {
+            return -1;
+        }
+    }
+    files[i].path[0] = '\0';
+    return 0;
+}
+
+/* ---- apps are linked */
+
+void *port_load(const char *name, const char *entry_name, void (**entry)(void))
+{
+    (void)name;
+    (void)entry_name;
+    *entry = NULL;
+    return NULL;
+}
+
+void port_unload(void *code)
+{
+    (void)code;
+}

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process of its own on this machine, or, cross-built, on another (aarch64, sparc64).
+
+    main.c        the process: it flies tick by tick, with the clock of its registers, or with the machine's
+    inputs.py, .c what flight reads on the desktop, as a file that the process plays
+    clock.py      a process by the machine's clock, with histograms; pace.c measures them
+    relay.c       the outside of the registers for a program that talks to flight (targets/micropython/console.py)
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+from fledge.targets import build
+from fledge.targets.target import Target
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.targets.job import Part
+
+# The sources of the program besides the mission's.
+RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
+          "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c", "record/mcap_crc.c",
+          "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
+          "registers/shared_file.c"]
+
+
+class Linux(Target):
+    """A process of its own."""
+
+    about = "a process of its own on this machine"
+    profiled_by = "process"
+    compiler, size = "gcc", "size"
+    link: tuple[str, ...] = ("-static", "-no-pie")  # one file, for a board, and for emulators without libraries
+    runner: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ("gcc",)
+
+    def build(self, part: Part) -> Path:
+        sources = [*part.sources(), *(build.ROOT / path for path in RUNNER)]
+        return build.program(part.folder / self.name, part.mission.name, sources, part.includes(), self.compiler,
+                             flags=["-fno-pie"], link=self.link)
+
+    def command(self, built: Path, record: str) -> list[str]:
+        return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
+
+    def sizes(self, built: Path) -> tuple[int, int]:
+        return build.sizes(built, self.size)

@@ -1,0 +1,408 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Procedures and texts of the ground in flight under MicroPython: what they do, what they may not, and that flight goes
+on as without them."""
+import struct
+import subprocess
+from types import SimpleNamespace
+
+import pytest
+
+import fledge
+from fledge import cli, export
+from fledge.archive import Archive
+from fledge.archive.compare import compare
+from fledge.commands import Dictionary, Kind, Packets, Reason, decoded, read_script
+from fledge.errors import SetupError
+from fledge.targets import TARGETS, build, procedure
+from fledge.targets.linux import RUNNER
+from fledge.targets.micropython import program, toolchain
+from fledge.targets.micropython.export import compose
+
+MISSION = '''
+from fledge import flight as fsw
+from fledge.units import N, deg, kg, m, s
+
+
+def build(f):
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.15 * kg * m**2, u_max=0.2 * N * m)
+    f.guidance = fsw.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
+    f.spin     = fsw.EulerRotation(angles=[0.1, 0, 0], rates=[0, 0, 0.3] * deg / s)
+    f.tracking = fsw.TrackingError()
+    f.control  = fsw.MrpFeedback(K=2.5 * N * m, P=45.0 * N * m * s)
+    f.connect(f.guidance.reference >> f.spin.base, f.spin.reference >> f.tracking.reference,
+              f.tracking.error >> f.control.error, f.vehicle.vehicle >> f.control.vehicle,
+              f.wheels.wheels >> f.control.wheels)
+    f.task("guide", every=1 * s, run=[f.guidance, f.spin, f.tracking])
+    f.task("control", every=1 * s, run=[f.control])
+    f.mode("rest", ["guide"])
+    f.mode("science", ["guide", "control"])
+    f.start_in("rest")
+'''
+WORLD = '''
+from fledge import world
+from fledge.units import N, kg, m, s
+
+
+def build(w, f):
+    w.wheels = world.ReactionWheels(axes_B=f.wheels.axes_B, J=f.wheels.J, u_max=0.2 * N * m)
+    w.craft  = world.Spacecraft(I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels])
+    w.nav    = world.Navigation()
+    w.connect(w.craft.state >> w.nav.truth, w.nav.attitude >> f.tracking.attitude, w.wheels.speeds >> f.control.speeds)
+    w.task("dynamics", every=1 * s, run=[w.craft, w.nav])
+'''
+NS = 1_000_000_000
+
+
+class Flying:
+    """A mission that flies by lines (targets/micropython/testing/link.c)."""
+
+    def __init__(self, program, dictionary):
+        self.dictionary, self.packets, self.t = dictionary, Packets(dictionary), -NS
+        self.process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.memory, self.heap, self.reports, self.texts = "", (0, 0), [], []
+
+    def say(self, line):
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+        while (answer := self.process.stdout.readline().rstrip()) != ".":
+            kind, _, rest = answer.partition(" ")
+            assert kind, f"the program ended with {self.process.wait()}"
+            if kind == "p":
+                packet = decoded(self.dictionary, bytes.fromhex(rest))
+                {"reports": self.reports, "texts": self.texts}[packet.path].append(packet.content)
+            elif kind == "m":
+                self.memory = rest
+            else:
+                self.heap = tuple(map(int, rest.split()))
+
+    def send(self, *packets):
+        for packet in packets:
+            self.say(f"c {packet.hex()}")
+
+    def fly(self, n=1):
+        """Returns the memory after each instant."""
+        found = []
+        for _ in range(n):
+            self.t += NS
+            self.say(f"t {self.t}")
+            found.append(self.memory)
+        return found
+
+    def start(self, source, turns=1000, slot=0):
+        """Send a procedure, and let it begin; returns why it is refused, or OK."""
+        code = source if isinstance(source, bytes) else toolchain.compile_mpy(source, "check.py")
+        self.send(*self.packets.procedure(code, turns, slot))
+        self.fly()
+        return next(r.reason for r in reversed(self.reports) if r.code == 12)
+
+    def said(self):
+        """[(kind, line, text)] since the last time."""
+        found = [(one.kind, one.line, one.text) for one in self.texts]
+        self.texts.clear()
+        return found
+
+    def read(self, module, field):
+        """The first number of a parameter."""
+        self.send(*self.packets.read(f"flight.{module}", field))
+        self.fly()
+        return struct.unpack(">d", self.reports[-1].data[:8])[0]
+
+
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory):
+    """By whether it is the development build."""
+    folder = tmp_path_factory.mktemp("procedures")
+    (folder / "flight.py").write_text(MISSION)
+    (folder / "world.py").write_text(WORLD)
+    sim = fledge.load(folder)
+    mission = export.read(sim)
+    composed = compose(sim, mission)
+    found = {}
+    for development in (False, True):
+        library = toolchain.library("host", development)
+        sources = [*program.sources(composed, folder / str(development), [build.ROOT], library),
+                   *(build.ROOT / path for path in RUNNER if path != "targets/linux/main.c"),
+                   build.ROOT / "targets/micropython/testing/link.c"]
+        found[development] = build.program(
+            folder / str(development), "link", sources, [(folder / str(development) / "c").resolve(), build.ROOT],
+            library.compiler, library.flags, ["-no-pie", "-lm"], archives=[library.archive])
+    dictionary = Dictionary.load(next((folder / "False" / "c").glob("*_packets.json")))
+    return SimpleNamespace(built=found, dictionary=dictionary)
+
+
+@pytest.fixture
+def flight(programs):
+    one = Flying(programs.built[False], programs.dictionary)
+    yield one
+    one.process.stdin.close()
+    assert one.process.wait() == 0
+
+
+def test_a_procedure_waits_changes_a_mode_and_a_gain(flight):
+    assert flight.start("""
+from fledge.units import s
+
+def main(f):
+    print("mode", f.active_mode, f.control.K)
+    f.enter("science")
+    yield wait(3 * s)
+    f.control.K = 3.0
+    f.wheels.u_max = 0.5
+    while f.spin.reference.head.sequence < 9:
+        yield
+    print(f.active_mode)
+""") == Reason.OK
+    assert flight.said() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PRINTED, 0, "mode rest 2.5")]
+    flight.fly(2)
+    assert flight.read("control", "K") == 2.5          # it is written at the end of this instant, the third
+    assert flight.read("control", "K") == 3.0
+    flight.fly(20)
+    assert flight.said() == [(Kind.PRINTED, 0, "science"), (Kind.PROCEDURE_ENDED, 0, "")]
+
+
+def without(program, dictionary, n):
+    """The memory after each instant of a flight without commands."""
+    one = Flying(program, dictionary)
+    found = one.fly(n)
+    one.process.stdin.close()
+    one.process.wait()
+    return found
+
+
+KILLED = {
+    "an endless loop": ("while True: pass", 2, "turns"),
+    "an endless loop that catches": ("while True:\n        try:\n            while True: pass\n"
+                                     "        except: pass", 4, "turns"),
+    "endless calls": ("def g():\n        try: g()\n        except RuntimeError: pass\n        g()\n    g()", 0, ""),
+    "a long sum": ("sum(range(10**12))", 2, "turns"),
+    "memory": ("a = []\n    for i in range(9999): a.append([i] * 100)", 3, "the heap of 16384 bytes has no"),
+    "an exception": ("x = 1\n    1 / 0", 3, "ZeroDivisionError"),
+    "an unknown name": ("f.control.KK = 3", 2, "flight.control has no attribute 'KK'"),
+    "an unknown module": ("f.contrl.K = 3", 2, "flight has no 'contrl' here"),
+    "an unknown mode": ("f.enter('sciense')", 2, "flight has no mode 'sciense'; it has rest, science"),
+    "an output": ("f.control.torque.torque_B = [1, 2, 3]", 2, "is in an output"),
+    "an input": ("f.control.error.sigma_BR[0] = 1", 0, "flight.control.error is no parameter"),
+    "a bound": ("f.control.K = -3.0", 2, "flight.control.K must be"),
+    "a wrong size": ("f.wheels.J = [1, 2]", 2, "flight.wheels.J"),
+    "a module of the process": ("f.control = 3", 2, "cannot be set here"),
+    "a wire": ("f.connect(f.spin.reference >> f.tracking.reference)", 2, "flight has no 'connect' here"),
+    "flight's own script": ("import flight", 2, "no module named"),
+    "a negative wait": ("yield wait(-1)", 2, "wait: the time must be >= 0"),
+    "a wait without a yield": ("wait(1)\n    yield", 0, "yields nothing, or wait(time)"),
+    "a norm of a number": ("norm(3)", 2, "norm: expected an array of a module or message; found 3"),
+    "a value": ("yield 3", 0, "yields nothing, or wait(time)"),
+    "an update of a module": ("f.spin.update(5.0)", 0, "is no parameter"),
+}
+
+
+@pytest.mark.parametrize("what", KILLED)
+def test_a_procedure_that_goes_wrong_is_killed_and_flight_goes_on(flight, programs, what):
+    body, line, text = KILLED[what]
+    assert flight.start(f"def main(f):\n    {body}\n    yield\n", turns=2000) == Reason.OK
+    (kind, _, _), (killed, at, why) = flight.said()
+    assert (kind, killed) == (Kind.PROCEDURE_STARTED, Kind.PROCEDURE_KILLED)
+    assert text in why and (not line or at == line and f"check.py, line {line}: " in why)
+    assert flight.start("def main(f):\n    yield\n    print('alive')\n") == Reason.OK       # and so does the next one
+    flight.fly(3)
+    assert flight.said()[1] == (Kind.PRINTED, 0, "alive")
+    assert flight.memory == without(programs.built[False], programs.dictionary, 5)[-1]
+
+
+def test_what_does_not_raise_until_later_is_killed_at_its_line(flight):
+    assert flight.start(
+        "def main(f):\n    for i in range(3):\n        yield\n    g()\n\n\ndef g():\n    [][0]\n") == Reason.OK
+    flight.fly(3)
+    assert flight.said()[1] == (Kind.PROCEDURE_KILLED, 8, "check.py, line 8: IndexError: list index out of range")
+
+
+def test_a_budget_is_of_one_instant(flight):
+    source = "def main(f):\n    for k in range(20):\n        for i in range(80):\n            pass\n        yield\n"
+    assert flight.start(source, turns=100) == Reason.OK
+    flight.fly(25)
+    assert [kind for kind, _, _ in flight.said()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_ENDED]
+    assert flight.start(source, turns=70) == Reason.OK
+    assert [kind for kind, _, _ in flight.said()] == [Kind.PROCEDURE_STARTED, Kind.PROCEDURE_KILLED]
+
+
+GOOD = "def main(f):\n    f.control.K = 3.0\n    yield\n"
+
+
+def test_damaged_bytecode_is_refused(flight, programs):
+    code = toolchain.compile_mpy(GOOD, "check.py")
+    for wrong in (b"M" + bytes([5]) + code[2:], b"N" + code[1:],
+                  code[:2] + b"\x2b" + code[3:], code[:3] + b"\x3f" + code[4:],
+                  b"M", bytes(100), code + b"\0", *(code[:n] for n in range(4, len(code), 7))):
+        assert flight.start(wrong) == Reason.BYTECODE, wrong.hex()
+    packets = flight.packets.procedure(code)
+    changed = flight.packets.procedure(code[:-3] + b"abc")
+    flight.send(*packets[:-1], changed[-1])
+    flight.fly()
+    assert flight.reports[-1].reason == Reason.CRC
+    assert flight.said() == []
+    assert flight.read("control", "K") == 2.5
+
+
+def test_bytecode_with_changed_bytes_never_ends_flight(flight):
+    """The structure of bytecode is checked, what it does is not: its sender has compiled it, and its CRC is right."""
+    code = toolchain.compile_mpy(GOOD, "check.py")
+    for i in range(4, 12):
+        assert flight.start(code[:i] + bytes([code[i] ^ 0x81]) + code[i + 1:]) in (Reason.BYTECODE, Reason.OK,
+                                                                                   Reason.RUNNING)
+
+
+def test_one_procedure_runs_at_a_time_and_stops_by_command(flight):
+    forever = "def main(f):\n    while True:\n        yield\n"
+    assert flight.start(forever, slot=1) == Reason.OK
+    assert flight.start(GOOD) == Reason.RUNNING
+    flight.send(flight.packets.stop(0))
+    flight.fly()
+    assert flight.reports[-1].reason == Reason.RUNNING
+    flight.send(flight.packets.stop(1))
+    flight.fly()
+    assert flight.reports[-1].reason == Reason.OK
+    assert flight.said() == [(Kind.PROCEDURE_STARTED, 0, ""), (Kind.PROCEDURE_STOPPED, 0, "by command")]
+    assert flight.start(forever) == Reason.OK
+    flight.send(flight.packets.reset())
+    flight.fly()
+    assert flight.said()[1] == (Kind.PROCEDURE_STOPPED, 0, "flight begins anew")
+    assert flight.start(forever) == Reason.OK
+    flight.say(f"r {flight.t + NS}")                # so does a reset of the computer, without a word
+    assert flight.start(GOOD) == Reason.OK
+
+
+def test_a_thousand_procedures_leave_flight_as_it_was(flight):
+    flight.fly()
+    before = flight.heap
+    codes = [toolchain.compile_mpy(f"""
+from fledge.units import N, m
+
+class Name{i}:
+    pass
+
+def main(f):
+    names = ["name{i}_%d" % k for k in range(5)]
+    f.control.K = {i}.5 * N * m
+    yield
+    {"1 / 0" if i % 2 else "f.enter('rest')"}
+""", f"p{i}.py") for i in range(1, 9)]
+    for i in range(1000):
+        flight.send(*flight.packets.procedure(codes[i % len(codes)]))
+        flight.fly(2)
+        assert flight.heap[0] == before[0]
+    assert len(flight.said()) == 2000
+    assert not [r for r in flight.reports if not r.good]
+
+
+# --- texts -----------------------------------------------------------------------------------------
+
+@pytest.fixture
+def console(programs):
+    one = Flying(programs.built[True], programs.dictionary)
+
+    def ask(text, turns=5000):
+        one.send(one.packets.evaluate(text, turns))
+        one.fly()
+        (kind, line, answer), = one.said()
+        return kind, answer
+
+    one.ask = ask
+    yield one
+    one.process.stdin.close()
+    assert one.process.wait() == 0
+
+
+def test_a_text_reads_and_sets_what_flies(console):
+    result, error = Kind.RESULT, Kind.ERROR
+    assert console.ask("norm(f.guidance.sigma_RN) ** 2 - 0.14 < 1e-15, max_abs(f.vehicle.I_B)") == (
+        result, "(True, 800.0)\n")
+    assert console.ask("1 + 1") == (result, "2\n")
+    assert console.ask("f.control.K") == (result, "2.5\n")
+    assert console.ask("f.control.K = 3 * N * m") == (result, "")
+    assert console.ask("f.control.K, f.active_mode") == (result, "(3.0, 'rest')\n")
+    assert console.ask("f.wheels.J = 0.2 * kg * m**2; f.enter('science')") == (result, "")
+    assert console.ask("f.control.wheels.J[:3], f.active_mode") == (result, "([0.2, 0.2, 0.2], 'science')\n")
+    assert console.ask("for i in range(2):\n    print(i)\n") == (result, "0\n1\n")
+    kind, text = console.ask("f.control.K = -1")
+    assert kind == error and "flight.control.K must be" in text
+    assert console.ask("f.control.K") == (result, "3.0\n")
+    for wrong, expected in (("f.control.", "SyntaxError"), ("1 / 0", "ZeroDivisionError"), ("x", "name 'x'"),
+                            ("while True: pass", "turns"), ("[0] * 100000", "the heap of"), ("f.x", "has no 'x'")):
+        kind, text = console.ask(wrong)
+        assert kind == error and expected in text
+    assert console.ask("f.enter('rest')") == (result, "")
+    assert console.ask("f.control.torque.torque_B[1] = 7; f.control.error.sigma_BR = [1, 2, 3]") == (result, "")
+    assert console.ask("f.control.torque.torque_B, f.control.error.sigma_BR") == (
+        result, "([0.0, 7.0, 0.0], [1.0, 2.0, 3.0])\n")
+
+
+def test_the_flight_build_evaluates_nothing(flight):
+    flight.send(flight.packets.evaluate("1"))
+    flight.fly()
+    assert flight.reports[-1].reason == Reason.ABSENT
+
+
+def test_texts_and_a_procedure_do_not_disturb_each_other(console):
+    assert console.start("def main(f):\n    a = 0\n    while True:\n        a += 1\n        yield\n"
+                         "        print('name_of_procedure' + str(a))\n") == Reason.OK
+    console.said()
+    heap = console.heap[0]
+    for i in range(50):
+        console.send(console.packets.evaluate(f"text{i} = 'other_name{i}'; text{i}"))
+        console.fly()
+        (one, _, answer), (two, _, printed) = console.said()
+        assert (one, two) == (Kind.RESULT, Kind.PRINTED)
+        assert (answer, printed) == (f"'other_name{i}'\n", f"name_of_procedure{i + 1}")
+    assert console.heap[0] == heap
+
+
+# --- of a scenario ---------------------------------------------------------------------------------
+
+CHECK = """
+from fledge.units import N, kg, m, s
+
+def main(f):
+    f.enter("science")
+    yield wait(3 * s)
+    while f.tracking.error.head.sequence < 9 or norm(f.tracking.error.sigma_BR) > 9:
+        yield
+    f.control.K = 3 * N * m
+    f.control.K_I = norm(f.tracking.error.sigma_BR) + max_abs(f.vehicle.I_B)
+    f.vehicle.I_B = [710, 700, 800] * kg * m**2
+    print("error", f.tracking.error.sigma_BR[0] != 0, f.active_mode)
+    yield
+    f.control.P[1][1] = 40.0
+"""
+SCENARIOS = """
+from pathlib import Path
+
+from fledge.targets import procedure
+from fledge.units import s
+
+
+def check(sim):
+    sim.run(3 * s)
+    procedure(sim.flight, Path(__file__).with_name("check.py"))
+    sim.run(20 * s)
+    assert sim.flight.control.K == 3 and sim.flight.control.P[1, 1] == 40
+"""
+
+
+def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path, capsys):
+    targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
+    mission, out = tmp_path / "mission", tmp_path / "out"
+    mission.mkdir()
+    for name, text in (("flight", MISSION), ("world", WORLD), ("check", CHECK), ("scenarios", SCENARIOS)):
+        (mission / f"{name}.py").write_text(text)
+    assert cli.main(["fly", str(mission), "--on", ",".join(targets), "--out", str(out)]) == 0, capsys.readouterr()
+    found = Dictionary.load(next((out / "c").glob("*_packets.json")))
+    for target in targets:
+        assert compare(Archive(out / "desktop.mcap"), Archive(out / f"{target}.mcap")) == []
+        packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
+        assert [(one.content.kind, one.content.text) for one in packets if one.path == "texts"] == [
+            (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
+
+
+def test_a_procedure_that_is_no_file(tmp_path):
+    with pytest.raises(SetupError, match="procedure: .*none.py: No such file"):
+        procedure(None, tmp_path / "none.py")
