@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date dirname env flock getconf grep head ls mkdir paste readlink rm sed sleep sort stat "
+TOOLS = ("cat cksum cut date df dirname env find flock getconf grep head ls mkdir paste readlink rm sed sleep stat "
          "tail tr").split()
 
 STAND_INS = {
@@ -194,7 +195,7 @@ def test_demo_installs_no_test_packages(launch):
     (launch.fake / "updated").touch()
     launch("demo")
     assert not any("pytest" in line for line in launch.said("apt"))
-    assert launch.said("cmake") == ["--preset release -DBUILD_TESTING=OFF"]
+    assert launch.said("cmake") == ["--fresh --preset release -DBUILD_TESTING=OFF"]
 
 
 def test_a_bench_builds_what_it_measures_in_c(launch):
@@ -382,6 +383,84 @@ def test_a_user_who_may_only_read_a_tree_learns_who_must_build_it(launch, reader
                         rf"{launch.tree.owner()} can: ./fledge setup.*", line)
 
 
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give files to another user")
+def test_a_tree_on_a_disk_that_cannot_be_written_must_be_copied(launch, reader):
+    (launch.fake / "broken").write_text("[1/2] Building C object\n")
+    os.chown(launch.tree, 65534, 65534)
+    assert reader("list").stderr.endswith(f"; copy {launch.tree} to a disk that can be written\n")
+
+
+# --- what the machine lacks ---------------------------------------------------------------------------
+
+LACKS = {"the disk is full": "/tmp/a.s: fatal error: closing a.d: No space left on device",
+         "a process was killed": "g++: fatal error: Killed signal terminated program cc1plus",
+         "the network or a server": "E: Failed to fetch http://m.example/x.deb  Connection failed [IP: 1 80]"}
+
+
+@pytest.mark.parametrize("lack", LACKS)
+def test_what_the_machine_lacks_is_one_line_and_the_next_try_goes_on(launch, lack):
+    (launch.fake / "updated").touch()
+    (launch.fake / "broken").write_text(f"[1/2] x\na.c:7:1: error: what follows from it\n{LACKS[lack]}\n")
+    (line,) = launch("list").stderr.splitlines()[3:]
+    assert line.startswith(f"fledge: the build failed: {lack}") and "try again" in line
+    (launch.fake / "broken").unlink()
+    assert launch("list").returncode == 0 and len(launch.said("cmake")) == 1
+
+
+def test_a_disk_that_is_full_is_seen_without_a_log(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "broken").touch()
+    (launch.place / "bin/df").unlink()
+    (launch.place / "bin/df").write_text("#!/bin/sh\necho Filesystem 1024-blocks Used Available Capacity Mounted on\n"
+                                         "echo 'tmpfs  6144   4280  1864  70% /a b'\n")
+    (launch.place / "bin/df").chmod(0o755)
+    assert "fledge: the build failed: the disk is full" in launch("list").stderr
+
+
+def test_a_build_that_was_killed_says_so(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text('case $0 in */ninja) kill -9 $$ ;; esac\n')
+    assert "fledge: the build failed: a process was killed" in launch("list").stderr
+
+
+def test_an_installation_without_a_network_is_one_line(launch):
+    """apt-get update then only warns."""
+    (launch.fake / "during").write_text(
+        'case "$0 $*" in *apt-get*update) echo "W: Failed to fetch x  Temporary failure resolving m.example" ;;\n'
+        '*apt-get*) echo "E: Unable to locate package g++"; exit 100 ;; esac\n')
+    done = launch("list")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("fledge: apt-get satisfy failed: the network or a server does not")
+    (launch.fake / "during").write_text("")
+    assert launch("list").returncode == 0
+
+
+def test_files_from_the_future(launch):
+    """Sources would be built for ever, or Ninja would configure for ever; objects would never be built again."""
+    (launch.fake / "updated").touch()
+    assert launch("list").returncode == 0
+    late, object_ = launch.tree / "cmake/packages.txt", launch.tree / "build/release/a.o"
+    object_.touch()
+    for path in (late, object_):
+        os.utime(path, (time.time() + 7200,) * 2)
+    done = launch("list")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"fledge: {late} is from the future: set the clock; if it is right, find ")
+    subprocess.run(line.split(", ")[1], shell=True, check=True)
+    assert launch("list").returncode == 0 and not object_.exists()
+
+
+def test_what_a_failed_configuration_found_is_forgotten(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text('case $0 in */cmake) echo "CMake Error: no compiler"; exit 1 ;; esac\n')
+    assert "CMake Error: no compiler" in launch("list").stderr
+    (launch.fake / "during").write_text("")
+    assert launch("list").returncode == 0
+    assert launch("test", "-k", "x").args and launch.said("cmake") == [
+        "--fresh --preset release -DBUILD_TESTING=OFF"] * 2 + ["--preset release -DBUILD_TESTING=ON"]
+
+
 def test_the_first_command_runs_after_an_install(launch):
     """What installs packages changes nothing of the command that follows it."""
     (launch.fake / "updated").touch()
@@ -492,7 +571,7 @@ def test_one_command_makes_the_debug_build(launch, arguments, environment):
     (launch.fake / "updated").touch()
     done = launch(*arguments, **environment)
     assert done.returncode == 0, done.stderr
-    assert launch.said("cmake") == ["--preset debug -DBUILD_TESTING=OFF"]
+    assert launch.said("cmake") == ["--fresh --preset debug -DBUILD_TESTING=OFF"]
 
 
 # --- Ctrl-C ------------------------------------------------------------------------------------------
