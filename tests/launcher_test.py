@@ -16,8 +16,8 @@ from fledge import cli
 from tests.tree import ROOT
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date df dirname env find flock getconf grep head ls mkdir paste readlink rm sed sleep stat "
-         "tail tr").split()
+TOOLS = ("cat cksum cut date df dirname env find flock getconf grep head ls mkdir paste readlink rm sed sleep sort "
+         "stat tail tr").split()
 
 STAND_INS = {
     "id": 'echo "${FAKE_UID:-0}"',
