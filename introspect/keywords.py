@@ -16,11 +16,3 @@ operator or or_eq private protected public reinterpret_cast requires static_asse
 template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq""".split())
 
 PYTHON = frozenset(keyword.kwlist)
-
-CSHARP = frozenset("""
-abstract as base bool break byte case catch char checked class const continue decimal default
-delegate do double else enum event explicit extern false finally fixed float for foreach goto if
-implicit in int interface internal is lock long namespace new null object operator out override
-params private protected public readonly ref return sbyte sealed short sizeof stackalloc static
-string struct switch this throw true try typeof uint ulong unchecked unsafe ushort using virtual
-void volatile while""".split())

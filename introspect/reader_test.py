@@ -217,7 +217,7 @@ enum { A, B };
     assert list(read_tree(tmp_path).structs) == ["Pair"]
 
 
-def test_models_need_no_functions_and_ports_may_have_csharp_keywords(tmp_path):
+def test_models_need_no_functions(tmp_path):
     write_header(tmp_path, "w/x.h", '#include "flight/msg/attitude.h"\n' + """
 /** A model. */
 typedef struct Model {

@@ -16,7 +16,6 @@ Finding = tuple[int, Refusal]
 
 _METHODS = ("held", "publish", "reset", "turns", "update")    # of a module in Python, and keywords
 _KEYWORDS = [("C", keywords.C), ("C++", keywords.CPP), ("Python", keywords.PYTHON)]
-_MESSAGE_KEYWORDS = _KEYWORDS + [("C#", keywords.CSHARP)]
 
 
 def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
@@ -35,14 +34,12 @@ def check(struct: Struct, complete: bool = True) -> Iterator[Problem]:
 
 
 def names(struct: Struct) -> Iterator[Finding]:
-    """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema and in C#. Interfaces do
-    not travel: only messages and what they are made of reach C#."""
-    languages = _KEYWORDS if struct.kind.is_interface else _MESSAGE_KEYWORDS
+    """A name works in C, C++, Python, and, where it travels, in a ROS 2 schema."""
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", struct.name):
         yield struct.line, Refusal("a struct's name is CamelCase, of letters and digits",
                                    f"`{struct.name}`", "rename it")
     for f in struct.fields:
-        keyword_of = [language for language, words in languages if f.name in words]
+        keyword_of = [language for language, words in _KEYWORDS if f.name in words]
         if keyword_of:
             yield f.line, Refusal("a name is no keyword",
                                   f"`{f.name}` is one in {' and '.join(keyword_of)}", "rename it")

@@ -20,7 +20,7 @@ BUILT = build_folder()
 CONTROLLER = BUILT / "cosim" / "fledge_controller"
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
 
-LANGUAGES = {"python": [sys.executable, "mass.py"], "csharp": ["mono", "mass.exe"], "c": ["build/mass_c"],
+LANGUAGES = {"python": [sys.executable, "mass.py"], "c": ["build/mass_c"],
              "cpp": ["build/mass_cpp"]}
 H, STIFFNESS, STEPS = 0.01, 4.0, 1001     # as in the programs, until 10 s
 LEFT, RIGHT = 1.0, -0.5                   # [m] at first
@@ -47,10 +47,6 @@ def nodes(tmp_path_factory):
     shutil.copy(ROOT / "cosim/bindings/python/fledge_node.py", folder)
     run("cmake", "-G", "Ninja", "-B", "build", f"-DFledge_DIR={BUILT}", folder=folder)
     run("cmake", "--build", "build", folder=folder)
-    if shutil.which("mcs"):
-        shutil.copy(BUILT / "cosim/bindings/libfledge_node.so", folder)
-        run("mcs", "-warn:4", "-warnaserror", "-out:mass.exe", "Mass.cs",
-            ROOT / "cosim/bindings/csharp/FledgeNode.cs", folder=folder)
     return folder
 
 
@@ -60,10 +56,6 @@ def flown(nodes):
     done = {}
 
     def fly(left, right):
-        if "csharp" in (left, right) and not shutil.which("mcs"):
-            pytest.skip("mono-mcs is not installed")
-        if "csharp" in (left, right) and os.environ.get("FLEDGE_PRESET") == "asan":
-            pytest.skip("Mono takes no sanitizer in its memory")
         if (left, right) not in done:
             done[left, right] = pair(nodes, LANGUAGES[left], LANGUAGES[right])
         return done[left, right]
@@ -133,6 +125,6 @@ def test_any_pair_of_languages_gives_the_same_bits(flown, left, right):
     assert messages(record) == messages(expected)
 
 
-@pytest.mark.parametrize("file", ["mass.py", "Mass.cs", "mass.c", "mass.cpp"])
+@pytest.mark.parametrize("file", ["mass.py", "mass.c", "mass.cpp"])
 def test_a_node_has_at_most_fifty_lines(nodes, file):
     assert len((nodes / file).read_text().splitlines()) <= 50

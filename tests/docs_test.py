@@ -139,7 +139,6 @@ def test_a_mission_flies_under_micropython(tmp_path):
     assert follow("micropython.md", Shell(tmp_path)) == 4
 
 
-@pytest.mark.skipif(not shutil.which("mcs"), reason="mono-mcs is not installed")
 def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 

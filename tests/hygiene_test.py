@@ -5,7 +5,7 @@ import re
 
 from tests.tree import ROOT, files
 
-CODE = {".c", ".cs", ".h", ".cpp", ".hpp", ".py", ".sh", ".cmake", ".js"}
+CODE = {".c", ".h", ".cpp", ".hpp", ".py", ".sh", ".cmake", ".js"}
 LARGEST = 1_000_000     # bytes
 WIDEST = 120            # columns, as .clang-format and pyproject.toml have it
 

@@ -44,7 +44,7 @@ RULES = {
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
                 [*FLIGHT, "flight/exec", "flight/command", "record"]),
     "world": Rule("C++20", "dynamics, environment, sensors, actuators, avionics", [*FLIGHT, "flight/exec", "sim"]),
-    "cosim": Rule("C, C++20, Python, C#", "a simulation of many programs; `bindings`: nodes in other languages",
+    "cosim": Rule("C, C++20, Python", "a simulation of many programs; `bindings`: nodes in other languages",
                   [*FLIGHT, "record", "registers", "sim", "targets", "cosim"]),
     "cosim/protocol": Rule("C++20", "the frames that the programs exchange", ["record"]),
     "cosim/security": Rule("C++20", "keys, and who may take part", []),

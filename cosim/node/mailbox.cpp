@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <utility>
 
 namespace fledge::cosim {
 
@@ -35,18 +34,10 @@ void Outbox::add(std::uint32_t channel, std::span<const std::byte> message)
     outputs_.push_back({channel, message, make_payload(message), 0});
 }
 
-void Outbox::resend(std::span<const std::byte> message)
-{
-    for (Output &output : outputs_) {
-        output.resend |= output.message.data() == message.data();
-    }
-}
-
 void Outbox::collect(Ns t, std::vector<Record> &records)
 {
     for (Output &output : outputs_) {
-        if (std::exchange(output.resend, false) || output.sent.size() != cdr_header + output.message.size() ||
-            std::memcmp(output.message.data(), output.sent.data() + cdr_header, output.message.size())) {
+        if (std::memcmp(output.message.data(), output.sent.data() + cdr_header, output.message.size())) {
             output.sent = make_payload(output.message);
             records.push_back({output.channel, ++output.count, t, output.sent});
         }

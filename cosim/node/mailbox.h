@@ -37,8 +37,6 @@ public:
     void clear() { outputs_.clear(); }
     /// Publish the struct at this address. The other nodes know its present value.
     void add(std::uint32_t channel, std::span<const std::byte> message);
-    /// Send the message at this address with the next collect(), even if it has not changed.
-    void resend(std::span<const std::byte> message);
     /// Add a record for each struct that has changed.
     void collect(Ns t, std::vector<Record> &records);
 
@@ -48,7 +46,6 @@ private:
         std::span<const std::byte> message;
         Payload sent;
         std::uint32_t count;
-        bool resend = false;
     };
     std::vector<Output> outputs_;
 };

@@ -10,9 +10,6 @@
 // inputs to the messages that the instant sees; after the step, it sends the outputs that have changed. Only one
 // side needs a definition: without one here, the node takes its partner's, of the same size. It converts other
 // byte orders.
-//
-// Without a struct (an empty span) the node itself has the memory of a message, as large as the definition
-// says: message() and put() read and write it.
 #pragma once
 
 #include "cosim/node/delegate.h"
@@ -25,16 +22,6 @@
 
 namespace fledge::cosim {
 
-/// Functions of the program that a StructNode calls. Each may be empty.
-struct StructNodeHooks {
-    /// A topic without a struct and definition here gets this definition from the partner.
-    std::function<void(const std::string &topic, const Schema &schema)> define;
-    /// Both or neither: return all that the next steps depend on, besides the messages (nothing: there is
-    /// no snapshot now); and go on from that.
-    std::function<Bytes()> save;
-    std::function<void(std::span<const std::byte>)> restore;
-};
-
 class StructNode final : private Node {
 public:
     /// The environment gives what the config leaves out. The node steps at offset + k period. Throws
@@ -43,7 +30,6 @@ public:
 
     MemberConfig &config() { return config_; } ///< before run()
     const MemberConfig &config() const { return config_; }
-    StructNodeHooks &hooks() { return hooks_; } ///< before run()
 
     /// Step at these instants, too. Throws as the constructor does.
     void also_step(Rate steps);
@@ -72,9 +58,8 @@ public:
         write(topic, std::as_writable_bytes(std::span(&message, 1)), std::move(schema));
     }
 
-    /// Save this memory in snapshots. Together with the messages and what the hooks save it has to hold all that the
-    /// steps depend on, without pointers. It lives as long as the node. With snapshots, a restarted node need not
-    /// repeat all its steps.
+    /// Save this memory in snapshots. Together with the messages it has to hold all that the steps depend on, without
+    /// pointers. It lives as long as the node. With snapshots, a restarted node need not repeat all its steps.
     void save_in_snapshots(std::span<std::byte> state) { saved_.emplace_back(state); }
     template <class T>
     requires(!std::is_convertible_v<T &, std::span<const std::byte>>) void save_in_snapshots(T &state)
@@ -82,12 +67,6 @@ public:
         static_assert(std::is_trivially_copyable_v<T>);
         save_in_snapshots(std::as_writable_bytes(std::span(&state, 1)));
     }
-
-    /// The message of a topic without a struct that the node reads; empty before the first one has come.
-    std::span<const std::byte> message(const std::string &topic) const;
-    /// Write a topic without a struct: this step sends it, even if it has not changed. Before the run, it is
-    /// the initial value. Throws SchemaError if its size is not that of the definition, or there is none yet.
-    void put(const std::string &topic, std::span<const std::byte> message);
 
     /// Take part in a run. `step` is called at each instant. Returns the reason of the end, "" for the regular end.
     /// Throws what Delegate::serve and `step` throw.
@@ -103,26 +82,17 @@ public:
     Ns end() const { return end_; }              ///< of the run
 
 private:
-    struct Memory {
-        explicit Memory(std::span<std::byte> given) : bytes(given), owned(given.empty()) {}
-        void resize(std::size_t size); ///< of owned memory
-
-        std::span<std::byte> bytes;
-        bool owned;
-        Bytes own;
-    };
     struct Input {
         Subscription subscription;
-        Memory memory;
+        std::span<std::byte> memory;
     };
     struct Output {
         std::string topic;
         Schema schema;
-        Memory memory; ///< only a snapshot or put() writes to it
+        std::span<std::byte> memory; ///< only a snapshot writes to it
     };
     struct Wired {
-        Memory *memory;
-        std::size_t size;
+        std::span<std::byte> memory;
         std::vector<SchemaField> fields;
     };
 
@@ -133,17 +103,16 @@ private:
     Tock tick(const Tick &tick) override;
     Bytes save() override;
     void go_on_from(std::span<const std::byte> snapshot);
-    std::vector<Memory *> memory();
+    std::vector<std::span<std::byte>> memory() const;
     Ns instant_after(Ns t) const;
 
     MemberConfig config_;
     std::vector<Rate> rates_;
-    StructNodeHooks hooks_;
     std::function<void(Ns)> step_;
     std::vector<Input> inputs_;
     std::vector<Output> outputs_;
-    std::map<std::uint32_t, Wired> wired_; ///< by channel
-    std::vector<Memory> saved_;            ///< of the program
+    std::map<std::uint32_t, Wired> wired_;    ///< by channel
+    std::vector<std::span<std::byte>> saved_; ///< of the program
     Inbox inbox_;
     Outbox outbox_;
     Ns next_ = 0, end_ = 0;

@@ -15,7 +15,6 @@ struct FledgeNode {
     FledgeNode(MemberConfig config, Rate steps) : node(std::move(config), steps) {}
 
     StructNode node;
-    Bytes saved;
 };
 
 struct FledgeObserver {
@@ -78,9 +77,9 @@ Schema schema(const char *type, const char *definition)
     return definition && *definition ? make_schema(text(type), definition) : Schema{text(type), "", 0, 0};
 }
 
-template <class Byte = std::byte, class Void> std::span<Byte> bytes(Void *memory, std::size_t size)
+std::span<std::byte> bytes(void *memory, std::size_t size)
 {
-    return {static_cast<Byte *>(memory), size};
+    return {static_cast<std::byte *>(memory), size};
 }
 
 std::chrono::milliseconds milliseconds(double seconds)
@@ -207,60 +206,6 @@ int64_t fledge_node_end(const FledgeNode *node)
     return node->node.end();
 }
 
-int fledge_node_on(FledgeNode *node, FledgeDefine define, FledgeSave save, FledgeRestore restore, void *user)
-{
-    return attempt_with(node, [&](FledgeNode &n) {
-        n.node.hooks() = {};
-        if (define) {
-            n.node.hooks().define = [=](const std::string &topic, const Schema &schema) {
-                check(define(user, topic.c_str(), schema.name.c_str(), schema.text.c_str()), "its define function");
-            };
-        }
-        if (save && restore) {
-            n.node.hooks().save = [=] {
-                node->saved.clear();
-                check(save(user), "its save function");
-                return node->saved;
-            };
-            n.node.hooks().restore = [=](std::span<const std::byte> saved) {
-                check(restore(user, saved.data(), saved.size()), "its restore function");
-            };
-        }
-    });
-}
-
-int fledge_node_saved(FledgeNode *node, const void *saved, size_t size)
-{
-    return attempt_with(node, [&](FledgeNode &n) {
-        const auto all = bytes<const std::byte>(saved, size);
-        n.saved.assign(all.begin(), all.end());
-    });
-}
-
-const void *fledge_node_message(const FledgeNode *node, const char *topic, size_t *size)
-{
-    const auto message = node->node.message(topic);
-    *size = message.size();
-    return message.empty() ? nullptr : message.data();
-}
-
-int fledge_node_put(FledgeNode *node, const char *topic, const void *message, size_t size)
-{
-    return attempt_with(node, [&](FledgeNode &n) { n.node.put(topic, bytes<const std::byte>(message, size)); });
-}
-
-const char *fledge_fields(const char *definition)
-{
-    return attempt([&] {
-        std::string lines;
-        for (const SchemaField &field : parse_schema(definition)) {
-            lines += field.name + "\t" + field.type + "\t" + field.shape + "\t" + std::to_string(field.offset) + "\t" +
-                     std::to_string(field.count) + "\t" + field.choices + "\n";
-        }
-        return lasting([] {}, lines);
-    });
-}
-
 FledgeObserver *fledge_observer_create(const char *simulation, const char *name, const char *address, const char *keys,
                                        double timeout)
 {
@@ -307,7 +252,7 @@ int fledge_observer_next(FledgeObserver *observer, double timeout, FledgeSeen *s
 int fledge_observer_write(FledgeObserver *observer, const char *topic, const void *message, size_t size)
 {
     return attempt_with(observer, [&](FledgeObserver &o) {
-        o.observer.write(topic, make_payload(bytes<const std::byte>(message, size)));
+        o.observer.write(topic, make_payload({static_cast<const std::byte *>(message), size}));
     });
 }
 

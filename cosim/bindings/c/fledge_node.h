@@ -97,34 +97,6 @@ FLEDGE_API void fledge_node_stop(FledgeNode *node);
 FLEDGE_API uint64_t fledge_node_seed(const FledgeNode *node);
 FLEDGE_API int64_t fledge_node_end(const FledgeNode *node);
 
-/* ---- nodes without structs: for bindings to other languages, which learn definitions during the run */
-
-/** Called with the definition of a topic that had no struct and no definition here: before the first message
- *  of a topic that the node reads; before the initial value of a topic that it writes. */
-typedef int (*FledgeDefine)(void *user, const char *topic, const char *type, const char *definition);
-/** Called for a snapshot: call fledge_node_saved() with all that the next steps depend on. Without that
- *  call, there is no snapshot this time. */
-typedef int (*FledgeSave)(void *user);
-/** Called before the first step of a node that goes on from a snapshot, with what was saved. */
-typedef int (*FledgeRestore)(void *user, const void *saved, size_t size);
-
-/** Any of the functions may be NULL; `save` and `restore` only together. */
-FLEDGE_API int fledge_node_on(FledgeNode *node, FledgeDefine define, FledgeSave save, FledgeRestore restore,
-                              void *user);
-FLEDGE_API int fledge_node_saved(FledgeNode *node, const void *saved, size_t size);
-
-/** The last message of a topic that the node reads with `message` NULL and size 0; NULL if there is none. */
-FLEDGE_API const void *fledge_node_message(const FledgeNode *node, const char *topic, size_t *size);
-
-/** Write a topic that the node writes with `message` NULL and size 0: as its initial value before the run,
- *  else with this step, also if it has not changed. */
-FLEDGE_API int fledge_node_put(FledgeNode *node, const char *topic, const void *message, size_t size);
-
-/** The fields of a definition, for each a line of "name\ttype\tshape\toffset\tcount\tchoices\n": shape is "" for one
- *  number, else its dimensions; choices are those of an enumeration: "OFF=0, ON=1". The text lives until the next
- *  call in this thread. */
-FLEDGE_API const char *fledge_fields(const char *definition);
-
 /* ---- observers */
 
 /** A program that takes no steps: a viewer, a ground system. It comes and goes at any time, sees what nodes

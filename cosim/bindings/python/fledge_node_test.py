@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Python programs as nodes: real processes around the real controller, and what happens when one dies."""
+"""Programs in Python and C as nodes: real processes around the real controller, and what happens when one dies."""
 import ctypes
 import functools
 import json
@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
+import zmq
 
 import _core
 
@@ -123,10 +124,23 @@ def programs():
     assert not alive, "a program outlived its run"
 
 
-def spring(programs, controller, latencies=("next_instant", "same_instant")):
-    pair = [start(MASS, controller.address, latencies[0]), start(SPRING, controller.address, latencies[1])]
+def start_spring(language, address, latency="same_instant", how="", **environment):
+    """SPRING in Python; in C, as cosim/bindings/c/spring.c says."""
+    if language == "python":
+        return start(SPRING, address, latency)
+    number = ["same_instant", "next_instant", "next_exchange"].index(latency)
+    return subprocess.Popen([SPRING_IN_C, address, str(number), "prints " + how], stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE, text=True, env=os.environ | environment)
+
+
+def spring(programs, controller, latencies=("next_instant", "same_instant"), language="python", how=""):
+    pair = [start(MASS, controller.address, latencies[0]),
+            start_spring(language, controller.address, latencies[1], how)]
     programs += [*pair, controller.process]
     return pair
+
+
+in_both = pytest.mark.parametrize("language", ["python", "c"])
 
 
 def result(program):
@@ -146,27 +160,19 @@ def alone(n):
     return seen
 
 
+@in_both
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
-def test_two_programs_give_the_bits_of_one(programs, transport):
-    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-python-{os.getpid()}"
+def test_two_programs_give_the_bits_of_one(programs, transport, language):
+    address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-{language}-{os.getpid()}"
     controller = Controller("--node", "mass", "--node", "spring", address=address)
-    mass, force = spring(programs, controller)
+    mass, force = spring(programs, controller, language=language)
     assert controller.end() == (0, "")
     mass, force = result(mass), result(force)
     assert mass["seen"] == alone(101)
     assert mass["reason"] == "" and mass["seed"] == 7
+    assert language == "python" or (force["seed"], force["end"]) == (7, 10**9)
     # The head of what it reads was filled in: the time, and a count from 1.
     assert force["seen"] == [[t, t, k + 1, x] for k, (t, _, x) in enumerate(mass["seen"])]
-
-
-def test_a_program_in_c_takes_the_place_of_one_in_python(programs):
-    controller = Controller("--node", "mass", "--node", "spring")
-    programs += [start(MASS, controller.address, "next_instant"),
-                 subprocess.Popen([SPRING_IN_C, controller.address], stderr=subprocess.PIPE),
-                 controller.process]
-    assert controller.end() == (0, "")
-    assert result(programs[0])["seen"] == alone(101)
-    assert programs[1].communicate(timeout=60) == (None, b"") and programs[1].returncode == 0
 
 
 def test_a_program_in_c_reports_its_errors(programs):
@@ -182,30 +188,34 @@ def test_a_program_in_c_reports_its_errors(programs):
     programs[0].communicate(timeout=60)
 
 
-def test_a_definition_is_needed_on_one_side_only(programs):
+@in_both
+def test_a_definition_is_needed_on_one_side_only(programs, language):
     controller = Controller("--node", "mass", "--node", "spring")
     force = '"float64[2] F  # F [N] (2) force"'
     reader = MASS.replace('sys.argv[2])', f'sys.argv[2], name="Force", text={force})')
     writer = SPRING.replace(f', "Force", {force}', "")
     assert reader != MASS and writer != SPRING
     programs += [start(reader, controller.address, "next_instant"),
-                 start(writer, controller.address, "same_instant"), controller.process]
+                 start(writer, controller.address, "same_instant") if language == "python" else
+                 start_spring("c", controller.address, how="reader"), controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
 
 
-def test_at_exchanges_each_node_sees_the_message_of_the_step_before(programs):
+@in_both
+def test_at_exchanges_each_node_sees_the_message_of_the_step_before(programs, language):
     controller = Controller("--node", "mass", "--node", "spring")
-    mass, force = spring(programs, controller, ("next_exchange", "next_exchange"))
+    mass, force = spring(programs, controller, ("next_exchange", "next_exchange"), language)
     assert controller.end() == (0, "")
     positions = [x for _, _, x in result(mass)["seen"]]
     assert [x for *_, x in result(force)["seen"]] == [1.0] + positions[:-1]
 
 
+@in_both
 @pytest.mark.parametrize("victim", [0, 1])
-def test_a_killed_program_ends_the_run_for_all(programs, victim):
+def test_a_killed_program_ends_the_run_for_all(programs, victim, language):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
-    pair = spring(programs, controller)
+    pair = spring(programs, controller, language=language)
     controller.wait_for(mass="running", spring="running")
     pair[victim].kill()
     code, errors = controller.end()
@@ -304,24 +314,51 @@ def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
         assert "NodeError: the controller is gone" in programs[1].communicate(timeout=60)[1]
 
 
-def test_ctrl_c_of_the_controller_ends_all(programs):
+@in_both
+def test_ctrl_c_of_the_controller_ends_all(programs, language):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
-    pair = spring(programs, controller)
+    pair = spring(programs, controller, language=language)
     controller.wait_for(mass="running", spring="running")
     controller.process.send_signal(signal.SIGINT)
     assert controller.end() == (1, "the run ended early: the user ended it")
     assert [result(program)["reason"] for program in pair] == ["the user ended it"] * 2
 
 
-def test_a_node_reports_that_the_controller_was_killed(programs):
+@pytest.mark.parametrize("number, why", [(signal.SIGINT, "its connection is gone"),
+                                         (signal.SIGTERM, "it failed: the program ended it")])
+def test_a_program_in_c_is_killed_by_a_signal_or_handles_it(programs, number, why):
     controller = Controller("--node", "mass", "--node", "spring", until="1e6")
-    pair = spring(programs, controller)
+    mass, force = spring(programs, controller, language="c")
+    controller.wait_for(mass="running", spring="running")
+    force.send_signal(number)
+    mass.communicate(timeout=60)
+    code, errors = controller.end()
+    assert code == 1 and "spring: " + why in errors
+    _, errors = force.communicate(timeout=60)
+    assert (force.returncode, errors) == ((-number, "") if number == signal.SIGINT
+                                          else (1, "spring: the program ended it\n"))
+
+
+@in_both
+def test_a_node_reports_that_the_controller_was_killed(programs, language):
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    pair = spring(programs, controller, language=language)
     controller.wait_for(mass="running", spring="running")
     controller.process.kill()
     controller.process.communicate()
-    for program in pair:
+    for program, said in zip(pair, ("NodeError: ", "NodeError: " if language == "python" else "spring: ")):
         _, errors = program.communicate(timeout=60)
-        assert program.returncode == 1 and "NodeError: the controller is gone" in errors
+        assert program.returncode == 1 and said + "the controller is gone" in errors
+
+
+def test_the_reply_timeout_ends_a_step_that_hangs(programs):
+    controller = Controller("--node", "mass", "--node", "spring", "--reply", "4")
+    mass, force = spring(programs, controller, language="c", how="hangs")
+    code, errors = controller.end()
+    assert code == 1 and "spring: it did not answer within 4 s" in errors
+    mass.communicate(timeout=60)
+    force.kill()
+    force.communicate()
 
 
 def test_a_run_goes_on_without_a_node_if_the_policy_allows_it(programs):
@@ -387,6 +424,43 @@ print(json.dumps({"reason": node.run(), "seen": seen}))
 """
 
 
+@pytest.mark.parametrize("how", ["integral", "saves"])
+def test_a_program_in_c_goes_on_for_a_killed_one(programs, how):
+    def fly(policy, *ways):
+        controller = Controller("--node", "mass", "--node", f"spring:{policy}", until="5")
+        mass = start(MASS, controller.address, "next_instant")
+        programs.extend([mass, controller.process])
+        for way in ways:
+            force = start_spring("c", controller.address, how=way)
+            programs.append(force)
+            if "dies" in way:
+                force.communicate(timeout=60)
+                assert force.returncode == -signal.SIGKILL
+        seen = result(mass)["seen"]
+        assert controller.end()[0] == 0
+        return seen, result(force)["seen"]
+
+    undisturbed, _ = fly("abort", how)
+    restarted, steps = fly("restart" + ",save=1" * (how == "saves"), how + " dies", how)
+    assert restarted == undisturbed and len(restarted) == 501
+    assert steps[0][0] == 0 if how == "integral" else 2 * 10**9 < steps[0][0] <= 3 * 10**9
+
+
+def test_a_program_in_c_joins_late_and_leaves(programs):
+    controller = Controller("--node", "mass", "--node", "spring:abort,joins=0.1")
+    free = MASS.replace("sys.argv[2])", "sys.argv[2], optional=True)")
+    free = free.replace('node["/spring/force"]["F"]', '(node["/spring/force"] or {"F": [0, 0]})["F"]')
+    programs += [start(free, controller.address, "next_instant"),
+                 start_spring("c", controller.address, how="leaves"), controller.process]
+    mass = result(programs[0])["seen"]
+    assert controller.end() == (0, "spring joins after 0.1 s\n"
+                                   "spring leaves at 0.3 s; its messages keep their last values")
+    steps = result(programs[1])["seen"]
+    assert 100 * ms < steps[0][0] < 300 * ms and steps[-1][0] == 300 * ms
+    assert {force for t, force, _ in mass if t <= steps[0][0]} == {0}
+    assert {force for t, force, _ in mass if t > 300 * ms} == {-steps[-1][3]}
+
+
 def test_a_program_joins_late_and_leaves_and_the_others_see_nothing_of_it(programs):
     controller = Controller("--node", "mass", "--node", "spring", "--node", "probe,joins=0.5")
     mass, force = spring(programs, controller)
@@ -432,11 +506,23 @@ def test_an_error_of_a_step_reaches_the_user(programs):
     assert "ZeroDivisionError" in programs[1].communicate(timeout=60)[1]
 
 
-def test_definitions_that_differ_are_refused_with_the_field(programs):
+def test_an_error_of_a_step_in_c_reaches_the_user(programs):
+    controller = Controller("--node", "mass", "--node", "spring")
+    mass, force = spring(programs, controller, language="c", how="broken")
+    why = "spring: it failed: a pole (it had reached 0.29 s)"
+    assert controller.end() == (1, "the run ended early: " + why)
+    assert result(mass)["reason"] == why
+    assert force.communicate(timeout=60) == ("", "spring: a pole\n") and force.returncode == 1
+
+
+@in_both
+def test_definitions_that_differ_are_refused_with_the_field(programs, language):
     controller = Controller("--node", "mass", "--node", "spring")
     other = SPRING.replace('node.reads("/mass/state", sys.argv[2])',
                            'node.reads("/mass/state", sys.argv[2], text="float64[2] x  # x [km] (2)")')
-    programs += [start(MASS, controller.address, "next_instant"), start(other, controller.address, "same_instant")]
+    programs += [start(MASS, controller.address, "next_instant"),
+                 start(other, controller.address, "same_instant") if language == "python" else
+                 start_spring("c", controller.address, how="other")]
     code, errors = controller.end()
     assert code == 1 and "field head.t is at another place" not in errors
     assert "spring subscribes to /mass/state of mass, but field " in errors
@@ -454,10 +540,33 @@ def test_a_rate_that_makes_no_sense_is_refused_at_once(every, offset):
     assert Node("spring", "mass", "ipc://@nowhere", every=0.25 * 10**9).every == 250 * ms
 
 
+def c_library():
+    library = ctypes.CDLL(str(CONTROLLER.with_name("bindings") / "libfledge_node.so"))
+    for function in ("fledge_node_create", "fledge_observer_create"):
+        getattr(library, function).restype = ctypes.c_void_p
+    for function in ("fledge_error", "fledge_node_simulation", "fledge_node_name", "fledge_observer_topics",
+                     "fledge_observer_type", "fledge_observer_definition", "fledge_observer_reason"):
+        getattr(library, function).restype = ctypes.c_char_p
+    return library
+
+
+def test_the_c_library_takes_names_from_the_environment_and_limits_of_time(monkeypatch):
+    library = c_library()
+    monkeypatch.setenv("FLEDGE_SIMULATION", "spring")
+    monkeypatch.setenv("FLEDGE_NODE", "mass")
+    node = ctypes.c_void_p(library.fledge_node_create(None, None, b"ipc://@fledge-c-nobody", ctypes.c_int64(ms),
+                                                      ctypes.c_int64(0)))
+    assert (library.fledge_node_simulation(node), library.fledge_node_name(node)) == (b"spring", b"mass")
+    assert library.fledge_node_set(node, None, ctypes.c_double(0.2)) == 0
+    assert library.fledge_node_run(node, None, None) == -1 and b"no controller answers" in library.fledge_error()
+    library.fledge_node_destroy(node)
+    assert library.fledge_node_create(None, None, None, ctypes.c_int64(ms), ctypes.c_int64(0)) is None
+    assert library.fledge_node_run(None, None, None) == -1 and b"a node needs its address" in library.fledge_error()
+
+
 @pytest.mark.parametrize(("every", "offset"), [rate for rate in RATES if rate[0] < 2**63])
 def test_the_c_library_refuses_the_same_rates(every, offset):
-    library = ctypes.CDLL(str(CONTROLLER.with_name("bindings") / "libfledge_node.so"))
-    library.fledge_node_create.restype, library.fledge_error.restype = ctypes.c_void_p, ctypes.c_char_p
+    library = c_library()
     create = functools.partial(library.fledge_node_create, b"spring", b"mass", b"ipc://@nowhere")
     why = ("mass: it steps at offset + k every, with every > 0 and offset >= 0, both up to 31 years; found "
            f"{offset} and {every} ns").encode()
@@ -468,8 +577,11 @@ def test_the_c_library_refuses_the_same_rates(every, offset):
     library.fledge_node_destroy(node)
 
 
-def test_a_program_that_is_not_expected_gets_the_reason():
+def test_a_program_that_is_not_expected_gets_the_reason(programs):
     controller = Controller("--node", "mass")
+    programs.append(start_spring("c", controller.address))
+    assert programs[0].communicate(timeout=60)[1] == \
+        "spring: the controller refuses spring: spring has no node spring; it has mass\n"
     with pytest.raises(NodeError, match="refuses sprong: spring has no node sprong; it has mass"):
         node = Node("spring", "sprong", controller.address, every=ms)
         node.step(lambda t: None)
@@ -514,9 +626,15 @@ def test_without_the_right_key_a_program_gets_the_reason_at_once(programs, tmp_p
         "the controller refuses spring: its key mass is not allowed to speak as spring")
     assert "it asks for keys" in refusal("mass")
     assert "controller.public here is not that of this controller" in refusal("mass", "else", "mass.secret")
-    bare = subprocess.run([SPRING_IN_C, controller.address], stderr=subprocess.PIPE,
-                          timeout=20, text=True)
-    assert bare.returncode == 1 and "it asks for keys" in bare.stderr
+
+    def refusal_in_c(**keys):
+        programs.append(start_spring("c", controller.address, **keys))
+        return programs[-1].communicate(timeout=60)[1]
+
+    assert "it asks for keys" in refusal_in_c()
+    assert "it does not know this key" in refusal_in_c(FLEDGE_KEYS=str(tmp_path / "stranger.secret"))
+    assert "its key mass is not allowed to speak as spring" in refusal_in_c(FLEDGE_KEYS=str(tmp_path / "mass.secret"))
+    assert "holds no spring.secret but several others" in refusal_in_c(FLEDGE_KEYS=str(tmp_path))
     controller.process.send_signal(signal.SIGTERM)
     code, errors = controller.end()
     stranger = re.search('public-key = "(.*)"', (tmp_path / "stranger.public").read_text())[1]
@@ -650,6 +768,130 @@ def test_an_observer_is_refused_with_the_reason(tmp_path):
         Observer("spring", "ground", controller.address, keys=tmp_path / "viewer.secret", timeout=0.5)
     controller.process.send_signal(signal.SIGTERM)
     controller.end()
+
+
+class SeenInC(ctypes.Structure):
+    """FledgeSeen of cosim/bindings/c/fledge_node.h."""
+    _fields_ = [("topic", ctypes.c_char_p), ("node", ctypes.c_char_p), ("message", ctypes.POINTER(ctypes.c_double)),
+                ("size", ctypes.c_size_t), ("t", ctypes.c_int64), ("count", ctypes.c_uint32),
+                ("missed", ctypes.c_uint32)]
+
+
+def observer_in_c(library, name, address, timeout=60.0):
+    return ctypes.c_void_p(library.fledge_observer_create(b"spring", name, address.encode(), None,
+                                                          ctypes.c_double(timeout)))
+
+
+def test_an_observer_in_c_sees_what_nodes_write_and_writes(programs):
+    controller = Controller("--node", "mass", "--node", "spring", "--asynchronous", "ground", until="1e6")
+    programs += [start(MASS, controller.address, "next_instant"),
+                 start(COMMANDED, controller.address, "same_instant"), controller.process]
+    library = c_library()
+    ground, seen = observer_in_c(library, b"ground", controller.address), SeenInC()
+
+    def watch(topic, until):
+        while until(seen) or seen.topic != topic:
+            assert library.fledge_observer_next(ground, ctypes.c_double(-1), ctypes.byref(seen)) == 1
+
+    def write(topic, *numbers):
+        message = (ctypes.c_double * len(numbers))(*numbers)
+        return library.fledge_observer_write(ground, topic, message, ctypes.c_size_t(ctypes.sizeof(message)))
+
+    assert library.fledge_observer_topics(ground) == b"/ground/stiffness\n/mass/state\n/spring/force\n"
+    assert library.fledge_observer_type(ground, b"/spring/force") == b"Force"
+    assert library.fledge_observer_definition(ground, b"/spring/force").startswith(b"float64[2] F")
+    assert [library.fledge_observer_subscribe(ground, topic) for topic in (b"/spring/", b"/ground/")] == [0, 0]
+    watch(b"/spring/force", lambda seen: seen.count <= 10)
+    assert (seen.node, seen.size, seen.message[:2]) == (b"spring", 16, [0, 0])
+    other = threading.Thread(target=write, args=(b"/ground/stiffness", 2.0))    # any thread may
+    other.start()
+    watch(b"/ground/stiffness", lambda seen: seen.count == 0)
+    assert (seen.node, seen.count, seen.message[0]) == (b"ground", 1, 2)
+    other.join()
+    written = seen.t
+    watch(b"/spring/force", lambda seen: seen.size != 16 or seen.message[0] == 0)
+    assert 0 < written <= seen.t
+    assert write(b"/ground/x") == -1 and library.fledge_error() == b"no node reads /ground/x"
+    assert library.fledge_observer_type(ground, b"/ground/x") is None
+    assert library.fledge_error() == b"there is no topic /ground/x"
+    assert library.fledge_observer_reason(ground) is None
+    controller.process.send_signal(signal.SIGINT)
+    assert controller.end() == (1, "the run ended early: the user ended it")
+    while library.fledge_observer_next(ground, ctypes.c_double(-1), ctypes.byref(seen)):
+        pass
+    assert library.fledge_observer_reason(ground) == b"the user ended it"
+    library.fledge_observer_destroy(ground)
+
+
+def test_an_observer_in_c_is_refused_with_the_reason_and_reports_that_the_controller_was_killed(programs):
+    controller = Controller("--node", "mass", "--no-broker")
+    library, seen = c_library(), SeenInC()
+    assert not observer_in_c(library, b"viewer", controller.address)
+    assert b"refuses viewer: this controller has no broker" in library.fledge_error()
+    controller.process.send_signal(signal.SIGTERM)
+    controller.end()
+    controller = Controller("--node", "mass", "--node", "spring", until="1e6")
+    programs += spring(programs, controller)
+    viewer = observer_in_c(library, b"viewer", controller.address)
+    assert library.fledge_observer_next(viewer, ctypes.c_double(0.01), ctypes.byref(seen)) == 0   # no subscription yet
+    library.fledge_observer_subscribe(viewer, b"")
+    assert library.fledge_observer_next(viewer, ctypes.c_double(20), ctypes.byref(seen)) == 1
+    controller.process.kill()
+    controller.process.communicate()
+    while (found := library.fledge_observer_next(viewer, ctypes.c_double(-1), ctypes.byref(seen))) == 1:
+        pass
+    assert found == -1 and library.fledge_error() == b"the controller is gone"
+    library.fledge_observer_destroy(viewer)
+
+
+def request(start=-2**63, end=0, backend=""):
+    """An Initialize."""
+    w = _Writer()
+    w.numbers("Qqq", 0, end, start)
+    w.text("")
+    w.text(backend)
+    w.bytes(b"")
+    return w.frame("Initialize", 1)
+
+
+@pytest.mark.parametrize("frame, why", [
+    (b"", "this is no frame of a co-simulation"),
+    (b"FLCS\1\x09" + bytes(18), "version 9 of the format, while this program speaks version 1"),
+    (b"FLCS\1\1\4\0" + bytes(3) + b"\1" + bytes(12), "a body of 0 bytes, while the header says 16777216"),
+    (b"FLCS\1\1\4\0" + bytes(16), "Initialize: byte 0 of the body: it ends here, 8 bytes too early"),
+    (b"FLCS\1\1\x0a\0" + bytes(16), "Start: byte 0 of the body: it ends here, 4 bytes too early"),
+    (b"FLCS\1\1\x0b\0" + bytes(16), "the controller sent Ready, which is no request"),
+    ([b"FLCS", b"more"], "a frame is one part, not 2"),
+    (request(), "Initialize: byte 24 of the body: start is -9223372036854775808 ns; expected -1 to"),
+    (request(start=10**18 + 1), "Initialize: byte 24 of the body: start is 1000000000000000001 ns; expected -1 to"),
+    (request(start=0, end=-1), "Initialize: byte 16 of the body: end is -1 ns; expected 0 to 1000000000000000000"),
+    (request(start=0, backend="\x1b[2J"),
+     "Initialize: byte 36 of the body: backend holds the control character U+001B"),
+])
+@in_both
+def test_garbage_from_a_controller_is_refused(programs, language, frame, why):
+    """A controller that welcomes the program, and then says this."""
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as admission, context.socket(zmq.DEALER) as link:
+        for socket in (admission, link):
+            socket.linger, socket.rcvtimeo = 0, 20_000
+        admission.bind("tcp://127.0.0.1:*")
+        link.bind("tcp://127.0.0.1:*")
+        address = admission.last_endpoint.decode()
+        programs.append(start_spring(language, address))
+        peer, hello = admission.recv_multipart()
+        r = _Reader(hello)
+        assert r.kind == "Hello"
+        w = _Writer()
+        w.text(link.last_endpoint.decode())
+        w.text("")
+        w.number("Q", 0)
+        admission.send_multipart([peer, w.frame("Welcome", 1)])
+        assert _Reader(link.recv()).kind == "Hello"
+        link.send_multipart(frame if isinstance(frame, list) else [frame])
+        failed = _Reader(link.recv())
+        assert failed.kind == "Failed"
+        assert why in failed.lines("reason")
+        assert why in programs[0].communicate(timeout=60)[1] and programs[0].returncode == 1
 
 
 def test_without_a_controller_it_gives_up():

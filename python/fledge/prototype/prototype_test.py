@@ -220,7 +220,7 @@ def test_a_message_is_that_of_a_header_with_the_same_name_and_fields():
     (dict(angle=par(float, "[rad] it")), r"field\(\) is for messages; .*`angle` of Sent"),
     (dict(), "a prototype has fields; `Sent` has none"),
     (dict(angle=field(float, "[rad] required: it")), "only a member of `par` is required"),
-    (dict(string=field(float, "[rad] it")), "a name is no keyword; `string` is one in C#"),
+    (dict(double=field(float, "[rad] it")), "a name is no keyword; `double` is one in C"),
 ])
 def test_what_a_message_cannot_hold_is_refused(members, complaint):
     with pytest.raises(SetupError, match=rf"prototype_test.py, line \d+: {complaint}"):

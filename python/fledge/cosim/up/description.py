@@ -343,7 +343,7 @@ class _Reader(Tables):
                 self.refuse((*path, "command"), "the program can be started", f"{file} is not executable",
                             f"chmod +x it, or write what runs it before: [\"python3\", \"{program}\"]")
         elif not shutil.which(program, path=here):
-            near = difflib.get_close_matches(program, ("python3", "mono", "sh", "bash"), 1)
+            near = difflib.get_close_matches(program, ("python3", "sh", "bash"), 1)
             self.refuse((*path, "command"), "the program can be found", f"{program} is not on the PATH",
                         f"did you mean {near[0]}?" if near else "install it, or write its path: "
                         f"\"./{program}\" is relative to `directory`")
