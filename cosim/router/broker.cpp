@@ -23,7 +23,7 @@ constexpr std::int64_t longest_subscription = 4096;
 constexpr std::size_t most_written = 1024, most_reports = 20;
 constexpr const char *finish_topic = "finish";
 
-std::string bind(zmq::socket_t &socket, const std::string &address, const char *what)
+std::string listen(zmq::socket_t &socket, const std::string &address, const char *what)
 {
     try {
         socket.bind(address);
@@ -51,8 +51,8 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
     backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives only subscriptions
     backend_.set(zmq::sockopt::sndhwm, config_.waiting);
     backend_.set(zmq::sockopt::xpub_verbose, true);
-    frontend_address_ = bind(frontend_, config_.frontend, "what asynchronous programs publish");
-    backend_address_ = bind(backend_, config_.backend, "observers");
+    frontend_address_ = listen(frontend_, config_.frontend, "what asynchronous programs publish");
+    backend_address_ = listen(backend_, config_.backend, "observers");
     frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
 }

@@ -13,12 +13,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto look = 100ms;
+constexpr auto check_period = 100ms; ///< of connections and limits of time
 constexpr std::size_t most_attaching = 1000;
 constexpr std::int64_t longest_greeting = 4096; ///< [bytes]
 constexpr int most_names = 100;                 ///< of sockets, to try
-constexpr auto rest = 20ms;                     ///< between two looks at the sockets, if all nodes share memory
-constexpr auto spin = 20us;                     ///< busy waiting, if there is a processor for each program
+constexpr auto longest_rest = 20ms;             ///< between two looks at the sockets, if all nodes share memory
+constexpr auto longest_busy_wait = 20us;        ///< if there is a processor for each program
 
 /// What a descriptor in the poller belongs to.
 enum Kind : std::uint64_t { greetings, greeters, wake_up, timer, frames, events, kinds };
@@ -104,7 +104,7 @@ void Router::host(const std::string &name, Node &node)
 /// A reply may lead to the next request.
 void Router::call_hosted()
 {
-    while (!calls_.empty() && Clock::now() - looked_ < look) {
+    while (!calls_.empty() && Clock::now() - checked_ < check_period) {
         const auto [id, request] = std::move(calls_.front());
         calls_.pop_front();
         Frame reply{request.number, {}};
@@ -119,10 +119,10 @@ void Router::call_hosted()
 
 std::string Router::run(const std::function<bool()> &poll)
 {
-    looked_ = complete_ = Clock::now();
-    spins_ = std::thread::hardware_concurrency() > nodes_.size() - hosted_.size() ? spin : 0us;
-    spin_ = Spin(spins_);
-    auto waited = looked_;
+    checked_ = complete_ = Clock::now();
+    busy_wait_ = std::thread::hardware_concurrency() > nodes_.size() - hosted_.size() ? longest_busy_wait : 0us;
+    spin_ = Spin(busy_wait_);
+    auto waited = checked_;
     while (!controller_.done()) {
         if (broker_ && broker_->received()) {
             inject_messages();
@@ -131,8 +131,8 @@ std::string Router::run(const std::function<bool()> &poll)
         const bool busy = listen_to_shared();
         listen_again();
         const auto now = Clock::now();
-        if (now - looked_ >= look) {
-            look_at_clock(poll);
+        if (now - checked_ >= check_period) {
+            check_periodically(poll);
         }
         if (pace_) {
             pace_->update(controller_, nodes_.size(), now);
@@ -142,7 +142,7 @@ std::string Router::run(const std::function<bool()> &poll)
         const bool more = busy || !calls_.empty() || controller_.done();
         if (!more || now - waited >= 1ms) {
             waited = now;
-            wait(more ? 0ms : look);
+            wait(more ? 0ms : check_period);
         }
     }
     return outcome_;
@@ -159,12 +159,12 @@ void Router::wait(std::chrono::milliseconds most)
         return;
     }
     if (sleeps) {
-        const bool rests = expect();
+        const bool rests = choose_waking_nodes();
         wake_up_->arm(rests ? WakeUp::rests : WakeUp::polls);
         if (anything_shared()) {
             most = 0ms;
         } else if (rests) {
-            wake_up_->rest(rest);
+            wake_up_->rest(longest_rest);
             wake_up_->disarm(false);
             if (anything_shared()) {
                 return;
@@ -180,21 +180,21 @@ void Router::wait(std::chrono::milliseconds most)
         const NodeId id = what / kinds;
         switch (static_cast<Kind>(what % kinds)) {
         case Kind::greetings: greet(); break;
-        case Kind::greeters: look_at_greetings(); break;
+        case Kind::greeters: check_greeting_programs(); break;
         case Kind::frames: listen(id); break;
-        case Kind::events: look_at(id); break;
+        case Kind::events: check_connection(id); break;
         default: break;
         }
     }
 }
 
 /// Let only those nodes wake the controller whose replies can unblock a node. True if all of them share memory.
-bool Router::expect()
+bool Router::choose_waking_nodes()
 {
     const bool some = controller_.unblocking_nodes(unblocking_);
     std::size_t expected = 0;
     for (const NodeId id : sharing_) {
-        nodes_[id].link->shared()->expect(!some || unblocking_[id]);
+        nodes_[id].link->shared()->wake_on_message(!some || unblocking_[id]);
         expected += some && unblocking_[id];
     }
     return some && expected == static_cast<std::size_t>(std::count(unblocking_.begin(), unblocking_.end(), true));
@@ -272,13 +272,13 @@ void Router::greet()
 }
 
 /// A program keeps the connection on which it greeted until it has taken its own socket.
-void Router::look_at_greetings()
+void Router::check_greeting_programs()
 {
     for (NodeId id = 0; id < nodes_.size(); id++) {
         const NodeSlot &slot = nodes_[id];
         if (slot.link && !slot.joined && slot.greeting_fd >= 0 &&
             (!slot.greeting || greeters_.number(slot.greeting_fd) != slot.greeting)) {
-            look_at(id); // its Hello may have come
+            check_connection(id); // its Hello may have come
             if (!slot.joined) {
                 controller_.lost(id, "its connection is gone");
                 act();
@@ -415,7 +415,7 @@ void Router::listen(NodeId id)
 }
 
 /// The last frame of a lost node counts.
-void Router::look_at(NodeId id)
+void Router::check_connection(NodeId id)
 {
     const bool gone = nodes_[id].link && nodes_[id].link->gone();
     listen(id);
@@ -506,7 +506,7 @@ Welcome Router::open(NodeId id)
     Welcome welcome;
     if (wake_up_) {
         try {
-            slot.proposed = std::make_unique<SharedChannel>(*wake_up_, id, spins_, config_.limits);
+            slot.proposed = std::make_unique<SharedChannel>(*wake_up_, id, busy_wait_, config_.limits);
             welcome.shared = slot.proposed->path();
             welcome.nonce = slot.proposed->nonce();
         } catch (const LinkError &) {
@@ -623,9 +623,9 @@ template <class Call> void Router::notify(Call call)
     }
 }
 
-void Router::look_at_clock(const std::function<bool()> &poll)
+void Router::check_periodically(const std::function<bool()> &poll)
 {
-    looked_ = Clock::now();
+    checked_ = Clock::now();
     if (authenticator_) {
         for (const std::string &text : authenticator_->take_reports()) {
             report(text);
@@ -639,16 +639,16 @@ void Router::look_at_clock(const std::function<bool()> &poll)
     }
     const auto absent = controller_.absent();
     if (absent.empty()) {
-        complete_ = looked_;
-    } else if (looked_ - complete_ >= config_.join) {
+        complete_ = checked_;
+    } else if (checked_ - complete_ >= config_.join) {
         controller_.stop(sim::format_list(absent) + " did not come within " +
                          sim::format_time(std::chrono::nanoseconds(config_.join).count()));
     }
     for (NodeId id = 0; id < nodes_.size(); id++) {
-        look_at(id);
-        look_at_limits(id);
+        check_connection(id);
+        check_limits(id);
     }
-    look_at_greetings();
+    check_greeting_programs();
     if (poll && !poll()) {
         controller_.stop("the user ended it");
     }
@@ -660,14 +660,14 @@ std::chrono::milliseconds Router::reply_limit(NodeId id) const
     return config_.replies.empty() ? config_.reply : config_.replies[id];
 }
 
-void Router::look_at_limits(NodeId id)
+void Router::check_limits(NodeId id)
 {
     const NodeSlot &slot = nodes_[id];
     const bool waits = controller_.waiting_for(id), first = slot.link && !slot.replied && !controller_.finishing();
     const auto reply = reply_limit(id);
     const auto most = controller_.finishing() ? config_.finish : first && reply.count() ? config_.greet : reply;
     const auto since = first ? std::max(slot.welcomed, slot.asked) : slot.asked;
-    if (!most.count() || looked_ - since < most || !(waits || (first && !slot.joined))) {
+    if (!most.count() || checked_ - since < most || !(waits || (first && !slot.joined))) {
         return;
     }
     const std::string why = "it did not answer within " + sim::format_time(std::chrono::nanoseconds(most).count());

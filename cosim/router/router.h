@@ -94,10 +94,10 @@ private:
     };
 
     void greet();
-    void look_at_greetings();
+    void check_greeting_programs();
     void listen(NodeId id);
-    void look_at(NodeId id);
-    void look_at_limits(NodeId id);
+    void check_connection(NodeId id);
+    void check_limits(NodeId id);
     std::chrono::milliseconds reply_limit(NodeId id) const;
     void join(NodeId id, const Frame &frame);
     void act();
@@ -109,7 +109,7 @@ private:
     bool listen_to_shared();
     void listen_again();
     bool anything_shared() const;
-    bool expect();
+    bool choose_waking_nodes();
     void call_hosted();
     void received(NodeId id, Frame frame);
     bool keyed() const;
@@ -121,7 +121,7 @@ private:
     void inject_messages();
     void report(const std::string &text);
     void reply(std::span<const std::byte> peer, const Message &message);
-    void look_at_clock(const std::function<bool()> &poll);
+    void check_periodically(const std::function<bool()> &poll);
 
     zmq::context_t &context_;
     RouterConfig config_;
@@ -138,7 +138,7 @@ private:
     std::vector<NodeSlot> nodes_;
     std::optional<Pace> pace_; ///< none: as fast as possible
     Poller poller_;
-    std::chrono::nanoseconds spins_{0}; ///< duration of busy waiting before a sleep
+    std::chrono::nanoseconds busy_wait_{0}; ///< duration of busy waiting before a sleep
     Spin spin_;
     std::vector<NodeId> sharing_; ///< nodes with shared memory
     std::vector<NodeId> unsure_;
@@ -149,7 +149,7 @@ private:
     Bytes greeting_peer_;                        ///< libzmq's name of the greeting program
     int greeting_fd_ = -1;                       ///< of its connection
     unsigned opened_ = 0;
-    Clock::time_point looked_;
+    Clock::time_point checked_;
     Clock::time_point complete_; ///< the last time at which no node was missing
     std::string outcome_;
 };

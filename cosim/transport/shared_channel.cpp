@@ -220,11 +220,11 @@ SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const
     ring_out_ = memory.rings[1];
 }
 
-void SharedChannel::expect(bool expected)
+void SharedChannel::wake_on_message(bool wakes)
 {
-    if (expected != expected_) {
-        expected_ = expected;
-        words().ignored.store(!expected, std::memory_order_relaxed); // WakeUp::arm() follows
+    if (wakes != wakes_) {
+        wakes_ = wakes;
+        words().ignored.store(!wakes, std::memory_order_relaxed); // WakeUp::arm() follows
     }
 }
 

@@ -147,7 +147,7 @@ public:
     bool pending() const;
 
     /// The controller's end: whether this node wakes the controller.
-    void expect(bool expected);
+    void wake_on_message(bool wakes);
 
     /// The node's end: sleep until something is pending. A negative time: no timeout, but another thread may
     /// call interrupt().
@@ -171,7 +171,7 @@ private:
     std::uint64_t nonce_ = 0;
     Spin spin_; ///< the node's
     std::size_t limit_ = 0;
-    bool expected_ = true;
+    bool wakes_ = true;
     Lane *in_ = nullptr, *out_ = nullptr;
     std::byte *ring_in_ = nullptr, *ring_out_ = nullptr;
     std::uint64_t taken_ = 0;   ///< from the ring that comes in
