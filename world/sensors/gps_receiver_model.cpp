@@ -34,7 +34,7 @@ void GpsReceiverModel::update(Tick tick)
     bool speaks = state_.faults.apply(0, reading.r_BN_N.v);
     speaks |= state_.faults.apply(3, reading.v_BN_N.v);
     reading.head = {tick.t, quality_through(truth.head), 0};
-    state_.more.pass(reading, speaks, par.latency, tick.t, interface_.out.orbit);
+    state_.readings.publish(reading, speaks, par.latency, tick.t, interface_.out.orbit);
 }
 
 } // namespace fledge::world

@@ -14,8 +14,9 @@
 
 namespace fledge::world {
 
-/// A model with the parameters n_faults and faults and the input injected. More: what else belongs to its memory.
-template <class Interface, std::size_t channels, class More = std::uint64_t> class Sensor : public sim::Model {
+/// A model with the parameters n_faults and faults and the input injected. Readings: a Late, if it needs time until
+/// it puts out a reading.
+template <class Interface, std::size_t channels, class Readings = std::uint64_t> class Sensor : public sim::Model {
 public:
     explicit Sensor(Interface &interface) : interface_(interface) {}
 
@@ -113,7 +114,7 @@ protected:
     struct State {
         sim::Random random;
         Faults<channels> faults;
-        More more;
+        Readings readings;
     };
     Interface &interface_;
     std::string name_;
@@ -127,7 +128,7 @@ template <class Reading> class Late {
 public:
     /// Take a reading of the time t, if the sensor speaks, and write to `out` the newest that is `latency` [s] old. Its
     /// head keeps the time of the measurement. Without a new one, the output is held.
-    void pass(const Reading &reading, bool speaks, double latency, sim::Ns t, Reading &out)
+    void publish(const Reading &reading, bool speaks, double latency, sim::Ns t, Reading &out)
     {
         const auto delay = static_cast<sim::Ns>(latency * 1e9);
         if (speaks) {

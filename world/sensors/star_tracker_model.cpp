@@ -38,25 +38,25 @@ void StarTrackerModel::check() const
     }
 }
 
-/// By what the tracker is blind, a bit for each. dt [s]: since the last update.
-std::uint32_t StarTrackerModel::blind(double dt, const Vec3 &boresight_B)
+/// The bits of Blind. dt [s]: since the last update.
+std::uint32_t StarTrackerModel::blinded_by(double dt, const Vec3 &boresight_B)
 {
-    const auto &[truth, sun, planet, moon, injected] = interface_.in;
+    const auto &in = interface_.in;
     const auto &par = interface_.par;
-    const Vec3 boresight_N = mat_transpose_vec(mrp_to_dcm(truth.sigma_BN), boresight_B);
-    const auto way = [&](const BodyState &body) { return vec_sub(body.r_PN_N, truth.r_BN_N); };
-    const Vec3 to_moon = head_written(moon.head) ? way(moon) : Vec3{};
+    const Vec3 boresight_N = mat_transpose_vec(mrp_to_dcm(in.truth.sigma_BN), boresight_B);
+    const auto to = [&](const BodyState &body) { return vec_sub(body.r_PN_N, in.truth.r_BN_N); };
+    const Vec3 to_moon = head_written(in.moon.head) ? to(in.moon) : Vec3{};
 
-    const double lasts = par.loss_time > 0.0 ? fm_exp(-dt / par.loss_time) : 0.0;
-    const double u = state_.random.uniform();
-    interface_.mem.lost = interface_.mem.lost ? u < lasts : u < 1.0 - fm_exp(-par.loss_rate * dt);
+    const double loss_lasts = par.loss_time > 0.0 ? fm_exp(-dt / par.loss_time) : 0.0; // probabilities
+    const double loss_begins = 1.0 - fm_exp(-par.loss_rate * dt);
+    interface_.mem.lost = state_.random.uniform() < (interface_.mem.lost ? loss_lasts : loss_begins);
 
     std::uint32_t bits = 0;
-    bits |= blinds(to_sun(), 0.0, boresight_N, par.sun_exclusion) ? 1u : 0u;
-    bits |= blinds(way(planet), par.planet_radius, boresight_N, par.planet_exclusion) ? 2u : 0u;
-    bits |= blinds(to_moon, par.moon_radius, boresight_N, par.moon_exclusion) ? 4u : 0u;
-    bits |= par.rate_max > 0.0 && vec_norm(truth.omega_BN_B) > par.rate_max ? 8u : 0u;
-    return bits | (interface_.mem.lost ? 16u : 0u);
+    bits |= blinds(to_sun(), 0.0, boresight_N, par.sun_exclusion) ? by_sun : 0u;
+    bits |= blinds(to(in.planet), par.planet_radius, boresight_N, par.planet_exclusion) ? by_planet : 0u;
+    bits |= blinds(to_moon, par.moon_radius, boresight_N, par.moon_exclusion) ? by_moon : 0u;
+    bits |= par.rate_max > 0.0 && vec_norm(in.truth.omega_BN_B) > par.rate_max ? by_rate : 0u;
+    return bits | (interface_.mem.lost ? by_loss : 0u);
 }
 
 void StarTrackerModel::update(Tick tick)
@@ -77,7 +77,7 @@ void StarTrackerModel::update(Tick tick)
     Vec3 turn = vec_add(vec_scale(fm_sqrt(across), white), vec_scale(along, boresight_S));
 
     const Vec3 boresight_B = mat_transpose_vec(mrp_to_dcm(case_B), boresight_S);
-    interface_.mem.blind = blind(dt, boresight_B);
+    interface_.mem.blind = blinded_by(dt, boresight_B);
     begin_faults(tick.t);
     state_.faults.add(0, turn.v);
     StarAttitude reading{};
@@ -89,7 +89,7 @@ void StarTrackerModel::update(Tick tick)
             reading.P_B.m[i][j] = (i == j ? across : 0.0) + (about - across) * boresight_S.v[i] * boresight_S.v[j];
         }
     }
-    state_.more.pass(reading, speaks && interface_.mem.blind == 0, par.latency, tick.t, interface_.out.attitude);
+    state_.readings.publish(reading, speaks && interface_.mem.blind == 0, par.latency, tick.t, interface_.out.attitude);
 }
 
 } // namespace fledge::world

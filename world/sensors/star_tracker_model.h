@@ -9,13 +9,16 @@ namespace fledge::world {
 
 class StarTrackerModel final : public Sensor<StarTracker, 3, Late<StarAttitude>> {
 public:
+    /// The bits of `mem.blind`: by what the tracker is blind.
+    enum Blind : std::uint32_t { by_sun = 1, by_planet = 2, by_moon = 4, by_rate = 8, by_loss = 16 };
+
     using Sensor::Sensor;
     void update(Tick tick) override;
 
 private:
     void check() const override;
     bool limited() const override { return true; }
-    std::uint32_t blind(double dt, const Vec3 &boresight_B);
+    std::uint32_t blinded_by(double dt, const Vec3 &boresight_B);
 };
 
 } // namespace fledge::world
