@@ -292,7 +292,7 @@ void Emitter::chain(std::uint32_t pc)
 
 // ---- a block
 
-void Emitter::emit(const Trace &trace, Block &block, std::uint32_t index)
+void Emitter::emit(const TranslatedTrace &trace, Block &block, std::uint32_t index)
 {
     regs_ = {};
     departures_.clear();

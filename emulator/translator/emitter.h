@@ -28,7 +28,7 @@ struct Item {
 };
 
 /// The instructions of a block. If it branches, the branch is the last but one, before its delay slot.
-struct Trace {
+struct TranslatedTrace {
     std::vector<Item> items;
     bool branches = false;
     std::uint32_t next = 0; ///< where it goes on if it does not branch
@@ -46,7 +46,7 @@ public:
     Enter enter() const { return enter_; }
 
     /// Append a block to the code memory.
-    void emit(const Trace &trace, Block &block, std::uint32_t index);
+    void emit(const TranslatedTrace &trace, Block &block, std::uint32_t index);
     /// Make the link jump to an offset of the code memory.
     void connect(const Link &link, std::size_t to);
     bool full() const { return maxSize_ - size_ < reserve; }

@@ -60,7 +60,7 @@ private:
     }
 
     std::optional<std::uint32_t> block_at(Core &core, std::uint32_t pc);
-    std::optional<Trace> trace_from(Core &core, std::uint32_t pc);
+    std::optional<TranslatedTrace> trace_from(Core &core, std::uint32_t pc);
     bool fetch(Core &core, std::uint32_t pc, Instruction &i) const;
     void look_at_flags();
     void kill(std::uint32_t block);
@@ -143,9 +143,9 @@ bool Translator::fetch(Core &core, std::uint32_t pc, Instruction &i) const
 }
 
 /// The instructions from pc on, up to a branch that may go two ways; branches that always go one way are followed.
-std::optional<Trace> Translator::trace_from(Core &core, std::uint32_t pc)
+std::optional<TranslatedTrace> Translator::trace_from(Core &core, std::uint32_t pc)
 {
-    Trace trace;
+    TranslatedTrace trace;
     trace.next = pc;
     Instruction i, slot;
     while (trace.items.size() < longest_trace && fetch(core, trace.next, i)) {
@@ -194,7 +194,7 @@ std::optional<std::uint32_t> Translator::block_at(Core &core, std::uint32_t pc)
     if (const auto found = block_of_pc_.find(pc); found != block_of_pc_.end()) {
         return found->second;
     }
-    const std::optional<Trace> trace = trace_from(core, pc);
+    const std::optional<TranslatedTrace> trace = trace_from(core, pc);
     if (!trace) {
         return std::nullopt;
     }
