@@ -31,7 +31,8 @@ void PowerUnitModel::update(Tick tick)
     const auto &par = interface_.par;
     const PowerCommand &command = interface_.in.command;
     auto &mem = interface_.mem;
-    auto &[out, line] = interface_.out;
+    auto &out = interface_.out.telemetry;
+    auto &line = interface_.out.computer;
     const std::int64_t before = tick.t - tick.dt;
     const auto passes = [&](std::int64_t at) { return at > before && at <= tick.t; };
 

@@ -66,9 +66,8 @@ LANES_INLINE double dot(Quad a, Quad b)
 
 LANES_INLINE Quad cross(Quad a, Quad b)
 {
-    using Places [[gnu::vector_size(32)]] = long long;
-    constexpr Places yzx{1, 2, 0, 3};
-    return __builtin_shuffle(a * __builtin_shuffle(b, yzx) - __builtin_shuffle(a, yzx) * b, yzx);
+    const auto yzx = [](Quad v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); };
+    return yzx(a * yzx(b) - yzx(a) * b);
 }
 
 /// a x[0] + b x[1] + c x[2]

@@ -11,8 +11,10 @@
 namespace fledge::world {
 
 namespace {
+
 using std::numbers::pi;
-}
+
+} // namespace
 
 std::size_t ReactionWheelsModel::states() const
 {

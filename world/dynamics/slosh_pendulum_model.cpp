@@ -5,7 +5,7 @@ namespace fledge::world {
 
 namespace {
 
-constexpr std::size_t block = sim::state_block, both = 2 * block; // n and its rate
+constexpr std::size_t block = sim::state_block, rod_block = 2 * block; // the rod's direction, and its rate
 
 Vec3 get(const double *x)
 {
@@ -38,8 +38,8 @@ std::vector<StateName> SloshPendulumModel::names() const
     std::vector<StateName> all;
     for (std::size_t i = 0; i < n_; i++) {
         const std::string row = "[" + std::to_string(i) + "]";
-        add_names(all, both * i, ("rod_B" + row).c_str(), "-", 3);
-        add_names(all, both * i + block, ("drod_B" + row).c_str(), "1/s", 3);
+        add_names(all, rod_block * i, ("rod_B" + row).c_str(), "-", 3);
+        add_names(all, rod_block * i + block, ("drod_B" + row).c_str(), "1/s", 3);
     }
     return all;
 }
@@ -48,8 +48,8 @@ void SloshPendulumModel::start(const Vec3 &, double *x)
 {
     for (std::size_t i = 0; i < n_; i++) {
         const Vec3 rod = vec_unit(interface_.par.rod_B[i]);
-        put(x + both * i, rod);
-        put(x + both * i + block, vec_cross(interface_.par.spin_B[i], rod));
+        put(x + rod_block * i, rod);
+        put(x + rod_block * i + block, vec_cross(interface_.par.spin_B[i], rod));
     }
     interface_.out = {};
 }
@@ -60,7 +60,7 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
     const Vec3 &omega = motion.omega;
     for (std::size_t i = 0; i < n_; i++) {
         const double m = par.mass[i], l = par.length[i];
-        const Vec3 n = get(x + both * i), dn = get(x + both * i + block);
+        const Vec3 n = get(x + rod_block * i), dn = get(x + rod_block * i + block);
         const Vec3 r = vec_add(par.r_B[i], vec_scale(l, n)), v = vec_scale(l, dn);
         whole.add(m, r);
         const Vec3 coriolis = vec_scale(2.0 * m, vec_cross(omega, v));
@@ -81,22 +81,22 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
 void SloshPendulumModel::accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const
 {
     for (std::size_t i = 0; i < n_; i++) {
-        const Vec3 n = get(x + both * i), dn = get(x + both * i + block);
+        const Vec3 n = get(x + rod_block * i), dn = get(x + rod_block * i + block);
         Vec3 ddn = vec_scale(-vec_norm2(dn), n);
         for (int k = 0; k < 2; k++) {
             ddn = vec_add(ddn, vec_scale(now_[i][k].acceleration(a, domega), across_[i][k]));
         }
-        put(dx + both * i, dn);
-        put(dx + both * i + block, ddn);
+        put(dx + rod_block * i, dn);
+        put(dx + rod_block * i + block, ddn);
     }
 }
 
 void SloshPendulumModel::normalize(double *x) const
 {
     for (std::size_t i = 0; i < n_; i++) {
-        const Vec3 n = vec_unit(get(x + both * i)), dn = get(x + both * i + block);
-        put(x + both * i, n);
-        put(x + both * i + block, vec_sub(dn, vec_scale(vec_dot(dn, n), n)));
+        const Vec3 n = vec_unit(get(x + rod_block * i)), dn = get(x + rod_block * i + block);
+        put(x + rod_block * i, n);
+        put(x + rod_block * i + block, vec_sub(dn, vec_scale(vec_dot(dn, n), n)));
     }
 }
 
@@ -105,8 +105,8 @@ void SloshPendulumModel::publish(sim::Ns t, const double *x, const Vec3 &)
     SloshState &fuel = interface_.out.fuel;
     for (std::size_t i = 0; i < n_; i++) {
         const double l = interface_.par.length[i];
-        fuel.r_B[i] = vec_add(interface_.par.r_B[i], vec_scale(l, get(x + both * i)));
-        fuel.v_B[i] = vec_scale(l, get(x + both * i + block));
+        fuel.r_B[i] = vec_add(interface_.par.r_B[i], vec_scale(l, get(x + rod_block * i)));
+        fuel.v_B[i] = vec_scale(l, get(x + rod_block * i + block));
     }
     fuel.head = head_next(fuel.head, t, QUALITY_GOOD);
 }
