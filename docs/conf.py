@@ -2,7 +2,8 @@
 """Sphinx's configuration: `./fledge docs` builds these pages and the reference into build/docs.
 
 The sources are the repository's Markdown files as they are. The reference is written from the C headers by
-introspect and from the docstrings by autodoc, into build/docs/reference. Nothing needs a network.
+introspect and from the docstrings by autodoc, into build/docs/reference. For a project, the sources are its own
+Markdown files and headers; the reference of Fledge's, which they refer to, stands beside. Nothing needs a network.
 """
 import importlib
 import inspect
@@ -14,6 +15,8 @@ import types
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+HERE = Path(os.environ.get("FLEDGE_PROJECT") or ROOT)   # whose documents these are
+OURS = HERE == ROOT
 REFERENCE = "build/docs/reference"
 sys.path.append(str(next(ROOT.glob("cosim/**/fledge_node.py")).parent))
 
@@ -24,8 +27,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
                     f"{REFERENCE}/*", f"{NOTEBOOKS}/*.md"]
-exclude_patterns = ["build/release/**", "build/asan/**", "build/debug/**", "build/tsan/**",
-                    "python/README.md", "python/*/*/README.md"]
+exclude_patterns = ["build/[!d]*/**", "build/debug/**", "python/*/*/README.md"]     # build/docs has the reference
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]
 highlight_language = "none"
@@ -42,19 +44,36 @@ html_show_copyright = False
 html_copy_source = False
 html_theme_options = {"sidebar_hide_name": False}
 
+# Entries are documents, or `Title <document>`.
 CHAPTERS = {
-    "Begin": ["docs/tutorial", "docs/guide", f"{NOTEBOOKS}/notebook", "docs/view", "docs/prototypes",
-              "docs/existing-code", "docs/debugging", "docs/glossary"],
-    "Several programs": ["docs/cosim", "Co-simulation, inside <cosim/README>", "registers/README"],
-    "Targets": ["docs/export", "docs/targets", "docs/profiling", "docs/avionics", "docs/leon3", "docs/leon3-debugging",
-                "docs/micropython", "docs/cfs", "targets/cfs/README", "record/README"],
-    "Models and missions": ["docs/dynamics", "docs/environment", "docs/sensors", "docs/actuators", "docs/navigation",
-                            "docs/control", "docs/linear", "docs/accuracy", "docs/references", "missions/README"],
+    "Begin": ["Tutorial <docs/tutorial>", "docs/guide", f"{NOTEBOOKS}/notebook", "3-D view <docs/view>",
+              "Prototypes <docs/prototypes>", "Existing code <docs/existing-code>", "Debugging <docs/debugging>",
+              "docs/glossary"],
+    "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "registers/README"],
+    "Targets": ["Export <docs/export>", "Targets <docs/targets>", "Profiles <docs/profiling>", "docs/avionics",
+                "LEON3 <docs/leon3>", "Look into a LEON3 <docs/leon3-debugging>", "MicroPython <docs/micropython>",
+                "core Flight System <docs/cfs>", "targets/cfs/README", "Records <record/README>"],
+    "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
+                            "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
+                            "Control theory <docs/linear>", "docs/accuracy", "docs/references", "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
                    "Elementary functions <flight/math/README>"],
 }
+
+if not OURS:
+    project = re.search(r"^\s*fledge_project\(\s*(\w+)", (HERE / "CMakeLists.txt").read_text("utf-8"), re.M)[1]
+    html_title, author = project, ""
+    extensions = ["myst_parser"]
+    include_patterns = ["README.md", "docs/**.md", "missions/**.md", f"{REFERENCE}/*.md"]
+    if not (HERE / "README.md").exists():
+        root_doc = f"{REFERENCE}/index"
+    CHAPTERS = {project: [*(f"{page.title()} <{REFERENCE}/{project}-{page}>"
+                            for page in ("modules", "models", "messages")),
+                          *(path.relative_to(HERE).with_suffix("").as_posix()
+                            for folder in ("docs", "missions") for path in sorted(HERE.glob(f"{folder}/**/*.md")))],
+                "Fledge": CHAPTERS["Reference"][:4]}
 
 # Classes of objects that the user gets from others, and therefore never imports.
 RETURNED = {"Batch", "Campaign", "Dispersions", "Event", "Flight", "Log", "Mission", "Mode", "Result", "Task", "Trim",
@@ -69,13 +88,20 @@ def write_reference(app):
     from introspect.reader import read
     from introspect.sources import Source
 
-    model = read([Source(ROOT, "flight", Kind.MODULE, "flight"), Source(ROOT, "world", Kind.MODEL, "world")])
+    parts = [(ROOT, "flight", Kind.MODULE, "flight"), (ROOT, "world", Kind.MODEL, "world"),
+             (HERE, "flight", Kind.MODULE, project), (HERE, "world", Kind.MODEL, project)][:2 if OURS else 4]
+    parts = [part for part in parts if (part[0] / part[1]).is_dir()]
+    model = read([Source(*part) for part in parts])
     pages = {}
-    for name in model.library_names:
-        pages |= reference.emit(model.library(name))
-    pages["python.rst"] = python_page()
-    pages["nodes.rst"] = "\n".join(["Nodes in Python", "===============", "", *directive("module", "fledge_node")])
-    folder = ROOT / REFERENCE
+    for name, root in {part[3]: part[0] for part in parts}.items():
+        pages |= reference.emit(model.library(name), root)
+    if OURS:
+        pages["python.rst"] = python_page()
+        pages["nodes.rst"] = "\n".join(["Nodes in Python", "===============", "", *directive("module", "fledge_node")])
+    else:
+        own = [name for name in pages if name.startswith(project)]
+        pages["index.md"] = f"# {project}\n\n" + "".join(f"- []({name})\n" for name in own)
+    folder = HERE / REFERENCE
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in pages.items():
         if not (folder / name).exists() or (folder / name).read_text(encoding="utf-8") != text:
@@ -192,7 +218,7 @@ LINK = re.compile(r"\[([^]\n]*)\]\((?!\w+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 def prepare(app, page, source):
     """Link a folder to its README, if it has one; give the first page the list of all."""
-    folder = (ROOT / page).parent
+    folder = (HERE / page).parent
 
     def resolved(link):
         readme = (folder / link[2] / "README.md").resolve()
@@ -204,7 +230,8 @@ def prepare(app, page, source):
         source[0] = LINK.sub(resolved, source[0])
     if page == root_doc:
         for title, pages in CHAPTERS.items():
-            there = [p for p in pages if any((ROOT / (document(p) + end)).exists() for end in (".md", ".rst"))]
+            there = [p.replace(document(p), f"/{document(p)}") for p in pages
+                     if any((HERE / (document(p) + end)).exists() for end in (".md", ".rst"))]
             source[0] += "\n".join(["\n```{toctree}", ":hidden:", f":caption: {title}", ":maxdepth: 1", "", *there,
                                     "```\n"])
     elif not any(page == document(p) for pages in CHAPTERS.values() for p in pages):
@@ -218,12 +245,14 @@ def document(entry):
 
 def begin_at_the_readme(app, error):
     if not error:
-        Path(app.outdir, "index.html").write_text('<meta http-equiv="refresh" content="0; url=README.html">\n')
+        Path(app.outdir, "index.html").write_text(
+            f'<meta http-equiv="refresh" content="0; url={root_doc}.html">\n')
 
 
 def setup(app):
     app.connect("builder-inited", write_reference)
-    app.connect("builder-inited", run_notebooks)
-    app.connect("autodoc-process-docstring", as_rst)
+    if OURS:
+        app.connect("builder-inited", run_notebooks)
+        app.connect("autodoc-process-docstring", as_rst)
     app.connect("source-read", prepare)
     app.connect("build-finished", begin_at_the_readme)

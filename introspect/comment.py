@@ -51,17 +51,20 @@ def field_text(raw: str | None) -> str | None:
 
 
 def doc_text(raw: str | None) -> str:
-    """The words of the comment before a declaration, its lines kept; empty if there is none."""
-    if not raw:
+    """The words of the comment before a declaration, in its lines; empty if there is none."""
+    if not raw or not re.match(r"/(\*\*|//)(?!<)", raw):
         return ""
-    if raw.startswith("/**") and not raw.startswith("/**<"):
-        first, *rest = raw[3:-2].splitlines() or [""]
-        lines = [first, *(re.sub(r"^\s*\*? ?", "", line) for line in rest)]
-    elif raw.startswith("///") and not raw.startswith("///<"):
-        lines = [re.sub(r"^\s*///? ?", "", line) for line in raw.splitlines()]
+    return plain_text(raw)
+
+
+def plain_text(raw: str) -> str:
+    """The lines of any comment without its marks; those that stand deeper than the others stay indented."""
+    if raw.startswith("/*"):
+        first, *rest = re.sub(r"^/\*+|\*/$", "", raw).splitlines() or [""]
+        lines = [first.strip(), *(re.sub(r"^\s*\*? {0,2}", "", line) for line in rest)]
     else:
-        return ""
-    return "\n".join(line.strip() for line in lines).strip()
+        lines = [re.sub(r"^\s*///? ?", "", line) for line in raw.splitlines()]
+    return "\n".join(line.rstrip() for line in lines).strip()
 
 
 def parse(text: str) -> Comment:

@@ -94,6 +94,9 @@ def test_markers_and_continuations_are_stripped():
 
 def test_docs_keep_their_lines():
     assert comment.doc_text("/** One.\n *  Two:\n *\n *  three. */") == "One.\nTwo:\n\nthree."
+    assert comment.doc_text("/** One:\n *     a = b\n *  two. */") == "One:\n   a = b\ntwo."
+    assert comment.plain_text("/* One:\n *     a = b\n * two. */") == "One:\n   a = b\ntwo."
+    assert comment.plain_text("// One:\n//    a = b\n// two.") == "One:\n   a = b\ntwo."
     assert comment.doc_text("/// One.\n/// Two.") == "One.\nTwo."
     assert comment.doc_text("///< of another member") == ""
     assert comment.doc_text(None) == ""

@@ -343,7 +343,7 @@ def test_a_message_with_padding_has_no_schema(model):
 
 
 def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(model):
-    pages = reference.emit(model.library("flight"))
+    pages = reference.emit(model.library("flight"), ROOT)
     assert sorted(pages) == ["flight-messages.md", "flight-modules.md"]
     text = "".join(pages.values())
     for struct in model.library("flight").structs:
@@ -355,3 +355,15 @@ def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(mode
     assert "| `K` | double | N m | required, > 0 | gain on the MRP error |" in text
     assert "| `error` | {ref}`AttError <c-atterror>` |" in text
     assert "| `QUALITY_STALE` | 1 | older than its wire allows |" in text
+    assert "```text\nL = -gain (h - h_wanted),   h = sum J_i Omega_i g_i,   |L| <= torque_max\n```\n\nfrom" in text
+    assert "After `hold` without new data" in text
+    algorithm = text.partition("\n### HillPointing\n")[2].partition("**Algorithm**\n\nThe Hill frame of a")[2]
+    assert "```text\n[HN] has the rows r / |r|, " in algorithm.partition("**Inputs**")[0]
+
+
+@pytest.mark.parametrize("text, page", [
+    ("One.\nTwo:\n   a = b\n     c\nthree `d_e` f_g.\n\nFour.",
+     "One. Two:\n\n```text\na = b\n  c\n```\n\nthree `d_e` f\\_g.\n\nFour.\n"),
+    ("a ` b", "a ` b\n"), ("", "")])
+def test_comments_become_paragraphs_with_equations_as_they_are(text, page):
+    assert reference.prose(text) == page

@@ -2,31 +2,36 @@
 """The reference pages of a library, in Markdown: its modules or models, and its messages.
 
 Every declaration gets a heading that other pages link to, its doc comment, and tables of its fields with
-unit, condition and meaning. docs/conf.py gives the pages to Sphinx.
+unit, condition and meaning; a module or model also with the comment at the head of its source. Indented lines of
+comments, such as equations, stay as they are. docs/conf.py gives the pages to Sphinx.
 """
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterable
+from pathlib import Path
 
+from introspect.comment import plain_text
 from introspect.model import Bounds, Enumeration, Field, Group, Kind, Library, Struct
 
 _HEADINGS = {Group.IN: "Inputs", Group.OUT: "Outputs", Group.PAR: "Parameters", Group.MEM: "Memory"}
 _KINDS = {Kind.MODULE: "modules", Kind.MODEL: "models"}
 
 
-def emit(library: Library) -> dict[str, str]:
-    """A page of modules or models, if the library has any, and one of messages and their parts."""
+def emit(library: Library, root: Path) -> dict[str, str]:
+    """A page of modules or models, if the library has any, and one of messages and their parts. root: of the sources"""
     pages = {}
+    title = library.name.replace("_", " ").capitalize()
     for kind, word in _KINDS.items():
         interfaces = [s for s in library.structs if s.kind is kind]
         if interfaces:
-            pages[f"{library.name}-{word}.md"] = _page(f"{library.name.title()} {word}", _by_folder(interfaces))
+            pages[f"{library.name}-{word}.md"] = _page(f"{title} {word}", _by_folder(interfaces, root))
     messages = [s for s in library.structs if s.kind is Kind.MESSAGE]
     parts = [s for s in library.structs if s.kind is Kind.PLAIN]
     sections = [("Messages", map(_struct, messages)), ("Parts of messages", map(_struct, parts)),
                 ("Enumerations", map(_enum, library.enums))]
-    text = _page(f"{library.name.title()} messages", sections)
+    text = _page(f"{title} messages", sections)
     return pages | {f"{library.name}-messages.md": text} if messages or parts or library.enums else pages
 
 
@@ -39,15 +44,25 @@ def _page(title: str, sections: Iterable[tuple[str, Iterable[str]]]) -> str:
     return "\n".join(parts)
 
 
-def _by_folder(structs: list[Struct]) -> Iterable[tuple[str, Iterable[str]]]:
+def _by_folder(structs: list[Struct], root: Path) -> Iterable[tuple[str, Iterable[str]]]:
     for folder in sorted({s.folder for s in structs}):
-        yield f"{folder}/", [_struct(s) for s in structs if s.folder == folder]
+        yield f"{folder}/", [_struct(s, _algorithm(root / s.header)) for s in structs if s.folder == folder]
 
 
-def _struct(struct: Struct) -> str:
-    doc, _, source = struct.doc.partition("Source: ")
-    parts = [_heading(struct.name), f"{_text(doc)}\n", f"Source: {_text(source)}\n" if source else "",
-             f"Declared in `{struct.header}`, {struct.size} bytes.\n"]
+def _algorithm(header: Path) -> str:
+    """The comment at the head of a module's or model's source; "" if there is none."""
+    for source in (header.with_suffix(".c"), header.with_name(f"{header.stem}_model.cpp")):
+        if source.exists():
+            text = re.sub(r"^(/\*|//) SPDX.*\n", "", source.read_text(encoding="utf-8"))
+            found = re.match(r"/\*.*?\*/|(//.*\n)+", text, re.S if text.startswith("/*") else 0)
+            return plain_text(found[0]) if found else ""
+    return ""
+
+
+def _struct(struct: Struct, algorithm: str = "") -> str:
+    doc, *source = re.split(r"^(?=Sources?: )", struct.doc, 1, re.M)
+    parts = [_heading(struct.name), prose(doc), f"**Algorithm**\n\n{prose(algorithm)}" if algorithm else "",
+             prose("".join(source)), f"Declared in `{struct.header}`, {struct.size} bytes.\n"]
     for group in Group:
         fields = [f for f in struct.fields if f.group is group and not f.is_spare]
         if fields:
@@ -59,7 +74,7 @@ def _struct(struct: Struct) -> str:
 
 def _enum(enum: Enumeration) -> str:
     rows = [f"| `{e.name}` | {e.value} | {_text(e.doc)} |" for e in enum.values]
-    return "\n".join([_heading(enum.name), f"{_text(enum.doc)}\n", f"Declared in `{enum.header}`.\n",
+    return "\n".join([_heading(enum.name), prose(enum.doc), f"Declared in `{enum.header}`.\n",
                       "| value | number | meaning |", "|---|---|---|", *rows, ""])
 
 
@@ -104,6 +119,18 @@ def _bounds(bounds: Bounds) -> str:
     return " and ".join(filter(None, [low, high]))
 
 
+def prose(text: str) -> str:
+    """A comment of several lines: paragraphs, and indented lines as they are."""
+    parts = []
+    for indented, block in re.findall(r"((?:^ .*\n+)+)|((?:^\S.*\n)+)", text.strip("\n") + "\n", re.M):
+        parts.append(f"```text\n{textwrap.dedent(indented).rstrip()}\n```\n" if indented else f"{_text(block)}\n")
+    return "\n".join(parts)
+
+
 def _text(text: str) -> str:
-    """A comment's text, with what Markdown would take for markup escaped."""
-    return re.sub(r"([\\`*_{}\[\]<>|#$])", r"\\\1", " ".join(text.split()))
+    """A comment's words: code in backticks; what Markdown would take for other markup escaped."""
+    parts = " ".join(text.split()).split("`")
+    if len(parts) % 2 == 0:
+        parts[-2:] = ["`".join(parts[-2:])]     # a single one is no mark
+    parts[::2] = [re.sub(r"([\\*_{}\[\]<>|#$])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
