@@ -25,9 +25,11 @@ set(FLEDGE_C_FLAGS "${CMAKE_C_FLAGS_${type}}")
 set(FLEDGE_CXX_FLAGS "${CMAKE_CXX_FLAGS_${type}}")
 set(FLEDGE_COMPILER "${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}")
 set(FLEDGE_CMAKE_DIR ${PROJECT_SOURCE_DIR}/cmake)
+set(FLEDGE_STUBS ${PROJECT_BINARY_DIR}/introspect/stubs)
 configure_file(
     ${PROJECT_SOURCE_DIR}/cmake/FledgeConfig.cmake.in ${PROJECT_BINARY_DIR}/FledgeConfig.cmake @ONLY)
 set(FLEDGE_CMAKE_DIR "\${CMAKE_CURRENT_LIST_DIR}")
+set(FLEDGE_STUBS "\${CMAKE_CURRENT_LIST_DIR}/../python")
 configure_file(
     ${PROJECT_SOURCE_DIR}/cmake/FledgeConfig.cmake.in ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake @ONLY)
 
@@ -47,6 +49,8 @@ foreach(folder flight record registers sim world targets cosim introspect missio
 endforeach()
 install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
     REGEX "(_test[.]py|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/(web|testing))$" EXCLUDE)
+install(FILES python/_core.pyi DESTINATION ${FLEDGE_HOME}/python)
+install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
 install(FILES build/view/view.js build/view/view.css DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL)
 install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fledge
     REGEX "/__pycache__$" EXCLUDE)     # with the tests that a project begins with
@@ -55,6 +59,8 @@ install(DIRECTORY registers introspect DESTINATION ${FLEDGE_HOME}/python
 install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING
     PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py")
 install(FILES ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake DESTINATION ${FLEDGE_HOME}/cmake)
+install(FILES docs/conf.py DESTINATION ${FLEDGE_HOME}/docs)       # for `fledge docs` of a project
+install(FILES docs/static/fledge.css DESTINATION ${FLEDGE_HOME}/docs/static)
 install(FILES LICENSE DESTINATION ${FLEDGE_HOME})
 install(PROGRAMS fledge DESTINATION ${FLEDGE_HOME})
 

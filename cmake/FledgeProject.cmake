@@ -75,5 +75,13 @@ function(fledge_project name)
             fledge_add_test(${test} SOURCES ${path}_test.cpp LIBRARIES ${name}_code fledge::tables)
         endforeach()
     endif()
+
+    # Editors look for types in one folder of the project: beside its own, links to Fledge's.
+    file(GLOB types ${FLEDGE_ROOT}/python/fledge ${FLEDGE_ROOT}/python/_core.pyi ${FLEDGE_STUBS}/_fledge_*.pyi)
+    file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/stubs)
+    foreach(path IN LISTS types)
+        get_filename_component(name ${path} NAME)
+        file(CREATE_LINK ${path} ${PROJECT_BINARY_DIR}/stubs/${name} SYMBOLIC)
+    endforeach()
     file(GENERATE OUTPUT ${PROJECT_BINARY_DIR}/fledge-libraries.txt CONTENT "${loaded}")
 endfunction()

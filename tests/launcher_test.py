@@ -762,6 +762,7 @@ def test_the_shell_completes_missions_scenarios_runs_and_targets(complete):
     assert complete("fledge plot ") == complete("fledge compare scan ") == [
         "best", "runs/fly/a", "runs/fly/fly/cfs.mcap", "runs/fly/fly/linux.mcap", "runs/two/a", "runs/two/b", "scan"]
     assert complete("fledge fly nadir_spin --on desktop,li") == ["desktop,linux"]
+    assert complete("fledge setup --on leon3-q") == ["leon3-qemu"]
     assert complete("fledge run first_scan --out ") == []       # the shell's files
 
 

@@ -2,6 +2,7 @@
 """`fledge new` and `fledge --project`: what is begun builds, passes its tests and flies, outside this
 tree and without touching it; what cannot be is refused in words."""
 
+import importlib.util
 import os
 import re
 import shutil
@@ -142,6 +143,46 @@ def test_its_objects_are_like_ours(own):
     stubs = own / "build" / os.environ.get("FLEDGE_PRESET", "release") / "stubs"
     assert "class JerkLimit(Module):" in (stubs / "_project_flight.pyi").read_text()
     assert "class GasLeak(Model):" in (stubs / "_project_world.pyi").read_text()
+
+
+@pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="editors read the release build")
+def test_an_editor_finds_the_types_of_its_modules(own):
+    """Checkers read pyproject.toml, as `fledge new project` wrote it: mypy as an editor runs it, for one file."""
+    def told():
+        done = subprocess.run(["/usr/bin/mypy", "--cache-dir", own / "build/.mypy_cache", flight, mission / "study.py"],
+                              cwd=own, capture_output=True, text=True)
+        return [line for line in done.stdout.splitlines() if ": error:" in line or "Revealed type" in line]
+
+    mission = own / "missions/first_scan"
+    flight = mission / "flight.py"
+    (mission / "study.py").write_text(
+        "import fledge\nfrom fledge import flight as fsw, world\nfrom fledge.units import N, m, s\n"
+        "reveal_type(fsw.JerkLimit(rate=1 * N * m / s).torque)\nreveal_type(world.GasLeak)\n"
+        "reveal_type(fledge.load('first_scan'))\n")
+    kinds = ["_fledge_flight.BodyTorque", "_project_world.GasLeak", "fledge.mission.simulation.Simulation"]
+    assert [kind in line for kind, line in zip(kinds, told())] == [True, True, True] and len(told()) == 3
+    replace(flight, "fsw.JerkLimit(rate=", "fsw.JerkLimit(rat=")
+    (error,) = [line for line in told() if "error" in line]
+    assert 'missions/first_scan/flight.py' in error and 'Unexpected keyword argument "rat" for "JerkLimit"' in error
+    replace(flight, "fsw.JerkLimit(rat=", "fsw.JerkLimit(rate=")
+    (mission / "study.py").unlink()
+    assert (own / "build/release/compile_commands.json").exists()       # for .clangd
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
+def test_its_documents_have_its_modules_and_models(own):
+    pages = own / "build/docs/html"
+    assert fledge("docs", cwd=own) == f"fledge: open {pages}/index.html\n"
+    assert "build/docs/reference/index.html" in (pages / "index.html").read_text()
+    modules = (pages / "build/docs/reference/big_bird-modules.html").read_text()
+    assert 'id="jerklimit"' in modules and "how much the torque may change per time" in modules
+    assert 'href="flight-messages.html#c-bodytorque"' in modules
+    (own / "docs").mkdir()
+    (own / "README.md").write_text("# Big bird\n\nIt scans: [how](docs/how.md), [what](nowhere.md).\n")
+    (own / "docs/how.md").write_text("# How\n")
+    assert "README.md:3: WARNING: 'myst' reference target not found: nowhere.md" in fledge("docs", cwd=own)
+    assert 'url=README.html' in (pages / "index.html").read_text()
+    assert 'href="docs/how.html"' in (pages / "README.html").read_text()
 
 
 def test_by_hand_it_is_a_cmake_package(own, tmp_path):

@@ -48,6 +48,18 @@ _LAZY = {
 }
 __all__ = sorted(n for n in _LAZY if not n.startswith("_"))
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:       # the same for editors
+    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, learning, linear, mission as sim,
+                        montecarlo, plot, prototype, scan, scene, trajectory, units, world)
+    from fledge.archive import Archive, ArchiveError
+    from fledge.errors import RunError, SetupError
+    from fledge.mission import MissionError, load, missions
+    from fledge.mission.simulation import Simulation
+    from fledge.scene import view
+    from fledge.units import Quantity
+    from fledge.world import Orbit
+
 
 def __getattr__(name):
     if name not in _LAZY:

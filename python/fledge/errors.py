@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from typing import Any
 
+    from _core import RunError, SetupError
+
 
 class Failure(Exception):
     """A command or flight cannot be carried out. `code` is the exit code: 2 a wrong request, 1 a failed one."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A library of modules of one's own: read, compiled and loaded apart from Fledge, and wired to its modules."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -80,3 +81,10 @@ def test_what_is_no_library(mine, tmp_path):
         objects.load_library(str(tmp_path / "nothing.so"), "nothing")
     with pytest.raises(SetupError, match="does not export fledge_library_other"):
         objects.load_library(str(mine[0]), "other")
+
+
+def test_editors_see_every_name_of_the_package():
+    text = Path(fledge.__file__).read_text(encoding="utf-8")
+    (block,) = (node for node in ast.parse(text).body if isinstance(node, ast.If))
+    seen = [alias.asname or alias.name for node in block.body for alias in node.names]
+    assert sorted(seen) == fledge.__all__

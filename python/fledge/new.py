@@ -15,6 +15,7 @@ from introspect import keywords
 
 TEMPLATES = Path(__file__).with_name("templates")
 FLEDGE = Path(__file__).resolve().parents[2]
+EDITOR = ("pyproject.toml", ".clangd")      # how an editor finds types and compilation commands
 
 # Libraries, namespaces and CMake targets that a project's name would hide.
 _TAKEN = set("all clean fledge flight help install math package record sim std tables test tests world".split())
@@ -119,7 +120,8 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     if name in _TAKEN or name.startswith("fledge_"):
         raise NewError(f"the name {name} is Fledge's or CMake's own; choose another for the project")
     empty = re.sub(r"^ +(?:flight|world)/.*\n", "", _text("CMakeLists.txt", {"my_sat": name}), flags=re.M)
-    texts = {folder / "CMakeLists.txt": empty, folder / ".gitignore": "build/\nruns/\n__pycache__/\n"}
+    texts = {folder / "CMakeLists.txt": empty, **{folder / file: _text(file, {"my_sat": name}) for file in EDITOR},
+             folder / ".gitignore": "build/\nruns/\n__pycache__/\n.*cache/\n"}
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)

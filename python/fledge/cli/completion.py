@@ -38,18 +38,20 @@ def offers(words: list[str]) -> list[str]:
         del before[0]
     if before and not before[0].startswith("-"):
         own = re.search(rf'"usage: \./fledge {re.escape(before[0])}\b((?:.*"\n *echo " )*.*)"', launcher)
-        found = _of_usage(own[1], before[-1]) if own else _of_parser(cli.parser(), before, word)
+        found = _of_usage(own[1], before[-1], word) if own else _of_parser(cli.parser(), before, word)
     elif before or word.startswith("-"):
-        found = _of_usage(before_command, *before)
+        found = _of_usage(before_command, "".join(before), word)
     else:
         found = re.findall(r"^  (\w+) ", usage, re.M)
     return sorted(one for one in found if one.startswith(word))
 
 
-def _of_usage(usage: str, last: str = "") -> list[str]:
+def _of_usage(usage: str, last: str, word: str) -> list[str]:
     """The options of a usage, or the values of the last word, if it is one of them."""
     options = dict(OPTION.findall(usage))
     values = options.get(last, "")
+    if values == "TARGETS":
+        return _targets(word)
     return values.split("|") if "|" in values else [] if values else list(options)
 
 
@@ -88,11 +90,16 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
     if name in ("run", "runs") and action.metavar == "RUN":
         return _runs()
     if name == "on":
-        done = word[:max(word.rfind(","), word.rfind("=")) + 1]
-        from fledge.targets import TARGETS      # of the project, too, if one was named
-
-        return [done + target for target in TARGETS]
+        return _targets(word)
     return cli.benches() if name == "bench" else ()
+
+
+def _targets(word: str) -> list[str]:
+    """The targets behind what a list of them has already."""
+    from fledge.targets import TARGETS      # of the project, too, if one was named
+
+    done = word[:max(word.rfind(","), word.rfind("=")) + 1]
+    return [done + target for target in TARGETS]
 
 
 def _runs() -> Iterable[str]:
