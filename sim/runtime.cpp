@@ -74,51 +74,48 @@ Copy copy_of(const Wire &wire, const Word *from)
     return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0};
 }
 
-/// The bytes of an instance's parameters, into a vector that has room after the first time.
-void note_parameters(const Instance &instance, std::vector<std::byte> &bytes)
+/// The parameters of an instance, which lie together in its memory.
+std::span<std::byte> parameters_of(const Instance &instance)
 {
-    bytes.clear();
+    std::span<std::byte> found;
     for (const FledgeField &field : fields(instance.type())) {
         if (field.group == FLEDGE_PAR) {
-            bytes.insert(bytes.end(), instance.memory() + field.offset, instance.memory() + field.offset + field.size);
+            found = {found.empty() ? instance.memory() + field.offset : found.data(), found.size() + field.size};
         }
     }
-}
-
-/// The parameters that differ from those seen before.
-std::vector<const FledgeField *> changed_fields(const Instance &instance, const std::vector<std::byte> &seen)
-{
-    std::vector<const FledgeField *> changed;
-    std::size_t at = 0;
-    for (const FledgeField &field : fields(instance.type())) {
-        if (field.group == FLEDGE_PAR) {
-            if (std::memcmp(instance.memory() + field.offset, seen.data() + at, field.size)) {
-                changed.push_back(&field);
-            }
-            at += field.size;
-        }
-    }
-    return changed;
-}
-
-/// The parameters of an instance lie together in its memory.
-bool unchanged(const Instance &instance, const std::vector<std::byte> &seen)
-{
-    const auto all = fields(instance.type());
-    const auto first =
-        std::find_if(all.begin(), all.end(), [](const FledgeField &field) { return field.group == FLEDGE_PAR; });
-    return first == all.end() || !std::memcmp(instance.memory() + first->offset, seen.data(), seen.size());
-}
-
-/// Where parameters changed, a model computes again what it derives from them.
-void refresh(Instance &instance, const std::vector<std::byte> &seen)
-{
-    if (instance.model() && !unchanged(instance, seen)) {
-        instance.model()->refresh();
-    }
+    return found;
 }
 
 } // namespace
+
+bool Parameters::changed() const
+{
+    return !now.empty() && std::memcmp(now.data(), seen.data(), now.size()) != 0;
+}
+
+void Parameters::see()
+{
+    seen.assign(now.begin(), now.end());
+}
+
+std::vector<const FledgeField *> Parameters::differing() const
+{
+    std::vector<const FledgeField *> found;
+    for (const FledgeField &field : fields(instance->type())) {
+        const std::byte *at = instance->memory() + field.offset;
+        if (field.group == FLEDGE_PAR && std::memcmp(at, seen.data() + (at - now.data()), field.size)) {
+            found.push_back(&field);
+        }
+    }
+    return found;
+}
+
+void Parameters::refresh() const
+{
+    if (instance->model() && changed()) {
+        instance->model()->refresh();
+    }
+}
 
 Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
     : structure(built), roles_(std::move(roles)), recorder_(recorder)
@@ -172,13 +169,13 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
             const auto into = [&](const Copy &copy) { return copy.to == input; };
             const auto wire = std::find_if(copies_.begin(), copies_.end(), into);
             run.reset = reinterpret_cast<const std::byte *>(wire == copies_.end() ? input : wire->from);
-            keep_parameters(run);
         }
         for (const auto &instance : process->instances()) {
             if (instance->model()) {
                 models_.push_back(instance->model());
             }
-            note_parameters(*instance, known_.emplace_back(instance.get(), std::vector<std::byte>{}).second);
+            parameters_.push_back({instance.get(), &run, parameters_of(*instance), {}});
+            parameters_.back().see();
             if (roles_.at(instance.get()).configuration) {
                 Configuration module{instance.get(), &run, {}};
                 for (const Wire &wire : structure.wires) {
@@ -190,6 +187,7 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
                 configuration_.push_back(std::move(module));
             }
         }
+        keep_parameters(run);
     }
 }
 
@@ -360,25 +358,15 @@ void Runtime::restart(RunProcess &process, Ns t)
     }
 }
 
-void Runtime::visit_parameters(const RunProcess &process,
-                               const std::function<void(std::byte *, std::size_t)> &block) const
-{
-    for (const auto &instance : process.process->instances()) {
-        for (const FledgeField &field : fields(instance->type())) {
-            if (field.group == FLEDGE_PAR) {
-                block(instance->memory() + field.offset, field.size);
-            }
-        }
-    }
-}
-
-/// As its computer begins with them.
+/// As its computer begins with them, if it can be reset.
 void Runtime::keep_parameters(RunProcess &process) const
 {
     process.parameters.clear();
-    visit_parameters(process, [&](const std::byte *from, std::size_t n) {
-        process.parameters.insert(process.parameters.end(), from, from + n);
-    });
+    for (const Parameters &one : parameters_) {
+        if (process.reset && one.process == &process) {
+            process.parameters.insert(process.parameters.end(), one.now.begin(), one.now.end());
+        }
+    }
 }
 
 /// Whether the computer of a process is down at t. If it was reset, it goes down; after that it begins anew at the
@@ -405,12 +393,14 @@ bool Runtime::is_down(RunProcess &process, Ns t)
         return process.down_until >= 0;
     }
     process.resets = count;
-    const std::byte *from = process.parameters.data();
-    visit_parameters(process, [&](std::byte *to, std::size_t n) {
-        std::memcpy(to, from, n);
-        from += n;
-    });
-    see_parameters(*process.process);
+    auto from = process.parameters.begin();
+    for (Parameters &one : parameters_) {
+        if (one.process == &process) {
+            std::copy_n(from, one.now.size(), one.now.begin());
+            from += static_cast<std::ptrdiff_t>(one.now.size());
+        }
+    }
+    see_parameters(process);
     restart(process, t);
     if (process.commands) {
         process.commands->forget();
@@ -438,46 +428,40 @@ void Runtime::publish(Configuration &module, Ns t)
 
 bool Runtime::parameters_changed() const
 {
-    return std::any_of(known_.begin(), known_.end(),
-                       [](const auto &entry) { return !unchanged(*entry.first, entry.second); });
+    return std::ranges::any_of(parameters_, &Parameters::changed);
 }
 
 void Runtime::take_parameters()
 {
     Faults faults;
-    std::vector<Instance *> changed;
-    for (const auto &[instance, seen] : known_) {
-        if (unchanged(*instance, seen)) {
+    for (const Parameters &one : parameters_) {
+        if (!one.changed()) {
             continue;
         }
-        const auto differing = changed_fields(*instance, seen);
-        changed.push_back(instance);
-        faults.collect([&, &one = *instance] { check_parameters(one); });
+        const auto differing = one.differing();
+        faults.collect([&] { check_parameters(*one.instance); });
         for (const FledgeField *field : differing) {
             if (field->flags & FLEDGE_INITIAL && now >= 0) {
-                faults.add(instance->path + "." + field->name + " is an initial value, and the run has come to " +
+                faults.add(one.instance->path + "." + field->name + " is an initial value, and the run has come to " +
                            format_time(time()) + ": a change has no effect; reset the simulation first");
             }
         }
     }
     faults.raise();
-    for (Instance *instance : changed) {
-        if (instance->model()) {
-            instance->model()->refresh();
+    for (Parameters &one : parameters_) {
+        if (!one.changed()) {
+            continue;
         }
+        one.refresh();
         for (Configuration &module : configuration_) {
-            if (module.instance == instance && now < 0) {
+            if (module.instance == one.instance && now < 0) {
                 publish(module, 0);
-            } else if (module.instance == instance) {
+            } else if (module.instance == one.instance) {
                 module.changed = module.process->publishes = 1;
                 changes_ = true;
             }
         }
-        for (auto &[other, seen] : known_) {
-            if (other == instance) {
-                note_parameters(*instance, seen);
-            }
-        }
+        one.see();
     }
 }
 
@@ -490,7 +474,7 @@ void Runtime::ready_for(Ns t, bool same_parameters)
         take_parameters();
     }
     for (RunProcess &process : processes_) {
-        if (process.reset && now < 0) {
+        if (now < 0) {
             keep_parameters(process);
         }
     }
@@ -609,7 +593,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
     if (commanded) {
         process.commands->accept_script(t, last_tick(*process.process, t - 1));
         process.commands->execute(t);
-        see_parameters(*process.process);
+        see_parameters(process);
     }
     if (process.asked == process.mode) {
         return;
@@ -626,11 +610,11 @@ void Runtime::make_changes(RunProcess &process, Ns t)
 }
 
 /// The parameters of a process are as they should be: its commands have changed them.
-void Runtime::see_parameters(const Process &process)
+void Runtime::see_parameters(const RunProcess &process)
 {
-    for (auto &[instance, seen] : known_) {
-        if (roles_.at(instance).process == &process && !unchanged(*instance, seen)) {
-            note_parameters(*instance, seen);
+    for (Parameters &one : parameters_) {
+        if (one.process == &process) {
+            one.see();
         }
     }
 }
@@ -785,17 +769,17 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
             std::copy(setting.bytes.begin(), setting.bytes.end(), setting.instance->memory() + setting.offset);
         }
     }
-    for (auto &[instance, seen] : known_) {
-        const auto sets = [&, &one = instance](const Setting &setting) { return setting.instance.get() == one; };
+    for (Parameters &one : parameters_) {
+        const auto sets = [&](const Setting &setting) { return setting.instance.get() == one.instance; };
         if (std::any_of(event.set.begin(), event.set.end(), sets)) {
-            note_parameters(*instance, seen);
-            publish(*instance, t);
+            one.see();
+            publish(*one.instance, t);
         }
     }
     if (event.action) {
         event.action();
-        for (auto &[instance, seen] : known_) {
-            refresh(*instance, seen);
+        for (const Parameters &one : parameters_) {
+            one.refresh();
         }
     }
 }
@@ -823,7 +807,7 @@ void Runtime::instant()
             run_own_events(*turn, t);
         }
         if (turn && turn->commands && turn->ran == t && turn->commands->run_procedure(t)) {
-            see_parameters(*turn->process);
+            see_parameters(*turn);
         }
     };
     for (RunTask &task : tasks_) {
@@ -938,9 +922,8 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
     }
     health.visit_state(block);
     for (Configuration &module : configuration_) {
-        const auto seen = std::find_if(known_.begin(), known_.end(),
-                                       [&](const auto &entry) { return entry.first == module.instance; });
-        if (now >= 0 && !unchanged(*module.instance, seen->second)) {
+        const auto parameters = std::ranges::find(parameters_, module.instance, &Parameters::instance);
+        if (now >= 0 && parameters->changed()) {
             module.changed = module.process->publishes = 1; // after a restore they are as if seen
         }
         value(module.changed);
@@ -977,9 +960,9 @@ void Runtime::restored()
         process.ran = -1;
     }
     find_places();
-    for (auto &[instance, seen] : known_) {
-        refresh(*instance, seen);
-        note_parameters(*instance, seen);
+    for (Parameters &one : parameters_) {
+        one.refresh();
+        one.see();
     }
 }
 

@@ -90,6 +90,19 @@ struct Configuration {
     std::int32_t changed = 0; ///< 1: it is published at the next instant of its process
 };
 
+/// The parameters of an instance in its memory, and as the run saw them last.
+struct Parameters {
+    Instance *instance;
+    RunProcess *process;
+    std::span<std::byte> now;
+    std::vector<std::byte> seen;
+
+    bool changed() const;
+    void see();
+    std::vector<const FledgeField *> differing() const;
+    void refresh() const; ///< where they changed, a model computes again what it derives from them
+};
+
 class Runtime {
 public:
     static constexpr Ns never = std::numeric_limits<Ns>::max();
@@ -151,11 +164,10 @@ private:
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
-    void see_parameters(const Process &process);
+    void see_parameters(const RunProcess &process);
     void begin(RunProcess &process, Ns t);
     bool is_down(RunProcess &process, Ns t);
     void keep_parameters(RunProcess &process) const;
-    void visit_parameters(const RunProcess &process, const std::function<void(std::byte *, std::size_t)> &block) const;
     void run_task(RunTask &task, Ns t);
     void find_own_events(RunProcess &process);
     void run_own_events(RunProcess &process, Ns t);
@@ -175,7 +187,7 @@ private:
     std::deque<std::uint64_t> overrides_; ///< numbers in place of those that come to inputs
     std::vector<Configuration> configuration_;
     std::vector<Model *> models_;
-    std::vector<std::pair<Instance *, std::vector<std::byte>>> known_; ///< parameters as last seen
+    std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;
     std::string failure_; ///< why the run cannot go on; "" if it can
