@@ -340,6 +340,14 @@ def test_within_fledge_lines_go_where_their_neighbours_are(tmp_path, monkeypatch
     assert "namespace fledge::world {" in (tmp_path / "world/dynamics/gas_leak_model.cpp").read_text()
 
 
+def test_it_says_how_to_go_on_from_where_the_user_stands(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(ROOT))
+    assert new.project(tmp_path / "p")[1].endswith(f"elsewhere, fledge --project {tmp_path}/p COMMAND")
+    assert new.mission("Scan", tmp_path / "p")[1] == "Fly it: fledge run scan"
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert new.module("Spin", tmp_path / "p")[1].endswith(f"Its test: {ROOT}/fledge test -k Spin")
+
+
 @pytest.mark.parametrize("name", ["MrpFeedback", "J2Gravity", "HTTPServer", "X", "SPKFile2", "A1b2C3"])
 def test_functions_are_named_as_the_reader_wants_them(name):
     assert new.snake(name) == Struct.snake_name.fget(SimpleNamespace(name=name))

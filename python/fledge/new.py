@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,7 +75,7 @@ def _type(kind: str, name: str, project: Path | str | None, top: str, default: s
     _write(texts)
     file.write_text(text, encoding="utf-8")
     library = "fsw" if kind == "module" else "world"
-    return [*texts, file], f"In a mission's {top}.py, it is {library}.{name}. Its test: ./fledge test -k {name}"
+    return [*texts, file], f"In a mission's {top}.py, it is {library}.{name}. Its test: {_command(project)} test -k {name}"
 
 
 def _from_prototype(kind: str, source: str, name: str, path: str, root: Path, namespace: str) -> dict[Path, str]:
@@ -107,7 +108,7 @@ def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], s
     texts = {folder / file.replace("first_light", name): _text(f"missions/first_light/{file}", {"first_light": name})
              for file in ("flight.py", "world.py", "scenarios.py", "first_light_test.py")}
     _write(texts)
-    return list(texts), f"Fly it: ./fledge run {name}"
+    return list(texts), f"Fly it: {_command(project)} run {name}"
 
 
 def project(folder: Path | str) -> tuple[list[Path], str]:
@@ -126,7 +127,12 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)
     return list(texts), (f"Use it: commands in this folder and below find it; elsewhere, "
-                         f"./fledge --project {shlex.quote(str(folder))} COMMAND")
+                         f"{_command(folder)} --project {shlex.quote(str(folder))} COMMAND")
+
+
+def _command(project: Path | str | None) -> str:
+    """How a user calls fledge: in a project's folder there is no ./fledge."""
+    return "./fledge" if not project else "fledge" if shutil.which("fledge") else shlex.quote(str(FLEDGE / "fledge"))
 
 
 def _root(project: Path | str | None) -> Path:
