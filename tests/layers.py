@@ -55,10 +55,12 @@ RULES = {
                                                             "cosim/transport", "sim", "registers", "targets"]),
     "cosim/router": Rule("C++20", "the controller on its sockets", ["cosim/protocol", "cosim/security",
                          "cosim/transport", "cosim/controller", "cosim/node", "sim"]),
-    "cosim/tools": Rule("C++20, C99", "the programs", ["cosim/protocol", "cosim/security", "cosim/transport",
+    "cosim/tools": Rule("C++20, C99", "the programs", ["options", "cosim/protocol", "cosim/security", "cosim/transport",
                         "cosim/controller", "cosim/node", "cosim/router", "sim", "registers", "targets"]),
-    "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone", ["registers"]),
-    "emulator/tools": Rule("C++20", "the programs", ["flight/exec", "registers", "targets", "emulator"]),
+    "options": Rule("C++20", "the command lines of the programs in C++", []),
+    "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
+                     ["options", "registers"]),
+    "emulator/tools": Rule("C++20", "the programs", ["options", "flight/exec", "registers", "targets", "emulator"]),
     "ground": Rule("Python", "telecommands and telemetry, by emitted codecs alone", []),
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
                    ["flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator", "targets"]),
@@ -90,8 +92,7 @@ PARTS = [
     ("learning wiring_picture montecarlo cosim export scene", "reset and step of reinforcement learning; the wiring as "
      "a graph; campaigns; a mission in several programs; a mission as C, with boards, and as a cFS app; a run in 3-D"),
     ("report targets", "a run on one page; the same flight software on several targets, compared"),
-    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips; the "
-     "extension `_emulator`"),
+    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
     ("profile", "what flight costs on a target"),
     ("cli", "the commands of `./fledge`"),
 ]

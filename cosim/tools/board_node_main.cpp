@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The node of a board as a program: fledge_board_node --help.
 #include "cosim/node/board_node.h"
-
-#include <CLI/CLI.hpp>
+#include "options/options.h"
 
 #include <charconv>
 #include <csignal>
@@ -24,49 +23,48 @@ namespace {
 using namespace fledge;
 using namespace std::chrono_literals;
 
-struct Options {
+struct Settings {
     std::string tables, registers, script, telemetry;
+    const MissionHost *mission = nullptr; ///< of the tables
     std::vector<std::string> command;
     cosim::MemberConfig delegate;
     std::chrono::nanoseconds reply = 60s;
 };
 
-[[noreturn]] void refuse(const std::string &why)
+const MissionHost &load(const Options &options, const std::string &path)
 {
-    std::fprintf(stderr, "fledge_board_node: %s; see --help\n", why.c_str());
-    std::exit(2);
+    // Without a slash, dlopen() searches the system's libraries.
+    const std::string file = path.find('/') == path.npos ? "./" + path : path;
+    void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
+    if (!mission) {
+        options.refuse("--tables " + path + ": " + dlerror());
+    }
+    return *static_cast<const MissionHost *>(mission);
 }
 
-Options parse(int argc, char **argv)
+Settings parse(int argc, char **argv)
 {
-    Options o;
+    Settings o;
     const auto command = std::find(argv + 1, argv + argc, std::string_view("--"));
     if (command != argv + argc) {
         o.command.assign(command + 1, argv + argc);
     }
-    CLI::App app("Joins a simulation for a flight computer that knows nothing but the registers of its boards.",
-                 "fledge_board_node");
-    app.footer(
+    Options options(
+        "fledge_board_node",
+        "Joins a simulation for a flight computer that knows nothing but the registers of its boards.",
         "Behind --, a command that starts flight; it ends with this program, and {registers} in its arguments is "
         "the register file.\n\n"
-        "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}\n\n"
-        "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.");
+        "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}");
     const auto text = [&](const char *name, std::string &to, const char *help) {
-        return app.add_option(name, to, help)->type_name("");
+        return options.text(name, to, "", help);
     };
-    const auto time = [&](const char *name, auto &to, const char *help) {
-        app.add_option_function<double>(
-               name, [&to](double s) { to = std::chrono::milliseconds(static_cast<long>(s * 1e3)); }, help)
-            ->check([](const std::string &s) {
-                double x = 0.0;
-                return CLI::detail::lexical_cast(s, x) && x > 0 && x <= 1e6
-                           ? ""
-                           : "expected seconds, more than 0 and up to 1e6, found " + s;
-            })
-            ->type_name("SECONDS");
+    double patience = 60, reply = 60; // [s]
+    const auto time = [&](const char *name, double &to, const char *help) {
+        options.number(name, to, 1e-3, 1e6, "SECONDS", help);
     };
     text("--tables", o.tables, "the mission and its boards as data: a shared object, as ./fledge fly builds it")
-        ->required();
+        .required();
     text("--registers", o.registers, "the register file to be made; flight attaches to it by itself");
     text("--script", o.script,
          "commands: lines of a time [ns] and the bytes of a packet in hexadecimal; flight gets\n"
@@ -76,18 +74,15 @@ Options parse(int argc, char **argv)
     text("--node", o.delegate.node, "of this node; default: FLEDGE_NODE, else flight");
     text("--address", o.delegate.address, "of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000");
     text("--keys", o.delegate.keys, "of this node (fledge keys); default: FLEDGE_KEYS");
-    time("--patience", o.delegate.connect_timeout, "for the controller, and for flight, to be there; default 60");
-    time("--reply", o.reply, "for flight to answer a tick; default 60");
-    try {
-        app.parse(static_cast<int>(command - argv), argv);
-    } catch (const CLI::CallForHelp &help) {
-        std::exit(app.exit(help));
-    } catch (const CLI::Error &error) {
-        refuse(error.what());
-    }
+    time("--patience", patience, "for the controller, and for flight, to be there; default 60");
+    time("--reply", reply, "for flight to answer a tick; default 60");
+    options.parse(static_cast<int>(command - argv), argv);
     if (o.registers.empty() == o.command.empty()) {
-        refuse("either --registers or a command is needed");
+        options.refuse("either --registers or a command is needed");
     }
+    o.delegate.connect_timeout = std::chrono::milliseconds(static_cast<long>(patience * 1e3));
+    o.reply = std::chrono::milliseconds(static_cast<long>(reply * 1e3));
+    o.mission = &load(options, o.tables);
     return o;
 }
 
@@ -98,18 +93,6 @@ void fill(std::string &value, const char *variable, const char *usual)
     if (value.empty()) {
         value = given && *given ? given : usual;
     }
-}
-
-const MissionHost &load(const std::string &path)
-{
-    // Without a slash, dlopen() searches the system's libraries.
-    const std::string file = path.find('/') == path.npos ? "./" + path : path;
-    void *library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-    const void *mission = library ? dlsym(library, "fledge_mission") : nullptr;
-    if (!mission) {
-        refuse("--tables " + path + ": " + dlerror());
-    }
-    return *static_cast<const MissionHost *>(mission);
 }
 
 /// Flight in a process that this program starts. It ends with this program, which notices its end at once.
@@ -252,7 +235,7 @@ private:
 };
 
 /// Returns the reason of an early end, "" for the regular end.
-std::string serve(const Options &o, const MissionHost &mission, registers::Backend &backend)
+std::string serve(const Settings &o, const MissionHost &mission, registers::Backend &backend)
 {
     zmq::context_t context;
     cosim::BoardNode node(mission, backend, o.reply);
@@ -279,8 +262,8 @@ std::string serve(const Options &o, const MissionHost &mission, registers::Backe
 
 int main(int argc, char **argv)
 {
-    Options o = parse(argc, argv);
-    const MissionHost &mission = load(o.tables);
+    Settings o = parse(argc, argv);
+    const MissionHost &mission = *o.mission;
     fill(o.delegate.simulation, "FLEDGE_SIMULATION", mission.name);
     fill(o.delegate.node, "FLEDGE_NODE", "flight");
     fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");

@@ -2,8 +2,7 @@
 // The controller as a program: fledge_controller --help.
 #include "cosim/tools/exchange_record.h"
 #include "cosim/tools/status.h"
-
-#include <CLI/CLI.hpp>
+#include "options/options.h"
 
 #include <cmath>
 #include <csignal>
@@ -12,10 +11,13 @@
 namespace {
 
 using namespace fledge::cosim;
+using fledge::Options;
 
 volatile std::sig_atomic_t asked_to_end = 0;
 
-struct Options {
+constexpr double longest = 1e9; ///< [s]
+
+struct Settings {
     ControllerConfig controller;
     RouterConfig router;
     std::vector<std::string> nodes, asynchronous;
@@ -26,16 +28,12 @@ struct Options {
 
 std::vector<std::string> split(const std::string &text)
 {
-    return text.empty() ? std::vector<std::string>{} : CLI::detail::split(text, ',');
-}
-
-/// What is wrong with a number; "" if nothing is.
-std::string check_number(const std::string &text)
-{
-    double x = 0.0;
-    return CLI::detail::lexical_cast(text, x) && x >= 0.0 && x <= 1e9
-               ? ""
-               : "expected a number from 0 to 1e+09, found " + text;
+    std::vector<std::string> words;
+    for (std::size_t begin = 0, end = 0; end != text.npos && !text.empty(); begin = end + 1) {
+        end = text.find(',', begin);
+        words.push_back(text.substr(begin, end - begin));
+    }
+    return words;
 }
 
 std::chrono::milliseconds milliseconds(double seconds)
@@ -44,9 +42,9 @@ std::chrono::milliseconds milliseconds(double seconds)
 }
 
 /// NAME[:POLICY][,joins=SECONDS][,joins=any][,rejoins][,save=SECONDS][,reply=SECONDS]
-void add_node(Options &o, const std::string &text)
+void add_node(const Options &options, Settings &o, const std::string &text)
 {
-    const std::string option = "--node " + text;
+    const std::string option = "--node " + text + ": ";
     NodeConfig node;
     auto reply = o.router.reply;
     auto words = split(text);
@@ -55,7 +53,7 @@ void add_node(Options &o, const std::string &text)
     if (colon != std::string::npos) {
         const auto policy = meant_by(policy_words, words[0].substr(colon + 1));
         if (!policy) {
-            throw CLI::ValidationError(option, "a policy is abort, pause, hold, drop or restart");
+            options.refuse(option + "a policy is abort, pause, hold, drop or restart");
         }
         node.on_loss = *policy;
     }
@@ -64,8 +62,8 @@ void add_node(Options &o, const std::string &text)
         const std::string key = word->substr(0, equals);
         const auto time = [&] {
             const std::string value = equals == std::string::npos ? "" : word->substr(equals + 1);
-            if (const std::string why = check_number(value); !why.empty()) {
-                throw CLI::ValidationError(option + ": " + key, why);
+            if (const std::string why = fledge::check_number(value, 0, longest); !why.empty()) {
+                options.refuse(option + key + ": " + why);
             }
             return std::llround(std::stod(value) * 1e9);
         };
@@ -85,9 +83,10 @@ void add_node(Options &o, const std::string &text)
         } else if (key == "reply") {
             reply = std::chrono::milliseconds(time() / 1'000'000);
         } else {
-            throw CLI::ValidationError(option, "expected joins=SECONDS, joins=any, rejoins, save=SECONDS, "
-                                               "reply=SECONDS, prefix=NAME or topic=/ITS>/OF_THE_RUN, found " +
-                                                   *word);
+            options.refuse(option +
+                           "expected joins=SECONDS, joins=any, rejoins, save=SECONDS, reply=SECONDS, "
+                           "prefix=NAME or topic=/ITS>/OF_THE_RUN, found " +
+                           *word);
         }
     }
     o.controller.nodes.push_back(std::move(node));
@@ -95,66 +94,60 @@ void add_node(Options &o, const std::string &text)
 }
 
 /// NAME[:TOPIC,TOPIC...]
-void add_asynchronous(Options &o, const std::string &text)
+void add_asynchronous(const Options &options, Settings &o, const std::string &text)
 {
     const auto colon = text.find(':');
     const std::string topics = colon == std::string::npos ? "" : text.substr(colon + 1);
     o.controller.asynchronous.push_back({text.substr(0, colon), split(topics)});
     if (o.controller.asynchronous.back().name.empty()) {
-        throw CLI::ValidationError("--asynchronous", "a name is needed");
+        options.refuse("--asynchronous: a name is needed");
     }
 }
 
-/// Throws CLI::Error.
-Options parse(int argc, char **argv)
+Settings parse(int argc, char **argv)
 {
-    Options o;
-    o.router.broker = true;
+    Settings o;
     o.router.address = "tcp://127.0.0.1:7000";
-    CLI::App app("Joins programs into one simulation, until it has reached its end.", "fledge_controller");
-    app.footer("example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight\n"
-               "\n"
-               "Exits with 0 at the regular end, 1 at another, 2 on a mistake in the options.");
-    const auto number = [&](const char *name, double &to, const char *help) {
-        return app.add_option(name, to, help)->check(check_number)->type_name("SECONDS");
+    Options options("fledge_controller", "Joins programs into one simulation, until it has reached its end.",
+                    "example: fledge_controller --simulation nadir_spin --until 9600 --node world --node flight");
+    const auto number = [&](const char *name, double &to, const char *help, const char *type = "SECONDS") {
+        return options.number(name, to, 0, longest, type, help);
     };
-    const auto text = [&](const char *name, std::string &to, const char *type, const char *help) {
-        return app.add_option(name, to, help)->type_name(type);
-    };
-    const auto texts = [&](const char *name, std::vector<std::string> &to, const char *type, const char *help) {
-        return app.add_option(name, to, help)->allow_extra_args(false)->type_name(type);
-    };
-    text("--simulation", o.controller.simulation, "NAME", "of the run")->required();
-    number("--until", o.until, "the end of the run")->required();
-    texts("--node", o.nodes, "NAME[:POLICY]",
-          "a program that takes part; what to do when it is lost: abort (default),\n"
-          "pause (until it is back), hold (its last messages), drop (no messages),\n"
-          "restart (another program goes on from its snapshot).\n"
-          "More options behind commas: joins=SECONDS (it takes part after that time;\n"
-          "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
-          "one snapshot to the next), reply=SECONDS, prefix=NAME (its topics begin with\n"
-          "/NAME in the run), topic=/ITS>/OF_THE_RUN (another name for one)")
-        ->required();
-    text("--address", o.router.address, "ADDRESS", "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
-    texts("--asynchronous", o.asynchronous, "NAME[:TOPIC,TOPIC...]",
-          "a program that does not step (a ground system) and writes these topics, if nodes\n"
-          "read them; without topics, all that begin with /NAME/");
-    texts("--watch", o.controller.watched, "TOPIC", "write this topic for observers, even if no node reads it");
-    text("--frontend", o.router.frontend, "ADDRESS", "where asynchronous programs publish; default: a free port");
-    text("--backend", o.router.backend, "ADDRESS", "where observers subscribe; default: a free port");
-    app.add_flag_callback(
-        "--no-broker", [&o] { o.router.broker = false; }, "no observers and no asynchronous programs");
-    text("--keys", o.router.keys, "DIR",
-         "encrypt, and let in only programs whose keys are allowed there (./fledge keys);\n"
-         "needed where other machines can reach the address. Default: FLEDGE_KEYS");
-    app.add_flag("--unencrypted-beyond-machine", o.router.unencrypted_beyond_machine,
+    options.text("--simulation", o.controller.simulation, "NAME", "of the run").required();
+    number("--until", o.until, "the end of the run").required();
+    options
+        .texts("--node", o.nodes, "NAME[:POLICY]",
+               "a program that takes part; what to do when it is lost: abort (default),\n"
+               "pause (until it is back), hold (its last messages), drop (no messages),\n"
+               "restart (another program goes on from its snapshot).\n"
+               "More options behind commas: joins=SECONDS (it takes part after that time;\n"
+               "joins=any: when it comes), rejoins (it may come again), save=SECONDS (from\n"
+               "one snapshot to the next), reply=SECONDS, prefix=NAME (its topics begin with\n"
+               "/NAME in the run), topic=/ITS>/OF_THE_RUN (another name for one)")
+        .required();
+    options.text("--address", o.router.address, "ADDRESS",
+                 "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
+    options.texts("--asynchronous", o.asynchronous, "NAME[:TOPIC,TOPIC...]",
+                  "a program that does not step (a ground system) and writes these topics, if nodes\n"
+                  "read them; without topics, all that begin with /NAME/");
+    options.texts("--watch", o.controller.watched, "TOPIC", "write this topic for observers, even if no node reads it");
+    options.text("--frontend", o.router.frontend, "ADDRESS",
+                 "where asynchronous programs publish; default: a free port");
+    options.text("--backend", o.router.backend, "ADDRESS", "where observers subscribe; default: a free port");
+    bool no_broker = false;
+    options.flag("--no-broker", no_broker, "no observers and no asynchronous programs");
+    options.text("--keys", o.router.keys, "DIR",
+                 "encrypt, and let in only programs whose keys are allowed there (./fledge keys);\n"
+                 "needed where other machines can reach the address. Default: FLEDGE_KEYS");
+    options.flag("--unencrypted-beyond-machine", o.router.unencrypted_beyond_machine,
                  "no keys where other machines can reach the address: they read all, and\n"
                  "may take any part");
-    app.add_flag("--any-user", o.router.any_user,
+    options.flag("--any-user", o.router.any_user,
                  "over ipc://, let in programs of other users of this machine; they, too, have\n"
                  "to allow it, by FLEDGE_ANY_USER=1");
-    app.add_option("--seed", o.controller.seed, "of the run's random streams; default 0")->type_name("N");
-    number("--pace", o.router.pace, "simulated seconds per second; default 0: as fast as possible")->type_name("X");
+    options.whole("--seed", o.controller.seed, std::uint64_t{0}, ~std::uint64_t{0}, "N",
+                  "of the run's random streams; default 0");
+    number("--pace", o.router.pace, "simulated seconds per second; default 0: as fast as possible", "X");
     number("--join", o.join, "for all programs to be there; default 60");
     number("--greet", o.greet,
            "for a program that has greeted to answer the first request; then another one may\n"
@@ -162,32 +155,26 @@ Options parse(int argc, char **argv)
     number("--reply", o.reply,
            "for a program to answer, its computing included; 0: for ever, also while a\n"
            "debugger stops it; default 60");
-    app.add_option_function<std::string>(
-           "--shared-memory", [&o](const std::string &word) { o.router.sharing = *meant_by(sharing_words, word); },
-           "with programs on this machine: allowed (default), forbidden, required")
-        ->check(CLI::IsMember({"allowed", "forbidden", "required"}))
-        ->type_name("WHICH");
-    text("--record", o.record, "FILE", "an archive of all that nodes write to one another (exchange_record.h)");
-    app.add_option("--status", o.status, "a file descriptor for the state of the run, in lines of JSON (status.h)")
-        ->check(CLI::Range(0, 1 << 30))
-        ->type_name("FD");
-    try {
-        app.parse(argc, argv);
-        o.controller.end = std::llround(o.until * 1e9);
-        o.router.join = milliseconds(o.join);
-        o.router.greet = milliseconds(o.greet);
-        o.router.reply = milliseconds(o.reply);
-        for (const std::string &node : o.nodes) {
-            add_node(o, node);
-        }
-        for (const std::string &program : o.asynchronous) {
-            add_asynchronous(o, program);
-        }
-    } catch (const CLI::CallForHelp &help) {
-        std::exit(app.exit(help));
-    } catch (const CLI::Error &error) {
-        std::fprintf(stderr, "fledge_controller: %s; see --help\n", error.what());
-        std::exit(2);
+    std::string sharing = "allowed";
+    options
+        .text("--shared-memory", sharing, "WHICH",
+              "with programs on this machine: allowed (default), forbidden, required")
+        .one_of({"allowed", "forbidden", "required"});
+    options.text("--record", o.record, "FILE", "an archive of all that nodes write to one another (exchange_record.h)");
+    options.whole("--status", o.status, 0, 1 << 30, "FD",
+                  "a file descriptor for the state of the run, in lines of JSON (status.h)");
+    options.parse(argc, argv);
+    o.controller.end = std::llround(o.until * 1e9);
+    o.router.broker = !no_broker;
+    o.router.sharing = *meant_by(sharing_words, sharing);
+    o.router.join = milliseconds(o.join);
+    o.router.greet = milliseconds(o.greet);
+    o.router.reply = milliseconds(o.reply);
+    for (const std::string &node : o.nodes) {
+        add_node(options, o, node);
+    }
+    for (const std::string &program : o.asynchronous) {
+        add_asynchronous(options, o, program);
     }
     o.router.keys = place_of_keys(o.router.keys);
     return o;
@@ -197,7 +184,7 @@ Options parse(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    Options o = parse(argc, argv);
+    Settings o = parse(argc, argv);
     for (const int signal : {SIGINT, SIGTERM}) {
         std::signal(signal, [](int) { asked_to_end = 1; });
     }

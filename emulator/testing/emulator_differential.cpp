@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random programs on every engine and in stock QEMU, one seed after the other, until one of them differs.
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <exception>
@@ -9,6 +8,7 @@
 #include "emulator/testing/differential.h"
 #include "emulator/testing/fuzz.h"
 #include "emulator/testing/qemu.h"
+#include "options/options.h"
 
 namespace {
 
@@ -36,22 +36,21 @@ int main(int argc, char **argv)
 {
     using Clock = std::chrono::steady_clock;
 
-    CLI::App app("Compare the engines of the emulator with one another and with stock QEMU, by random programs.");
+    fledge::Options options(
+        "emulator_differential",
+        "Compare the engines of the emulator with one another and with stock QEMU, by random programs.",
+        "example: emulator_differential --seed 7 --minutes 10");
     std::uint64_t seed = 1;
     std::uint32_t blocks = 1000;
     double minutes = 1;
-    bool without_qemu = false;
-    app.add_option("--seed", seed, "of the first program; each further one has the next")->capture_default_str();
-    app.add_option("--blocks", blocks, "of random instructions in each program")
-        ->check(CLI::Range(1, 100000))
-        ->capture_default_str();
-    app.add_option("--minutes", minutes, "how long; 0: one program")
-        ->check(CLI::NonNegativeNumber)
-        ->capture_default_str();
-    app.add_flag("--without-qemu", without_qemu, "compare only the engines");
-    bool fuzz = false;
-    app.add_flag("--fuzz", fuzz, "no programs, but any memory, and damaged files; for a build with sanitizers");
-    CLI11_PARSE(app, argc, argv);
+    bool without_qemu = false, fuzz = false;
+    options.whole("--seed", seed, std::uint64_t{0}, ~std::uint64_t{0}, "N",
+                  "of the first program; each further one has the next; default 1");
+    options.whole("--blocks", blocks, 1u, 100000u, "N", "of random instructions in each program; default 1000");
+    options.number("--minutes", minutes, 0, 1e9, "X", "how long; 0: one program; default 1");
+    options.flag("--without-qemu", without_qemu, "compare only the engines");
+    options.flag("--fuzz", fuzz, "no programs, but any memory, and damaged files; for a build with sanitizers");
+    options.parse(argc, argv);
     if (!fuzz && !without_qemu && !has_qemu()) {
         std::fprintf(stderr, "qemu-system-sparc is not installed: install it, or add --without-qemu\n");
         return 1;

@@ -7,10 +7,9 @@
 #include "emulator/elf.h"
 #include "emulator/loop.h"
 #include "flight/exec/task.h"
+#include "options/options.h"
 #include "registers/shared_file.h"
 #include "targets/mission_host.h"
-
-#include <CLI/CLI.hpp>
 
 #include <chrono>
 #include <csignal>
@@ -27,7 +26,7 @@ using namespace fledge::emulator;
 
 constexpr Ns second = 1'000'000'000;
 
-struct Options {
+struct Settings {
     std::string board, program, tables, registers, engine = "translator", timing, console, record;
     std::string gdb, trace, coverage, profile;
     double duration = 0, wait = 10;
@@ -37,54 +36,40 @@ struct Options {
 
 volatile std::sig_atomic_t stopped = 0;
 
-Options parse(int argc, char **argv)
+Settings parse(int argc, char **argv)
 {
-    Options o;
-    CLI::App app("Runs a program on a LEON3 board in software.", "fledge_leon3");
-    app.footer(
+    Settings o;
+    Options options(
+        "fledge_leon3", "Runs a program on a LEON3 board in software.",
         "With --tables and --registers the clock of the register file paces the program, which is an exported\n"
-        "mission; without them the program runs until it ends (`ta 0` with traps disabled) or --for has passed.\n\n"
-        "example: fledge_leon3 leon3.toml nadir_spin --tables nadir_spin.so --registers {registers} --record r.mcap\n\n"
-        "Exits with 0 at the regular end, else with the program's status, 1 after an error, 2 on a mistake in the\n"
-        "options.");
-    const auto text = [&](const char *name, std::string &to, const char *help) {
-        return app.add_option(name, to, help)->type_name("");
+        "mission; without them the program runs until it ends (`ta 0` with traps disabled; its status is then the\n"
+        "exit code) or --for has passed.\n\n"
+        "example: fledge_leon3 leon3.toml nadir_spin --tables nadir_spin.so --registers {registers} --record r.mcap");
+    const auto text = [&](const char *name, std::string &to, const char *help, const char *type = "") {
+        return options.text(name, to, type, help);
     };
-    text("BOARD", o.board, "the file of the board")->required();
-    text("PROGRAM", o.program, "an ELF file for SPARC V8")->required();
-    auto *tables = text("--tables", o.tables, "the mission and its boards: a shared object, as ./fledge fly builds it");
-    auto *registers = text("--registers", o.registers, "the register file, or /dev/fd/N");
-    tables->needs(registers);
-    registers->needs(tables);
+    text("BOARD", o.board, "the file of the board").required();
+    text("PROGRAM", o.program, "an ELF file for SPARC V8").required();
+    text("--registers", o.registers, "the register file, or /dev/fd/N; needs --tables");
+    text("--tables", o.tables, "the mission and its boards: a shared object, as ./fledge fly builds it")
+        .needs("--registers");
     text("--engine", o.engine, "interpreter, threaded or translator; all give the same results")
-        ->check(CLI::IsMember({"interpreter", "threaded", "translator"}));
-    text("--timing", o.timing, "plain or leon3: another one than the board's file says")
-        ->check(CLI::IsMember({"plain", "leon3"}));
+        .one_of({"interpreter", "threaded", "translator"});
+    text("--timing", o.timing, "plain or leon3: another one than the board's file says").one_of({"plain", "leon3"});
     text("--console", o.console, "a file for what the first UART sends; else the standard output");
     text("--record", o.record, "a file for what the last UART sends");
-    app.add_option("--for", o.duration, "end after so many seconds of the board's time")
-        ->check(CLI::Range(0.0, 1e9))
-        ->type_name("SECONDS");
-    app.add_option("--wait", o.wait, "for the register file to be there; default: 10")
-        ->check(CLI::Range(0.0, 1e6))
-        ->type_name("SECONDS");
-    text("--gdb", o.gdb, "[ADDRESS:]PORT: wait there for gdb-multiarch; the board stands until gdb lets it run")
-        ->option_text("[ADDRESS:]PORT");
+    options.number("--for", o.duration, 0, 1e9, "SECONDS", "end after so many seconds of the board's time");
+    options.number("--wait", o.wait, 0, 1e6, "SECONDS", "for the register file to be there; default: 10");
+    text("--gdb", o.gdb, "wait there for gdb-multiarch; the board stands until gdb lets it run", "[ADDRESS:]PORT");
     text("--trace", o.trace, "a file for each instruction, in words");
-    app.add_option("--traced", o.traced, "trace between these times of the board")
-        ->type_name("SECONDS SECONDS")
-        ->needs("--trace");
+    options.numbers("--traced", o.traced, "SECONDS SECONDS", "trace between these times of the board").needs("--trace");
     text("--coverage", o.coverage, "a file for the lines and branches that ran, for genhtml");
     text("--profile", o.profile, "a file for the cost of each function, for callgrind_annotate");
-    app.add_flag("--stacks", o.stacks, "print how deep each stack was used");
-    app.add_flag("--figures", o.figures, "print figures at the end also without --tables");
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::CallForHelp &help) {
-        std::exit(app.exit(help));
-    } catch (const CLI::Error &error) {
-        std::fprintf(stderr, "fledge_leon3: %s; see --help\n", error.what());
-        std::exit(2);
+    options.flag("--stacks", o.stacks, "print how deep each stack was used");
+    options.flag("--figures", o.figures, "print figures at the end also without --tables");
+    options.parse(argc, argv);
+    if (o.tables.empty() != o.registers.empty()) {
+        options.refuse("--registers needs --tables");
     }
     return o;
 }
@@ -136,7 +121,7 @@ const MissionHost &load_tables(const std::string &path)
 
 /// The register file; it must stay where it is.
 struct File {
-    File(const Options &o, const MissionIo &io) : windows(io.n_boards)
+    File(const Settings &o, const MissionIo &io) : windows(io.n_boards)
     {
         using clock = std::chrono::steady_clock;
         const auto end =
@@ -208,7 +193,7 @@ void print_figures(Machine &machine, const FlightLoop *loop)
 }
 
 /// Begin what the options ask for.
-void observe(Tools &tools, const Options &o)
+void observe(Tools &tools, const Settings &o)
 {
     const auto ns = [](double s) { return static_cast<Ns>(s * 1e9); };
     if (!o.trace.empty()) {
@@ -232,7 +217,7 @@ void observe(Tools &tools, const Options &o)
 }
 
 /// Run a program that is no mission. Returns the exit code.
-int run_alone(Machine &machine, Tools &tools, const Program &program, const Options &o)
+int run_alone(Machine &machine, Tools &tools, const Program &program, const Settings &o)
 {
     const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
     constexpr Ns hour = 3600 * second;
@@ -258,7 +243,7 @@ int run_alone(Machine &machine, Tools &tools, const Program &program, const Opti
     return status;
 }
 
-int run(const Options &o)
+int run(const Settings &o)
 {
     BoardDescription board = BoardDescription::read(o.board);
     if (!o.timing.empty()) {
