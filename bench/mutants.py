@@ -216,7 +216,7 @@ class Tree:
         return found
 
     def programs(self) -> list[Test]:
-        """The tests that ctest knows: those of a program of GoogleTest as one."""
+        """The tests that ctest knows; those of a program of GoogleTest are one."""
         listed = subprocess.run(["ctest", "--test-dir", str(self.build), "--show-only=json-v1"], check=True,
                                 capture_output=True, text=True).stdout
         found: dict[str, Test] = {}
@@ -226,7 +226,7 @@ class Tree:
                        self.build)
             base = self.build if cwd.is_relative_to(self.build) else self.root
             folder = str(cwd.relative_to(base)) if cwd.is_relative_to(base) else ""
-            if any(word.startswith("--gtest_filter") for word in command):
+            if any(p["name"] == "LABELS" and "gtest" in p["value"] for p in test.get("properties", [])):
                 program = str(Path(command[0]).relative_to(self.build))
                 found[program] = Test(program, [command[0], "--gtest_brief=1"], folder, cwd, program)
             elif command:

@@ -70,7 +70,7 @@ TINY = {
     "CMakeLists.txt": "cmake_minimum_required(VERSION 3.25)\nproject(tiny C)\ninclude(CTest)\n"
                       "add_executable(tiny_test part/tiny_test.c part/tiny.c)\n"
                       "add_custom_target(tests DEPENDS tiny_test)\n"
-                      "add_test(NAME tiny COMMAND tiny_test --gtest_filter=All)\n",
+                      "add_test(NAME tiny COMMAND tiny_test)\nset_tests_properties(tiny PROPERTIES LABELS gtest)\n",
     "part/tiny.c": "int larger(int a, int b)\n{\n    return a > b ? 1 : 2;\n}\n"
                    "int untested(int a)\n{\n    return a - 7;\n}\n"
                    "int constant(void)\n{\n    return 5 > 3 ? 2 : 4;\n}\n"

@@ -61,3 +61,9 @@ function(fledge_cxx_options target)
         $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Werror>
         $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-restrict -Wno-array-bounds -Wno-stringop-overflow>)
 endfunction()
+
+# fledge_precompile(<target> <header>...): compile headers of libraries once for all sources of a target in C++.
+function(fledge_precompile target)
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+    target_compile_options(${target} PRIVATE -fpch-preprocess)    # so that ccache can cache them
+endfunction()

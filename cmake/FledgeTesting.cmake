@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Unit tests in GoogleTest. The target `tests` builds them; `all` does not, so that a flight does not
-# wait for its tests. ctest knows each case by its own name.
+# wait for its tests. ctest starts each program once; `./fledge test -k` selects cases by GTEST_FILTER, and counts
+# them in GoogleTest's own reports.
 
 add_custom_target(tests)
 
@@ -11,7 +12,6 @@ mark_as_advanced(FLEDGE_TEST_OPTIONS)
 
 if(BUILD_TESTING)
     find_package(GTest REQUIRED)
-    include(GoogleTest)
 endif()
 
 # fledge_add_test(<name> SOURCES <file>... [LIBRARIES <target>...])
@@ -26,11 +26,12 @@ function(fledge_add_test name)
     target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
     target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest_main)
     if(TARGET fledge_test_headers)
-        target_compile_options(${name} PRIVATE -fpch-preprocess)    # so that ccache can cache it
+        target_compile_options(${name} PRIVATE -fpch-preprocess)
         target_precompile_headers(${name} REUSE_FROM fledge_test_headers)
     endif()
     add_dependencies(tests ${name})
-    gtest_discover_tests(${name} TEST_PREFIX ${name}/ PROPERTIES TIMEOUT 300)
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES TIMEOUT 600 LABELS gtest)
 endfunction()
 
 # fledge_precompile_test_headers(<header>...): compile headers of the system once, for all tests that
@@ -43,7 +44,7 @@ function(fledge_precompile_test_headers)
     file(CONFIGURE OUTPUT fledge_test_headers.cpp CONTENT "int main() {}\n")
     add_executable(fledge_test_headers EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/fledge_test_headers.cpp)
     fledge_cxx_options(fledge_test_headers)
-    target_compile_options(fledge_test_headers PRIVATE ${FLEDGE_TEST_OPTIONS} -fpch-preprocess)
+    target_compile_options(fledge_test_headers PRIVATE ${FLEDGE_TEST_OPTIONS})
     target_link_libraries(fledge_test_headers PRIVATE GTest::gtest Eigen3::Eigen)
-    target_precompile_headers(fledge_test_headers PRIVATE ${ARGN})
+    fledge_precompile(fledge_test_headers ${ARGN})
 endfunction()

@@ -21,9 +21,13 @@ TOPS = {folder.split("/")[0] for folder in layers.RULES}
 # two whose few functions used here (sqrt, memcpy) every compiler turns into instructions.
 FLIGHT_LIBRARY = {"float.h", "limits.h", "math.h", "stdbool.h", "stddef.h", "stdint.h", "string.h"}
 
-# The parts that may use the extension `_core`; all others use the public functions of these.
-USE_CORE = {"errors", "files", "objects", "flight", "flight_math",
-            "world", "prototype", "mission", "montecarlo", "cosim"}
+# The parts that may use an extension; all others use the public functions of these.
+EXTENSIONS = {
+    "_core": {"errors", "files", "objects", "flight", "flight_math", "world", "prototype", "mission", "montecarlo",
+              "cosim"},
+    "_cosim": {"cosim"},
+    "_emulator": {"emulator"},
+}
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
 FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
@@ -165,8 +169,8 @@ def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]
         else:
             continue
         for module, name in names:
-            if module == "_core" or (module, name) == ("fledge", "_core"):
-                found.append((node.lineno, "_core"))
+            if module in EXTENSIONS or module == "fledge" and name in EXTENSIONS:
+                found.append((node.lineno, name if module == "fledge" else module))
             elif module.split(".")[0] == "fledge" and name != "__version__":
                 inner = module.partition(".")[2]
                 whole = f"{inner}.{name}".strip(".")
@@ -194,9 +198,9 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
             continue
         for line, other in found:
             there = other.split(".")[0]
-            if other == "_core":
-                if part not in USE_CORE:
-                    complaints.append(f"fledge.{module}:{line}: {part} may not use _core; it may use the public "
+            if other in EXTENSIONS:
+                if part not in EXTENSIONS[other]:
+                    complaints.append(f"fledge.{module}:{line}: {part} may not use {other}; it may use the public "
                                       "functions of the library")
             elif other == "":
                 if part != "cli":

@@ -41,6 +41,8 @@ _LAZY = {
     "scene": ("scene", None),
     "sim": ("mission", None),
     "_core": ("_core", None),
+    "_cosim": ("_cosim", None),
+    "_emulator": ("_emulator", None),
     "trajectory": ("trajectory", None),
     "units": ("units", None),
     "view": ("scene", "view"),
@@ -68,11 +70,11 @@ def __getattr__(name):
 
     module, attribute = _LAZY[name]
     try:
-        found = import_module("_core" if module == "_core" else f"fledge.{module}")
+        found = import_module(module if module.startswith("_") else f"fledge.{module}")
     except ModuleNotFoundError as error:
-        if error.name != "_core":
+        if error.name not in ("_core", "_cosim", "_emulator"):
             raise
-        raise ImportError("the extension _core is not built, or not on PYTHONPATH; ./fledge setup builds it"
+        raise ImportError(f"the extension {error.name} is not built, or not on PYTHONPATH; ./fledge setup builds it"
                           ) from None
     value = found if attribute is None else getattr(found, attribute)
     globals()[name] = value

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 class Desktop(Target):
     about = "the run in one program, under Python"
+    parts = ()
     profiled_by = "desktop"
 
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:

@@ -25,6 +25,7 @@ class Leon3(Target):
     cpu_of = "simulated"
     profiled_by = "board"
     needs: tuple[str, ...] = ("sparc64-linux-gnu-gcc",)
+    parts = ("cosim", "emulator")
     board = build.ROOT / "emulator/boards/leon3.toml"
 
     def __init__(self, tools: Sequence[str] = ()) -> None:

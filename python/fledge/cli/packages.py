@@ -3,8 +3,9 @@
 
     python3 -P -m fledge.cli.packages fly nadir_spin --on leon3
 
-prints sections of cmake/packages.txt, and folders of targets with a packages.txt of their own, a line each. Nothing but
-the standard library is imported. A wrong command line needs nothing: the command itself refuses it.
+prints a line for each: a section of cmake/packages.txt, the folder of a target with a packages.txt of its own, or
+"build PART" of a part of Fledge's build. Nothing but the standard library is imported. A wrong command line needs
+nothing: the command itself refuses it.
 """
 from __future__ import annotations
 
@@ -40,8 +41,9 @@ def lines(purposes: Iterable[str]) -> Iterator[str]:
     """A line for each: a target has those of the targets that it uses, too."""
     for one in purposes:
         used = TARGETS[one].with_used() if one in TARGETS else []
-        yield from [str(TARGETS.folders[part.name]) for part in used
-                    if (TARGETS.folders[part.name] / "packages.txt").is_file()] if used else [one]
+        folders = [TARGETS.folders[target.name] for target in used]
+        yield from [str(folder) for folder in folders if (folder / "packages.txt").is_file()] if used else [one]
+        yield from (f"build {part}" for target in used for part in target.parts)
 
 
 if __name__ == "__main__":

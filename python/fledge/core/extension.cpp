@@ -31,5 +31,4 @@ PYBIND11_MODULE(_core, m)
     bind_campaign(m);
     bind_batch(m);
     bind_sky(m);
-    bind_cosim(m);
 }

@@ -66,8 +66,10 @@ class Node:
     """A process of a mission, ready to take part in a run of many programs."""
 
     def __init__(self, simulation: Simulation, process: str, reads: list[Crossing]) -> None:
+        from fledge import _cosim
+
         self.simulation, self.process, self.reads = simulation, process, reads
-        self._core = _core.ProcessNode(simulation.kernel, process)
+        self._core = _cosim.ProcessNode(simulation.kernel, process)
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
 
@@ -118,10 +120,12 @@ class Controller:
                  address: str = DEFAULT_ADDRESS, keys: Path | str | None = None, unencrypted: bool = False,
                  join: float = 60.0, reply: float = 60.0, sharing: str = "allowed", save_every: Any = 0,
                  report: Callable[[str], None] | None = None) -> None:
+        from fledge import _cosim
+
         pairs = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
-        self._core = _core.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
-                                   unencrypted, float(join), float(reply), sharing,
-                                   time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
+        self._core = _cosim.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
+                                    unencrypted, float(join), float(reply), sharing,
+                                    time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
         self.address = self._core.address
         self._nodes = [name for name, *_ in pairs]
 

@@ -16,7 +16,7 @@ from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge import _core
+from fledge import _cosim
 from fledge.archive import Archive, ArchiveError
 from fledge.archive.compare import compare
 from fledge.errors import SetupError
@@ -93,7 +93,7 @@ class Exchange:
         return min(limits)
 
     def part(self, node: str, until: int) -> tuple:
-        """The messages of a node up to an instant, as _core.Replay takes them."""
+        """The messages of a node up to an instant, as _cosim.Replay takes them."""
         topics = []
         for name in self.written_by(node):
             channel = self.archive.topics[name]
@@ -138,9 +138,9 @@ def replay(exchange: Exchange, node: str, command: list[str] | None = None, *, o
               if other != node and (member.present or exchange.written_by(other))]
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     Path(out).unlink(missing_ok=True)  # of an earlier replay: if this one fails at once, it is not its record
-    core = _core.Replay(exchange.simulation, node, exchange.seed, last, others, topics, str(out),
-                        address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(timeout),
-                        float(reply), exchange.nodes[node].prefix, exchange.nodes[node].topics)
+    core = _cosim.Replay(exchange.simulation, node, exchange.seed, last, others, topics, str(out),
+                         address or f"ipc://@fledge-replay-{os.getpid()}", str(keys or ""), float(timeout),
+                         float(reply), exchange.nodes[node].prefix, exchange.nodes[node].topics)
     if listening:
         listening(core.address)
     if command is None:

@@ -8,10 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import _emulator
 import numpy as np
 
-from fledge import objects
+from fledge import _emulator, objects
 from fledge.commands import byte_runs
 from fledge.emulator.memory import Variable, address
 from fledge.errors import Failure, RunError, SetupError, did_you_mean

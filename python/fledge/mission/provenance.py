@@ -128,14 +128,14 @@ def identity(mission: Path) -> dict[str, str]:
     """What tells whether another program computes the same: the revisions of Fledge and of a mission's folder.
 
     Where git knows none, or files differ from it, a digest stands for them: of the mission's Python files, or of
-    Fledge's and its extensions, as they are built here.
+    Fledge's and the extension `_core`, as it is built here.
     """
     from fledge import _core
 
     found = Revisions(mission).read()
     if mission.is_relative_to(ROOT):
         found.setdefault("mission", found.get("fledge", ""))
-    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), *Path(_core.__file__).resolve().parent.glob("*.so")]
+    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), Path(_core.__file__)]
     for name, files in (("fledge", own), ("mission", list(mission.rglob("*.py")))):
         text = found.get(name, "")
         if not text or text.endswith("-dirty"):

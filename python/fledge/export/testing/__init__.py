@@ -16,7 +16,7 @@ from fledge.files import ROOT
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
           "-ffp-contract=off", "-fno-math-errno"]
 CLANG = pytest.param("clang", marks=pytest.mark.skipif(not shutil.which("clang"),
-                                                          reason="clang is not installed"))
+                                                       reason="clang is not installed"))
 COMPILERS = ["gcc", CLANG]
 
 

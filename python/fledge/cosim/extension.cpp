@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Co-simulation for Python: a process as a node, and the controller. Both work without Python's lock: only a world's
-// own Python events are in the loop.
+// The extension `_cosim`: a process as a node, and the controller. Both work without Python's lock: only a world's own
+// Python events are in the loop. The simulations are objects of `_core`, which also translates the exceptions.
 #include "core/extension.h"
 
 #include "cosim/node/simulation_node.h"
@@ -290,10 +290,16 @@ private:
 
 } // namespace
 
-void bind_cosim(py::module_ &m)
+} // namespace fledge::core
+
+PYBIND11_MODULE(_cosim, m)
 {
+    using namespace fledge::core;
+    using fledge::sim::Ns;
+    m.doc() = "Nodes and the controller of a co-simulation. Use the package fledge.cosim instead.";
+    py::module_::import("_core");
     py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
-        .def(py::init<sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
+        .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
         .def("read", &ProcessNode::read_by_path)
         .def("serve", serve);
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
@@ -310,5 +316,3 @@ void bind_cosim(py::module_ &m)
         .def_property_readonly("address", &Replay::address)
         .def("run", &Replay::run);
 }
-
-} // namespace fledge::core
