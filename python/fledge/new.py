@@ -75,7 +75,8 @@ def _type(kind: str, name: str, project: Path | str | None, top: str, default: s
     _write(texts)
     file.write_text(text, encoding="utf-8")
     library = "fsw" if kind == "module" else "world"
-    return [*texts, file], f"In a mission's {top}.py, it is {library}.{name}. Its test: {_command(project)} test -k {name}"
+    return [*texts, file], (f"In a mission's {top}.py, it is {library}.{name}. "
+                            f"Its test: {_command(project)} test -k {name}")
 
 
 def _from_prototype(kind: str, source: str, name: str, path: str, root: Path, namespace: str) -> dict[Path, str]:
