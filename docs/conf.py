@@ -52,7 +52,7 @@ CHAPTERS = {
     "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "registers/README"],
     "Targets": ["Export <docs/export>", "Targets <docs/targets>", "Profiles <docs/profiling>", "docs/avionics",
                 "LEON3 <docs/leon3>", "Look into a LEON3 <docs/leon3-debugging>", "MicroPython <docs/micropython>",
-                "core Flight System <docs/cfs>", "targets/cfs/README", "Records <record/README>"],
+                "cFS <docs/cfs>", "targets/cfs/README", "Records <record/README>"],
     "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
                             "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
                             "Control theory <docs/linear>", "docs/accuracy", "docs/references", "missions/README"],
