@@ -36,6 +36,12 @@ def test_nothing_is_large():
     assert [str(path) for path in files() if (ROOT / path).stat().st_size > LARGEST] == []
 
 
+def test_names_differ_in_more_than_case():
+    """Some disks do not tell cases apart."""
+    names = [str(path).lower() for path in files()]
+    assert sorted(set(names)) == sorted(names)
+
+
 def test_no_text_names_a_machine_or_promises_work():
     found = [f"{path}:{number}: {line.strip()}" for path, lines in code()
              for number, line in enumerate(lines, 1)
