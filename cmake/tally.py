@@ -2,8 +2,8 @@
 """Count the cases in the reports of tests: tally.py FOLDER STATUS prints "PASSED FAILED SKIPPED".
 
 FOLDER holds reports in JUnit's format: ctest.xml or pytest.xml, and one of each program of GoogleTest, which ctest
-knows as one case. STATUS is the exit status of the runner: if it failed but no case did (it crashed, or could not load a
-file), one failure is counted.
+knows as one case. STATUS is the exit status of the runner: if it failed but no case did (it crashed, or could not load
+a file), one failure is counted.
 """
 import sys
 from pathlib import Path
