@@ -6,6 +6,7 @@
 #include "targets/micropython/objects.h"
 
 #include "targets/micropython/assign.h"
+#include "targets/micropython/script.h"
 #include "targets/micropython/update.h"
 
 #include <py/objexcept.h>
@@ -18,33 +19,19 @@ MP_DEFINE_EXCEPTION(SetupError, ValueError)
 
 // --- texts of errors -------------------------------------------------------------------------------
 
-static struct {
-    size_t n;
-    char text[480];
-} message; /* static, so that an error under the lock has its text */
-
-static void append(void *data, const char *text, size_t n)
-{
-    (void)data;
-    const size_t room = sizeof message.text - 1 - message.n;
-    n = n < room ? n : room;
-    memcpy(message.text + message.n, text, n);
-    message.n += n;
-    message.text[message.n] = '\0';
-}
-
-static const mp_print_t appended = {NULL, append};
+static char message[480]; /* static, so that an error under the lock has its text */
+static ScriptText message_end = {message, sizeof message, 0};
+static mp_print_t appended;
 
 const mp_print_t *objects_error(void)
 {
-    message.n = 0;
-    message.text[0] = '\0';
+    appended = script_text(&message_end);
     return &appended;
 }
 
 void objects_raise_as(const mp_obj_type_t *type)
 {
-    mp_raise_msg_varg(type, MP_ERROR_TEXT("%s"), message.text);
+    mp_raise_msg_varg(type, MP_ERROR_TEXT("%s"), message);
 }
 
 void objects_raise(void)

@@ -16,27 +16,17 @@
 
 /* --- texts of errors ------------------------------------------------------------------------------- */
 
-/* A text on the stack; what is too long for it is cut. */
+/* A text on the stack. */
 typedef struct Text {
     char text[200];
-    size_t n;
+    ScriptText end;
     mp_print_t print;
 } Text;
 
-static void text_put(void *data, const char *s, size_t n)
-{
-    Text *text = data;
-    for (size_t i = 0u; i < n && text->n + 1u < sizeof text->text; i++) {
-        text->text[text->n++] = s[i];
-    }
-    text->text[text->n] = '\0';
-}
-
 static const mp_print_t *text_begin(Text *text)
 {
-    text->n = 0u;
-    text->text[0] = '\0';
-    text->print = (mp_print_t){text, text_put};
+    text->end = (ScriptText){text->text, sizeof text->text, 0u};
+    text->print = script_text(&text->end);
     return &text->print;
 }
 
