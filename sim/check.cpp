@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Checks the bytes of an instance by the rules in the comments of its header.
+#include "flight/command/rules.h"
 #include "sim/error.h"
 #include "sim/instance.h"
 #include "sim/text.h"
@@ -16,19 +17,6 @@ namespace {
 double number(const FledgeField &field, const std::byte *bytes, std::size_t index)
 {
     return element_read(field.type, bytes + index * element_size(field.type));
-}
-
-std::string bounds_text(const FledgeField &field)
-{
-    const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
-    if (lo && hi) {
-        return "must be in " + std::string(field.bounds & FLEDGE_LO_OPEN ? "(" : "[") + format_number(field.lo) + ", " +
-               format_number(field.hi) + (field.bounds & FLEDGE_HI_OPEN ? ")" : "]");
-    }
-    if (lo) {
-        return std::string("must be ") + (field.bounds & FLEDGE_LO_OPEN ? "> " : ">= ") + format_number(field.lo);
-    }
-    return std::string("must be ") + (field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + format_number(field.hi);
 }
 
 /// The rule that an inertia matrix breaks; "" if it breaks none.
@@ -63,48 +51,43 @@ void check_field(const FledgeStruct &type, const FledgeField &field, const std::
         }
         return;
     }
-    const std::size_t row = field.ndim ? field_elements(field) / field.shape[0] : 1;
+    const std::size_t n = field.ndim ? rows * (field_elements(field) / field.shape[0]) : 1;
+    const bool vector = field.ndim && field.shape[field.ndim - 1] == 3; // every row must have a length
+    const std::uint32_t flags = field.bounds | (field.flags & FLEDGE_NON_ZERO ? COMMAND_NON_ZERO : 0) |
+                                (field.flags & FLEDGE_INERTIA ? COMMAND_INERTIA : 0);
+    const CommandRule rule{
+        field.name, "",       0,       static_cast<std::uint32_t>(n), vector ? 3u : 1u, COMMAND_ALL_ROWS, flags,
+        field.type, field.lo, field.hi};
+    std::uint32_t at;
+    if (!command_check(&rule, 1, bytes, &at)) {
+        return;
+    }
+    const double x = number(field, bytes, at);
     const std::string unit = *field.unit && std::strcmp(field.unit, "-") ? " " + std::string(field.unit) : "";
-    const auto fail = [&](const std::string &rule, const std::string &found) {
-        throw SetupError(std::string(path) + "." + field.name + " " + rule + ", found " + found);
+    const auto fail = [&](const std::string &text, const std::string &found) {
+        throw SetupError(std::string(path) + "." + field.name + " " + text + ", found " + found);
     };
-    for (std::size_t i = 0; i < rows * row; i++) {
-        const double x = number(field, bytes, i);
-        const auto found = [&] { return format_number(x) + unit + (field.ndim ? " at " + index_text(field, i) : ""); };
-        if (!std::isfinite(x)) {
-            fail("must be finite", found());
-        }
-        if (!exec_computable(x)) {
-            fail("must be 0 or of a size from 1e-100 to 1e+100" + unit, found());
-        }
-        if (!exec_within(field.bounds, field.lo, field.hi, x)) {
-            fail(bounds_text(field) + unit, found());
-        }
+    const std::string found = format_number(x) + unit + (field.ndim ? " at " + index_text(field, at) : "");
+    if (!std::isfinite(x)) {
+        fail("must be finite", found);
     }
-    if (field.flags & FLEDGE_NON_ZERO) {
-        // Of vectors, every row must have a length; a scalar or an array of scalars no zero.
-        const std::size_t vector = field.ndim && field.shape[field.ndim - 1] == 3 ? 3 : 1;
-        for (std::size_t i = 0; i < rows * row; i += vector) {
-            const auto zero = [&](std::size_t k) { return number(field, bytes, i + k) == 0.0; };
-            if (zero(0) && (vector == 1 || (zero(1) && zero(2)))) {
-                fail(vector == 3 ? "must have a length" : "must not be zero",
-                     field.ndim > (vector == 3) ? "zero at " + index_text(field, i, field.ndim - (vector == 3))
-                                                : "zero");
-            }
-        }
+    if (!exec_computable(x)) {
+        fail("must be 0 or of a size from 1e-100 to 1e+100" + unit, found);
     }
-    if (field.flags & FLEDGE_INERTIA) {
-        for (std::size_t at = 0; at < rows * row; at += 9) {
-            if (const std::string fault = inertia_fault(bytes + at * sizeof(double)); !fault.empty()) {
-                std::string matrix;
-                for (std::size_t i = 0; i < 9; i++) {
-                    matrix += (i % 3 ? ", " : i ? "], [" : "[") + format_number(number(field, bytes, at + i));
-                }
-                const std::string place = field.ndim > 2 ? " at [" + std::to_string(at / 9) + "]" : "";
-                fail(fault, "[" + matrix + "]]" + unit + place);
-            }
-        }
+    if (!exec_within(field.bounds, field.lo, field.hi, x)) {
+        fail("must be " + bounds_text(field) + unit, found);
     }
+    const bool matrices = field.flags & FLEDGE_INERTIA && at % 9 == 0;
+    const std::string fault = matrices ? inertia_fault(bytes + at * sizeof(double)) : "";
+    if (fault.empty()) {
+        fail(vector ? "must have a length" : "must not be zero",
+             field.ndim > vector ? "zero at " + index_text(field, at, field.ndim - vector) : "zero");
+    }
+    std::string matrix;
+    for (std::size_t i = 0; i < 9; i++) {
+        matrix += (i % 3 ? ", " : i ? "], [" : "[") + format_number(number(field, bytes, at + i));
+    }
+    fail(fault, "[" + matrix + "]]" + unit + (field.ndim > 2 ? " at [" + std::to_string(at / 9) + "]" : ""));
 }
 
 void check_parameters(const Instance &instance)

@@ -42,6 +42,17 @@ std::string format_list(const std::vector<std::string> &names)
     return text;
 }
 
+std::string bounds_text(const FledgeField &field)
+{
+    const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
+    const bool lo_open = field.bounds & FLEDGE_LO_OPEN, hi_open = field.bounds & FLEDGE_HI_OPEN;
+    const std::string low = format_number(field.lo), high = format_number(field.hi);
+    return lo && hi ? (lo_open ? "in (" : "in [") + low + ", " + high + (hi_open ? ")" : "]")
+           : lo     ? (lo_open ? "> " : ">= ") + low
+           : hi     ? (hi_open ? "< " : "<= ") + high
+                    : "";
+}
+
 std::string index_text(const FledgeField &field, std::size_t element, std::uint32_t dims)
 {
     std::vector<std::size_t> index(field.ndim);

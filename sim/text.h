@@ -19,6 +19,9 @@ std::string format_time(Ns t);
 /// "a, b and c"; "(none)" if there are none.
 std::string format_list(const std::vector<std::string> &names);
 
+/// "in [0, 10]", "> 0"; "" without bounds.
+std::string bounds_text(const FledgeField &field);
+
 /// The index of a flat element in the shape of its field, its leading `dims`: "[2, 0]".
 std::string index_text(const FledgeField &field, std::size_t element, std::uint32_t dims = FLEDGE_DIMS_MAX);
 

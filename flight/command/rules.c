@@ -36,10 +36,12 @@ static uint32_t broken(const CommandRule *rule, const uint8_t *block)
             }
         }
     }
-    if ((rule->flags & COMMAND_INERTIA) != 0u) {
+    for (uint32_t i = 0u; (rule->flags & COMMAND_INERTIA) != 0u && i + 9u <= n; i += 9u) {
         double m[3][3];
-        memcpy(m, block + rule->offset, sizeof m);
-        return exec_inertia(m) == EXEC_INERTIA_GOOD ? rule->n : 0u;
+        memcpy(m, block + rule->offset + i * sizeof(double), sizeof m);
+        if (exec_inertia(m) != EXEC_INERTIA_GOOD) {
+            return i;
+        }
     }
     return rule->n;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Checks parameters from outside, such as commands and tables, by the rules of their headers. The rules are those of
- * sim/check.cpp without `required`. */
+/* Checks parameters by the rules of their headers but `required`: those that a program sets on the desktop
+ * (sim/check.cpp), and on a target those that come from outside, by commands and tables. */
 #ifndef FLIGHT_COMMAND_RULES_H
 #define FLIGHT_COMMAND_RULES_H
 
@@ -13,7 +13,7 @@ extern "C" {
 
 enum {
     COMMAND_NON_ZERO = 1 << 4, ///< no number is 0, or, if `row` is 3, no vector
-    COMMAND_INERTIA = 1 << 5,  ///< nine numbers: the inertia of a body
+    COMMAND_INERTIA = 1 << 5,  ///< of each nine numbers: they are the inertia of a body
     COMMAND_START = 1 << 6     ///< an initial value: flight's first instant has used it up
 };
 

@@ -128,14 +128,8 @@ std::string rule_text(const FledgeField &field)
     if (field.flags & FLEDGE_INERTIA) {
         add("inertia");
     }
-    const bool lo = field.bounds & FLEDGE_HAS_LO, hi = field.bounds & FLEDGE_HAS_HI;
-    if (lo && hi) {
-        add(std::string("in ") + (field.bounds & FLEDGE_LO_OPEN ? "(" : "[") + sim::format_number(field.lo) + ", " +
-            sim::format_number(field.hi) + (field.bounds & FLEDGE_HI_OPEN ? ")" : "]"));
-    } else if (lo) {
-        add((field.bounds & FLEDGE_LO_OPEN ? "> " : ">= ") + sim::format_number(field.lo));
-    } else if (hi) {
-        add((field.bounds & FLEDGE_HI_OPEN ? "< " : "<= ") + sim::format_number(field.hi));
+    if (field.bounds) {
+        add(sim::bounds_text(field));
     }
     return text;
 }

@@ -320,10 +320,8 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
     const FledgeField &field = *member.field;
     if (value && PyFloat_CheckExact(value)) {
         const double x = PyFloat_AS_DOUBLE(value);
-        const bool above = field.bounds & FLEDGE_LO_OPEN ? x > field.lo : x >= field.lo;
-        const bool below = field.bounds & FLEDGE_HI_OPEN ? x < field.hi : x <= field.hi;
-        const bool plain = exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) &&
-                           (above || !(field.bounds & FLEDGE_HAS_LO)) && (below || !(field.bounds & FLEDGE_HAS_HI));
+        const bool plain =
+            exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) && exec_within(field.bounds, field.lo, field.hi, x);
         if ((plain || !member.checked) && writable(self, member) == Writable::yes) {
             save(as_object(self)->memory + field.offset, x);
             if (member.checked) {
