@@ -49,7 +49,8 @@ def main(arguments: list[str]) -> int:
                 print(f"{number:6}  {flown}", flush=True)
             if problem:
                 wrong.append(number)
+                on = f" --on {chosen.on}" if chosen.on else ""
                 print(f"{number:6}  {flown}\n        {problem}\n        again: ./fledge bench flights --count 1 --seed "
-                      f"{number}{f' --on {chosen.on}' * bool(chosen.on)}", flush=True)
+                      f"{number}{on}", flush=True)
     print(f"{chosen.count - len(wrong)} of {chosen.count} missions, {processes} flight processes: equal hashes")
     return 1 if wrong else 0

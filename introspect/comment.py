@@ -132,7 +132,7 @@ def _both(old: Bounds, new: Bounds, part: str) -> Bounds:
                       "leave one of them")
     both = Bounds(old.lo if new.lo is None else new.lo, old.hi if new.hi is None else new.hi,
                   old.lo_open or new.lo_open, old.hi_open or new.hi_open)
-    if None not in (both.lo, both.hi):
+    if both.lo is not None and both.hi is not None:
         if both.lo > both.hi or (both.lo == both.hi and (both.lo_open or both.hi_open)):
             raise Refusal("bounds leave room for a value", f"`{part}`, so nothing is allowed",
                           "exchange or correct them")

@@ -182,7 +182,7 @@ class _Reader:
 
     def _has_typedef(self, cursor: Cursor) -> bool:
         typedef = self._typedefs.get(cursor.spelling)
-        return bool(typedef) and typedef.type.get_canonical() == cursor.type.get_canonical()
+        return typedef is not None and typedef.type.get_canonical() == cursor.type.get_canonical()
 
     def _interface_fields(self, members: list[Cursor]) -> tuple[Field, ...]:
         fields: tuple[Field, ...] = ()
@@ -327,10 +327,12 @@ class _Reader:
             pointers = [a.type.kind is TypeKind.POINTER for a in arguments]
             if pointers != sorted(pointers):
                 continue
-            takes = [_argument(a.spelling, a.type) for a, pointer in zip(arguments, pointers) if not pointer]
-            fills = [_argument(a.spelling, a.type.get_pointee()) for a, pointer in zip(arguments, pointers) if pointer]
+            found = [_argument(a.spelling, a.type.get_pointee() if pointer else a.type)
+                     for a, pointer in zip(arguments, pointers)]
+            known = [one for one in found if one]
+            takes, fills = known[:pointers.count(False)], known[pointers.count(False):]
             returns = _argument("", cursor.result_type)
-            if None in takes or None in fills or not returns and cursor.result_type.kind is not TypeKind.VOID \
+            if len(known) < len(found) or not returns and cursor.result_type.kind is not TypeKind.VOID \
                     or not returns and not fills or any(one.ctype == "int" for one in takes):
                 continue
             doc = comment.doc_text(cursor.raw_comment) or comment.field_text(cursor.raw_comment) or ""

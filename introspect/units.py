@@ -73,7 +73,7 @@ def parse(text: str) -> Unit:
         for i, exponent in enumerate(SYMBOLS[symbol]):
             dims[i] += sign * power * exponent
         sign, expected = 1, False
-    if expected or max(map(abs, dims)) > _LARGEST:
+    if expected or max(abs(exponent) for exponent in dims) > _LARGEST:
         raise _malformed(text)
     return Unit(text, tuple(dims))
 

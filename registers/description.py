@@ -5,6 +5,7 @@ README.md lists the keys. One reading finds all mistakes, each with file, line, 
 """
 from __future__ import annotations
 
+import dataclasses
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -173,7 +174,7 @@ class Bound:
     at_most: float
     after: float            # [s] from when on
     scenario: str | None    # None: all
-    line: int = field(default=0, compare=False, repr=False)
+    line: int = dataclasses.field(default=0, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -250,7 +251,8 @@ class _Reader(Tables):
         size = self.integer(data, (), "size", 8, 0x10000000, multiple=8) or 0x10000000
         order = self.choice(data, (), "order", ORDERS) or "big"
 
-        interrupts, lines = None, ()
+        interrupts: int | None = None
+        lines: list[str] = []
         if "interrupts" in data:
             table = self.table(data, (), "interrupts")
             path = ("interrupts",)
@@ -403,8 +405,9 @@ class _Reader(Tables):
             if prefix and "write_field" not in table:
                 lane = replace(lane, fields=lanes[0].fields)
             else:
-                read = self.packet_fields if form == "packet" else self.fields
-                lane = replace(lane, fields=read(table, path, prefix + "field", names_of_fields, lane, board_order))
+                key = prefix + "field"
+                lane = replace(lane, fields=self.packet_fields(table, path, key, names_of_fields, lane, board_order)
+                               if form == "packet" else self.fields(table, path, key, names_of_fields))
             lanes.append(lane)
             names.setdefault(name + suffix, (*path, "name"))
         return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
@@ -509,9 +512,9 @@ class _Reader(Tables):
             self.refuse((*path, key), f"`{key}` is [lowest bit, how many] within 32 bits", found,
                         "write for example [4, 12]")
             return (0, 32)
-        return tuple(value)
+        return value[0], value[1]
 
-    def fields(self, table, path, key, names, *_) -> tuple[Field, ...]:
+    def fields(self, table, path, key, names) -> tuple[Field, ...]:
         fields, used = [], 0
         for i, given in enumerate(self.tables(table, path, key)):
             here = (*path, key, i)

@@ -11,7 +11,7 @@ def emit(board: Board) -> dict[str, str]:
              f"Addresses are relative to the base. Written from {board.file}.\n\n",
              "| address | snorkel | flight | form | depth | bytes | interrupt | meaning |\n"
              "|---|---|---|---|---|---|---|---|\n"]
-    rows = []
+    rows: list[tuple] = []
     if board.clock is not None:
         rows.append((board.clock, "clock", "reads", "tick, time, step", "", "32",
                      board.clock_interrupt or "", "simulated time"))

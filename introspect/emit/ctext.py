@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from introspect.model import Struct
+from introspect.model import Function, Struct
 
 
 def banner(what: str) -> str:
     return f"/* {what} Written by introspect: do not edit. */\n"
 
 
-def includes(structs: Iterable[Struct]) -> str:
+def includes(structs: Iterable[Struct | Function]) -> str:
     return "".join(f'#include "{header}"\n' for header in sorted({s.header for s in structs}))
 
 

@@ -55,7 +55,7 @@ def emit(library: Library) -> dict[str, str]:
         used = {u for s in structs for f in s.fields for u in (f.struct, f.enum) if u}
         imports = sorted(f"\nfrom {_module(u, library)} import {u.name}" for u in used if _module(u, library) != name)
         files[f"stubs/{name}.pyi"] = "".join([
-            _PROLOGUE, *(_ARRAY.format(n=n) for n in range(1, 5)), *imports, "\n" * bool(imports),
+            _PROLOGUE, *(_ARRAY.format(n=n) for n in range(1, 5)), *imports, ("\n" if imports else ""),
             *map(_enum, enums), *map(_struct, structs)])
     return files
 
@@ -99,11 +99,11 @@ def _is_required(s: Struct, f: Field) -> bool:
 
 def _accepted(f: Field) -> str:
     """The type of values that the field can be set to."""
-    if f.type is Type.STRUCT:
+    if f.struct:
         return _repeated(f.struct.name, len(f.shape))
     if f.type is Type.CHAR:
         return _repeated("str", len(f.shape) - 1)
-    if f.type is Type.ENUM:
+    if f.enum:
         return _repeated(f"{f.enum.name} | int | str", len(f.shape))
     return f"_{len(f.shape)}"
 

@@ -52,7 +52,7 @@ def save(wiring: Wiring, path: Path | str) -> Path:
 def render(source: str, kind: str) -> bytes:
     """The picture that graphviz makes of a text in its language. Raises SetupError if it is not installed."""
     try:
-        done = subprocess.run(["dot", f"-T{kind}", *["-Gdpi=144"] * (kind == "png")], input=source.encode(),
+        done = subprocess.run(["dot", f"-T{kind}", *(["-Gdpi=144"] if kind == "png" else [])], input=source.encode(),
                               capture_output=True)
     except FileNotFoundError:
         raise SetupError("drawing the wiring needs graphviz, which is not installed: apt-get install graphviz"

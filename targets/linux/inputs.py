@@ -23,7 +23,8 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
 
     record: of its flight on the desktop. The desktop flies again; the record has the place of flight.
     """
-    job, mission, found = part.job, part.mission, []
+    job, mission = part.job, part.mission
+    found: list = []
     sim = job.begun()
     sim.prepare()
     process = sim.process(part.process)

@@ -79,6 +79,7 @@ class Console:
         return self.flight.poll() is None and self.outside.poll() is None
 
     def _listen(self):
+        assert self.outside.stdout
         for line in self.outside.stdout:
             self.heard.put(decoded(self.dictionary, bytes.fromhex(line)))
         self.heard.put(None)
@@ -116,6 +117,7 @@ class Console:
 
     def _send(self, packets):
         with contextlib.suppress(BrokenPipeError):      # the relay has ended: what is heard ends, too
+            assert self.outside.stdin
             self.outside.stdin.write("".join(f"{packet.hex()}\n" for packet in packets))
             self.outside.stdin.flush()
 

@@ -156,7 +156,7 @@ def test_configuration_that_the_script_changes_in_flight_is_published_at_the_nex
 
 def test_each_is_refused_with_its_line(refusals):
     for i, (statement, why, *_) in enumerate(CASES, 1):
-        where = f"case_{i}.py, line {LINE + statement.count(chr(10))}: " * (not why.startswith("the script"))
+        where = (f"case_{i}.py, line {LINE + statement.count(chr(10))}: " if not why.startswith("the script") else "")
         assert refusals[i].startswith(where) and why in refusals[i], (statement, refusals[i])
 
 

@@ -253,7 +253,7 @@ def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, al
     with tempfile.TemporaryDirectory() as folder:  # which the other user can read
         os.chmod(folder, 0o755)
         shutil.copy(HERE / "fledge_node.py", folder)
-        controller = Controller("--node", "mass", "--node", "spring", *["--any-user"] * (allows == "both"),
+        controller = Controller("--node", "mass", "--node", "spring", *(["--any-user"] if allows == "both" else []),
                                 address=f"ipc://@fledge-users-{os.getpid()}-{allows[-4:]}")
         programs.append(subprocess.Popen(
             [sys.executable, "-c", MASS, controller.address, "next_instant"], stdout=subprocess.PIPE, cwd=folder,
@@ -441,7 +441,7 @@ def test_a_program_in_c_goes_on_for_a_killed_one(programs, how):
         return seen, result(force)["seen"]
 
     undisturbed, _ = fly("abort", how)
-    restarted, steps = fly("restart" + ",save=1" * (how == "saves"), how + " dies", how)
+    restarted, steps = fly("restart" + (",save=1" if how == "saves" else ""), how + " dies", how)
     assert restarted == undisturbed and len(restarted) == 501
     assert steps[0][0] == 0 if how == "integral" else 2 * 10**9 < steps[0][0] <= 3 * 10**9
 

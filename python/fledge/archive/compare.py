@@ -55,7 +55,7 @@ class Difference:
             return f"t = {seconds(self.t)}  {full}: {self.what}"
         unit = f" {self.unit}" if self.unit not in ("", "-") else ""
         # A huge count means only that the numbers have nothing in common.
-        ulps = "" if self.ulps is None or self.ulps > 10**9 else f", {self.ulps} ulp" + "s" * (self.ulps != 1)
+        ulps = "" if self.ulps is None or self.ulps > 10**9 else f", {self.ulps} ulp" + ("s" if self.ulps != 1 else "")
         return f"t = {seconds(self.t)}  {full}: {self.a!r} and {self.b!r}{unit}{ulps}"
 
 

@@ -64,11 +64,11 @@ def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) ->
             option = parser._option_string_actions[text]
             option = option if option.nargs != 0 else None
         elif option or places:
-            action = option or places[0]
-            if isinstance(action, argparse._SubParsersAction):
-                return _of_parser(action.choices[text], before[i + 1:], word) if text in action.choices else ()
-            given[action.dest] = text
-            if action.nargs in (None, "?"):
+            taker = option or places[0]
+            if isinstance(taker, argparse._SubParsersAction):
+                return _of_parser(taker.choices[text], before[i + 1:], word) if text in taker.choices else ()
+            given[taker.dest] = text
+            if taker.nargs in (None, "?"):
                 option, places = None, places if option else places[1:]
     if word.startswith("-"):
         return [name for name, one in parser._option_string_actions.items() if one.help != argparse.SUPPRESS]

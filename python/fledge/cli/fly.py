@@ -18,7 +18,12 @@ from fledge.targets import TARGETS
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+    from typing import Any
+
+    from fledge.targets.flown import Flown
+    from fledge.targets.target import Target
 
 
 def add(command: Callable) -> None:
@@ -132,14 +137,16 @@ def _with_tools(options, chosen):
     flown = [name for name in chosen if name in ("leon3", "leon3-cfs")]
     if words and len(flown) != 1:
         raise Failure(f"fly: {words[0]} is for one leon3 or leon3-cfs, as in --on leon3; found {options.on}")
-    return {name: type(TARGETS[name])(words) for name in flown} if words else {}
+    made: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
+    return {name: leon3(words) for name, leon3 in made.items()} if words else {}
 
 
 def _chosen(text):
     """(names of targets, a run each; process -> name of its target, in one more run) of --on."""
     from fledge.errors import Failure
 
-    names, apart = [], {}
+    names: list[str] = []
+    apart: dict[str, str] = {}
     for word in filter(None, map(str.strip, text.split(","))):
         process, equals, name = word.rpartition("=")
         if not equals:
@@ -155,7 +162,7 @@ def _chosen(text):
 
 def _boards(words):
     """Process -> its files, of the words FILE and PROCESS=FILE."""
-    found = {}
+    found: dict[str, list[str]] = {}
     for word in words:
         process, _, file = word.rpartition("=")
         found.setdefault(process, []).append(file)
@@ -173,11 +180,18 @@ def _fly(options, job, runs, bounds):
     boards = [path.name for path in job.boards]
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
-    rows, same, first, archives, records, wrong = [], True, {}, {}, {}, []
-    for name, on in {"desktop": None, **runs}.items():
+    rows: list[tuple[str, Flown | None, str, str]] = []
+    same = True
+    wrong: list[str] = []
+    first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
+    archives: dict[Path, Archive] = {}
+    records: dict[str, dict[str, Archive]] = {}
+    desktop_target: Any = TARGETS["desktop"]
+    desktop_first: dict[str, Mapping[str, Target] | None] = {"desktop": None, **runs}
+    for name, on in desktop_first.items():
         try:
             patience = PATIENCE if options.gdb else 60.0
-            flown = fly(job, on, name, patience) if on else TARGETS["desktop"].fly(job)
+            flown = fly(job, on, name, patience) if on else desktop_target.fly(job)
         except Failure as error:
             print(f"  {name}: {error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))
@@ -260,7 +274,8 @@ def _clock(job, others):
     from fledge.targets.linux import clock
 
     (part, target), = others
-    paced = clock.fly(target, part, TARGETS["desktop"].fly(job)[part.process].record)
+    desktop: Any = TARGETS["desktop"]
+    paced = clock.fly(target, part, desktop.fly(job)[part.process].record)
     title = f"{job.title}, {job.duration:g} s by the clock, on {target.name}"
     say(f"{title}\n  scheduling  {paced.scheduling}\n  memory      {paced.memory}; page faults in the loop: "
         f"{paced.faults}\n  cycles      {paced.cycles}, of which {paced.overruns} ended after the next should begin")

@@ -21,6 +21,7 @@ def attempt(options: argparse.Namespace, sim: Simulation, fly: Callable) -> tupl
     """Fly a scenario; returns (what is wrong or None, the exit code)."""
     from fledge import SetupError, mission as missions
 
+    assert sim.mission
     try:
         fly(sim)
     except KeyboardInterrupt:

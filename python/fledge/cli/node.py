@@ -117,7 +117,11 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     if options.record or options.outputs:
         sim.archive(options.outputs or Path(options.record) / f"{name}.mcap", mission=sim.name, scenario=scenario,
                     fledge=fledge.__version__, process=process, **sim.mission.metadata())
-    show = (lambda text: None) if quiet else say
+
+    def show(text: str) -> None:
+        if not quiet:
+            say(text)
+
     show(f"{sim.name}, {scenario}: {process} as the node {name}")
     problem, reason, code = None, None, 1
     try:
@@ -152,9 +156,9 @@ def _several(sim, scenario, names, options, crossing):
     from fledge import cosim
 
     end = None if options.until is None else parse_duration(options.until, "--until")
-    address = options.address or os.environ.get("FLEDGE_ADDRESS")
+    own = "" if end is None else f"ipc://@fledge-{sim.name}-{os.getpid()}"
+    address: str = options.address or os.environ.get("FLEDGE_ADDRESS") or own
     if end is not None:
-        address = address or f"ipc://@fledge-{sim.name}-{os.getpid()}"
         options.simulation = options.simulation or sim.name
     say(f"{sim.name}, {scenario}: {counted(len(names), 'program')}"
         + (f", {', '.join(names)}" if len(names) < 9 else ""))
@@ -308,6 +312,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
     from fledge import SetupError
     from fledge.mission import scenario as scenarios
 
+    assert sim.mission
     known = sim.mission.scenarios
     if free or not known:
         if scenario:

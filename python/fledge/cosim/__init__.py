@@ -243,7 +243,7 @@ def _names(code):
 
 def _two_latencies(simulation):
     """A topic that one process reads at two latencies: a node asks for it once."""
-    first = {}
+    first: dict[tuple[str, str], Crossing] = {}
     for wire in crossing_wires(simulation):
         reader = wire.port.partition(".")[0]
         other = first.setdefault((wire.topic, reader), wire)

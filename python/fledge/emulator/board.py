@@ -297,7 +297,7 @@ class _Flight:
         if self.answers is None:
             said = "\n".join(self.board.console.splitlines()[-12:])
             raise RunError(f"the processor is in its error mode, in the tick at {t / 1e9:g} s\n{self.board.report}"
-                           + f"the program's last words:\n{said}" * bool(said))
+                           + (f"the program's last words:\n{said}" if said else ""))
         return False
 
     def record(self):

@@ -42,8 +42,8 @@ class Variable:
         board, address, _, path = self._place
         at, n = address + field.offset, math.prod(field.shape)
         if field.type == "struct":
-            rows = [Variable(board, at + i * (field.size // n), field.struct, f"{path}.{name}" + f"[{i}]" * bool(
-                field.shape)) for i in range(n)]
+            rows = [Variable(board, at + i * (field.size // n), field.struct,
+                             f"{path}.{name}" + (f"[{i}]" if field.shape else "")) for i in range(n)]
             return rows if field.shape else rows[0]
         raw = board.peek(at, field.size)
         if field.type == "char":

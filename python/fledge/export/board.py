@@ -285,7 +285,7 @@ def _numbers(struct, parts, path):
     for depth, part in enumerate(parts):
         match = re.fullmatch(r"(\w+)((?:\[\d+\])*)", part)
         field = next((f for f in struct.fields if match and f.name == match[1]), None)
-        if not field:
+        if not match or not field:
             raise ExportError(f"{path} has no field {part}; choose of "
                               f"{', '.join(f.name for f in struct.fields if not f.spare)}")
         index = [int(i) for i in re.findall(r"\d+", match[2])]
@@ -355,7 +355,7 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
         declared = f"const RegisterMessage fledge_message_{struct.name}"
         lines += message(struct, declared, [f"extern {declared};"])
     lines += ["", "static const RegisterBoard *const boards[] = {" + ", ".join(f"&{b.name}" for b in boards) + "};",
-              *["", "static const MissionLane lanes[] = {"] * bool(found)]
+              *(["", "static const MissionLane lanes[] = {"] if found else [])]
     for one in found:
         board = boards[one.board]
         lines += row("0" if one.number else f"&fledge_message_{one.message.struct.name}",
@@ -365,7 +365,7 @@ def source(mission: Mission, boards: Sequence[Board], found: list[Lane]) -> str:
     places = packet_lanes(boards)
     room = max((lane.capacity for b in boards for one in b.snorkels if one.carries == "commands" for lane in one.lanes),
                default=0)
-    lines += [*["};"] * bool(found), *_packets(boards, found), "",
+    lines += [*(["};"] if found else []), *_packets(boards, found), "",
               *([f"static uint8_t packet[{room}];", ""] if room else []), f"const MissionIo {name}_io = {{",
               f"    {name}_messages, boards, {'lanes' if found else 0}, {upper}_MESSAGES, {len(boards)}u, "
               f"{len(found)}u,",

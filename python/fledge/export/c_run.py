@@ -142,14 +142,14 @@ def call_broken(line: str) -> list[str]:
 def events(mission: Mission) -> Iterator[str]:
     modules = {m.path: m for m in mission.modules}
     for event in mission.events:
-        looks = ["    const int looks = " + " || ".join(f"m->mode.current == {mode(mission, m)}" for m in event.modes)
-                 + ";"] * bool(event.modes)
+        looks = (["    const int looks = " + " || ".join(f"m->mode.current == {mode(mission, m)}" for m in event.modes)
+                 + ";"] if event.modes else [])
         again = condition("again", event.until, modules) if event.until else []
         lines = [*looks, *condition("holds", event.condition, modules, "looks" if looks else ""), *again]
         lines += call_broken(f"    if (!exec_fires(&m->event.{event.name}, holds, {'again' if again else '!holds'}, "
                              f"{integer(event.hold)}, {event.count}, {int(event.once)}, t)) {{")
         lines += ["        return;", "    }"]
-        lines += [f"    m->mode.asked = {mode(mission, event.mode)};"] * bool(event.mode)
+        lines += ([f"    m->mode.asked = {mode(mission, event.mode)};"] if event.mode else [])
         lines += [f"    m->event.{name}.armed = {int(on)};" for name, on in event.arms]
         for module, offset, raw in event.settings:
             lines += assignments(module, offset, raw)
@@ -175,7 +175,7 @@ def tick(mission: Mission) -> str:
     for task in mission.tasks:
         lines += [f"    if (exec_due(&m->task.{task.name}, t)) {{",
                   f"        run_{task.name}(m, exec_begin(&m->task.{task.name}, {rate(task)}, t));",
-                  *["        ran = 1;"] * bool(mission.events), "    }"]
+                  *(["        ran = 1;"] if mission.events else []), "    }"]
     if mission.modes:
         lines.append("    m->mode.t = t;")
     if mission.events:

@@ -74,7 +74,7 @@ def modes(mission: Mission) -> str:
     rows = []
     for i, mode in enumerate(mission.modes):
         runs = [t.title for t in mission.tasks if t.modes is not None and mode in t.modes]
-        rows.append((f"{c_run.mode(mission, mode)} = {i}" + "," * (i + 1 < len(mission.modes)),
+        rows.append((f"{c_run.mode(mission, mode)} = {i}" + ("," if i + 1 < len(mission.modes) else ""),
                      f"{mission.mode_titles[mode]}: " + (", ".join(runs) or "no task of its own")))
     return "\n".join([*doc("The modes, and what runs in each. A task that no mode names runs in all."),
                       f"typedef enum {mission.struct()}Mode {{", *with_notes(rows, "    ", "///<", ""),
@@ -114,11 +114,12 @@ def whole(mission: Mission) -> str:
     name = mission.struct()
     rows = [] if mission.form == "micropython" else times(mission)
     if mission.inputs:
-        rows += [*[""] * bool(rows), f"    {name}In in;"]
+        rows += [*([""] if rows else []), f"    {name}In in;"]
     for title, modules in (("published when their parameters change", mission.configuration),
                            *((f"the task {t.title}", t.run) for t in mission.tasks)):
         if modules:
-            rows += [*[""] * bool(rows), f"    /* {plain(title)} */", *(f"    {m.type} {m.name};" for m in modules)]
+            rows += [*([""] if rows else []), f"    /* {plain(title)} */",
+                     *(f"    {m.type} {m.name};" for m in modules)]
     return "\n".join([*doc("All that flies. It holds no pointers: a copy of its bytes is a snapshot."),
                       f"typedef struct {name} {{", *rows, f"}} {name};", ""])
 
@@ -199,7 +200,7 @@ def source(mission: Mission) -> str:
     if mission.form == "micropython":
         return "\n".join(part for part in (
             "\n".join([*written(mission), f'#include "{mission.name}.h"', "",
-                       *['#include <string.h>', ""] * bool(mission.changed)]),
+                       *(['#include <string.h>', ""] if mission.changed else [])]),
             set_up(mission), messages(mission), parameters(mission)) if part)
     refuse_scripts(mission)
     parts = ["\n".join([*written(mission), f'#include "{mission.name}.h"', "", "#include <string.h>", ""]),
@@ -226,7 +227,7 @@ def set_up(mission: Mission) -> str:
     lines: list[str] = []
     for module in mission.changed:
         place = f"{memory(mission)}.{module.name}"
-        lines += [""] * bool(lines) + [f"    memset(&{place}, 0, sizeof {place});"]
+        lines += ([""] if lines else []) + [f"    memset(&{place}, 0, sizeof {place});"]
         found = list(settings(module.struct, module.memory, place, module.name))
         if found:
             lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)

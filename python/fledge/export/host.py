@@ -22,7 +22,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines = [*written(mission), f'#include "{name}_commands.h"', f'#include "{name}_io.h"',
              *['#include "targets/micropython/arena.h"', '#include "targets/micropython/executive.h"'] * composed,
              '#include "targets/mission_host.h"', "",
-             f"extern const MissionDefinition {name}_definitions[];", *[f"static {struct} m;"] * (not composed),
+             f"extern const MissionDefinition {name}_definitions[];", *
+             ([f"static {struct} m;"] if not composed else []),
              f"static McapSchema schemas[{len(recorded)}];",
              f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;",
              "static MissionStart start;", ""]

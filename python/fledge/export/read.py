@@ -225,7 +225,7 @@ class _Reader:
     # --- wires ---
 
     def read_wires(self, mission):
-        order = {}
+        order: dict[str, Message] = {}
         crossing = {(wire.source, wire.port): wire for wire in crossing_wires(self.sim)}
         for source, target, latency, stale_after in self.sim.wires:
             from_process, from_name, from_port = source.split(".")
@@ -270,10 +270,10 @@ class _Reader:
         for path, message in order.items():
             message.name = c[path.removeprefix("world.")]
             message.member = f"in.{message.name}"
-        for wires in mission.wires.values():
-            for wire in wires:
-                if wire.source in order:
-                    wire.source = order[wire.source].member
+        for inner in mission.wires.values():
+            for one in inner:
+                if one.source in order:
+                    one.source = order[one.source].member
         mission.inputs = list(order.values())
         if self.flight.reset:
             line, mission.down = self.flight.reset
@@ -283,7 +283,7 @@ class _Reader:
 
     def mission(self):
         sim = self.sim
-        self.ends = {}
+        self.ends: dict[str, list] = {}     # paths that read an output here
         name = self.name()
         mode_titles = [m[0] for m in self.flight.modes]
         mode_names = names.distinct(mode_titles)

@@ -48,7 +48,7 @@ def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic
     doubles = _linear(what, struct, linear, always)
     words = "by hand, constant" if always else (
         f"by hand, {len(times)} samples" + (f" from {times[0] / 1e9:g} to {times[-1] / 1e9:g} s" if len(times) else "")
-        + ", linear" * bool(doubles))
+        + (", linear" if doubles else ""))
     core.feed(port, times.tobytes(), messages.tobytes(), always, doubles,
               time_ns(stale_after, f"{what}: stale_after"), words)
     _core.context(_core.root(port))().declare(path, caller())

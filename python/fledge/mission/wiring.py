@@ -73,7 +73,8 @@ class Link:
     def options(self) -> list[str]:
         """Its latency and its age limit, in words."""
         late = "one exchange late" if self.latency == 1 else f"{self.latency} exchanges late"
-        return [late] * bool(self.latency) + [f"stale after {self.stale_after / 1e9:g} s"] * bool(self.stale_after)
+        stale = f"stale after {self.stale_after / 1e9:g} s"
+        return ([late] if self.latency else []) + ([stale] if self.stale_after else [])
 
 
 class Wiring:

@@ -160,7 +160,7 @@ def test_pictures_are_files_that_do_not_change(sim, tmp_path, kind, start):
     first = save(Wiring(sim), tmp_path / "deep" / f"a.{kind}").read_bytes()
     assert first.startswith(start)
     assert save(Wiring(sim), tmp_path / f"b.{kind.upper()}").read_bytes() == first
-    assert re.findall(rb"CreationDate \(D:(\d{4})", first) == [b"1970"] * (kind == "pdf")
+    assert re.findall(rb"CreationDate \(D:(\d{4})", first) == ([b"1970"] if kind == "pdf" else [])
 
 
 def test_other_endings_are_refused(sim, tmp_path):

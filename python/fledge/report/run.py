@@ -105,15 +105,15 @@ class Report:
             for process in wiring.processes for task in process.tasks]
         yield "Modes", ["process", "mode", "tasks", "when"], [
             [process.name, name, tasks,
-             ", ".join(["began in it"] * (name == self._modes[process.name])
-                       + ["ended in it"] * (name == process.mode))]
+             ", ".join((["began in it"] if name == self._modes[process.name] else [])
+                       + (["ended in it"] if name == process.mode else []))]
             for process in wiring.processes for name, tasks in process.modes]
         yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
             [process.name, event_name(event),
              Markup("<code>{}</code>").format(condition_text(event)) + (
                  f" in {' or '.join(event.modes)}" if event.modes else ""),
-             " and ".join([duration(event.hold / 1e9)] * bool(event.hold)
-                          + [f"{event.count} instants"] * (event.count > 1)), action_text(event),
+             " and ".join(([duration(event.hold / 1e9)] if event.hold else [])
+                          + ([f"{event.count} instants"] if event.count > 1 else [])), action_text(event),
              "once" if event.once else f"after {event.until!r}" if event.until is not None else "each time",
              "never" if event.fired_at is None else Markup("t = {}").format(duration(event.fired_at))]
             for process in wiring.processes for event in process.handles]

@@ -343,7 +343,7 @@ class _Derivation:
                             1 + max(16, int((self.scene.end - self.scene.begin) / 3600)))
         wanted = [world.BODIES[name] for name, _ in gravity if name in world.BODIES]
         wanted += [one for one in world.BODIES.values() if one.naif == centre]
-        wanted += [world.MOON] * (centre == world.EARTH.naif)
+        wanted += ([world.MOON] if centre == world.EARTH.naif else [])
         for body in dict.fromkeys([*wanted, world.SUN]):
             try:
                 motion = self._moves(ephemeris, body, times) if body.naif != centre else None

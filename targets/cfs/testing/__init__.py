@@ -82,12 +82,14 @@ class Core:
              *(["--hold"] if hold else [])], env=environment, pass_fds=[outside.fd] if outside else [],
             cwd=Path(program).parent,           # without an outside, an app waits for a register file there
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        self.lines = queue.Queue()
-        self.seen = []
+        assert self.process.stdin and self.process.stdout
+        self.stdin, self.stdout = self.process.stdin, self.process.stdout
+        self.lines: queue.Queue[str | None] = queue.Queue()
+        self.seen: list[str] = []
         threading.Thread(target=self.read, daemon=True).start()
 
     def read(self):
-        for line in self.process.stdout:
+        for line in self.stdout:
             self.lines.put(line.decode(errors="replace").rstrip("\n"))
         self.lines.put(None)
 
@@ -95,8 +97,8 @@ class Core:
         self.write(packet.hex())
 
     def write(self, line):
-        self.process.stdin.write((line + "\n").encode())
-        self.process.stdin.flush()
+        self.stdin.write((line + "\n").encode())
+        self.stdin.flush()
 
     def until(self, wanted):
         """The next line that has this text in it, or for which wanted(line) is true."""
@@ -125,7 +127,7 @@ class Core:
 
     def end(self):
         """Wait for its end, and give what it reports: name -> number."""
-        self.process.stdin.close()
+        self.stdin.close()
         while (line := self.lines.get(timeout=PATIENCE)) is not None:
             self.seen.append(line)
         self.process.wait(timeout=60)
@@ -136,7 +138,7 @@ class Core:
     def kill(self):
         self.process.kill()
         self.process.wait()
-        self.process.stdin.close()
+        self.stdin.close()
 
 
 def command(mid, code, payload=b"", checksum=None, sequence=0):

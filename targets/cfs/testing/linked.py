@@ -60,7 +60,7 @@ def own(app, source, folder):
 
 def in_folder(files, made, compiler, options):
     """Compile many files by two compilers side by side."""
-    jobs = []
+    jobs: list[subprocess.Popen] = []
     try:
         for file, to in zip(files, made):
             if len(jobs) == 2:
@@ -100,4 +100,4 @@ def pocket(compiler="gcc", options=("-O2",)):
     return made
 
 
-kept = []
+kept: list = []

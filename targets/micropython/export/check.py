@@ -64,14 +64,15 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
         yield f"the update of {name} is Python only {'here' if name in ours['python'] else 'there'}"
     for line in sorted(set(ours["wire"]) ^ set(theirs.get("wire", []))):
         start, end, age = line.split()
-        yield (f"the wire {start} >> {end}" + f", stale after {int(age) / 1e9:g} s," * bool(int(age))
+        yield (f"the wire {start} >> {end}" + (f", stale after {int(age) / 1e9:g} s," if int(age) else "")
                + f" is only {'here' if line in ours['wire'] else 'there'}")
     theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.rsplit(" ", 2))]
     for kind, what in LISTED.items():
-        for here, there in zip_longest(ours[kind], theirs.get(kind, [])):
-            if here != there:
-                yield f"{what} {here or there}: " + (
-                    f"there it is {there}" if here and there else "it is only here" if here else "it is only there")
+        for ours_is, theirs_is in zip_longest(ours[kind], theirs.get(kind, [])):
+            if ours_is != theirs_is:
+                yield f"{what} {ours_is or theirs_is}: " + (
+                    f"there it is {theirs_is}" if ours_is and theirs_is else
+                    "it is only here" if ours_is else "it is only there")
 
 
 def _bytewise(event: str, place: str, raw: str) -> Iterator[str]:
@@ -132,7 +133,7 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
     for event in flight.events.values():
         lines["event"].append(f"{event.name} {event.hold} {event.count} {int(event.once)} {int(event.starts_armed)}")
         lines["looks"] += [f"{event.name} {name}" for name in event.modes]
-        lines["enters"] += [f"{event.name} {event.mode}"] * bool(event.mode)
+        lines["enters"] += ([f"{event.name} {event.mode}"] if event.mode else [])
         for name, on in event.arms:
             lines["arms" if on else "disarms"].append(f"{event.name} {name}")
         for path, offset, raw in event.settings:

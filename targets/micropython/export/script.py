@@ -160,6 +160,7 @@ class _Reader:
 def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     """The imports that the target executes, wherever they stand: not those for type checkers, and not those whose
     failure the script handles."""
+    one: ast.AST
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             yield node

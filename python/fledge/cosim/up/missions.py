@@ -11,6 +11,7 @@ def plan_of(name: str, scenario: str | None, parameters: dict) -> Plan:
     from fledge.mission.scenario import chosen, set_up
 
     sim = load(name, **parameters)
+    assert sim.mission      # load() gives one
     nodes = [Program(p.name, mission=str(sim.mission.folder), process=p.name, scenario=scenario,
                      parameters=parameters) for p in sim.processes if p.tasks]
     duration = set_up(sim, chosen(sim, scenario)[1]) if scenario or sim.mission.scenarios else None

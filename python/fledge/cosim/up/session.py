@@ -206,7 +206,7 @@ class Session:
         command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
                    "--greet", repr(plan.greet), "--reply", repr(plan.reply), "--status", str(status)]
-        command += ["--pace", repr(plan.pace)] * bool(plan.pace)
+        command += (["--pace", repr(plan.pace)] if plan.pace else [])
         command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.exchange
         if plan.keys:
             command += ["--keys", plan.keys]
@@ -221,9 +221,11 @@ class Session:
         for p in plan.nodes:
             joins = "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
             command += ["--node", ",".join([
-                f"{p.name}:{p.on_loss}", *[f"joins={joins}"] * (p.joins is not None), *["rejoins"] * p.rejoins,
-                *[f"save={p.save_every!r}"] * bool(p.save_every), *[f"reply={p.reply!r}"] * (p.reply is not None),
-                *[f"prefix={p.prefix}"] * bool(p.prefix),
+                f"{p.name}:{p.on_loss}", *([f"joins={joins}"] if p.joins is not None else []
+                                           ), *(["rejoins"] if p.rejoins else []),
+                *([f"save={p.save_every!r}"] if p.save_every else []), *
+                ([f"reply={p.reply!r}"] if p.reply is not None else []),
+                *([f"prefix={p.prefix}"] if p.prefix else []),
                 *(f"topic={ours}>{of_run}" for ours, of_run in p.topics.items())])]
         return command
 

@@ -282,7 +282,7 @@ class Screen(Lines):
         head = headline(now, speed, width)
         names = min(max(len(row.name) for row in now.rows), _NAME)
         text = [f"\x1b[{_BOLD}m{head}\x1b[0m" if self._colour else head,
-                *lines(now, rates, width, max(room - len(logged), 2), self._colour), *[""] * bool(logged),
+                *lines(now, rates, width, max(room - len(logged), 2), self._colour), *([""] if logged else []),
                 *(cut(f"{name[:_NAME]:{names}} | {shown(line)}", width) for name, line in logged)]
         up = f"\x1b[{self._drawn}A\r" if self._drawn else "\r"
         self._out.write(up + "".join(line + "\x1b[K\n" for line in text) + "\x1b[J")

@@ -33,7 +33,7 @@ def fly(compiler, optimise):
     return archive
 
 
-kept = []
+kept: list = []
 
 
 class Row(ctypes.Structure):

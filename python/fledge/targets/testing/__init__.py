@@ -122,7 +122,7 @@ class Draft:
                   phase=dice.choice(PHASES))
         tasks = []
         for t in range(dice.randint(1, 3)):
-            run = []
+            run: list[str] = []
             for kind in ["noise", *dice.choices(known, k=dice.randint(1, 3))]:
                 run.append(f"{kind}{t}{len(run)}")
                 self.module(process, kind, run[-1])
