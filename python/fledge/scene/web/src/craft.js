@@ -39,11 +39,13 @@ function looks() {
                 let seed = 7;
                 const next = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
                 for (let k = 0; k < 260; k++) {
-                    const x = n * next(), y = n * next(), s = 8 + 34 * next(), a = 6.3 * next();
+                    const x = n * next(), y = n * next(), size = 8 + 34 * next(), turn = 6.3 * next();
                     brush.fillStyle = `rgba(${next() > 0.5 ? "255,232,170" : "96,62,10"}, ${0.05 + 0.16 * next()})`;
                     brush.beginPath();
-                    for (let c = 0; c < 3; c++)
-                        brush.lineTo(x + s * Math.cos(a + 2.1 * c), y + s * Math.sin(a + 2.1 * c) * next());
+                    for (let corner = 0; corner < 3; corner++) {
+                        const angle = turn + 2.1 * corner;
+                        brush.lineTo(x + size * Math.cos(angle), y + size * Math.sin(angle) * next());
+                    }
                     brush.fill();
                 }
             }),
@@ -62,7 +64,7 @@ function looks() {
                     }
                 brush.fillStyle = "rgba(190, 205, 230, .45)";
                 for (let i = 0; i < 4; i++)
-                    for (let b = 1; b < 3; b++) brush.fillRect(i * 64 + b * 21, 0, 1, n);
+                    for (let bar = 1; bar < 3; bar++) brush.fillRect(i * 64 + bar * 21, 0, 1, n);
             }),
         wheel: picture(
             128,
@@ -319,7 +321,7 @@ export function makeArrow(colour, width = 0.012) {
     const head = new THREE.Mesh(new THREE.ConeGeometry(3.4 * width, 0.14, 20), material);
     head.position.y = 0.93;
     group.add(shaft, head);
-    group.along = (v) => group.quaternion.setFromUnitVectors(UP, v);
+    group.along = (direction) => group.quaternion.setFromUnitVectors(UP, direction);
     return group;
 }
 

@@ -18,16 +18,16 @@ export async function load(text) {
 
 /** The index of the last time not after t, and the share of the way to the next. Answers in `found`. */
 const found = {
-    i: 0,
-    j: 0,
-    x: 0,
-    h: 1
+    before: 0,  // the samples on both sides of the time
+    after: 0,
+    share: 0,  // of the step between both that has passed
+    step: 1  // [s]
 };
 
 function span(track, t) {
     const time = track.time.data, last = time.length - 1;
-    let i = track.last ?? 0;
-    if (!(time[i] <= t && (i === last || t < time[i + 1]))) {
+    let before = track.last ?? 0;
+    if (!(time[before] <= t && (before === last || t < time[before + 1]))) {
         let low = 0, high = last;
         while (low < high) {
             const middle = (low + high + 1) >> 1;
@@ -36,91 +36,95 @@ function span(track, t) {
             else
                 high = middle - 1;
         }
-        i = low;
+        before = low;
     }
-    i = Math.max(0, Math.min(i, last - 1));
-    track.last = i;
-    found.i = i;
-    found.j = Math.min(i + 1, last);
-    found.h = last ? time[i + 1] - time[i] : 1;
-    found.x = last ? Math.min(1, Math.max(0, (t - time[i]) / found.h)) : 0;
+    before = Math.max(0, Math.min(before, last - 1));
+    track.last = before;
+    found.before = before;
+    found.after = Math.min(before + 1, last);
+    found.step = last ? time[before + 1] - time[before] : 1;
+    found.share = last ? Math.min(1, Math.max(0, (t - time[before]) / found.step)) : 0;
     return found;
 }
 
 /** [m] Where a motion is at a time, in double precision. */
 export function position(motion, t, out = [0, 0, 0]) {
     if (!motion) return out.fill(0);
-    const {i, j, x, h} = span(motion, t), r = motion.r.data, v = motion.v.data;
-    const a = (1 + 2 * x) * (1 - x) * (1 - x), b = x * x * (3 - 2 * x), c = h * x * (1 - x);
+    const {before, after, share: x, step} = span(motion, t), r = motion.r.data, v = motion.v.data;
+    // The cubic polynomial through both places with both speeds.
+    const ofBefore = (1 + 2 * x) * (1 - x) * (1 - x), ofAfter = x * x * (3 - 2 * x), ofSpeeds = step * x * (1 - x);
     for (let k = 0; k < 3; k++)
-        out[k] = a * r[3 * i + k] + b * r[3 * j + k] + c * ((1 - x) * v[3 * i + k] - x * v[3 * j + k]);
+        out[k] = ofBefore * r[3 * before + k] + ofAfter * r[3 * after + k] +
+            ofSpeeds * ((1 - x) * v[3 * before + k] - x * v[3 * after + k]);
     return out;
 }
 
 /** [m/s] How fast it moves. */
 export function velocity(motion, t, out = [0, 0, 0]) {
     if (!motion) return out.fill(0);
-    const {i, j, x, h} = span(motion, t), r = motion.r.data, v = motion.v.data;
+    const {before, after, share: x, step} = span(motion, t), r = motion.r.data, v = motion.v.data;
     for (let k = 0; k < 3; k++)
-        out[k] = (6 * x * (1 - x) * (r[3 * j + k] - r[3 * i + k])) / h + (1 - x) * (1 - 3 * x) * v[3 * i + k] +
-            x * (3 * x - 2) * v[3 * j + k];
+        out[k] = (6 * x * (1 - x) * (r[3 * after + k] - r[3 * before + k])) / step +
+            (1 - x) * (1 - 3 * x) * v[3 * before + k] + x * (3 * x - 2) * v[3 * after + k];
     return out;
 }
 
 /** The quaternion of a turning, as three.js has it, into `out`. */
 export function attitude(turning, t, out, spare) {
     if (!turning) return out.identity();
-    const {i, j, x} = span(turning, t), q = turning.q.data;
-    out.fromArray(q, 4 * i);
-    return out.slerp(spare.fromArray(q, 4 * j), x);
+    const {before, after, share} = span(turning, t), quaternions = turning.q.data;
+    out.fromArray(quaternions, 4 * before);
+    return out.slerp(spare.fromArray(quaternions, 4 * after), share);
 }
 
 /** An element of a signal. */
 export function level(signal, t, k = 0) {
     if (!signal || !signal.time.n) return 0;
-    const {i, j, x} = span(signal, t), v = signal.values.data, n = signal.values.k;
-    return (1 - x) * v[n * i + k] + x * v[n * j + k];
+    const {before, after, share} = span(signal, t), {data, k: elements} = signal.values;
+    return (1 - share) * data[elements * before + k] + share * data[elements * after + k];
 }
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const norm = (a) => Math.hypot(a[0], a[1], a[2]);
 export const unit = (a) => {
-    const s = norm(a) || 1;
-    return [a[0] / s, a[1] / s, a[2] / s];
+    const length = norm(a) || 1;
+    return [a[0] / length, a[1] / length, a[2] / length];
 };
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export {sub};
 
 /** The unit vector from a place to the Sun; null if nobody knows it. */
-export function toSun(scene, r, t) {
-    if (scene.sun) return unit(sub(position(scene.sun, t), r));
+export function toSun(scene, place, t) {
+    if (scene.sun) return unit(sub(position(scene.sun, t), place));
     return scene.sun_N ? unit(scene.sun_N) : null;
 }
 
-const SUN_RADIUS = 6.957e8;
+const SUN_RADIUS = 6.957e8;  // [m]
+const SUN_SIZE = 0.00465;  // [rad] half its angle, seen from 1 AU
 
 /** [-] The share of the Sun that no body hides from a place. */
-export function sunlight(scene, r, t) {
-    const s = toSun(scene, r, t);
-    if (!s) return 1;
-    const own = scene.sun ? Math.asin(Math.min(1, SUN_RADIUS / norm(sub(position(scene.sun, t), r)))) : 0.00465;
+export function sunlight(scene, place, t) {
+    const sun = toSun(scene, place, t);
+    if (!sun) return 1;
+    const own =
+        scene.sun ? Math.asin(Math.min(1, SUN_RADIUS / norm(sub(position(scene.sun, t), place)))) : SUN_SIZE;
     let share = 1;
     for (const planet of scene.planets) {
         if (planet.name === "SUN") continue;
-        const d = sub(position(planet.motion, t), r), distance = norm(d);
+        const way = sub(position(planet.motion, t), place), distance = norm(way);
         const size = Math.asin(Math.min(1, planet.radius / distance));
-        const off = Math.acos(Math.max(-1, Math.min(1, dot(d, s) / distance)));
+        const off = Math.acos(Math.max(-1, Math.min(1, dot(way, sun) / distance)));
         share = Math.min(share, Math.max(0, Math.min(1, 0.5 + (off - size) / (2 * own))));
     }
     return share;
 }
 
 /** The celestial body that the spacecraft is nearest to, by its radii; null without any. */
-export function primary(scene, r, t) {
+export function primary(scene, place, t) {
     let best = null, least = Infinity;
     for (const planet of scene.planets) {
-        const distance = norm(sub(position(planet.motion, t), r)) / planet.radius;
+        const distance = norm(sub(position(planet.motion, t), place)) / planet.radius;
         if (distance < least) [best, least] = [planet, distance];
     }
     return best;

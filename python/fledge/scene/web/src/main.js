@@ -10,6 +10,13 @@ import {clock, Plots} from "./plots.js";
 import {LAYERS, PRESETS, Stage} from "./stage.js";
 
 const SPEEDS = [0.1, 1, 5, 10, 30, 60, 120, 300, 600, 1800, 3600];
+const WHOLE_RUN = 75;  // [s] that it takes at the speed which is chosen at first
+const TURN = 0.006;  // [rad] of the camera, by a pixel of the pointer's way
+const STEEPEST = 1.55;  // [rad] of the camera's elevation
+const ZOOM = 0.0012;  // of the distance's logarithm, by a pixel of the wheel
+const FARTHEST = 1e12;  // [m]
+const TOO_SLOW = 0.042, QUICK = 0.018;  // [s] of a frame: with fewer pixels from here on, with more up to here
+const READABLE = 90;  // [ms] that a number stands at least
 const KEYS = [
     ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
     [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"],
@@ -41,7 +48,7 @@ class Viewer {
         this.t = data.begin;
         this.playing = false;
         this.frames = [];
-        const pace = (data.end - data.begin) / 75;
+        const pace = (data.end - data.begin) / WHOLE_RUN;
         this.speed = SPEEDS.reduce(
             (best, one) => (Math.abs(Math.log(one / pace)) < Math.abs(Math.log(best / pace)) ? one : best), 1);
         this.lay();
@@ -101,15 +108,15 @@ class Viewer {
             row.insertCell().append(make("kbd", "", key));
             row.insertCell().textContent = what;
         }
-        const b = data.bounds;
+        const {position: place, attitude, share} = data.bounds;
         this.rate = make("p");
         this.help.append(
             table, this.rate,
             make(
                 "p", "",
-                `Shown positions are within ${b.position} m of the recorded ones, ` +
-                    `attitudes within ${b.attitude} rad, plotted numbers within ${
-                        100 * b.share} % of their range. The stars are decoration.`));
+                `Shown positions are within ${place} m of the recorded ones, ` +
+                    `attitudes within ${attitude} rad, plotted numbers within ${
+                        100 * share} % of their range. The stars are decoration.`));
         for (const note of data.notes) this.help.append(make("p", "note", note));
         this.picture.append(this.canvas, this.labels, head, this.aside, this.readout, this.help);
         this.drawer = make("section", "drawer");
@@ -202,21 +209,20 @@ class Viewer {
             const before = fingers.get(event.pointerId);
             if (!before) return;
             if (fingers.size === 2) {
-                const [a, b] = [...fingers.values()],
-                          apart = (p, q) => Math.hypot(p.clientX - q.clientX, p.clientY - q.clientY);
-                const other = a === before ? b : a;
-                this.nearer(apart(before, other) / Math.max(1, apart(event, other)));
+                const other = [...fingers.values()].find((finger) => finger !== before);
+                const apart = (finger) => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY);
+                this.nearer(apart(before) / Math.max(1, apart(event)));
             } else {
-                stage.view.azimuth -= 0.006 * (event.clientX - before.clientX);
-                stage.view.elevation =
-                    Math.max(-1.55, Math.min(1.55, stage.view.elevation + 0.006 * (event.clientY - before.clientY)));
+                stage.view.azimuth -= TURN * (event.clientX - before.clientX);
+                const elevation = stage.view.elevation + TURN * (event.clientY - before.clientY);
+                stage.view.elevation = Math.max(-STEEPEST, Math.min(STEEPEST, elevation));
                 this.dirty = true;
             }
             fingers.set(event.pointerId, event);
         };
         canvas.addEventListener("wheel", (event) => {
             event.preventDefault();
-            this.nearer(Math.exp(0.0012 * event.deltaY));
+            this.nearer(Math.exp(ZOOM * event.deltaY));
         }, {passive: false});
         addEventListener("keydown", (event) => {
             if (event.target.matches?.("input[type=search], select") || event.ctrlKey || event.metaKey || event.altKey)
@@ -248,7 +254,7 @@ class Viewer {
 
     nearer(factor) {
         const {view, focused} = this.stage;
-        view.distance = Math.max(1.2 * focused.craft.extent, Math.min(1e12, view.distance * factor));
+        view.distance = Math.max(1.2 * focused.craft.extent, Math.min(FARTHEST, view.distance * factor));
         this.dirty = true;
     }
 
@@ -391,7 +397,7 @@ class Viewer {
             this.dirty = false;
             this.stage.render(this.t, this.playing ? since : 0);
             this.plots.show(this.t);
-            if (!this.playing || now - (this.told ?? 0) > 90) {  // numbers that change faster cannot be read
+            if (!this.playing || now - (this.told ?? 0) > READABLE) {
                 this.told = now;
                 this.tell();
             }
@@ -414,8 +420,8 @@ class Viewer {
             `Opened in ${(this.root.dataset.opened / 1000).toFixed(2)} s, ${this.root.dataset.rate} frames/s.`;
         this.frames = [];
         const least = 0.5, most = Math.min(devicePixelRatio, 2);
-        const ratio = mean > 0.042 ? Math.max(least, 0.8 * stage.ratio) :
-            mean < 0.018           ? Math.min(most, 1.15 * stage.ratio) :
+        const ratio = mean > TOO_SLOW ? Math.max(least, 0.8 * stage.ratio) :
+            mean < QUICK ? Math.min(most, 1.15 * stage.ratio) :
                                      stage.ratio;
         if (ratio !== stage.ratio) {
             stage.ratio = ratio;
@@ -428,10 +434,10 @@ class Viewer {
         const {data, stage, t} = this, one = stage.focused, rows = [], degrees = THREE.MathUtils.radToDeg;
         const centre = primary(data, one.place, t);
         if (centre) {
-            const r = sub(one.place, position(centre.motion, t)), v = sub(one.speed, velocity(centre.motion, t));
+            const away = sub(one.place, position(centre.motion, t)), speed = sub(one.speed, velocity(centre.motion, t));
             rows.push(
-                ["altitude", `${((norm(r) - centre.radius) / 1e3).toFixed(2)} km`],
-                ["speed", `${(norm(v) / 1e3).toFixed(4)} km/s`]);
+                ["altitude", `${((norm(away) - centre.radius) / 1e3).toFixed(2)} km`],
+                ["speed", `${(norm(speed) / 1e3).toFixed(4)} km/s`]);
         }
         const {rate, ...others} = one.craft.signals;
         if (rate)

@@ -17,14 +17,17 @@ const LOOKS = {
     PLUTO: ["#8b7765", "#cdb9a3", 0],
 };
 
+/** Numbers from 0 to 1 that are the same in every browser (mulberry32). */
 function random(seed) {
     return () => {
         seed = (seed + 0x6d2b79f5) | 0;
-        let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
-        t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
-        return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+        let bits = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+        bits = (bits + Math.imul(bits ^ (bits >>> 7), 61 | bits)) ^ bits;
+        return ((bits ^ (bits >>> 14)) >>> 0) / 2 ** 32;
     };
 }
+
+const smooth = (x) => x ** 2 * (3 - 2 * x);
 
 /** Smooth noise over a sphere in an equirectangular picture, 0 to 1, that meets itself at its left and right edge. */
 function noise(width, height, seed, cells) {
@@ -35,13 +38,13 @@ function noise(width, height, seed, cells) {
         const grid = Float32Array.from({length: columns * (rows + 1)}, next), share = 0.55 ** octave;
         weight += share;
         for (let y = 0; y < height; y++) {
-            const v = (y / height) * rows, j = Math.floor(v), b = (v - j) ** 2 * (3 - 2 * (v - j));
+            const down = (y / height) * rows, row = Math.floor(down), lower = smooth(down - row);
             for (let x = 0; x < width; x++) {
-                const u = (x / width) * columns, i = Math.floor(u), a = (u - i) ** 2 * (3 - 2 * (u - i));
-                const k = (i + 1) % columns, top = j * columns, low = (j + 1) * columns;
+                const along = (x / width) * columns, left = Math.floor(along), right = (left + 1) % columns;
+                const further = smooth(along - left), top = row * columns, low = (row + 1) * columns;
                 sum[y * width + x] += share *
-                    ((1 - b) * ((1 - a) * grid[top + i] + a * grid[top + k]) +
-                     b * ((1 - a) * grid[low + i] + a * grid[low + k]));
+                    ((1 - lower) * ((1 - further) * grid[top + left] + further * grid[top + right]) +
+                     lower * ((1 - further) * grid[low + left] + further * grid[low + right]));
             }
         }
     }
@@ -57,13 +60,12 @@ function canvas(width, height) {
 
 /** A picture of colours that paint(share of noise, latitude in [-1, 1]) gives as [r, g, b]. */
 function shaded(seed, cells, paint) {
-    const [made, brush] = canvas(512, 256), field = noise(512, 256, seed, cells),
-                 image = brush.createImageData(512, 256);
-    for (let y = 0, p = 0; y < 256; y++)
-        for (let x = 0; x < 512; x++, p++) {
-            const [r, g, b] = paint(field[p], 1 - y / 128);
-            image.data.set([r, g, b, 255], 4 * p);
-        }
+    const width = 512, height = 256, [made, brush] = canvas(width, height);
+    const field = noise(width, height, seed, cells), image = brush.createImageData(width, height);
+    field.forEach((share, pixel) => {
+        const latitude = 1 - Math.floor(pixel / width) / (height / 2);
+        image.data.set([...paint(share, latitude).slice(0, 3), 255], 4 * pixel);
+    });
     brush.putImageData(image, 0, 0);
     return made;
 }
@@ -89,20 +91,23 @@ function unwrapped(ring) {
     return points;
 }
 
+const ICE = [235, 240, 244];
+
 function earth() {
-    const [made, brush] = canvas(2048, 1024), x = (lon) => ((lon + 180) / 360) * 2048,
-                 y = (lat) => ((90 - lat) / 180) * 1024;
+    const width = 2048, height = 1024, [made, brush] = canvas(width, height);
+    const x = (lon) => ((lon + 180) / 360) * width, y = (lat) => ((90 - lat) / 180) * height;
     const ocean = shaded(
         3, 8,
         (n, lat) => mix(mix([9, 38, 74], [24, 82, 124], 1.6 * n - 0.3), [58, 98, 128], 4 * (Math.abs(lat) - 0.75)));
     const ground = shaded(11, 16, (n, lat) => {
-        const a = Math.abs(lat * 90 + 14 * (n - 0.5));
-        let colour = mix([46, 84, 44], [176, 152, 96], 1 - Math.abs(a - 24) / 11);
-        colour = mix(colour, [64, 92, 56], (a - 34) / 10);
-        colour = mix(colour, [112, 118, 100], (a - 58) / 8);
-        return mix(mix(colour, [235, 240, 244], (a - 68) / 5), colour.map((c) => 0.7 * c), 0.55 - n);
+        const degrees = Math.abs(lat * 90 + 14 * (n - 0.5));  // of latitude, with ragged edges of the zones
+        const forest = [46, 84, 44], desert = [176, 152, 96], meadow = [64, 92, 56], tundra = [112, 118, 100];
+        let colour = mix(forest, desert, 1 - Math.abs(degrees - 24) / 11);
+        colour = mix(colour, meadow, (degrees - 34) / 10);
+        colour = mix(colour, tundra, (degrees - 58) / 8);
+        return mix(mix(colour, ICE, (degrees - 68) / 5), colour.map((one) => 0.7 * one), 0.55 - n);
     });
-    brush.drawImage(ocean, 0, 0, 2048, 1024);
+    brush.drawImage(ocean, 0, 0, width, height);
     const shape = new Path2D(), coast = new Path2D();
     for (const one of feature(land, land.objects.land).features)
         for (const polygon of one.geometry.type === "Polygon" ? [one.geometry.coordinates] : one.geometry.coordinates)
@@ -118,7 +123,7 @@ function earth() {
             }
     brush.save();
     brush.clip(shape, "evenodd");
-    brush.drawImage(ground, 0, 0, 2048, 1024);
+    brush.drawImage(ground, 0, 0, width, height);
     brush.restore();
     brush.strokeStyle = "rgba(210, 232, 245, .35)";
     brush.lineWidth = 1.2;
@@ -233,9 +238,9 @@ export function makePlanet(name, software) {
 export function makeStars() {
     const next = random(5), places = [], colours = [];
     for (let k = 0; k < 2600; k++) {
-        const z = 2 * next() - 1, a = 2 * Math.PI * next(), s = Math.sqrt(1 - z * z),
+        const z = 2 * next() - 1, longitude = 2 * Math.PI * next(), across = Math.sqrt(1 - z * z),
               bright = 0.25 + 0.75 * next() ** 6;
-        places.push(s * Math.cos(a), s * Math.sin(a), z);
+        places.push(across * Math.cos(longitude), across * Math.sin(longitude), z);
         const warm = next();
         colours.push(bright * (0.85 + 0.15 * warm), bright * 0.92, bright * (1 - 0.15 * warm));
     }

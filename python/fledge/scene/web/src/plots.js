@@ -84,15 +84,15 @@ export class Plots {
                 value: (_, y) => (y == null ? "" : y.toPrecision(5)) }))],
             cursor: { sync: { key: "fledge", setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
             hooks: {
-                draw: [(u) => {
-                    const x = u.valToPos(this.t, "x", true), { left, top, width, height } = u.bbox;
+                draw: [(drawn) => {
+                    const x = drawn.valToPos(this.t, "x", true), { left, top, width, height } = drawn.bbox;
                     if (x < left || x > left + width) return;
-                    u.ctx.fillStyle = css.getPropertyValue("--accent");
-                    u.ctx.fillRect(x - 0.75, top, 1.5, height);
+                    drawn.ctx.fillStyle = css.getPropertyValue("--accent");
+                    drawn.ctx.fillRect(x - 0.75, top, 1.5, height);
                 }],
-                setScale: [(u, key) => key === "x" && this.zoom(u, u.scales.x.min, u.scales.x.max)],
-                ready: [(u) => u.over.addEventListener("click", (event) => {
-                    if (!u.select.width) this.seek(u.posToVal(event.offsetX, "x"));
+                setScale: [(zoomed, key) => key === "x" && this.zoom(zoomed, zoomed.scales.x.min, zoomed.scales.x.max)],
+                ready: [(made) => made.over.addEventListener("click", (event) => {
+                    if (!made.select.width) this.seek(made.posToVal(event.offsetX, "x"));
                 })],
             },
         }, plot.table, holder);
@@ -148,10 +148,10 @@ export class Plots {
 
 /** 3723.5 -> "1:02:03.5" */
 export function clock(t) {
-    const sign = t < 0 ? "\u2212" : "", whole = Math.abs(t), h = Math.floor(whole / 3600),
-          m = Math.floor(whole / 60) % 60;
-    const s = whole % 60, fraction = Math.abs(s - Math.round(s)) > 1e-6 ? s.toFixed(2) : String(Math.round(s));
-    return `${sign}${h}:${String(m).padStart(2, "0")}:${fraction.replace(/^(\d)(?=\.|$)/, "0$1")}`;
+    const sign = t < 0 ? "\u2212" : "", whole = Math.abs(t), hours = Math.floor(whole / 3600);
+    const minutes = Math.floor(whole / 60) % 60, seconds = whole % 60;
+    const shown = Math.abs(seconds - Math.round(seconds)) <= 1e-6 ? String(Math.round(seconds)) : seconds.toFixed(2);
+    return `${sign}${hours}:${String(minutes).padStart(2, "0")}:${shown.replace(/^(\d)(?=\.|$)/, "0$1")}`;
 }
 
 function short(value) {

@@ -32,6 +32,12 @@ export const LAYERS = [
     ["estimate", "Estimate", true],
     ["reference", "Reference", false],
 ];
+// [-] Lengths in extents of the spacecraft:
+const AXIS = 1.9, ARROW = 2.4, FRAME = 2.6;
+const CLOSE = 250;  // nearer than this its parts and names are shown
+const FIELD_OF_VIEW = 40;  // [deg] of the camera, upright
+const SKY = 1e13, SUN_GLOW = 9e12;  // [m] distances of decoration
+const BEHIND = -1e-9;  // [m] along the camera's axis
 const FALLBACK_LIGHT = unit([0.6, -0.5, 0.62]);
 
 /** Whether there is no graphics processor, so that smooth edges would cost too much. */
@@ -55,7 +61,7 @@ export class Stage {
         this.renderer = new THREE.WebGLRenderer({canvas, context, logarithmicDepthBuffer: true});
         this.renderer.toneMapping = THREE.NeutralToneMapping;
         this.world = new THREE.Scene();
-        this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 1e14);
+        this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 1e14);
         this.ratio = Math.min(devicePixelRatio, 2);
         this.preset = "hill";
         this.focus = 0;
@@ -85,19 +91,19 @@ export class Stage {
     }
 
     buildCraft(craft, colour) {
-        const {world, data} = this, body = makeCraft(craft), axes = makeFrame(1.9 * craft.extent, AXES);
+        const {world, data} = this, body = makeCraft(craft), axes = makeFrame(AXIS * craft.extent, AXES);
         body.add(axes);
         world.add(body);
         const made = {craft, colour, body, axes, place: [0, 0, 0], speed: [0, 0, 0], sunlight: 1};
         const soft = AXES.map((one) => new THREE.Color(one).lerp(new THREE.Color("#c8d0d8"), 0.55));
-        made.hill = makeFrame(2.6 * craft.extent, soft, 0.006);
-        made.inertial = makeFrame(2.6 * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
+        made.hill = makeFrame(FRAME * craft.extent, soft, 0.006);
+        made.inertial = makeFrame(FRAME * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
         made.arrows = [
             ["Sun", "#ffd34d"], ["nadir", "#6fb4ff"], ["velocity", "#b7e36a"],
             ...craft.directions.map((one) => [one.name, "#e58cff"])
         ].map(([name, tint]) => {
             const arrow = makeArrow(tint, 0.007);
-            arrow.scale.setScalar(2.4 * craft.extent);
+            arrow.scale.setScalar(ARROW * craft.extent);
             world.add(arrow);
             return {name, arrow, label: this.label(name, "tip", tint)};
         });
@@ -174,8 +180,8 @@ export class Stage {
             if (centre) target = position(centre.motion, t);
         }
         if (this.preset === "sun") {
-            const s = toSun(this.data, place, t) ?? FALLBACK_LIGHT, side = unit(cross([0, 0, 1], s));
-            turn.setFromRotationMatrix(basis(s, side, cross(s, side)));
+            const sun = toSun(this.data, place, t) ?? FALLBACK_LIGHT, side = unit(cross([0, 0, 1], sun));
+            turn.setFromRotationMatrix(basis(sun, side, cross(sun, side)));
         }
         return {turn, target: [...target]};
     }
@@ -188,10 +194,10 @@ export class Stage {
 
     /** Its columns: radial, along the velocity, along the orbit's momentum. Null without an orbit. */
     hillFrame(place, speed, t) {
-        const centre = primary(this.data, place, t), r = sub(place, position(centre?.motion, t));
-        const h = cross(r, sub(speed, velocity(centre?.motion, t)));
-        if (!centre || norm(h) < 1e-6 * norm(r)) return null;
-        const out = unit(r), normal = unit(h);
+        const centre = primary(this.data, place, t), away = sub(place, position(centre?.motion, t));
+        const momentum = cross(away, sub(speed, velocity(centre?.motion, t)));
+        if (!centre || norm(momentum) < 1e-6 * norm(away)) return null;
+        const out = unit(away), normal = unit(momentum);
         return new THREE.Quaternion().setFromRotationMatrix(basis(out, cross(normal, out), normal));
     }
 
@@ -212,7 +218,7 @@ export class Stage {
         const cone =
             this.preset === "boresight" ? this.boresights[this.boresight % (this.boresights.length || 1)] : null;
         camera.up.set(0, 0, 1);
-        camera.fov = 40;
+        camera.fov = FIELD_OF_VIEW;
         if (cone) {
             const axis = new THREE.Vector3(...cone.axis);
             camera.up.set(...(Math.abs(axis.z) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
@@ -231,7 +237,7 @@ export class Stage {
         const eye = camera.position.toArray().map((one, k) => one + target[k]);
         const relative = (place) => sub(place, target);
 
-        const s = toSun(data, here.place, t), light = s ?? FALLBACK_LIGHT;
+        const sun = toSun(data, here.place, t), light = sun ?? FALLBACK_LIGHT;
         this.light.position.set(...light);
         this.light.intensity = 0.15 + 3.1 * here.sunlight;
         const centre = primary(data, here.place, t);
@@ -242,10 +248,10 @@ export class Stage {
             this.bounce.intensity = 1.1 * Math.max(0, -dot(down, light)) * (centre.name === "SUN" ? 0 : 1);
         }
         this.stars.position.copy(camera.position);
-        this.stars.scale.setScalar(1e13);
-        this.sunGlow.visible = Boolean(s);
-        this.sunGlow.position.copy(camera.position).addScaledVector(new THREE.Vector3(...light), 9e12);
-        this.sunGlow.scale.setScalar(9e12 * (this.theme === "light" ? 0.12 : 0.2) * (camera.fov / 40));
+        this.stars.scale.setScalar(SKY);
+        this.sunGlow.visible = Boolean(sun);
+        this.sunGlow.position.copy(camera.position).addScaledVector(new THREE.Vector3(...light), SUN_GLOW);
+        this.sunGlow.scale.setScalar(SUN_GLOW * (this.theme === "light" ? 0.12 : 0.2) * (camera.fov / FIELD_OF_VIEW));
 
         for (const {planet, group, label} of this.planets) {
             const place = position(planet.motion, t), near = relative(place);
@@ -262,7 +268,7 @@ export class Stage {
 
     renderCraft(one, t, since, relative, eye, light, cone, spare) {
         const {shown, data} = this, {craft, body, place, speed} = one, near = relative(place);
-        const close = norm(sub(place, eye)) < 250 * craft.extent, focused = one === this.focused;
+        const close = norm(sub(place, eye)) < CLOSE * craft.extent, focused = one === this.focused;
         body.position.set(...near);
         body.update(t, since);
         const through = shown.inside || (focused && Boolean(cone));
@@ -341,10 +347,10 @@ export class Stage {
 
     /** Where a place relative to the origin is on the screen [px]; null behind the camera. */
     project(near) {
-        const v = new THREE.Vector3(...near).applyMatrix4(this.camera.matrixWorldInverse);
-        if (v.z > -1e-9) return null;
+        const seen = new THREE.Vector3(...near).applyMatrix4(this.camera.matrixWorldInverse);
+        if (seen.z > BEHIND) return null;
         const focal = this.size[1] / 2 / Math.tan(THREE.MathUtils.degToRad(this.camera.fov) / 2);
-        return [this.size[0] / 2 - (focal * v.x) / v.z, this.size[1] / 2 + (focal * v.y) / v.z];
+        return [this.size[0] / 2 - (focal * seen.x) / seen.z, this.size[1] / 2 + (focal * seen.y) / seen.z];
     }
 
     /** Put a name at a place, if it is shown and neither behind the camera nor behind a planet. */
@@ -353,9 +359,9 @@ export class Stage {
         if (at && !(at[0] > -200 && at[0] < this.size[0] + 200 && at[1] > -50 && at[1] < this.size[1] + 50)) at = null;
         if (at)
             for (const {group, planet} of this.planets) {
-                const eye = this.camera.position.toArray(), way = sub(near, eye), far = norm(way), d = unit(way);
-                const to = sub(group.position.toArray(), eye), along = dot(to, d);
-                if (along > 0 && along < far - 0.5 * planet.radius && norm(cross(to, d)) < planet.radius) at = null;
+                const eye = this.camera.position.toArray(), way = sub(near, eye), far = norm(way), sight = unit(way);
+                const to = sub(group.position.toArray(), eye), along = dot(to, sight);
+                if (along > 0 && along < far - 0.5 * planet.radius && norm(cross(to, sight)) < planet.radius) at = null;
                 if (!at) break;
             }
         label.hidden = !at;
