@@ -119,11 +119,10 @@ int file_sink_close(FileSink *s, bool whole)
         memcpy(name, s->part, n);
         name[n] = '\0';
         /* On the disk before it has its name, so that a power failure leaves no file of that name that is not whole. */
-        if (fdatasync(s->fd) != 0 && errno != EINVAL && errno != ENOSYS) {
-            s->error = errno;
-        } else if (!is_ours(s)) {
+        const int safe = fdatasync(s->fd) == 0 || errno == EINVAL || errno == ENOSYS;
+        if (safe && !is_ours(s)) {
             s->error = ESTALE;
-        } else if (rename(s->part, name) != 0) {
+        } else if (!safe || rename(s->part, name) != 0) {
             s->error = errno;
         }
     }

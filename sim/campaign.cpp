@@ -589,6 +589,7 @@ CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned
     std::mutex mutex;
     std::condition_variable done;
     std::vector<std::thread> pool;
+    pool.reserve(workers.size());
     for (const auto &worker : workers) {
         pool.emplace_back([&, own = worker.get()] {
             for (std::size_t run = next++; run < plan.runs && !stop; run = next++) {

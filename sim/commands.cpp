@@ -178,13 +178,15 @@ bool Commands::run_procedure(Ns t)
 
 std::string Commands::write_changes(const std::vector<std::vector<std::byte>> &before)
 {
-    for (std::uint16_t place = 0; place < blocks_.size(); place++) {
+    for (std::size_t place = 0; place < blocks_.size(); place++) {
         const Dictionary::Block &block = dictionary_->blocks[place];
         for (std::size_t i = 0; i < before.size(); i++) {
             if (process_.instances()[i]->name != block.instance) {
                 continue;
             }
-            if (std::string wrong = write_changes(block, place, before[i].data() + block.offset); !wrong.empty()) {
+            std::string wrong =
+                write_changes(block, static_cast<std::uint16_t>(place), before[i].data() + block.offset);
+            if (!wrong.empty()) {
                 return wrong;
             }
         }

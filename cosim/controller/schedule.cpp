@@ -38,6 +38,7 @@ std::string Schedule::fault() const
 std::string format_rates(const std::vector<Rate> &rates)
 {
     std::vector<std::string> each;
+    each.reserve(rates.size());
     for (const Rate &rate : rates) {
         each.push_back(format_time(rate.period) + (rate.offset ? " from " + format_time(rate.offset) + " on" : ""));
     }

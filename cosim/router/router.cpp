@@ -37,7 +37,7 @@ ControllerConfig adjusted(ControllerConfig config, bool listened, bool paced)
 
 } // namespace
 
-Router::Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config)
+Router::Router(zmq::context_t &context, const ControllerConfig &controller, RouterConfig config)
     : context_(context), config_(std::move(config)), simulation_(controller.simulation),
       controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(), config_.pace > 0.0)),
       greetings_(context, zmq::socket_type::router), greeters_(context, greetings_), nodes_(controller.nodes.size())

@@ -56,7 +56,7 @@ struct NodeTimes {
 class Router {
 public:
     /// Throws KeyError. Throws LinkError if the address is in use, or if other machines can reach it without keys.
-    Router(zmq::context_t &context, ControllerConfig controller, RouterConfig config);
+    Router(zmq::context_t &context, const ControllerConfig &controller, RouterConfig config);
     /// Ends the run, if it is not over.
     ~Router();
 

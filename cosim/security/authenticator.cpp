@@ -45,7 +45,11 @@ Authenticator::Authenticator(zmq::context_t &context, std::filesystem::path fold
 
 Authenticator::~Authenticator()
 {
-    end_.send(zmq::message_t(), zmq::send_flags::dontwait);
+    try {
+        end_.send(zmq::message_t(), zmq::send_flags::dontwait);
+    } catch (const zmq::error_t &) {
+        // The context ends, and its thread with it.
+    }
     thread_.join();
 }
 

@@ -105,7 +105,7 @@ std::vector<fs::path> files_in(const fs::path &folder, std::string_view extensio
 
 fs::path secret_of(const fs::path &folder, const std::string &node)
 {
-    if (const fs::path own = folder / (node + ".secret"); node.find('/') == node.npos && fs::exists(own)) {
+    if (fs::path own = folder / (node + ".secret"); node.find('/') == node.npos && fs::exists(own)) {
         return own;
     }
     auto files = files_in(folder, ".secret");

@@ -262,13 +262,13 @@ std::string serve(const Settings &o, const MissionHost &mission, registers::Back
 
 int main(int argc, char **argv)
 {
-    Settings o = parse(argc, argv);
-    const MissionHost &mission = *o.mission;
-    fill(o.delegate.simulation, "FLEDGE_SIMULATION", mission.name);
-    fill(o.delegate.node, "FLEDGE_NODE", "flight");
-    fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");
-    const std::span boards(mission.io->boards, mission.io->n_boards);
     try {
+        Settings o = parse(argc, argv);
+        const MissionHost &mission = *o.mission;
+        fill(o.delegate.simulation, "FLEDGE_SIMULATION", mission.name);
+        fill(o.delegate.node, "FLEDGE_NODE", "flight");
+        fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");
+        const std::span boards(mission.io->boards, mission.io->n_boards);
         std::string reason;
         if (o.command.empty()) {
             registers::SharedFile file(boards, o.registers);

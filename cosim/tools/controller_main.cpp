@@ -184,12 +184,12 @@ Settings parse(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    Settings o = parse(argc, argv);
     for (const int signal : {SIGINT, SIGTERM}) {
         std::signal(signal, [](int) { asked_to_end = 1; });
     }
     std::signal(SIGXFSZ, SIG_IGN); // a record that reaches the limit on file sizes is an error of writing
     try {
+        Settings o = parse(argc, argv);
         StatusStream status(o.status);
         o.router.report = [&](const std::string &text) {
             std::fprintf(stderr, "%s\n", text.c_str());

@@ -210,10 +210,9 @@ void Link::send(const Frame &frame, bool urgent)
     // It never waits: in lock step only a few frames are on their way, so a side that takes no more is gone. Its
     // last frame, which may end the run, can still be read.
     try {
-        if (end_ == End::controller && !socket_.send(zmq::buffer(peer_.data(), peer_.size()),
-                                                     zmq::send_flags::sndmore | zmq::send_flags::dontwait)) {
-            gone_ = true;
-        } else if (!socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
+        if ((end_ == End::controller && !socket_.send(zmq::buffer(peer_.data(), peer_.size()),
+                                                      zmq::send_flags::sndmore | zmq::send_flags::dontwait)) ||
+            !socket_.send(zmq::buffer(bytes_), zmq::send_flags::dontwait)) {
             gone_ = true;
         }
     } catch (const zmq::error_t &error) {

@@ -68,12 +68,14 @@ static inline ExecNumber exec_real(double x)
 
 static inline ExecNumber exec_signed(int64_t x)
 {
-    return (ExecNumber){(double)(x / 4294967296) * 4294967296.0, (double)(x % 4294967296)};
+    const int64_t high = x / 4294967296;
+    return (ExecNumber){(double)high * 4294967296.0, (double)(x % 4294967296)};
 }
 
 static inline ExecNumber exec_unsigned(uint64_t x)
 {
-    return (ExecNumber){(double)(x / 4294967296u) * 4294967296.0, (double)(x % 4294967296u)};
+    const uint64_t high = x / 4294967296u;
+    return (ExecNumber){(double)high * 4294967296.0, (double)(x % 4294967296u)};
 }
 
 /** A number with the sign of a - b, and 0 only if they are equal. One of them at least is a whole number. */

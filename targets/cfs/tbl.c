@@ -369,6 +369,7 @@ static CFE_Status_t read_image(const Image *image, uint8 *bytes, uint32 size, bo
 {
     CFE_Status_t status = CFE_SUCCESS;
     uint8 more;
+    /* NOLINTNEXTLINE(bugprone-branch-clone): a file may be too large by its header or by its data */
     if (image->offset > size || image->size > size - image->offset) {
         status = CFE_TBL_ERR_FILE_TOO_LARGE;
     } else if (whole && (image->offset > 0u || image->size < size)) {

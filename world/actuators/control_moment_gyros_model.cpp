@@ -152,10 +152,11 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
         motors.servo = acts(rates.head);
         motors.lag = par.lag[i] > 0.0 ? par.lag[i] : dt;
         motors.wheel = limited(asked, par.u_max[i]);
-        motors.gimbal = motors.servo ? limited(rates.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
+        motors.gimbal =
+            motors.servo != 0.0 ? limited(rates.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
         if (dt > 0.0 && state_.faults.any()) {
             fail(of_wheels + i, motors.wheel, par.u_max[i]);
-            fail(of_gimbals + i, motors.gimbal, motors.servo ? par.rate_max[i] : par.torque_max[i]);
+            fail(of_gimbals + i, motors.gimbal, motors.servo != 0.0 ? par.rate_max[i] : par.torque_max[i]);
         }
         if (motors.wheel != 0.0 || motors.gimbal != 0.0) {
             const Axes at = axes(i, x[2 * padded_ + i]);
@@ -163,13 +164,13 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
             const double spin_up = vec_dot(at.s, rate.domega) + now.rate * now.omega_t;
             motors.wheel = no_faster(motors.wheel, now.h / par.J[i] - now.omega_s, par.Omega_max[i], par.J[i] * spin_up,
                                      par.J[i] / dt);
-            if (!motors.servo) {
+            if (motors.servo == 0.0) {
                 motors.gimbal = no_faster(motors.gimbal, now.rate, par.rate_max[i],
                                           par.J_g[i] * vec_dot(at.g, rate.domega) - now.gyration, par.J_g[i] / dt);
             }
         }
         motors.limited = std::abs(motors.wheel - asked) > 1e-9 * std::abs(asked) ||
-                         (!motors.servo && std::abs(motors.gimbal - torque) > 1e-9 * std::abs(torque));
+                         (motors.servo == 0.0 && std::abs(motors.gimbal - torque) > 1e-9 * std::abs(torque));
         changed |= before.wheel != motors.wheel || before.gimbal != motors.gimbal || before.servo != motors.servo ||
                    before.lag != motors.lag;
     }
@@ -180,7 +181,7 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
 double ControlMomentGyrosModel::gimbal_torque(std::size_t i, const Gyro &gyro) const
 {
     const auto &par = interface_.par;
-    if (!state_.motors[i].servo) {
+    if (state_.motors[i].servo == 0.0) {
         return state_.motors[i].gimbal;
     }
     const double wanted = par.J_g[i] * (state_.motors[i].gimbal - gyro.rate) / state_.motors[i].lag - gyro.gyration;

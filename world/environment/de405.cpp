@@ -205,7 +205,8 @@ SegmentFile read_de405(const std::string &folder)
         const std::int32_t count = layout[columns + column.column];
         const std::int32_t parts = layout[2 * columns + column.column];
         if (first < 0 || count < 1 || count > 100 || parts < 1 || parts > 100 ||
-            static_cast<std::size_t>(first + 3 * count * parts) > row_words) {
+            static_cast<std::size_t>(first) + 3 * static_cast<std::size_t>(count) * static_cast<std::size_t>(parts) >
+                row_words) {
             refuse(folder + "/table.dat", "is damaged: its layout goes beyond a row");
         }
         ChebyshevSegment s;
@@ -215,7 +216,7 @@ SegmentFile read_de405(const std::string &folder)
         s.last = begin + static_cast<double>(rows) * row_days * day;
         s.length = row_days * day / parts;
         s.coefficients = count;
-        s.record_words = static_cast<std::size_t>(2 + 3 * count);
+        s.record_words = 2 + 3 * static_cast<std::size_t>(count);
         s.count = rows * static_cast<std::size_t>(parts);
         s.file = folder;
 

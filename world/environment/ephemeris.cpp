@@ -362,6 +362,7 @@ std::string Ephemeris::why_not(int target, int center, double t, const std::stri
         if (!std::binary_search(known.begin(), known.end(), body) &&
             !std::binary_search(known.begin(), known.end(), stand_in(body))) {
             std::vector<std::string> names;
+            names.reserve(known.size());
             for (const int id : known) {
                 names.push_back(body_name(id));
             }

@@ -215,7 +215,7 @@ TimeSystem TimeSystem::read(const std::string &path)
     TimeSystem system;
     // About what these are is known; a number far beyond is damage.
     const auto numbers = [&](const char *name, const std::vector<double> &most) {
-        const std::vector<double> found = kernel.numbers(name, most.size(), most.size());
+        std::vector<double> found = kernel.numbers(name, most.size(), most.size());
         for (std::size_t i = 0; i < most.size(); i++) {
             if (!(std::fabs(found[i]) <= most[i])) {
                 refuse_line(path, kernel.values(name)[i].line,

@@ -129,9 +129,9 @@ void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const
 }
 
 /// A numpy array on the result's own memory, which it keeps alive.
-py::array view(py::handle owner, std::vector<double> &values, std::vector<std::size_t> shape)
+py::array view(py::handle owner, std::vector<double> &values, const std::vector<std::size_t> &shape)
 {
-    return py::array_t<double>(std::move(shape), values.data(), owner);
+    return py::array_t<double>(shape, values.data(), owner);
 }
 
 std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
@@ -197,7 +197,7 @@ void bind_campaign(py::module_ &m)
                                })
         .def_property_readonly(
             "draws",
-            [](py::object self) {
+            [](const py::object &self) {
                 auto &r = self.cast<sim::CampaignResult &>();
                 const std::size_t runs = r.flown.size();
                 return view(self, r.draws, {runs, r.draws.size() / runs});
@@ -205,7 +205,7 @@ void bind_campaign(py::module_ &m)
             "(runs, elements)")
         .def_property_readonly(
             "retained",
-            [](py::object self) {
+            [](const py::object &self) {
                 auto &r = self.cast<sim::CampaignResult &>();
                 const std::size_t runs = r.flown.size();
                 py::list list;

@@ -16,7 +16,7 @@ PYBIND11_MODULE(_core, m)
     }
     py::register_exception_translator([](std::exception_ptr error) {
         try {
-            std::rethrow_exception(error);
+            std::rethrow_exception(std::move(error));
         } catch (const fledge::sim::SetupError &e) {
             PyErr_SetString(setup_error(), e.what());
         } catch (const fledge::sim::RunError &e) {

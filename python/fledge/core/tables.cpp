@@ -248,7 +248,7 @@ void bind_tables(py::module_ &m)
         .def_property_readonly(
             "kind", [](const FledgeStruct &s) { return kind_name(s.kind); }, "plain, message, module or model")
         .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
-        .def_property_readonly("fields", [](py::object self) {
+        .def_property_readonly("fields", [](const py::object &self) {
             const auto &s = self.cast<const FledgeStruct &>();
             py::list list;
             for (std::uint32_t i = 0; i < s.n; i++) {

@@ -360,7 +360,7 @@ PYBIND11_MODULE(_emulator, m)
     m.doc() = "A flight computer in software. Use the package fledge.emulator instead.";
     py::register_exception_translator([](std::exception_ptr error) {
         try {
-            std::rethrow_exception(error);
+            std::rethrow_exception(std::move(error));
         } catch (const Error &e) {
             PyErr_SetString(py::module_::import("fledge.errors").attr("SetupError").ptr(), e.what());
         } catch (const registers::Error &e) {
@@ -368,8 +368,8 @@ PYBIND11_MODULE(_emulator, m)
         }
     });
 
-    py::class_<Snapshot, std::shared_ptr<Snapshot>>(m, "Snapshot");
-    py::class_<Link::Saved>(m, "Saved");
+    (void)py::class_<Snapshot, std::shared_ptr<Snapshot>>(m, "Snapshot");
+    (void)py::class_<Link::Saved>(m, "Saved");
 
     py::class_<Computer>(m, "Computer")
         .def(py::init<const std::string &, const std::string &, const std::string &>())
