@@ -122,10 +122,10 @@ struct OwnEvent {
     std::shared_ptr<sim::Event> event;
 };
 
-OwnEvent add_event(sim::Process &process, const std::string &name, py::object when, std::optional<Condition> until,
-                   Ns hold, std::int32_t count, bool once, bool armed, std::vector<std::string> modes,
-                   const std::string &mode, std::vector<std::pair<std::string, bool>> arms, const py::list &set,
-                   std::function<void()> action)
+OwnEvent add_event(sim::Process &process, const std::string &name, const py::object &when,
+                   std::optional<Condition> until, Ns hold, std::int32_t count, bool once, bool armed,
+                   std::vector<std::string> modes, const std::string &mode,
+                   std::vector<std::pair<std::string, bool>> arms, const py::list &set, std::function<void()> action)
 {
     sim::Event event;
     event.name = name;
@@ -311,25 +311,8 @@ py::dict wrap_instances(const sim::Process &process)
     return objects;
 }
 
-} // namespace
-
-py::list health_rows(const std::vector<sim::Finding> &findings)
+void bind_conditions(py::module_ &m)
 {
-    return list_of(findings, [](const sim::Finding &f) {
-        const py::object first = f.first < 0 ? py::none() : py::object(py::float_(static_cast<double>(f.first) / 1e9));
-        return py::make_tuple(sim::kind_name(f.kind), f.path, first, f.count, f.text);
-    });
-}
-
-void bind_simulation(py::module_ &m)
-{
-    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
-        .def("__repr__", &sim::Integrator::describe);
-    m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
-    m.def("adaptive", [](double relative, double absolute) {
-        return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
-    });
-
     py::class_<Operand>(m, "Operand", "What a condition compares: of a field, or a constant.")
         .def(py::init(&make_operand))
         .def(py::init(&make_constant))
@@ -373,7 +356,10 @@ void bind_simulation(py::module_ &m)
             "in postfix order: (operand, relation, operand) of a comparison, or '&', '|' of the two before, '~' of the "
             "one");
     m.def("encode", encode);
+}
 
+void bind_event(py::module_ &m)
+{
     py::class_<OwnEvent>(m, "Event")
         .def_property_readonly("name", [](const OwnEvent &e) { return e.event->name; })
         .def_property(
@@ -400,7 +386,10 @@ void bind_simulation(py::module_ &m)
                       [](const OwnEvent &e, std::function<bool()> f) { e.event->predicate = std::move(f); })
         .def_property("action", nullptr,
                       [](const OwnEvent &e, std::function<void()> f) { e.event->action = std::move(f); });
+}
 
+void bind_log(py::module_ &m)
+{
     py::class_<sim::Log, std::shared_ptr<sim::Log>>(m, "Log", "The samples of one port.")
         .def_property_readonly("path", [](const sim::Log &log) { return log.instance->path + "." + log.field->name; })
         .def_property_readonly(
@@ -417,7 +406,10 @@ void bind_simulation(py::module_ &m)
             const std::size_t size = log.times.empty() ? 0 : log.field->size;
             return py::bytes(reinterpret_cast<const char *>(log.bytes.data() + log.bytes.size() - size), size);
         });
+}
 
+void bind_process(py::module_ &m)
+{
     py::class_<sim::Process>(m, "Process")
         .def_readonly("name", &sim::Process::name)
         .def("add",
@@ -511,6 +503,30 @@ void bind_simulation(py::module_ &m)
             }
             return list;
         });
+}
+
+} // namespace
+
+py::list health_rows(const std::vector<sim::Finding> &findings)
+{
+    return list_of(findings, [](const sim::Finding &f) {
+        const py::object first = f.first < 0 ? py::none() : py::object(py::float_(static_cast<double>(f.first) / 1e9));
+        return py::make_tuple(sim::kind_name(f.kind), f.path, first, f.count, f.text);
+    });
+}
+
+void bind_simulation(py::module_ &m)
+{
+    py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
+        .def("__repr__", &sim::Integrator::describe);
+    m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
+    m.def("adaptive", [](double relative, double absolute) {
+        return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
+    });
+    bind_conditions(m);
+    bind_event(m);
+    bind_log(m);
+    bind_process(m);
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
