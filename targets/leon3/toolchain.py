@@ -4,9 +4,7 @@ source. The library is built once, in build/leon3 (of an installed Fledge: in ~/
 changed."""
 from __future__ import annotations
 
-import fcntl
 import hashlib
-import os
 import shutil
 import subprocess
 import tarfile
@@ -15,8 +13,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from fledge.errors import Failure
-from fledge.files import build_folder, write_files
-from fledge.targets.build import run_ninja
+from fledge.files import write_files
+from fledge.targets.build import once, run_ninja
 
 COMPILER, SIZE = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size"
 NEWLIB = Path("/usr/src/newlib")
@@ -55,33 +53,17 @@ LEFT_OUT = ("nano-*", "gettzinfo")      # variants, and what does not compile wi
 
 @lru_cache
 def library() -> Path:
-    """The folder of the library, in which newlib's source is, too. It is built if it is not there; other programs wait
-    meanwhile."""
+    """The folder of the library, in which newlib's source is, too. It is built if it is not there."""
     archives, compiler = sorted(NEWLIB.glob("newlib-*.tar.xz")), shutil.which(COMPILER)
     if not archives or not compiler:
         raise Failure(f"{COMPILER if archives else f'the source of newlib, in {NEWLIB},'} is not installed; "
-                      "./fledge setup --leon3 installs it")
+                      "./fledge setup --on leon3 installs it")
     recipe = hashlib.sha256(Path(__file__).read_bytes() + repr([(one.name, one.stat().st_size, one.stat().st_mtime_ns)
                             for one in (archives[-1], Path(compiler).resolve())]).encode()).hexdigest()
-    ours = build_folder().parent
-    others = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fledge"
-    for folder in (ours / "leon3", others / "leon3"):
-        if _is_built(folder, recipe):
-            return folder
-    folder = (ours if ours.name == "build" and os.access(ours, os.W_OK) else others) / "leon3"
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w", encoding="utf-8") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not _is_built(folder, recipe):
-            (folder / "stamp").unlink(missing_ok=True)
+    with once("leon3", recipe, "the C library for LEON3") as (folder, missing):
+        if missing:
             _build(archives[-1], folder)
-            write_files({"stamp": recipe}, folder)
     return folder
-
-
-def _is_built(folder, recipe):
-    stamp = folder / "stamp"
-    return stamp.is_file() and stamp.read_text(encoding="utf-8") == recipe
 
 
 def headers() -> list[str]:

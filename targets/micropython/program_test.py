@@ -10,7 +10,6 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.archive import Archive
 from fledge.targets import TARGETS, table
 from fledge.targets.flown import heap_of
 from fledge.targets.micropython import program

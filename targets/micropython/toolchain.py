@@ -5,7 +5,6 @@ built once, in build/micropython (of an installed Fledge: in ~/.cache), and agai
 """
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import re
@@ -14,16 +13,15 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 from fledge.errors import Failure
-from fledge.files import build_folder, write_files
+from fledge.files import write_files
 from fledge.programs import without_preload
-from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, program, run_ninja
+from fledge.targets.build import COMMAND, ROOT, _escaped, _words, math_sources, once, program, run_ninja
 from fledge.targets.leon3 import toolchain as leon3
 
 PACKAGE, SUITE, VERSION = "micropython", "trixie", "1.25.0+ds-1"
@@ -95,30 +93,28 @@ def library(machine: str = "host", development: bool = False) -> Library:
         compiler, words = "gcc", ["-fno-pie", "-fno-stack-protector"]
     name = f"{machine}-{'development' if development else 'flight'}"
     source = _source()
-    folder = source.parent / name
-    flags = [*words, f"-DFLEDGE_COMPILER={int(development)}", "-DMP_CONFIGFILE=<targets/micropython/mpconfigport.h>",
-             f"-I{ROOT}", f"-I{source}", f"-I{folder}"]
-    made = Library(folder / "libmicropython.a", compiler, flags)
     recipe = _recipe(Path(__file__), Path(shutil.which(compiler) or _missing(compiler)),
                      *_all(PORT), *_all(ROOT / "flight"), *(ROOT / "targets").glob("*.h"))
-    with _whole(folder, recipe) as build:
-        if build:
+    with once(f"micropython/{name}", recipe, f"MicroPython for {name}") as (folder, missing):
+        flags = [*words, f"-DFLEDGE_COMPILER={int(development)}",
+                 "-DMP_CONFIGFILE=<targets/micropython/mpconfigport.h>", f"-I{ROOT}", f"-I{source}", f"-I{folder}"]
+        if missing:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name not in LEFT_OUT]
             port = sorted(PORT.glob("*.c"))
             _headers(folder, source, [compiler, *WORDS, *flags], [*core, *port])
             _ninja(folder, "libmicropython.a", compiler, [*WORDS, *flags],
                    [*((path, ["-w", *SEVERAL.get(path.name, [])]) for path in core), *((path, OURS) for path in port)])
-    return made
+    return Library(folder / "libmicropython.a", compiler, flags)
 
 
 @lru_cache
 def cross_compiler() -> Path:
     """mpy-cross, which makes bytecode of Python."""
     source = _source()
-    folder = source.parent / "cross"
-    with _whole(folder, _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")),
-                                PORT / "decimal.c", PORT / "decimal.h")) as build:
-        if build:
+    recipe = _recipe(Path(__file__), Path(shutil.which("gcc") or _missing("gcc")), PORT / "decimal.c",
+                     PORT / "decimal.h")
+    with once("micropython/cross", recipe, "MicroPython's compiler") as (folder, missing):
+        if missing:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
@@ -184,11 +180,9 @@ def interpreter(folder: Path, scripts: Mapping[str, str | Path] | None = None, m
 @lru_cache
 def _source() -> Path:
     """The folder of MicroPython's source, with our corrections."""
-    folder = _folder()
-    with _whole(folder / "source", _recipe(Path(__file__))) as build:
-        if build:
-            archive = _archive(folder)
-            unpacked = folder / "source"
+    with once("micropython/source", _recipe(Path(__file__)), "MicroPython's source") as (unpacked, missing):
+        if missing:
+            archive = _archive(unpacked.parent)
             for part in unpacked.iterdir():
                 if part.is_dir():
                     shutil.rmtree(part)
@@ -198,7 +192,7 @@ def _source() -> Path:
                     if member.isreg() and member.name.startswith(PARTS):
                         packed.extract(member, unpacked, set_attrs=False)
             _edit(unpacked, EDITS)
-    return folder / "source"
+    return unpacked
 
 
 def _edit(folder: Path, edits: Mapping[str, Sequence[tuple[str, str]]]) -> None:
@@ -212,14 +206,6 @@ def _edit(folder: Path, edits: Mapping[str, Sequence[tuple[str, str]]]) -> None:
         write_files({name: text}, folder)
 
 
-def _folder() -> Path:
-    ours = build_folder().parent
-    others = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fledge"
-    folder = (ours if ours.name == "build" and os.access(ours, os.W_OK) else others) / "micropython"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
-
-
 def _archive(folder: Path) -> Path:
     """The archive of the source, which apt fetches if it is not there."""
     archive = folder / ARCHIVE
@@ -228,13 +214,13 @@ def _archive(folder: Path) -> Path:
     found = hashlib.sha256(archive.read_bytes()).hexdigest()
     if found != SHA256:
         raise Failure(f"{archive} is not MicroPython's source of Debian: its SHA-256 is {found}, not {SHA256}; "
-                      "remove the file, then ./fledge setup --micropython fetches it again", 1)
+                      "remove the file, then ./fledge setup --on micropython fetches it again", 1)
     return archive
 
 
 def _fetch(folder: Path) -> None:
     """Fetch the archive from the mirror that this machine's apt uses, with lists of our own: the machine's stay."""
-    mirror = _mirror()
+    mirror = _mirror(folder)
     own = folder / "apt"
     write_files({"sources.list": f"deb-src [signed-by={KEYRING}] {mirror} {SUITE} main\n"}, own)
     for name in ("lists/partial", "cache/archives/partial"):
@@ -253,39 +239,21 @@ def _fetch(folder: Path) -> None:
     shutil.rmtree(own)
 
 
-def _mirror() -> str:
+def _mirror(folder: Path) -> str:
     """The address of Debian's archive in this machine's configuration of apt."""
     if not shutil.which("apt-get") or not KEYRING.is_file():
         raise Failure(f"MicroPython's source comes from Debian, by apt and its keys in {KEYRING}, and one of them is "
-                      f"not here; put {ARCHIVE} into {_folder()}", 1)
+                      f"not here; put {ARCHIVE} into {folder}", 1)
     known = subprocess.run(["apt-get", "update", "--print-uris"], capture_output=True, text=True,
                            env=without_preload(os.environ)).stdout
     found = re.search(r"^'(.*)/dists/[^/'-]+/InRelease'", known, re.MULTILINE)
     if not found:
         raise Failure("apt's configuration names no mirror of Debian's archive, from which MicroPython's source could "
-                      f"come; put {ARCHIVE} into {_folder()}", 1)
+                      f"come; put {ARCHIVE} into {folder}", 1)
     return found[1]
 
 
 # --- building ------------------------------------------------------------------------------------
-
-
-@contextmanager
-def _whole(folder: Path, recipe: str) -> Iterator[bool]:
-    """Whether the folder must be built by this recipe. Others wait meanwhile; once it is whole, it has its stamp."""
-    stamp = folder / "stamp"
-    if stamp.is_file() and stamp.read_text(encoding="utf-8") == recipe:
-        yield False
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w", encoding="utf-8") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        build = not stamp.is_file() or stamp.read_text(encoding="utf-8") != recipe
-        if build:
-            stamp.unlink(missing_ok=True)
-        yield build
-        if build:
-            write_files({"stamp": recipe}, folder)
 
 
 def _recipe(*files: Path) -> str:

@@ -283,9 +283,8 @@ print(bytes([1, 2, 255]), "%05d %x" % (42, 255), {{"a": 1}}, (1, 2.5), float("1e
 # --- the source --------------------------------------------------------------------------------------
 
 @pytest.fixture
-def elsewhere(tmp_path, monkeypatch):
+def elsewhere(tmp_path):
     """A folder for the source, with nothing in it."""
-    monkeypatch.setattr(toolchain, "_folder", lambda: tmp_path)
     return tmp_path
 
 

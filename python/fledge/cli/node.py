@@ -7,7 +7,6 @@ or the mission cannot be split; 130 Ctrl-C.
 from __future__ import annotations
 
 import ast
-import inspect
 import os
 import re
 import signal
@@ -336,6 +335,8 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
 
 def _second_run(function):
     """(file, line) where a scenario runs for the second time, or None."""
+    import inspect
+
     try:
         lines, first = inspect.getsourcelines(function)
         tree = ast.parse(inspect.cleandoc("if 1:\n" + "".join(lines)) if lines[0][0].isspace() else "".join(lines))

@@ -48,8 +48,11 @@ class Targets(Mapping[str, Target]):
     def __getitem__(self, name: str) -> Target:
         """Raises Failure where a folder has no class, or where its class cannot be imported."""
         if name not in self._made:
-            self._made[name] = self._class(self.folders[name])()
-            self._made[name].used = [self[used] for used in self._made[name].uses]
+            made = self._class(self.folders[name])()
+            if unknown := [one for one in made.uses if one not in self]:
+                raise Failure(f"{self.folders[name]}: it uses {' and '.join(unknown)}, and there is no such target")
+            made.used = [self[one] for one in made.uses]
+            self._made[name] = made
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -2,17 +2,20 @@
 """C to programs, by ninja, which compiles only changed files."""
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fledge.errors import Failure
 from fledge.files import ROOT, build_folder, write_files
 from fledge.programs import without_preload
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from fledge.export.read import Mission
 
@@ -94,6 +97,36 @@ def sizes(built: Path, tool: str = "size") -> tuple[int, int]:
     done = subprocess.run([tool, f"{built}.o"], capture_output=True, text=True, check=True)
     text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
     return text, data + bss
+
+
+@contextmanager
+def once(name: str, recipe: str, what: str) -> Iterator[tuple[Path, bool]]:
+    """(the folder of what is built once for all missions, whether it must be built now by this recipe): build/NAME, or,
+    where this user may not write there and it is not built, ~/.cache/fledge/NAME. Others wait meanwhile; once it is
+    whole, the folder has its stamp. `what` is said when it is built."""
+    ours = build_folder().parent
+    others = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fledge"
+    places = [*([ours / name] if ours.name == "build" else []), others / name]
+
+    def is_built(folder: Path) -> bool:
+        stamp = folder / "stamp"
+        return stamp.is_file() and stamp.read_text(encoding="utf-8") == recipe
+
+    for folder in places:
+        if is_built(folder):
+            yield folder, False
+            return
+    folder = places[0] if len(places) > 1 and os.access(ours, os.W_OK) else others / name
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        missing = not is_built(folder)
+        if missing:
+            (folder / "stamp").unlink(missing_ok=True)
+            print(f"fledge: building {what}, once", file=sys.stderr)
+        yield folder, missing
+        if missing:
+            write_files({"stamp": recipe}, folder)
 
 
 def native(name: str, part: str) -> Path:

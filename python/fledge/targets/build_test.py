@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is built once for all missions, as a C library: whole or not at all, and again by another recipe."""
+
+import os
+import threading
+
+import pytest
+
+from fledge.targets import build
+from fledge.targets.build import once
+
+
+@pytest.fixture
+def places(tmp_path, monkeypatch):
+    """The folder of a tree's builds, and that of a user's caches."""
+    (tmp_path / "build/release").mkdir(parents=True)
+    monkeypatch.setattr(build, "build_folder", lambda: tmp_path / "build/release")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "build", tmp_path / "cache/fledge"
+
+
+def made(recipe):
+    """(its folder, whether it was built now)"""
+    with once("library", recipe, "a library") as (folder, missing):
+        return folder, missing
+
+
+def test_it_is_built_once_by_each_recipe_and_said(places, capsys):
+    ours, _ = places
+    assert made("one") == (ours / "library", True)
+    assert capsys.readouterr().err == "fledge: building a library, once\n"
+    assert made("one") == (ours / "library", False)
+    assert made("two") == (ours / "library", True)
+    assert made("two") == (ours / "library", False)
+
+
+def test_what_failed_is_built_again(places):
+    made("one")
+    with pytest.raises(KeyError), once("library", "two", "a library"):
+        raise KeyError
+    for recipe in ("one", "two"):
+        assert made(recipe)[1]
+
+
+def test_others_wait_until_it_is_whole(places):
+    found = []
+    other = threading.Thread(target=lambda: found.append(made("one")))
+    with once("library", "one", "a library"):
+        other.start()
+        other.join(0.2)
+        assert not found
+    other.join()
+    assert found == [(places[0] / "library", False)]
+
+
+def test_who_may_not_write_builds_in_a_cache(places, monkeypatch):
+    """But takes what the tree has."""
+    ours, cache = places
+    made("one")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert made("one") == (ours / "library", False)
+    assert made("two") == (cache / "library", True) and made("two") == (cache / "library", False)

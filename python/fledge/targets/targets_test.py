@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The targets by their names: found by their folders, imported before anything is built, and refused in words."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from fledge import targets
+from fledge.errors import Failure
+from fledge.files import ROOT
+from fledge.targets import PLACES, TARGETS, Targets
+
+OWN = "from fledge.targets.linux import Linux\n\n\nclass Own(Linux):\n    "
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """project(name, text) -> the targets with that of a project's folder, targets/NAME."""
+    def made(name, text):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(text)
+        monkeypatch.setattr(targets, "__path__", [*targets.__path__, str(tmp_path)])
+        monkeypatch.delitem(sys.modules, f"fledge.targets.{name}", raising=False)
+        return Targets([*PLACES, tmp_path])
+    return made
+
+
+def test_each_folder_is_a_target_with_its_name():
+    folders = {path.parent.name.replace("_", "-") for path in ROOT.glob("targets/*/__init__.py")}
+    assert {*TARGETS} == folders and next(iter(TARGETS)) == "desktop"
+    assert all(one.name == name and one.about for name, one in TARGETS.items())
+
+
+def test_a_target_of_a_project_stands_beside_those_of_fledge(project):
+    found = project("vax_780", OWN + "needs = ('gcc-vax',)\n")
+    assert {*found} == {*TARGETS, "vax-780"} and found["vax-780"].name == "vax-780"
+    with pytest.raises(Failure, match="fly: vax-780 needs gcc-vax, not installed here"):
+        found.ready(["vax-780"], "fly")
+
+
+def test_a_target_needs_what_those_that_it_uses_need(project):
+    found = project("vax", OWN + "uses, needs = ('leon3-micropython', 'linux'), ('gcc-vax',)\n")
+    assert [one.name for one in found["vax"].with_used()] == ["vax", "leon3-micropython", "leon3", "micropython", "linux"]
+    assert found["vax"].missing()[0] == "gcc-vax"
+
+
+@pytest.mark.parametrize("name, text, said", [
+    ("vax", "import no_such_module\n", "vax/__init__.py: ModuleNotFoundError: No module named 'no_such_module'"),
+    ("vax", "x = \n", "vax/__init__.py: SyntaxError: invalid syntax"),
+    ("vax", "from fledge.targets.linux import Linux\n", "has no class that derives from fledge.targets.Target"),
+    ("vax", OWN + "uses = ('pdp',)\n", "vax: it uses pdp, and there is no such target"),
+    ("loop", OWN + "pass\n", "loop: Fledge has .*/loop.py by this name; give the folder another one"),
+    ("linux", OWN + "pass\n", "linux: Fledge has .*/linux/__init__.py by this name"),
+])
+def test_a_folder_that_is_no_target_is_refused(project, name, text, said):
+    found = project(name, text)
+    assert name in found        # its name is known, and nothing else is disturbed
+    with pytest.raises(Failure, match=said):
+        found.ready([name], "fly")
+    assert found["cfs"].name == "cfs"
+
+
+def test_the_classes_need_nothing_that_is_built():
+    """Only the standard library, without what would delay the launcher."""
+    program = ("import sys; from fledge.targets import TARGETS; from fledge.cli import packages\n"
+               "for one in TARGETS.values(): one.missing()\n"
+               "packages.needed(['profile', 'x', '--on', 'leon3'])\n"
+               "late = {'_core', 'numpy', 'dataclasses', 'inspect', 'typing', 'tarfile', 'hashlib', 'tomllib'}\n"
+               "assert not late & set(sys.modules), late & set(sys.modules)\n"
+               "own = [name for name in sys.modules if name.startswith('fledge')]\n"
+               "assert len(own) < 50, own")
+    subprocess.run([sys.executable, "-P", "-S", "-c", program], check=True,
+                   env={**os.environ, "PYTHONPATH": str(ROOT / "python")})
