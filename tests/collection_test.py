@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every test of the tree is run: pytest collects those in Python, and CMake builds those in C and C++, which ctest runs."""
+"""Every test of the tree is run: pytest collects those in Python, and CMake builds those in C and C++ for ctest."""
 
 import configparser
 import json
@@ -37,4 +37,5 @@ def test_pytest_collects_every_test_in_python():
 def test_cmake_builds_every_test_in_c_and_cpp():
     commands = json.loads((BUILD / "compile_commands.json").read_text(encoding="utf-8"))
     built = {Path(one["directory"], one["file"]) for one in commands}
-    assert {path for path in named_tests(".c", ".cpp") if ROOT / path not in built} == set(), "fledge_add_test() lists them"
+    assert {path for path in named_tests(".c", ".cpp") if ROOT / path not in built} == set(), \
+        "add them to a fledge_add_test() in a CMakeLists.txt"

@@ -135,6 +135,11 @@ def test_a_guidance_law_goes_from_a_class_to_c_and_to_targets(tmp_path):
     assert follow("prototypes.md", Shell(tmp_path)) >= 15
 
 
+@pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
+def test_a_project_has_a_target_of_its_own(tmp_path):
+    assert follow("targets.md", Shell(tmp_path)) == 3
+
+
 def test_a_mission_flies_under_micropython(tmp_path):
     assert follow("micropython.md", Shell(tmp_path)) == 4
 

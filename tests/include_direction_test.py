@@ -274,6 +274,8 @@ def test_a_circle_is_found():
     ("introspect/a.py", "import numpy", "introspect may not import numpy"),
     ("python/fledge/a.py", "from missions import nadir_spin", "fledge may not import"),
     ("python/fledge/a.py", "import pint", "fledge may not import pint"),
+    ("targets/leon3/a.py", "import pint", "fledge may not import pint"),
+    ("targets/leon3/a.c", '#include "python/fledge/core/b.h"', "targets may not include"),
     ("missions/a/flight.py", "import numpy as np", "flight.py may not import numpy"),
     ("missions/a/flight.py", "from fledge import sim", "flight.py may not import fledge.sim"),
 ])

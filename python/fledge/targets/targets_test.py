@@ -42,7 +42,8 @@ def test_a_target_of_a_project_stands_beside_those_of_fledge(project):
 
 def test_a_target_needs_what_those_that_it_uses_need(project):
     found = project("vax", OWN + "uses, needs = ('leon3-micropython', 'linux'), ('gcc-vax',)\n")
-    assert [one.name for one in found["vax"].with_used()] == ["vax", "leon3-micropython", "leon3", "micropython", "linux"]
+    names = [one.name for one in found["vax"].with_used()]
+    assert names == ["vax", "leon3-micropython", "leon3", "micropython", "linux"]
     assert found["vax"].missing()[0] == "gcc-vax"
 
 
