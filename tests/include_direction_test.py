@@ -187,6 +187,14 @@ def library_imports() -> dict[str, list[tuple[int, str]]]:
             for module, path in paths.items()}
 
 
+ROOMS = {f"targets.{path.parent.name}" for path in ROOT.glob("targets/*/__init__.py")}
+
+
+def room(module: str) -> str:
+    """The target of a module, as "targets.leon3", or what targets share, as "targets.job"."""
+    return ".".join(module.split(".")[:2])
+
+
 def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
     """Complaints about the imports between the parts of python/fledge."""
     level = {part: i for i, (parts, _) in enumerate(layers.PARTS) for part in parts.split()}
@@ -198,7 +206,10 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
             continue
         for line, other in found:
             there = other.split(".")[0]
-            if other in EXTENSIONS:
+            if part == there == "targets" and room(module) not in ROOMS and room(other) in ROOMS:
+                complaints.append(f"fledge.{module}:{line}: what targets share may not import fledge.{other}, one of "
+                                  "them; ask TARGETS for it by name")
+            elif other in EXTENSIONS:
                 if part not in EXTENSIONS[other]:
                     complaints.append(f"fledge.{module}:{line}: {part} may not use {other}; it may use the public "
                                       "functions of the library")
@@ -245,6 +256,7 @@ def test_no_modules_of_the_library_import_one_another_in_a_circle():
     ("montecarlo", "cosim", "montecarlo may not import fledge.cosim"),
     ("report", "_core", "report may not use _core"),
     ("targets.job", "", "targets may not import fledge as a whole"),
+    ("targets.job", "targets.leon3.board", "what targets share may not import fledge.targets.leon3.board"),
     ("cellar.a", "units", "the part cellar has no layer"),
 ])
 def test_an_import_upwards_is_refused(module, other, complaint):

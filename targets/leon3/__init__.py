@@ -24,6 +24,7 @@ class Leon3(Target):
     about = "a LEON3 board, emulated; no operating system"
     cpu_of = "simulated"
     profiled_by = "board"
+    takes_tools = True
     needs: tuple[str, ...] = ("sparc64-linux-gnu-gcc",)
     parts = ("cosim", "emulator")
     board = build.ROOT / "emulator/boards/leon3.toml"

@@ -17,6 +17,7 @@ class Leon3Qemu(Leon3):
     about = "the same program on stock QEMU"
     cpu_of = "emulated"
     profiled_by = ""
+    takes_tools = False
     uses = ("leon3",)
     needs = ("qemu-system-sparc", "gcc")
     guests: type[Leon3] = Leon3     # the target whose program it is

@@ -52,7 +52,7 @@ def add(command: Callable) -> None:
                      "took; with --for")
     one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
                      "target, as run does")
-    tools = one.add_argument_group("on one leon3 or leon3-cfs (docs/leon3-debugging.md)")
+    tools = one.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md)")
     tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
     for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
                        "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
@@ -134,11 +134,12 @@ def _with_tools(options, chosen):
     words = [word for name in ("trace", "coverage", "profile") if getattr(options, name)
              for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
     words += ["--gdb", options.gdb] if options.gdb else []
-    flown = [name for name in chosen if name in ("leon3", "leon3-cfs")]
+    flown = [name for name in chosen if TARGETS[name].takes_tools]
     if words and len(flown) != 1:
-        raise Failure(f"fly: {words[0]} is for one leon3 or leon3-cfs, as in --on leon3; found {options.on}")
+        taking = [name for name, one in TARGETS.items() if one.takes_tools]
+        raise Failure(f"fly: {words[0]} is for one of {', '.join(taking)}, as in --on {taking[0]}; found {options.on}")
     made: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
-    return {name: leon3(words) for name, leon3 in made.items()} if words else {}
+    return {name: target(words) for name, target in made.items()} if words else {}
 
 
 def _chosen(text):

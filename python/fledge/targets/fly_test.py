@@ -683,6 +683,8 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--board", str(CONVERTERS), "--within", "wrld.tracking.error.sigma_BR=1"],
      "--within: flight puts out no field wrld.tracking.error.sigma_BR"),
     (["nadir_spin", "--join", "--on", "linux,aarch64"], "--join: name one target with --on; found 2"),
+    (["nadir_spin", "--on", "linux", "--trace", "x"], "--trace is for one of leon3, leon3-cfs, leon3-micropython, as"),
+    (["nadir_spin", "--on", "linux", "--cfs", "."], "--cfs is for --on cfs"),
 ])
 def test_what_cannot_be_flown_is_refused_before_anything_is_written(arguments, complaint, tmp_path, capsys):
     if "linux,aarch64" in arguments and TARGETS["aarch64"].missing():

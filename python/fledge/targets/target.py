@@ -28,6 +28,7 @@ class Target:
     needs: tuple[str, ...] = ()     # programs that are not always there; the packages that have them: packages.txt
     parts: tuple[str, ...] = ("cosim",)     # of Fledge's build, for a flight there: targets of ./CMakeLists.txt
     profiled_by = ""                # how `fledge profile` measures it: fledge.profile.METHODS; "": it cannot
+    takes_tools = False             # whether it is made with the options of a debugger, as Leon3 is
     used: Sequence[Target] = ()     # those that it uses, once fledge.targets.TARGETS has made it
 
     def __init_subclass__(cls) -> None:
