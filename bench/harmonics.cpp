@@ -27,7 +27,7 @@ HarmonicField field_of(int degree)
     std::mt19937 random(1);
     for (int n = 2; n <= degree; n++) {
         for (int m = 0; m <= n; m++) {
-            const auto any = [&] { return 1e-5 / (n * n) * (random() * 0x1p-31 - 1.0); };
+            const auto any = [&] { return 1e-5 / (n * n) * (static_cast<double>(random()) * 0x1p-31 - 1.0); };
             field.C[HarmonicField::index(n, m)] = any();
             field.S[HarmonicField::index(n, m)] = m > 0 ? any() : 0.0;
         }
