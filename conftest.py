@@ -29,9 +29,17 @@ IN_RELEASE = [ROOT / path for path in (
     "tests/leon3_programs_test.py", "tests/links_test.py", "tests/notebook_test.py", "tests/project_test.py")]
 
 
+def pytest_configure(config):
+    config.addinivalue_line("markers", "spread: the tests of this file share no folder; workers take them one by "
+                            "one, where each other file is one worker's")
+
+
 def pytest_collection_modifyitems(items):
-    """Under the sanitizers, leave out the tests of IN_RELEASE."""
-    if os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan"):
-        for item in items:
-            if any(path in IN_RELEASE for path in (item.path, *item.path.parents)):
-                item.add_marker(pytest.mark.skip(reason="the release build shows it"))
+    """Give each worker whole files, except for those that are spread. Under the sanitizers, leave out the tests of
+    IN_RELEASE."""
+    sanitized = os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan")
+    for item in items:
+        if item.get_closest_marker("spread") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+        if sanitized and any(path in IN_RELEASE for path in (item.path, *item.path.parents)):
+            item.add_marker(pytest.mark.skip(reason="the release build shows it"))

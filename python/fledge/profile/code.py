@@ -46,8 +46,9 @@ def sections(text: str) -> list[tuple[str, int, str]]:
 
 def part_of(file: str, sources: dict[str, str]) -> str:
     """The part of an object, or of a member of an archive."""
-    if file in sources:
-        path = Path(sources[file])
+    shared = re.search(r"/objects/[0-9a-f]{16}/(.+)$", file)
+    if shared or file in sources:
+        path = Path(shared[1] if shared else sources[file])
         if path.is_relative_to(build.ROOT):
             path = path.relative_to(build.ROOT)
         inside = path.as_posix()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import shutil
 import subprocess
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off", "-fno-math-errno",
          "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=1",
          "-DFILE_SINK_PATH_MAX=256"]
+
+# Folders whose sources are compiled once for all missions.
+SHARED = ("flight", "record", "registers")
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to
@@ -56,12 +60,15 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     folder = Path(folder)
     if not shutil.which(compiler):
         raise Failure(f"{compiler} is not installed")
-    flags = [*FLAGS, *machine, *flags, *(f"-I{path}" for path in includes)]
+    flags = [*FLAGS, *machine, *flags]
     compiled = f"{compiler} {_words(machine)}"
-    cached = "ccache " if shutil.which("ccache") else ""    # most sources are the same for all missions
+    shared = shared_objects(folder, sources, compiler, flags)
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:
+        if source in shared:
+            objects.append(_escaped(shared[source]))
+            continue
         stem = f"o/{len(objects):02}_{Path(source).stem}.o"
         objects.append(stem)
         lines.append(f"build {stem}: cc {_escaped(source)}")
@@ -69,8 +76,7 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     own = list(map(_escaped, archives))
     linked = [*objects, *own, *(["|"] if link else []), *(_escaped(one) for one in link if isinstance(one, Path))]
     text = "\n".join([
-        "builddir = .", "rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
-        "  depfile = $out.d", "  deps = gcc", "  description = compiling $in",
+        "builddir = .", *_rule(compiler, [*flags, *(f"-I{path}" for path in includes)]),
         "rule link", f"  command = {compiled} $in {_words(link)} -Wl,--gc-sections,-Map=$out.map -o $out",
         "  description = linking $out",
         "rule whole", f"  command = {compiled} -r -nostdlib -Wl,--gc-sections -Wl,-e,{entry} $in -o $out",
@@ -82,10 +88,35 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
     return folder / name
 
 
-def run_ninja(folder: Path, output: str) -> None:
-    """Build folder / output as folder / "build.ninja" says. Raises Failure with the words of the compiler."""
+def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: Sequence[str]) -> dict[Path, Path]:
+    """Compile those of the sources that are the same for all missions; returns the object of each.
+
+    The objects lie in the build's folder, one folder for each compiler with its flags, so that each program finds what
+    others have compiled; an installed Fledge keeps them in the program's folder.
+    """
+    known = {ROOT / path: path for one in SHARED for path in sorted(
+        path.relative_to(ROOT) for path in (ROOT / one).rglob("*.c") if "testing" not in path.parts)}
+    found = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
+    if not found:
+        return {}
+    rule = _rule(compiler, [*flags, f"-I{ROOT}"])
+    place = build_folder() if (ROOT / "CMakeLists.txt").exists() and os.access(build_folder(), os.W_OK) else folder
+    place = place / "objects" / hashlib.sha256("".join(rule).encode()).hexdigest()[:16]
+    builds = (f"build {path.with_suffix('.o')}: cc {_escaped(source)}" for source, path in known.items())
+    text = "\n".join(["builddir = .", *rule, *builds, ""])
+    place.mkdir(parents=True, exist_ok=True)
+    with (place / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)    # Ninja expects to be alone
+        write_files({"build.ninja": text}, place)
+        run_ninja(place, "objects", list(map(str, found.values())))
+    return {source: (place / path).resolve() for source, path in found.items()}
+
+
+def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:
+    """Build folder / output as folder / "build.ninja" says: all of it, or some targets. Raises Failure with the words
+    of the compiler."""
     environment = {"CCACHE_BASEDIR": str(folder.resolve()), **without_preload(os.environ)}     # any folder is alike
-    done = subprocess.run(["ninja", "-C", folder], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors="replace", env=environment)
     if done.returncode:
         failed = done.stdout.partition("FAILED:")[2] or done.stdout
@@ -135,6 +166,13 @@ def native(name: str, part: str) -> Path:
     if not os.access(path, os.X_OK):
         raise Failure(f"{path} is not built; ./fledge setup builds it")
     return path
+
+
+def _rule(compiler, flags):
+    """The lines of ninja's rule that compiles."""
+    cached = "ccache " if shutil.which("ccache") else ""
+    return ["rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
+            "  depfile = $out.d", "  deps = gcc", "  description = compiling $in"]
 
 
 def _escaped(path):

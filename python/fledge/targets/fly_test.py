@@ -28,6 +28,8 @@ from fledge.targets import TARGETS, Job, build, fly, loop
 from fledge.targets.rehearsal import rehearse
 from fledge.targets.linux import Linux
 
+pytestmark = pytest.mark.spread
+
 WHOLE = bool(os.environ.get("FLEDGE_FLY_WHOLE"))
 CONVERTERS = build.ROOT / "missions/nadir_spin/converters.toml"
 

@@ -12,6 +12,7 @@ import pytest
 
 from fledge import export
 from fledge.files import ROOT
+from fledge.targets import build
 
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wstrict-prototypes",
           "-ffp-contract=off", "-fno-math-errno"]
@@ -27,9 +28,9 @@ def fly(compiler, optimise):
     kept.append(folder)
     sources = [path for path in (ROOT / "flight").rglob("*.c") if "tools" not in path.parts
                and path.name != "elementary_hash.c"]
-    subprocess.run([compiler, *STRICT, optimise, "-fPIC", "-I", ROOT, "-c", *sources], check=True, cwd=folder.name)
+    objects = build.shared_objects(Path(folder.name), sources, compiler, [*STRICT, optimise, "-fPIC"])
     archive = Path(folder.name, "flight.a")
-    subprocess.run(["ar", "rc", archive, *Path(folder.name).glob("*.o")], check=True)
+    subprocess.run(["ar", "rc", archive, *objects.values()], check=True)
     return archive
 
 
