@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -239,6 +240,28 @@ def test_the_closing_line_counts_what_ctest_skips(launch, tmp_path):
     (launch.fake / "status").write_text("0")
     done = launch("test")
     assert done.stdout.splitlines()[-1] == "2 passed, 0 failed, 1 skipped"      # with the one of pytest
+
+
+def test_the_cases_of_a_program_of_googletest_count_and_a_crashed_one_counts_once(tmp_path):
+    (tmp_path / "ctest.xml").write_text('<testsuite name="x"><testcase name="a"><failure/></testcase><testcase name="b">'
+                                        '<failure/></testcase><testcase name="c"/></testsuite>')
+    (tmp_path / "a.xml").write_text(
+        '<testsuites><testsuite><testcase name="one"/><testcase name="two"><failure/></testcase>'
+        '<testcase name="three"><skipped/></testcase><testcase name="four" status="notrun"/></testsuite></testsuites>')
+    (tmp_path / "b.xml").touch()        # it did not live to write it
+    done = subprocess.run([sys.executable, ROOT / "cmake/tally.py", tmp_path, "8"], capture_output=True, text=True)
+    assert done.stdout == "2 2 2\n", done.stderr
+
+
+@pytest.mark.parametrize("arguments, parts", [
+    (["run", "x"], "desktop"), (["up", "x.toml"], "desktop cosim"), (["exec", "true"], "all"),
+    (["fly", "x", "--on", "desktop"], "desktop"), (["fly", "x", "--on", "linux"], "desktop cosim"),
+    (["fly", "x", "--on", "leon3-qemu"], "desktop cosim emulator"), (["test"], "all tests")])
+def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    launch(*arguments)
+    assert launch.said("ninja")[-1].endswith(f"build/release {parts}")
 
 
 def test_alternatives_in_a_pattern_are_for_both_runners(launch):
