@@ -116,8 +116,8 @@ def run_ninja(folder: Path, output: str, targets: Sequence[str] = ()) -> None:
     """Build folder / output as folder / "build.ninja" says: all of it, or some targets. Raises Failure with the words
     of the compiler."""
     environment = {"CCACHE_BASEDIR": str(folder.resolve()), **without_preload(os.environ)}     # any folder is alike
-    done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          errors="replace", env=environment)
+    done = subprocess.run(["ninja", "-C", folder, *targets], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          text=True, errors="replace", env=environment)
     if done.returncode:
         failed = done.stdout.partition("FAILED:")[2] or done.stdout
         raise Failure(f"{folder / output} cannot be built:\n{failed.strip()}", 1)
