@@ -41,13 +41,13 @@ def exposure(sim):
     """A second of the telescope at rest: what the wheels' imbalance adds between the updates of the control."""
     log = sim.record(sim.world.craft.state, every=4 * ms)
     sim.run(1 * minute)
-    shaken = np.degrees(np.sqrt(np.mean(shaking(log)**2, axis=0))) * 3600e3
+    shaken = np.degrees(np.sqrt(np.mean(_shaking(log)**2, axis=0))) * 3600e3
     print("the wheels shake the telescope by", ", ".join(
         f"{one:.2g}" for one in shaken), "mas about its axes (1 sigma)")
     assert 0.5 < shaken.max() < 5, f"the wheels shake the telescope by {shaken.max():.2g} mas (1 sigma)"
 
 
-def shaking(log):
+def _shaking(log):
     """(n, 3) [rad] In the last second, the attitude less a parabola through each 0.2 s of constant torque."""
     t = np.round(log.time - log.time[-1] + 1, 9)
     last = (t >= 0) & (t < 1)

@@ -6,7 +6,7 @@ import pytest
 
 import fledge
 from fledge.units import kg, m, minute, ms, s
-from missions.star_slew.scenarios import shaking
+from missions.star_slew.scenarios import _shaking
 from missions.star_slew.world import DYNAMIC, OWN, STATIC
 
 
@@ -65,7 +65,7 @@ def test_a_wheel_shakes_body_and_panels_as_free_bodies(wheel):
     log = sim.record(sim.world.craft.state, wheels.speeds, every=4 * ms)
     sim.run(1 * minute)
     speed = log["speeds.Omega"][-250:, wheel].mean()
-    found = np.sqrt(2 * (shaking(log)**2).mean(axis=0).sum())
+    found = np.sqrt(2 * (_shaking(log)**2).mean(axis=0).sum())
 
     mass, inertia = np.eye(6) * 310, np.diag([68.0, 70, 120])
     mass[3:, 3:] = inertia
