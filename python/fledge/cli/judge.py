@@ -45,6 +45,7 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     from fledge.targets.playback import stand_in
 
     sim = fledge.load(job.asked, job.seed, **job.parameters)
+    assert sim.mission
     stand_in(sim, records, exchange)
     function = sim.mission.scenarios[job.scenario]
     if not options.report:

@@ -70,7 +70,7 @@ class Report:
         try:
             svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
         except SetupError as error:
-            svg, no_svg = None, error
+            svg, no_svg = None, str(error)
         view, not_shown = self._view()
         return templates().get_template("run.html").render(
             sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
