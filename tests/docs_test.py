@@ -21,6 +21,7 @@ import pytest
 
 from tests.tree import ROOT
 
+pytestmark = pytest.mark.spread
 BLOCK = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PROMPT = "(gdb) "
 
