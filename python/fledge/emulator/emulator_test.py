@@ -13,7 +13,8 @@ import fledge
 from fledge import emulator, objects
 from fledge.programs import without_preload
 from fledge.targets.build import native
-from fledge.targets.leon3.board import BOARD, program
+from fledge.targets.leon3.board import BOARD
+from fledge.targets.leon3.board import program as leon3_program
 from fledge.units import N, m, s
 
 
@@ -296,7 +297,7 @@ int main(void)
 @pytest.fixture(scope="module")
 def counter(folder):
     (folder / "counter.c").write_text(COUNTER)
-    return program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
+    return leon3_program(folder / "counter", "counter", [folder / "counter.c"], [], ["-fno-optimize-sibling-calls"])
 
 
 def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):

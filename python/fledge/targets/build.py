@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import os
 import shutil
 import subprocess
@@ -94,6 +93,8 @@ def shared_objects(folder: Path, sources: Sequence[Path], compiler: str, flags: 
     The objects lie in the build's folder, one folder for each compiler with its flags, so that each program finds what
     others have compiled; an installed Fledge keeps them in the program's folder.
     """
+    import hashlib
+
     known = {ROOT / path: path for one in SHARED for path in sorted(
         path.relative_to(ROOT) for path in (ROOT / one).rglob("*.c") if "testing" not in path.parts)}
     found = {source: known[Path(source)].with_suffix(".o") for source in sources if Path(source) in known}
