@@ -291,6 +291,7 @@ def network():
         assert not any(failed)
         yield ["ip", "netns", "exec", name], "198.18.9.1", lambda: ip("-n", name, "link", "set", far, "down")
     finally:
+        ip("link", "del", near)     # at once; with its namespace it would go some time later
         ip("netns", "del", name)
 
 
