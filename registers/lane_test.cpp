@@ -328,6 +328,60 @@ TEST(Lane, ADamagedLengthIsSkippedAndCounted)
     EXPECT_EQ(got, 2u);
 }
 
+TEST(Lane, NoDamagedLengthReachesBeyondTheSlotHoweverLargeTheBuffer)
+{
+    for (const std::uint32_t flags : {VARIABLE, VARIABLE | QUEUED, VARIABLE | QUEUED | OVERWRITE}) {
+        for (const std::uint32_t capacity : {7u, 8u}) {
+            Bench bench({{REGISTER_PACKET, flags, capacity, 4, true}}, true);
+            const RegisterWindow *w = bench.window();
+            const std::uint64_t sent = 1;
+            for (std::uint32_t length = 1; length < 24; length++) {
+                register_put(w, bench.lane(), &sent, capacity, 0);
+                const std::uint32_t waiting = register_waiting(w, bench.lane());
+                for (std::uint32_t slot = 0; slot < 4; slot++) { // any may be the next one
+                    register_store(w, bench.lane()->descriptors + 4 * slot, 0x80000000u | length);
+                }
+                unsigned char got[32];
+                std::fill(std::begin(got), std::end(got), 0xA5);
+                RegisterInfo info;
+                const bool good = length <= capacity;
+                EXPECT_EQ(register_take(w, bench.lane(), got, sizeof got, &info),
+                          good ? REGISTER_OK : REGISTER_CORRUPT);
+                EXPECT_TRUE(std::all_of(got + (good ? length : 0), std::end(got), [](auto b) { return b == 0xA5; }));
+                EXPECT_EQ(register_waiting(w, bench.lane()), flags & QUEUED || good ? waiting - 1 : waiting);
+            }
+        }
+    }
+}
+
+TEST(Lane, TheNextTagIsThatOfThePacketTakenNext)
+{
+    for (const std::uint32_t overwrite : {PLAIN, OVERWRITE}) {
+        Bench bench({{REGISTER_PACKET, QUEUED | overwrite, 4, 4, true}}, false);
+        const RegisterWindow *w = bench.window();
+        std::uint32_t tag = 99;
+        EXPECT_EQ(register_next_tag(w, bench.lane(), &tag), REGISTER_EMPTY);
+        for (std::uint32_t sent = 1; sent <= 40; sent++) {
+            register_put(w, bench.lane(), &sent, 4, sent);
+            if (sent % 10 != 0) {
+                continue; // ten writings: more than the queue holds
+            }
+            for (std::uint32_t left = 4; left > 0; left--) {
+                const std::uint32_t expected = overwrite ? sent + 1 - left : sent - 5 - left;
+                EXPECT_EQ(register_next_tag(w, bench.lane(), &tag), REGISTER_OK);
+                EXPECT_EQ(tag, expected);
+                std::uint32_t got = 0;
+                RegisterInfo info;
+                EXPECT_EQ(register_take(w, bench.lane(), &got, 4, &info), REGISTER_OK);
+                EXPECT_EQ(got, expected);
+                EXPECT_EQ(info.tag, expected);
+            }
+            EXPECT_EQ(register_next_tag(w, bench.lane(), &tag), REGISTER_EMPTY);
+        }
+        EXPECT_EQ(register_lost(w, bench.lane()), 4u * 6u);
+    }
+}
+
 TEST(Lane, InterruptsAreCountedAndRing)
 {
     Shape shape{REGISTER_PACKET, QUEUED, 4, 2};

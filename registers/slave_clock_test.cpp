@@ -126,6 +126,24 @@ TEST_P(SlaveClockTest, IsAlignedAtTheNextPulse)
     EXPECT_EQ(register_interrupts(bench->window(), 3), 6u);
 }
 
+TEST_P(SlaveClockTest, IsAlignedNoMoreAfterAnotherCommand)
+{
+    make(0, 2 * s);
+    shown(100 * ms);
+    command(REGISTER_ALIGN, 1000 * s, 100 * ms);
+    command(REGISTER_JAM, 7 * s, 100 * ms);
+    EXPECT_EQ(status(), 0u);
+    EXPECT_EQ(shown(3 * s), 9 * s + 900 * ms); // the pulse at 2 s changed nothing
+    command(REGISTER_ALIGN, 1000 * s, 3 * s);
+    command(REGISTER_SLEW, 0, 3 * s);
+    EXPECT_EQ(status(), 0u);
+    EXPECT_EQ(shown(5 * s), 11 * s + 900 * ms);
+    command(REGISTER_ALIGN, 1000 * s, 5 * s);
+    command(static_cast<RegisterSlaveCode>(9), 0, 5 * s); // what is refused changes nothing
+    EXPECT_EQ(status(), std::uint32_t{REGISTER_ALIGNING | REGISTER_REFUSED});
+    EXPECT_EQ(shown(6 * s), 1000 * s);
+}
+
 TEST_P(SlaveClockTest, RefusesAnUnknownCommand)
 {
     make(0);
