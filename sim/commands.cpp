@@ -74,7 +74,8 @@ void Commands::forget()
 CommandReason Commands::accept(const std::vector<std::uint8_t> &packet, Ns last)
 {
     state_.t = last;
-    return command_accept(&state_, &table_, packet.data(), static_cast<std::uint32_t>(packet.size()), report, this);
+    return command_accept(&state_, &table_, &state_.ground, packet.data(), static_cast<std::uint32_t>(packet.size()),
+                          report, this);
 }
 
 void Commands::accept_script(Ns t, Ns last)

@@ -39,6 +39,7 @@ public:
     /// Whether a snapshot must have its state.
     bool used() const;
     const CommandCounters &counters() const { return state_.counters; }
+    const CommandLink &ground() const { return state_.ground; }
     /// The reports since the last call.
     std::vector<CommandReply> take_reports() { return std::exchange(reports_, {}); }
 

@@ -315,6 +315,11 @@ std::vector<CommandReply> Process::take_reports()
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->take_reports() : std::vector<CommandReply>{};
 }
 
+CommandLink Process::ground() const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).commands->ground() : CommandLink{};
+}
+
 CommandCounters Process::command_counters() const
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->counters() : CommandCounters{};

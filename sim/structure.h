@@ -252,6 +252,7 @@ public:
     /// The reports since the last call, of a run that is prepared.
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
+    CommandLink ground() const; ///< the link by which commands come
 
 private:
     friend class Simulation;

@@ -47,7 +47,7 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
             mission_io_forget(io, NULL);
         }
         while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
-            (void)command_accept(host->state, host->commands, io->packet, n, send_report, &link);
+            (void)command_accept(host->state, host->commands, &host->state->ground, io->packet, n, send_report, &link);
         }
         /* Before the inputs are read, because a reset of flight forgets them. */
         command_execute(host->state, host->commands, host->mission, t, send_report, &link);

@@ -276,10 +276,11 @@ TEST_F(BoardNodeTest, FlightSeesWhatIsThereAtEachOfItsInstantsHoweverTheyComeInT
     EXPECT_EQ(node_.counts().corrupt + node_.counts().refused + node_.counts().saturated, 0u);
 }
 
-/// A command that writes x.
+/// A command that writes x, which is its sequence, too.
 std::vector<std::uint8_t> write_x(double x)
 {
-    std::vector<std::uint8_t> p{0x18, 0x80, 0xC0, 0, 0, 17, COMMAND_WRITE, 0, 0x12, 0x34, 0, 0, 0, 0, 0, 0};
+    const auto sequence = static_cast<std::uint8_t>(x);
+    std::vector<std::uint8_t> p{0x18, 0x80, 0xC0, sequence, 0, 17, COMMAND_WRITE, 0, 0x12, 0x34, 0, 0, 0, 0, 0, 0};
     std::uint64_t bits;
     std::memcpy(&bits, &x, sizeof bits);
     for (int shift = 56; shift >= 0; shift -= 8) {

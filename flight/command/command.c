@@ -5,6 +5,8 @@
 
 enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16, TURNS = 18 }; /* [bytes] places in a packet */
 
+#define SEQUENCES 0x3FFFu /* the largest */
+
 static uint16_t word(const uint8_t *packet, uint32_t at)
 {
     return (uint16_t)(((uint32_t)packet[at] << 8) | packet[at + 1u]);
@@ -175,24 +177,38 @@ void command_begin(CommandState *s)
     s->t = -1;
 }
 
-CommandReason command_accept(CommandState *s, const CommandTable *table, const uint8_t *packet, uint32_t n,
-                             CommandSink sink, void *user)
+/* Whether a link has not brought a command of this sequence yet, nor one behind it. */
+static int is_ahead(const CommandLink *link, uint16_t sequence)
 {
-    CommandReason reason = check(table, packet, n);
-    if (reason == COMMAND_OK && n > table->room - s->waiting) {
-        reason = COMMAND_BUSY;
-    }
-    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)reason, 0u, 0u, {0u, 0u}};
+    const uint32_t by = ((uint32_t)sequence - link->last) & SEQUENCES;
+    return link->begun == 0u || (by > 0u && by <= SEQUENCES / 2u);
+}
+
+CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
+                             uint32_t n, CommandSink sink, void *user)
+{
+    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)check(table, packet, n), 0u, 0u, {0u, 0u}};
     if (n >= (uint32_t)COMMAND_HEADER) {
-        report.sequence = word(packet, 2) & 0x3FFFu;
+        report.sequence = word(packet, 2) & SEQUENCES;
         report.code = packet[6];
     }
-    if (reason == COMMAND_OK) {
+    if (report.reason == COMMAND_OK && link != NULL && !is_ahead(link, report.sequence)) {
+        report.reason = COMMAND_SEQUENCE;
+        report.detail = link->last;
+    }
+    if (report.reason == COMMAND_OK && n > table->room - s->waiting) {
+        report.reason = COMMAND_BUSY;
+    }
+    if (report.reason == COMMAND_OK) {
         memcpy(table->queue + s->waiting, packet, n);
         s->waiting += n;
+        if (link != NULL) {
+            link->begun = 1u;
+            link->last = report.sequence;
+        }
     }
     finish(s, &report, packet, sink, user);
-    return reason;
+    return (CommandReason)report.reason;
 }
 
 /* ---- execution */
@@ -375,7 +391,7 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
     uint8_t data[COMMAND_DATA_MAX];
     for (uint32_t at = 0u; at < s->waiting; at += length_of(table->queue + at)) {
         const uint8_t *packet = table->queue + at;
-        CommandReport report = {t, word(packet, 2) & 0x3FFFu, packet[6], 1u, COMMAND_OK, 0u, 0u, {0u, 0u}};
+        CommandReport report = {t, word(packet, 2) & SEQUENCES, packet[6], 1u, COMMAND_OK, 0u, 0u, {0u, 0u}};
         report.reason = (uint16_t)execute(s, table, mission, packet, &report, data);
         finish(s, &report, data, sink, user);
         if (report.code == COMMAND_RESET_COUNTERS) {

@@ -22,7 +22,8 @@
  * each instant it may take so many turns of its loops and calls; one that takes more is ended.
  *
  * A command is accepted when it arrives, and executed at the next instant of flight, before its tasks. Both are
- * reported with the command's sequence and a reason. What is refused changes nothing but counters. These functions do
+ * reported with the command's sequence and a reason. What is refused changes nothing but counters. A packet that comes
+ * again by a link from the ground is refused, too; on a software bus, senders count as they like. These functions do
  * not lock: a host of several tasks calls them for one state in one task, or under one lock. */
 #ifndef FLIGHT_COMMAND_COMMAND_H
 #define FLIGHT_COMMAND_COMMAND_H
@@ -76,6 +77,7 @@ typedef enum CommandReason {
     COMMAND_RUNNING = 14,    ///< a procedure runs already; of a stop: that of the slot does not run
     COMMAND_BYTECODE = 15,   ///< the procedure is not bytecode for this interpreter
     COMMAND_FAILED = 16,     ///< the text was not evaluated to its end; a text of telemetry says why
+    COMMAND_SEQUENCE = 17,   ///< it came before, or later than one behind it; detail: the last sequence accepted
     COMMAND_REASONS
 } CommandReason;
 
@@ -154,12 +156,21 @@ typedef struct CommandReport {
     uint16_t code;     ///< its function code
     uint16_t executed; ///< 0: about its acceptance; 1: about its execution
     uint16_t reason;   ///< CommandReason
-    uint16_t detail;   ///< of COMMAND_RULE and COMMAND_INITIAL
+    uint16_t detail;   ///< of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
     uint16_t n;        ///< [bytes] read back
     uint16_t spare[2];
 } CommandReport;
 
 typedef void (*CommandSink)(void *user, const CommandReport *report, const uint8_t *data);
+
+/** A link from the ground, whose one sender counts its commands up, modulo 2^14. What is accepted is ahead of the last
+ *  one, by less than half of the circle: packets may be lost, but none counts twice, and what was refused may come
+ *  again. All zero: the first may have any sequence. Frames that check this themselves (COP-1, or protection against
+ *  replay) make a link needless. */
+typedef struct CommandLink {
+    uint16_t begun; ///< 1: a command was accepted,
+    uint16_t last;  ///< the last one with this sequence
+} CommandLink;
 
 typedef struct CommandState {
     int64_t t; ///< [ns] the last instant; -1: none
@@ -167,14 +178,16 @@ typedef struct CommandState {
     uint32_t waiting; ///< [bytes] in the queue
     uint16_t staging; ///< the module that is staged, plus 1; 0: none
     uint16_t spare;
+    CommandLink ground; ///< of a host with one link
 } CommandState;
 
-/** Before flight's first instant: nothing waits, nothing is staged, nothing was counted. */
+/** Before flight's first instant: nothing waits, nothing is staged, nothing was counted, no command has come. */
 void command_begin(CommandState *s);
 
-/** A packet has arrived: check it, report, and keep it until the next instant if it is accepted. */
-CommandReason command_accept(CommandState *s, const CommandTable *table, const uint8_t *packet, uint32_t n,
-                             CommandSink sink, void *user);
+/** A packet has arrived: check it, report, and keep it until the next instant if it is accepted. link: by which it
+ *  came; NULL: a software bus, or any other way on which sequences mean nothing. */
+CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
+                             uint32_t n, CommandSink sink, void *user);
 
 /** At the beginning of flight's instant t: execute what was accepted, in order, and report each. */
 void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink,

@@ -166,7 +166,7 @@ struct Command : testing::Test {
     {
         // On the heap, so that the sanitizer sees a read beyond its end.
         const Bytes copy = bytes;
-        return command_accept(&state, &table, copy.data(), static_cast<uint32_t>(copy.size()), sink, this);
+        return command_accept(&state, &table, link, copy.data(), static_cast<uint32_t>(copy.size()), sink, this);
     }
     /// The reason of the acceptance, or else that of the execution.
     CommandReason command(const Bytes &bytes)
@@ -181,10 +181,53 @@ struct Command : testing::Test {
     void execute() { command_execute(&state, &table, &mission, t += 5, sink, this); }
 
     CommandState state;
+    CommandLink *link = nullptr; ///< a software bus
     Mission mission;
     std::vector<Got> reports;
     int64_t t = 95;
 };
+
+TEST_F(Command, ALinkFromTheGroundTakesACommandOnceAndABusAsOftenAsItComes)
+{
+    const auto noop = [](uint16_t sequence) { return packet(0, {}, 0x1855, sequence); };
+    EXPECT_EQ(command(noop(5)), COMMAND_OK);
+    EXPECT_EQ(command(noop(5)), COMMAND_OK); // of another sender on the bus
+    EXPECT_EQ(state.ground.begun, 0u);
+    link = &state.ground;
+    EXPECT_EQ(command(noop(16380)), COMMAND_OK); // the first may have any
+    EXPECT_EQ(command(noop(16380)), COMMAND_SEQUENCE);
+    EXPECT_EQ(reports.back().report.detail, 16380u);
+    EXPECT_EQ(reports.back().report.sequence, 16380u);
+    EXPECT_EQ(command(noop(16379)), COMMAND_SEQUENCE);
+    EXPECT_EQ(command(noop(16381)), COMMAND_OK);
+    EXPECT_EQ(command(noop(2)), COMMAND_OK); // others were lost, and the count began again
+    EXPECT_EQ(command(noop(16381)), COMMAND_SEQUENCE);
+    EXPECT_EQ(command(noop(2 + 8191)), COMMAND_OK);
+    EXPECT_EQ(command(noop(2)), COMMAND_SEQUENCE);
+    EXPECT_EQ(command(noop(0)), COMMAND_OK);
+    EXPECT_EQ(command(noop(8192)), COMMAND_SEQUENCE); // as far behind as ahead
+    EXPECT_EQ(state.counters.reasons[COMMAND_SEQUENCE], 5u);
+    EXPECT_EQ(state.counters.executed, 7u);
+    command_begin(&state);
+    EXPECT_EQ(command(noop(1)), COMMAND_OK); // of a flight that begins anew
+}
+
+TEST_F(Command, WhatALinkBroughtInVainMayComeAgain)
+{
+    link = &state.ground;
+    const Bytes mode = packet(2, version + Bytes{0, 1}, 0x1855, 3), wrong = packet(2, version + Bytes{0, 9}, 0x1855, 2);
+    EXPECT_EQ(command(packet(0, {}, 0x1855, 1)), COMMAND_OK);
+    EXPECT_EQ(command(wrong), COMMAND_PLACE);
+    EXPECT_EQ(command(wrong), COMMAND_PLACE);
+    while (accept(packet(0, {}, 0x1855, static_cast<uint16_t>(state.ground.last + 1))) == COMMAND_OK) {
+    }
+    EXPECT_EQ(reports.back().report.reason, COMMAND_BUSY);
+    const Bytes again = packet(0, {}, 0x1855, static_cast<uint16_t>(state.ground.last + 1));
+    execute();
+    EXPECT_EQ(command(again), COMMAND_OK);
+    EXPECT_EQ(command(mode), COMMAND_SEQUENCE); // it is late by now
+    EXPECT_EQ(mission.log, "");
+}
 
 TEST_F(Command, ModesEventsResetAndTelemetryDoWhatTheySay)
 {

@@ -86,7 +86,7 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
         }
     }
     if (is_due(&table->rates[HOUSEKEEPING])) {
-        TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters};
+        TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters, commands->ground};
         memcpy(table->packet + TELEMETRY_HEADER, &h, sizeof h);
         send(table, HOUSEKEEPING, sizeof h, t, sink, user);
     }

@@ -32,6 +32,7 @@ typedef struct TelemetryHousekeeping {
     uint32_t mode;   ///< its place in the list of modes; 0 if there are none
     uint32_t staged; ///< the module that is staged, plus 1; 0: none
     CommandCounters commands;
+    CommandLink ground; ///< where a ground that begins anew counts on
 } TelemetryHousekeeping;
 
 /** An output of flight. */

@@ -74,6 +74,7 @@ class Reason(IntEnum):
     RUNNING = 14
     BYTECODE = 15
     FAILED = 16
+    SEQUENCE = 17
 
 
 class Kind(IntEnum):
@@ -358,11 +359,15 @@ def rules_of(fields: Sequence[Any], start: int, prefix: str = "", base: int = 0,
 # --- packets of commands ---------------------------------------------------------------------------
 
 class Packets:
-    """Makes packets by a dictionary, with a sequence of their own."""
+    """Makes packets by a dictionary, with a sequence of their own.
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    sequence: of the first packet. A ground that begins anew counts on from the last one that flight has accepted:
+    housekeeping has it, and the report of a refusal for Reason.SEQUENCE.
+    """
+
+    def __init__(self, dictionary: Dictionary, sequence: int = 0) -> None:
         self.dictionary = dictionary
-        self.sequence = 0
+        self.sequence = sequence
 
     def packet(self, code: int, rest: bytes = b"", version: int | None = None) -> bytes:
         """A packet with any code and any bytes behind its header: version, None: that of the dictionary."""
@@ -475,6 +480,16 @@ class Packets:
         return _place(block.fields, [f.name for f in block.fields], name, "parameter", block.path)[1]
 
 
+def moved(packet: bytes, by: int) -> bytes:
+    """The same command with a sequence that is `by` further. A wrong checksum stays wrong."""
+    if len(packet) < 8:
+        return packet
+    raw, word = bytearray(packet), int.from_bytes(packet[2:4], "big")
+    raw[2:4] = (word & 0xC000 | word + by & 0x3FFF).to_bytes(2, "big")
+    raw[7] ^= reduce(xor, raw[2:4] + packet[2:4])
+    return bytes(raw)
+
+
 def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> bytes:
     """A value in big-endian bytes."""
     shape = field.shape if shape is None else shape
@@ -521,7 +536,7 @@ class Report(NamedTuple):
     code: int
     executed: bool              # False: about its acceptance
     reason: Reason
-    detail: int                 # of a rule: its place in the module's list
+    detail: int                 # of a rule: its place in the module's list; of a sequence: the last that was accepted
     data: bytes                 # read back, big-endian
 
     @property
@@ -531,7 +546,9 @@ class Report(NamedTuple):
     def __repr__(self) -> str:
         name = Code(self.code).name.lower() if self.code in Code._value2member_map_ else f"code {self.code}"
         what = "executed" if self.executed and self.good else "accepted" if self.good else "refused: "
-        why = "" if self.good else self.reason.name.lower() + (f", rule {self.detail}" if self.detail else "")
+        detail = f", the last was {self.detail}" if self.reason == Reason.SEQUENCE else \
+            f", rule {self.detail}" if self.detail else ""
+        why = "" if self.good else self.reason.name.lower() + detail
         return f"<{name} {self.sequence} {what}{why}, t = {self.t / 1e9:g} s>"
 
 
@@ -582,6 +599,8 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
         content: Any = dict(zip([name for name, _ in HOUSEKEEPING_FIELDS], numbers))
         reasons = packing.unpack_from(f"{mark}{len(Reason)}I", body, 28)
         content["reasons"] = {Reason(i): n for i, n in enumerate(reasons) if n}
+        begun, last = packing.unpack_from(f"{mark}2H", body, 28 + 4 * len(Reason))
+        content["last"] = last if begun else None       # the sequence of the last command by the link from the ground
         path = "housekeeping"
     elif place == REPORTS:
         t, number, code, executed, reason, detail, n = packing.unpack_from(mark + REPORT, body)

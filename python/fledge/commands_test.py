@@ -8,7 +8,7 @@ import pytest
 import fledge
 from fledge import export, objects
 from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Text, decoded, encoded,
-                             read_script, script, values)
+                             moved, read_script, script, values)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, kg, m, s
@@ -189,6 +189,39 @@ def test_refusals_of_what_was_accepted(mission):
     rule = next(r for r in c.reports if r.reason == Reason.RULE)
     assert c.dictionary.block("flight.control")[1].rules[rule.detail].name == "K"
     assert mission.flight.control.K == 2.5
+
+
+def test_a_command_that_comes_again_is_refused_and_a_clone_counts_on(mission):
+    c = mission.flight.commands
+    packet = c.packets.write("flight.control", K=3.0)[0]
+    assert c.send(packet)[0].good
+    mission.run(2 * s)
+    mission.flight.control.K = 2.5
+    again, = c.send(packet)
+    assert again.reason == Reason.SEQUENCE and again.detail == again.sequence == 0
+    assert repr(again) == "<write 0 refused: sequence, the last was 0, t = 2 s>"
+    mission.run(2 * s)
+    assert mission.flight.control.K == 2.5 and c.counters.executed == 1
+    before, other = mission.snapshot(), mission.clone()
+    for one in (c, c, other.flight.commands):                   # the clone's commands have made no packet yet
+        assert one.mode("rest")[0].good
+    other.run(1 * s)
+    assert other.flight.active_mode == "rest"
+    new = fledge.load(mission.mission.folder)
+    new.restore(before)
+    assert new.flight.commands.write("control", K=4)[0].good and new.flight.commands.noop()[0].sequence == 2
+    mission.reset()
+    assert c.send(packet)[0].good                               # flight begins anew, and with it the link
+
+
+def test_the_sequence_of_a_packet_moves_with_its_checksum():
+    packet = by_hand(2, b"\0\1\0\2", sequence=16382)
+    assert moved(packet, 5) == by_hand(2, b"\0\1\0\2", sequence=3) and moved(packet, 0) == packet
+    assert moved(by_hand(2, sequence=1), -2) == by_hand(2, sequence=0x3FFF)
+    wrong = packet[:7] + bytes([packet[7] ^ 4]) + packet[8:]
+    right = by_hand(2, b"\0\1\0\2", sequence=3)
+    assert moved(wrong, 5) == right[:7] + bytes([right[7] ^ 4]) + right[8:]
+    assert moved(b"nonsens", 3) == b"nonsens"
 
 
 def test_a_full_queue_is_reported_and_survived(mission):

@@ -468,6 +468,9 @@ void bind_process(py::module_ &m)
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
         .def_property_readonly(
+            "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },
+            "(whether a command was accepted, the sequence of the last one)")
+        .def_property_readonly(
             "command_counters",
             [](const sim::Process &p) {
                 const CommandCounters c = p.command_counters();

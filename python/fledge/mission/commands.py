@@ -51,7 +51,7 @@ class Commands:
         self._process: Callable[[], Any] = weakref.ref(process)
         self._core = core
         self.dictionary = dictionary(process)
-        self.packets = Packets(self.dictionary)
+        self._packets = Packets(self.dictionary)
         self.sent: list[tuple[int, bytes]] = []
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
@@ -71,6 +71,15 @@ class Commands:
             rows.append((name, start, block.size, block.configuration, block.runs, rules))
         d = self.dictionary
         self._core.set_dictionary(d.stream, d.version, len(d.outputs), d.room, rows)
+
+    @property
+    def packets(self) -> Packets:
+        """Makes packets, which count on from the last one that flight has accepted: a clone, or a simulation that was
+        restored, may have accepted more than came from here."""
+        begun, last = self._core.ground
+        if begun and not 0 < (self._packets.sequence - last) % 0x4000 < 0x2000:
+            self._packets.sequence = last + 1
+        return self._packets
 
     # --- the commands ---
 

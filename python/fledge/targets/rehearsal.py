@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 from fledge import export, mission as missions, objects
-from fledge.commands import parameters
+from fledge.commands import moved, parameters
 from fledge.errors import Failure, SetupError
 from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen, set_up
@@ -75,6 +75,7 @@ class Rehearsal:
     def begin(self) -> None:
         self.missions = export.read_all(self.sim)
         self.sent = {flight.name: 0 for flight in self.sim.flights}
+        self.sequence = {flight.name: 0 for flight in self.sim.flights}      # of the next packet in the script
         for flight in self.sim.flights:
             packets = flight.commands.packets
             asked = [packets.mode(flight.requested_mode)] if flight.requested_mode != flight.active_mode else []
@@ -96,7 +97,12 @@ class Rehearsal:
         """Add commands to the script, then those that the scenario itself has sent since the last time."""
         sent = flight.commands.sent[self.sent[flight.name]:]
         self.sent[flight.name] += len(sent)
-        self.script += [Command(t, flight.name, packet) for t, packet in (*((now, one) for one in packets), *sent)]
+        # Those that come first were made last: on the link from the ground, sequences follow the order of sending.
+        packets, end = list(packets), flight.commands.packets.sequence
+        made = end - len(packets) - self.sequence[flight.name]
+        self.sequence[flight.name] = end
+        self.script += [Command(now, flight.name, moved(one, -made)) for one in packets]
+        self.script += [Command(t, flight.name, moved(one, len(packets))) for t, one in sent]
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""

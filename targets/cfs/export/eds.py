@@ -97,7 +97,9 @@ def sheet(mission: Mission, app: App) -> str:
     report = [("Time", "int64", "of flight [ns]"), *((name, "uint16", "") for name in (
         "Sequence", "Code", "Executed", "Reason", "Detail", "Count", "Spare1", "Spare2"))]
     flight = [("Time", "int64", "of flight [ns]"), *((name, "uint32", "") for name in (
-        "Mode", "Staged", "Accepted", "Executed", "Refused")), ("Reasons", f"uint32[{len(Reason)}]", "")]
+        "Mode", "Staged", "Accepted", "Executed", "Refused")), ("Reasons", f"uint32[{len(Reason)}]", ""), (
+            "Begun", "uint16", "1: a command has come by the link from the ground"),
+        ("Last", "uint16", "the sequence of the last one that was accepted")]
     for name, rows in (("FLIGHT", flight), ("REPORT", report), ("HK", housekeeping(mission))):
         entries = []
         for entry, type_, doc in rows:

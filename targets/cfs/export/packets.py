@@ -175,8 +175,7 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
             ("IoRefused", "uint32", "messages that a lane did not take"),
             ("IoCorrupt", "uint32", "messages that were none"),
             ("IoSaturated", "uint32", "numbers beyond the range of their field"),
-            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length"),
-            ("Spare2", "uint32", "")]
+            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length")]
 
 
 def payloads(mission: Mission, app: App) -> list[str]:

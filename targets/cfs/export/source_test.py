@@ -107,7 +107,7 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
         for message in messages:
             assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
-    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (160, 112, 40)
+    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (160, 120, 40)
     assert size("WriteCmd") == 16 + 512 and size("ArmCmd") == 14
 
 

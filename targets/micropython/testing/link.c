@@ -49,7 +49,7 @@ static void accept_packet(const char *digits)
     while (n < sizeof packet && sscanf(digits + 2u * n, "%2x", &byte) == 1) {
         packet[n++] = (uint8_t)byte;
     }
-    (void)command_accept(host->state, host->commands, packet, n, print_report, NULL);
+    (void)command_accept(host->state, host->commands, &host->state->ground, packet, n, print_report, NULL);
 }
 
 static void fly(int64_t t)
