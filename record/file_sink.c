@@ -108,6 +108,20 @@ int file_sink_write(void *sink, const void *bytes, size_t n)
     return s->error;
 }
 
+int file_sink_ahead(void *sink, size_t offset, const void *bytes, size_t n)
+{
+    FileSink *s = sink;
+    const off_t here = lseek(s->fd, 0, SEEK_CUR);
+    if (s->error == 0 && (here < 0 || lseek(s->fd, (off_t)offset, SEEK_CUR) < 0)) {
+        s->error = errno;
+    }
+    (void)file_sink_write(sink, bytes, n);
+    if (s->error == 0 && lseek(s->fd, here, SEEK_SET) < 0) {
+        s->error = errno;
+    }
+    return s->error;
+}
+
 int file_sink_close(FileSink *s, bool whole)
 {
     if (s->fd < 0) {

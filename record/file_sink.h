@@ -33,6 +33,9 @@ int file_sink_open(FileSink *s, const char *name);
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */
 int file_sink_write(void *sink, const void *bytes, size_t n);
 
+/** McapConfig.ahead, with the FileSink as its user. Returns 0 or errno. */
+int file_sink_ahead(void *sink, size_t offset, const void *bytes, size_t n);
+
 /** Close the file; with `whole`, and if no call has failed, rename it to NAME. Returns the first errno: ESTALE if
  *  NAME.part was deleted or replaced meanwhile. */
 int file_sink_close(FileSink *s, bool whole);

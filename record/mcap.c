@@ -207,6 +207,8 @@ static void begin_chunk(McapWriter *w)
     w->chunk_messages = 0;
     w->chunk_t_first = 0;
     w->chunk_t_last = 0;
+    w->chunk_ahead = CHUNK_HEAD;
+    w->crc_ahead = 0;
     for (uint16_t c = 0; c < w->n_channels; c++) {
         w->config.channels[c].chunk_count = 0;
     }
@@ -269,20 +271,16 @@ static void index_chunk(McapWriter *w, uint64_t start, uint64_t size)
     send(w, w->config.chunk, index_size);
 }
 
-/* Pass the open chunk to the sink. The n bytes of `tail` belong to its last record, and need no room in the buffer. */
-static void end_chunk_with(McapWriter *w, const void *tail, size_t n)
+/* The CRC of the records in the chunk buffer. */
+static uint32_t chunk_crc(const McapWriter *w)
 {
-    if (w->chunk_used == CHUNK_HEAD) {
-        return;
-    }
-    const size_t buffered = w->chunk_used - CHUNK_HEAD;
-    const uint64_t size = (uint64_t)buffered + n;
-    uint32_t crc = mcap_crc_update(&w->crc_tables, 0, w->config.chunk + CHUNK_HEAD, buffered);
-    if (n > 0u) {
-        crc = mcap_crc_update(&w->crc_tables, crc, tail, n);
-    }
-    const uint64_t start = w->position;
+    return mcap_crc_update(&w->crc_tables, w->crc_ahead, w->config.chunk + w->chunk_ahead,
+                           w->chunk_used - w->chunk_ahead);
+}
 
+/* The head of the open chunk, with so many bytes of records. */
+static void put_chunk_head(McapWriter *w, uint64_t size, uint32_t crc)
+{
     uint8_t *p = put_prefix(w->config.chunk, OP_CHUNK, CHUNK_HEAD - PREFIX + size);
     p = put_u64(p, w->chunk_t_first);
     p = put_u64(p, w->chunk_t_last);
@@ -290,6 +288,21 @@ static void end_chunk_with(McapWriter *w, const void *tail, size_t n)
     p = put_u32(p, crc);
     p = put_u32(p, 0); /* not compressed */
     put_u64(p, size);
+}
+
+/* Pass the open chunk to the sink. The n bytes of `tail` belong to its last record, and need no room in the buffer. */
+static void end_chunk_with(McapWriter *w, const void *tail, size_t n)
+{
+    if (w->chunk_used == CHUNK_HEAD) {
+        return;
+    }
+    const uint64_t size = (uint64_t)(w->chunk_used - CHUNK_HEAD) + n;
+    uint32_t crc = chunk_crc(w);
+    if (n > 0u) {
+        crc = mcap_crc_update(&w->crc_tables, crc, tail, n);
+    }
+    const uint64_t start = w->position;
+    put_chunk_head(w, size, crc);
 
     /* The CRC of the section continues with the CRC of the chunk, so that each byte is hashed once. */
     w->crc = mcap_crc_update(&w->crc_tables, w->crc, w->config.chunk, CHUNK_HEAD);
@@ -537,6 +550,11 @@ McapStatus mcap_metadata(McapWriter *w, const char *name, const McapPair *pairs,
     put_pairs(w, pairs, n);
     send_stage(w);
     w->n_metadata++;
+    if (w->chunk_ahead > CHUNK_HEAD) { /* it overwrote the chunk, which now begins behind it */
+        w->chunk_ahead = CHUNK_HEAD;
+        w->crc_ahead = 0;
+        (void)mcap_save(w);
+    }
 
     const uint64_t length = 8u + 8u + text_size(name);
     if (PREFIX + length > w->index_floor - w->index_used) {
@@ -559,6 +577,37 @@ McapStatus mcap_flush(McapWriter *w)
         end_chunk(w);
     }
     return w->status;
+}
+
+McapStatus mcap_save(McapWriter *w)
+{
+    if (w->status != MCAP_OK || w->config.ahead == NULL || w->chunk_used == w->chunk_ahead) {
+        return w->status;
+    }
+    const McapConfig *c = &w->config;
+    w->crc_ahead = chunk_crc(w);
+    put_chunk_head(w, w->chunk_used - CHUNK_HEAD, w->crc_ahead);
+    /* The head last: a crash in between leaves a chunk that agrees with its head, and records behind it. */
+    int error = c->ahead(c->user, w->chunk_ahead, c->chunk + w->chunk_ahead, w->chunk_used - w->chunk_ahead);
+    if (error == 0) {
+        error = c->ahead(c->user, 0, c->chunk, CHUNK_HEAD);
+    }
+    if (error != 0) {
+        w->status = MCAP_WRITE_FAILED;
+        w->sink_error = error;
+    }
+    w->chunk_ahead = w->chunk_used;
+    return w->status;
+}
+
+McapMark mcap_mark(const McapWriter *w)
+{
+    McapMark mark = {w->position, 0, w->crc, 0};
+    if (chunked(w)) {
+        mark.records = w->chunk_used - CHUNK_HEAD;
+        mark.crc = mcap_crc_join(w->crc, chunk_crc(w), mark.records);
+    }
+    return mark;
 }
 
 static void put_statistics(McapWriter *w)

@@ -61,6 +61,10 @@ typedef enum McapOrder {
 /** Take n bytes in order; 0 for success, else an error code of the sink's own (never 0). */
 typedef int (*McapWrite)(void *user, const void *bytes, size_t n);
 
+/** Take n bytes ahead, for a place `offset` bytes behind all that McapWrite has taken; later calls of McapWrite replace
+ *  them. Returns as McapWrite. */
+typedef int (*McapAhead)(void *user, size_t offset, const void *bytes, size_t n);
+
 typedef struct McapPair {
     const char *key;
     const char *value;
@@ -87,7 +91,8 @@ typedef struct McapChannel {
 
 typedef struct McapConfig {
     McapWrite write;
-    void *user;            ///< the first argument of write
+    McapAhead ahead;       ///< null: the open chunk reaches the sink when it ends
+    void *user;            ///< the first argument of both
     const char *profile;   ///< null: "ros2"
     const char *library;   ///< null: "fledge"
     McapSchema *schemas;   ///< memory for schemas_max entries
@@ -123,6 +128,8 @@ typedef struct McapWriter {
     uint32_t chunk_messages;
     uint64_t chunk_t_first;
     uint64_t chunk_t_last;
+    size_t chunk_ahead; ///< end of what the sink has of the open chunk,
+    uint32_t crc_ahead; ///< and the CRC of its records
 
     size_t index_used;  ///< end of the ChunkIndex records, which begin at the start of `index`
     size_t index_floor; ///< start of the MetadataIndex records, which end at the end of `index`
@@ -151,8 +158,22 @@ McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t 
 /** Record n key/value pairs about the run under a name. Keys must differ. The writer keeps no pointer. */
 McapStatus mcap_metadata(McapWriter *w, const char *name, const McapPair *pairs, size_t n);
 
-/** Pass the open chunk to the sink now, so that a later crash does not lose it. */
+/** End the open chunk, and pass it to the sink. */
 McapStatus mcap_flush(McapWriter *w);
+
+/** Pass what is new in the open chunk to the sink ahead of the chunk's end, so that a crash does not lose it: the file
+ *  then ends with a chunk that is whole. The finished file has the same bytes as without. */
+McapStatus mcap_save(McapWriter *w);
+
+/** What tells whether two files have the same bytes so far. */
+typedef struct McapMark {
+    uint64_t position; ///< [bytes] in front of the open chunk
+    uint64_t records;  ///< [bytes] of the records in the open chunk
+    uint32_t crc;      ///< of both
+    uint32_t spare;
+} McapMark;
+
+McapMark mcap_mark(const McapWriter *w);
 
 /** Complete the file. Returns the first failure of the sink, if it failed: then the bytes that it has taken are a
  *  readable, truncated file. */

@@ -23,6 +23,7 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -368,6 +369,7 @@ File parse(const Bytes &bytes)
 
 struct Archive {
     Bytes file;
+    Bytes disk;             ///< the file, and what is ahead of it
     size_t room = SIZE_MAX; ///< the sink fails when it would hold more
     int calls_after_failure = 0;
     bool failed = false;
@@ -390,6 +392,21 @@ struct Archive {
         size_t fits = std::min(n, a->room - a->file.size());
         a->file.insert(a->file.end(), p, p + fits);
         a->failed = fits < n;
+        a->disk.resize(std::max(a->disk.size(), a->file.size()));
+        std::copy_n(p, fits, a->disk.begin() + ptrdiff_t(a->file.size() - fits));
+        return a->failed ? ENOSPC : 0;
+    }
+
+    static int ahead(void *user, size_t offset, const void *bytes, size_t n)
+    {
+        auto *a = static_cast<Archive *>(user);
+        const size_t begin = a->file.size() + offset;
+        a->calls_after_failure += a->failed ? 1 : 0;
+        a->failed = begin + n > a->room;
+        if (!a->failed) {
+            a->disk.resize(std::max(a->disk.size(), begin + n));
+            std::copy_n(static_cast<const uint8_t *>(bytes), n, a->disk.begin() + ptrdiff_t(begin));
+        }
         return a->failed ? ENOSPC : 0;
     }
 
@@ -397,6 +414,7 @@ struct Archive {
     {
         McapConfig c{};
         c.write = write;
+        c.ahead = ahead;
         c.user = this;
         c.schemas = schemas.data();
         c.channels = channels.data();
@@ -609,6 +627,72 @@ TEST(Mcap, AFlushEndsTheChunk)
     EXPECT_EQ(f.chunks.size(), 10u);
 }
 
+// What the disk has after a save in message i is the beginning of a file whose chunk ends there.
+void expect_saved(const Archive &a, int n, int i, std::function<void(Archive &, int)> each)
+{
+    Archive flushed(a.chunk.size());
+    bool same = false;
+    write_run(flushed, n, 120, [&](int k) {
+        each(flushed, k);
+        if (k == i && mcap_flush(&flushed.w) == MCAP_OK) {
+            same =
+                a.disk.size() <= flushed.file.size() && std::equal(a.disk.begin(), a.disk.end(), flushed.file.begin());
+        }
+    });
+    EXPECT_TRUE(same) << i;
+}
+
+TEST(Mcap, WhatIsSavedIsAWholeChunkAndChangesNoByteOfTheFile)
+{
+    const auto metadata = [](Archive &a, int i) {
+        if (i % 20 == 19) { // in the place of the saved chunk, which moves
+            mcap_metadata(&a.w, "late", RUN_PAIRS, 2);
+        }
+    };
+    for (size_t chunk_size : {size_t(0), size_t(1500), size_t(1) << 20}) {
+        Archive plain(chunk_size);
+        write_run(plain, 60, 120, [&](int i) { metadata(plain, i); });
+        ASSERT_EQ(mcap_close(&plain.w), MCAP_OK);
+        for (int every : {1, 7}) {
+            Archive a(chunk_size);
+            write_run(a, 60, 120, [&](int i) {
+                if (i % every == 0) {
+                    ASSERT_EQ(mcap_save(&a.w), MCAP_OK);
+                    metadata(a, i);
+                    expect_saved(a, 60, i, metadata);
+                } else {
+                    metadata(a, i);
+                }
+            });
+            ASSERT_EQ(mcap_close(&a.w), MCAP_OK);
+            EXPECT_EQ(a.file, plain.file);
+            EXPECT_EQ(a.disk, plain.file);
+        }
+    }
+}
+
+TEST(Mcap, AMarkIsOfTheBytesAlone)
+{
+    for (size_t chunk_size : {size_t(0), size_t(1500)}) {
+        Archive a(chunk_size), b(chunk_size);
+        std::vector<McapMark> marks;
+        write_run(a, 60, 120, [&](int) {
+            mcap_save(&a.w);
+            marks.push_back(mcap_mark(&a.w));
+        });
+        write_run(b, 60, 120, [&](int i) {
+            const McapMark mark = mcap_mark(&b.w), &same = marks[size_t(i)];
+            EXPECT_EQ(std::tie(mark.position, mark.records, mark.crc), std::tie(same.position, same.records, same.crc));
+            Bytes bytes = b.file;
+            EXPECT_EQ(mark.position, bytes.size());
+            if (chunk_size) {
+                bytes.insert(bytes.end(), b.chunk.begin() + 49, b.chunk.begin() + 49 + ptrdiff_t(mark.records));
+            }
+            EXPECT_EQ(mark.crc, crc_bit_by_bit(bytes.data(), bytes.size()));
+        });
+    }
+}
+
 TEST(Mcap, TheBytesDependOnTheCallsAlone)
 {
     for (size_t chunk_size : {size_t(0), size_t(1500)}) {
@@ -743,12 +827,26 @@ TEST(Mcap, ASinkThatFailsAtAnyByteIsReportedAndLeftAlone)
             ASSERT_EQ(mcap_close(&a.w), MCAP_WRITE_FAILED) << room;
             ASSERT_EQ(mcap_close(&a.w), MCAP_WRITE_FAILED) << room;
             ASSERT_EQ(mcap_flush(&a.w), MCAP_WRITE_FAILED) << room;
+            ASSERT_EQ(mcap_save(&a.w), MCAP_WRITE_FAILED) << room;
             ASSERT_EQ(a.w.sink_error, ENOSPC) << room;
             ASSERT_EQ(a.calls_after_failure, 0) << room;
             ASSERT_EQ(a.file.size(), room);
             ASSERT_TRUE(std::equal(a.file.begin(), a.file.end(), whole.file.begin())) << room;
         }
     }
+}
+
+TEST(Mcap, ASaveThatFailsIsReportedAndTheSinkLeftAlone)
+{
+    Archive a(1 << 16);
+    a.room = 1000;
+    int saved = 0;
+    write_run(a, 60, 120, [&](int) { saved += mcap_save(&a.w) == MCAP_OK ? 1 : 0; });
+    EXPECT_GT(saved, 3);
+    EXPECT_EQ(mcap_close(&a.w), MCAP_WRITE_FAILED);
+    EXPECT_EQ(a.w.sink_error, ENOSPC);
+    EXPECT_EQ(a.calls_after_failure, 0);
+    EXPECT_LE(a.disk.size(), a.room);
 }
 
 TEST(Mcap, TheHeapIsNeverTouched)
@@ -819,6 +917,18 @@ TEST_F(FileSinkTest, NamesTheFileOnceItIsWhole)
     EXPECT_EQ(file_sink_close(&sink, true), 0);
     EXPECT_EQ(content(name), "abcde");
     EXPECT_FALSE(std::filesystem::exists(name + ".part"));
+}
+
+TEST_F(FileSinkTest, BytesAheadStayInThePartAndAreReplaced)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    EXPECT_EQ(file_sink_ahead(&sink, 2, "fgh", 3), 0);
+    EXPECT_EQ(file_sink_ahead(&sink, 0, "de", 2), 0);
+    EXPECT_EQ(content(name + ".part"), "abcdefgh");
+    EXPECT_EQ(file_sink_write(&sink, "DEFGHI", 6), 0);
+    EXPECT_EQ(file_sink_close(&sink, true), 0);
+    EXPECT_EQ(content(name), "abcDEFGHI");
 }
 
 TEST_F(FileSinkTest, KeepsThePartOfARunThatWasGivenUp)

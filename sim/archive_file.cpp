@@ -6,7 +6,12 @@
 
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 #include <deque>
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 namespace fledge::sim {
 
@@ -36,6 +41,72 @@ std::string in_words(int error, const std::string &part)
     case EFBIG: return "the file would exceed the limit on its size (ulimit -f, or the file system's)";
     default: return std::strerror(error);
     }
+}
+
+// Of MCAP: https://mcap.dev/spec
+constexpr std::size_t magic = 8, prefix = 9, chunk_head = 49, message_head = 26;
+constexpr std::uint8_t message_op = 0x05, chunk_op = 0x06, metadata_op = 0x0C;
+
+/// A file that is read as memory; empty if it cannot be.
+class Mapped {
+public:
+    explicit Mapped(const std::string &path)
+    {
+        const int fd = open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+        struct stat about {};
+        if (fd >= 0 && fstat(fd, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0) {
+            const auto size = static_cast<std::size_t>(about.st_size);
+            void *at = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0);
+            if (at != MAP_FAILED) {
+                bytes = {static_cast<const std::uint8_t *>(at), size};
+            }
+        }
+        if (fd >= 0) {
+            ::close(fd);
+        }
+    }
+    ~Mapped()
+    {
+        if (!bytes.empty()) {
+            munmap(const_cast<std::uint8_t *>(bytes.data()), bytes.size());
+        }
+    }
+    Mapped(const Mapped &) = delete;
+    Mapped &operator=(const Mapped &) = delete;
+
+    std::span<const std::uint8_t> bytes;
+};
+
+bool begins_with(std::span<const std::uint8_t> bytes, const McapMark &mark)
+{
+    if (mark.position < magic || mark.position > bytes.size() ||
+        (mark.records &&
+         (bytes.size() - mark.position < chunk_head || mark.records > bytes.size() - mark.position - chunk_head))) {
+        return false;
+    }
+    McapCrc tables;
+    mcap_crc_init(&tables);
+    std::uint32_t crc = mcap_crc_update(&tables, 0, bytes.data(), mark.position);
+    if (mark.records) {
+        crc = mcap_crc_update(&tables, crc, bytes.data() + mark.position + chunk_head, mark.records);
+    }
+    return crc == mark.crc;
+}
+
+std::uint64_t number(const std::uint8_t *at, std::size_t n)
+{
+    std::uint64_t value = 0;
+    while (n--) {
+        value = value << 8 | at[n];
+    }
+    return value;
+}
+
+std::string text(const std::uint8_t *&at)
+{
+    const std::size_t n = number(at, 4);
+    at += 4 + n;
+    return {at - n, at};
 }
 
 } // namespace
@@ -71,6 +142,7 @@ ArchiveFile::ArchiveFile(std::string path, std::size_t channels)
     }
     McapConfig config{};
     config.write = file_sink_write;
+    config.ahead = file_sink_ahead;
     config.user = &m.sink;
     config.schemas = m.schemas.data();
     config.channels = m.channels.data();
@@ -116,6 +188,72 @@ void ArchiveFile::close()
         const std::string part = memory_->sink.part;
         throw RunError("cannot finish " + path_ + ": " + in_words(error, part) +
                        (error == ESTALE ? "" : "; what was written is in " + part));
+    }
+}
+
+// The coarse clock costs a message some 5 ns.
+std::int64_t ArchiveFile::seconds()
+{
+    timespec now{};
+    clock_gettime(CLOCK_MONOTONIC_COARSE, &now);
+    return now.tv_sec;
+}
+
+McapMark ArchiveFile::save()
+{
+    saved_ = seconds();
+    require(mcap_save(&writer_));
+    return mcap_mark(&writer_);
+}
+
+bool ArchiveFile::lost(const std::string &path, const McapMark &mark)
+{
+    // NAME.lost: the program that began to take it over was killed, too.
+    const std::string here = path + ".lost", part = path + ".part";
+    return begins_with(Mapped(here).bytes, mark) ||
+           (begins_with(Mapped(part).bytes, mark) && std::rename(part.c_str(), here.c_str()) == 0);
+}
+
+void ArchiveFile::take_over(const McapMark &mark)
+{
+    const Mapped file(path_ + ".lost");
+    if (!begins_with(file.bytes, mark)) {
+        throw RunError(path_ + ".lost was deleted or changed while it was read");
+    }
+    copy(file.bytes.subspan(magic, mark.position - magic));
+    if (mark.records) {
+        copy(file.bytes.subspan(mark.position + chunk_head, mark.records));
+    }
+    const McapMark own = save();
+    if (own.position != mark.position || own.records != mark.records || own.crc != mark.crc) {
+        throw RunError("cannot go on with the record of the lost program in " + path_ +
+                       ".lost: this program records other topics; start the one that was lost");
+    }
+    unlink((path_ + ".lost").c_str());
+}
+
+/// Whole records, which this writer has written: their checksum is right.
+void ArchiveFile::copy(std::span<const std::uint8_t> records)
+{
+    for (std::size_t n = 0; !records.empty(); records = records.subspan(prefix + n)) {
+        n = number(records.data() + 1, 8);
+        const std::uint8_t *at = records.data() + prefix, *end = at + n;
+        if (records[0] == chunk_op) {
+            copy({at + chunk_head - prefix, end});
+        } else if (records[0] == message_op) {
+            require(mcap_message(&writer_, static_cast<std::uint16_t>(number(at, 2)),
+                                 static_cast<std::int64_t>(number(at + 6, 8)),
+                                 static_cast<std::uint32_t>(number(at + 2, 4)), at + message_head,
+                                 static_cast<std::size_t>(end - at) - message_head));
+        } else if (records[0] == metadata_op) {
+            const std::string name = text(at);
+            Pairs pairs;
+            for (at += 4; at < end;) {
+                std::string key = text(at);
+                pairs.emplace_back(std::move(key), text(at));
+            }
+            metadata(name, pairs);
+        }
     }
 }
 

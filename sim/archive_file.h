@@ -16,8 +16,9 @@ namespace fledge::sim {
 
 using Pairs = std::vector<std::pair<std::string, std::string>>;
 
-/// Until it is closed, the file is NAME.part; one that is left or fails stays so, readable up to its last
-/// whole chunk. All functions throw RunError if the file cannot be written; it takes nothing more then.
+/// Until it is closed, the file is NAME.part; one that is left or fails stays so. A program that is killed loses what
+/// it recorded in its last second. All functions throw RunError if the file cannot be written; it takes nothing more
+/// then.
 class ArchiveFile {
 public:
     /// With room for so many channels.
@@ -35,8 +36,22 @@ public:
     {
         require(mcap_message(&writer_, channel, t, sequence, bytes.data(), bytes.size()));
     }
+    /// Give the system all messages: they stay, whatever becomes of this program. The mark is of the file so far.
+    McapMark save();
+    /// The same, in each second of the wall clock once. The finished file has the same bytes, whenever that is.
+    void save_if_due()
+    {
+        if (const std::int64_t now = seconds(); now != saved_) {
+            save();
+        }
+    }
     /// Complete the file, which gets its name.
     void close();
+
+    /// Whether a lost program has left the file of the mark as NAME.part. Then it becomes NAME.lost.
+    static bool lost(const std::string &path, const McapMark &mark);
+    /// Write what NAME.lost has up to its mark: metadata and messages, for the same channels as there. Then delete it.
+    void take_over(const McapMark &mark);
 
     const std::string &path() const { return path_; }
 
@@ -49,8 +64,11 @@ private:
         }
     }
     [[noreturn]] void abandon(McapStatus status);
+    static std::int64_t seconds();
+    void copy(std::span<const std::uint8_t> records);
 
     std::string path_;
+    std::int64_t saved_ = seconds(); ///< [s] of the wall clock
     std::unique_ptr<Memory> memory_;
     McapWriter writer_{};
 };

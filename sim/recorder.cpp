@@ -83,12 +83,48 @@ void Recorder::open_archive(const std::string &path, const Pairs &run)
     }
     auto archive = std::make_unique<ArchiveFile>(path, logs_.size());
     archive->metadata("run", run);
+    begin_archive(std::move(archive));
+}
+
+void Recorder::begin_archive(std::unique_ptr<ArchiveFile> archive)
+{
     for (const auto &log : logs_) {
         log->channel_ = archive->add_channel(log->topic(), log->field->sub->name, log->field->sub->schema);
     }
     archive_ = std::move(archive);
     for (const auto &log : logs_) {
         log->archived_ = true;
+    }
+}
+
+bool Recorder::resume_archive(const std::string &path)
+{
+    if (!resumed_ || !ArchiveFile::lost(path, *resumed_)) {
+        return false;
+    }
+    begin_archive(std::make_unique<ArchiveFile>(path, logs_.size()));
+    write_archive([&] { archive_->take_over(*resumed_); });
+    return true;
+}
+
+McapMark Recorder::save_archive()
+{
+    McapMark mark{};
+    if (archive_) {
+        write_archive([&] { mark = archive_->save(); });
+    }
+    return mark;
+}
+
+/// If the archive cannot be written, the run continues without it, after this error.
+template <class Write> void Recorder::write_archive(Write write)
+{
+    try {
+        write();
+    } catch (const RunError &) {
+        find_next_due();
+        take_archive();
+        throw;
     }
 }
 
@@ -157,14 +193,11 @@ void Recorder::take_due(Ns t)
         if (log->archived_) {
             Head head;
             std::memcpy(&head, message, sizeof head);
-            try {
-                archive_->message(log->channel_, t, head.sequence, {message, log->field->size});
-            } catch (const RunError &) {
-                find_next_due();
-                take_archive(); // the run continues without it
-                throw;
-            }
+            write_archive([&] { archive_->message(log->channel_, t, head.sequence, {message, log->field->size}); });
         }
+    }
+    if (archive_) {
+        write_archive([&] { archive_->save_if_due(); });
     }
     find_next_due();
 }

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -56,6 +57,16 @@ public:
     void archive_metadata(const std::string &name, const Pairs &pairs);
     bool archiving() const { return archive_ != nullptr; }
 
+    /// Let the system have all of the archive now, so that no message is lost if this program is killed. The mark is
+    /// of the archive so far; all zero without one.
+    McapMark save_archive();
+    /// This simulation goes on from the snapshot of a lost program, whose archive had this mark then.
+    void resume_from(const McapMark &mark) { resumed_ = mark; }
+    bool resumed() const { return resumed_.has_value(); }
+    /// As open_archive(), but the archive begins with what the lost program's has up to its mark, metadata included.
+    /// Returns false, and does nothing, if NAME.part is not that archive.
+    bool resume_archive(const std::string &path);
+
     /// Room for the samples after the instant `now` up to t, so that the loop does not allocate.
     /// `step` is the shortest time between instants.
     void reserve(Ns now, Ns t, Ns step);
@@ -79,7 +90,10 @@ private:
     void take_due(Ns t);
     void find_next_due();
     std::unique_ptr<ArchiveFile> take_archive();
+    void begin_archive(std::unique_ptr<ArchiveFile> archive);
+    template <class Write> void write_archive(Write write);
 
+    std::optional<McapMark> resumed_;
     std::vector<std::shared_ptr<Log>> logs_;
     std::unique_ptr<ArchiveFile> archive_;
     Ns next_due_;

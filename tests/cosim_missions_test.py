@@ -204,9 +204,11 @@ def test_two_programs_give_the_bits_of_one(mission, together, transport):
         assert {p for p in found if found[p] != together[p]} == set(), f"draw {draw}"
 
 
-@pytest.mark.parametrize("save_every", [0, 4], ids=["from the beginning", "from a snapshot"])
+@pytest.mark.parametrize("save_every, found", [(0, True), (4, True), (4, False)],
+                         ids=["from the beginning", "from a snapshot", "from a snapshot, without the lost record"])
 @pytest.mark.parametrize("lost", ["flight", "world"])
-def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(mission, lost, save_every, tmp_path):
+def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(mission, lost, save_every, found,
+                                                                               tmp_path):
     one = prepared(mission, SEED)
     one.run(SPAN)
     address, other = address_of("ipc"), {"flight": "world", "world": "flight"}[lost]
@@ -214,6 +216,7 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
     def be_killed():
         sim = prepared(mission)
         node = cosim.split(sim, lost)
+        sim.archive(tmp_path / "lost.mcap")
 
         def kill():
             while sim.time_ns < SPAN * 1e9 / 2:
@@ -225,10 +228,12 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
 
     def be_again():
         sim = prepared(mission)
-        (tmp_path / "lost.mcap.part").touch()
+        assert (tmp_path / "lost.mcap.part").exists()
+        if not found:
+            (tmp_path / "lost.mcap.part").write_text("another's")
         sim.archive(tmp_path / "lost.mcap")
         reason = cosim.split(sim, lost).serve(address, simulation="identity")
-        assert sim.close_archive() == str(tmp_path / ("lost-2.mcap" if save_every else "lost.mcap"))
+        assert sim.close_archive() == str(tmp_path / ("lost.mcap" if found else "lost-2.mcap"))
         return reason, {log.path: (log.times(), log.bytes()) for log in sim.records}
 
     programs = [be_controller(address, 0, "allowed", "restart", save_every), be_node(mission, other, address, 0, 0),
@@ -249,6 +254,19 @@ def test_a_program_that_is_killed_and_started_again_goes_on_with_the_same_bits(m
             times, messages = records[log.path]
             assert len(times) < len(log.times()) if save_every else len(times) == len(log.times())
             assert log.times().endswith(times) and log.bytes().endswith(messages), log.path
+    if not found:
+        assert (tmp_path / "lost.mcap.part").read_text() == "another's"
+        archive = fledge.Archive(tmp_path / "lost-2.mcap")
+        assert not archive.complete and re.search(
+            r"lost-2.mcap: the data up to t = [\d.]+ s are missing: a program was lost, and lost.mcap.part was not its "
+            "record", archive.problem)
+        return
+    archive = fledge.Archive(tmp_path / "lost.mcap")
+    assert archive.complete and [p.name for p in tmp_path.glob("lost*")] == ["lost.mcap"]
+    for log in one.records:
+        if log.path.startswith(lost):
+            topic = "/" + log.path.replace(".", "/")
+            assert (archive.time_ns(topic).tobytes(), archive[topic].tobytes()) == (log.times(), log.bytes()), log.path
 
 
 def test_latencies_noise_and_seeds_do_matter(mission, together):

@@ -105,7 +105,14 @@ Initialized SimulationNode::initialize(const Initialize &request)
         simulation_.begin_after(request.start); // it joins a run
     }
     if (!request.snapshot.empty()) {
-        simulation_.restore(request.snapshot);
+        McapMark mark;
+        std::span<const std::byte> snapshot = request.snapshot;
+        if (snapshot.size() < sizeof mark) {
+            throw sim::SetupError("its snapshot is cut off");
+        }
+        std::memcpy(&mark, snapshot.last<sizeof mark>().data(), sizeof mark);
+        simulation_.restore(snapshot.first(snapshot.size() - sizeof mark));
+        simulation_.recorder().resume_from(mark);
         if (simulation_.now() > request.start || simulation_.next() <= request.start) {
             throw sim::SetupError("its snapshot is of " + sim::format_time(simulation_.now()) +
                                   ", but it has to begin after " + sim::format_time(request.start));
@@ -139,10 +146,15 @@ std::vector<Publication> SimulationNode::match(const std::vector<Channel> &asked
     return publications;
 }
 
-/// The stand-ins hold the last inputs; the controller sends again what the node has not seen.
+/// The stand-ins hold the last inputs; the controller sends again what the node has not seen. A program that goes on
+/// from the snapshot goes on with the record, too: so all of it until now must stay, whatever becomes of this program.
 Bytes SimulationNode::save()
 {
-    return simulation_.snapshot();
+    Bytes snapshot = simulation_.snapshot();
+    const McapMark mark = simulation_.recorder().save_archive();
+    const auto *bytes = reinterpret_cast<const std::byte *>(&mark);
+    snapshot.insert(snapshot.end(), bytes, bytes + sizeof mark);
+    return snapshot;
 }
 
 void SimulationNode::start(const std::vector<Channel> &wired)

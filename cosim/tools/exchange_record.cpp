@@ -110,6 +110,9 @@ void ExchangeRecord::settled(Ns t)
         read_payload(it->payload, topic.fields, message_);
         file_->message(topic.channel, it->t, it->count, message_);
     }
+    if (file_) {
+        file_->save_if_due();
+    }
     pending_.erase(pending_.begin(), later);
 }
 

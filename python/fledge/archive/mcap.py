@@ -29,6 +29,7 @@ IN_SUMMARY = {SCHEMA, CHANNEL, CHUNK_INDEX, ATTACHMENT_INDEX, STATISTICS, METADA
 TIME_AT, CDR_AT, PAYLOAD_AT = 15, 31, 35
 
 _PREFIX = 9
+_CHUNK_HEAD, _COMPRESSION_AT = 49, 37   # of a chunk that is not compressed
 _prefix = struct.Struct("<BQ").unpack_from
 _message = struct.Struct("<BQHIQ").unpack_from  # up to log_time
 
@@ -109,9 +110,12 @@ def metadata(path: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
     first fault."""
     found: dict[str, dict[str, str]] = {}
     with open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size
         at = file.seek(len(MAGIC))
         while len(head := file.read(_PREFIX)) == _PREFIX:
             op, length = _prefix(head)
+            if length > size - at:
+                break
             if op == METADATA:
                 data = file.read(length)
                 try:
@@ -145,6 +149,7 @@ class Scan:
         self._statistics = None
         self._t_last = None
         self._loose = False         # messages outside of chunks: no checksum of their own
+        self._cut = False           # the file ends within a chunk, whose checksum is then of no use
         self._passed_over = False   # some records were not, or not wholly, decoded
         self._data_end_at = None    # the DataEnd record, once it is reached
         self._data_is_right = None  # whether its checksum is right; None: it has none
@@ -175,6 +180,8 @@ class Scan:
             self.problem += "; records before it were passed over, which may have held messages"
         elif self.problem and self._data_end_at is not None:
             self.problem += "; all messages are there"
+        elif self.problem and self._cut:
+            self.problem += "; the messages that are there of this chunk were read without a checksum"
         elif self.problem and self._loose:
             self.problem += "; the messages before it have no checksum of their own"
 
@@ -234,7 +241,12 @@ class Scan:
                             t_last = t
                         at += _PREFIX + length
                         continue
-                op, begin, stop = self._record(at, end)
+                try:
+                    op, begin, stop = self._record(at, end)
+                except Damage:
+                    if not in_chunk:
+                        self._cut_chunk(at)
+                    raise
                 if op == DATA_END and not in_chunk:
                     return at
                 self._other(op, at, begin, stop, in_chunk)
@@ -308,6 +320,17 @@ class Scan:
             raise Damage(fields.start, f"the checksum of this chunk is 0x{found:08x}, "
                          f"0x{crc:08x} was written")
         self._contents(begin, fields.end, in_chunk=True)
+
+    def _cut_chunk(self, at):
+        """Read what is there of a chunk in which the file ends."""
+        if self.size - at >= _CHUNK_HEAD and _prefix(self.data, at)[0] == CHUNK and not any(
+                self.data[at + _COMPRESSION_AT:at + _COMPRESSION_AT + 4]):
+            before = self.count
+            try:
+                self._contents(at + _CHUNK_HEAD, self.size, in_chunk=True)
+            except Damage:
+                pass        # the end of the file, which the caller names
+            self._cut = self.count > before
 
     def _summary(self, start):
         at = start

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from fledge.archive import mcap
-from fledge.errors import listed
+from fledge.errors import listed, printable
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
 from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of
@@ -99,9 +99,10 @@ class Archive(Records):
     topics: topic -> Channel, in the order of their declaration
     metadata: name -> {key: value}, all text; records of one name are merged: "run" has the mission, scenario, seed and
         version, "parameters" and "revisions" what the run began with, "end" its outcome
-    complete: whether the file is whole and all its checksums are right
-    problem: None, or a sentence with the fault, its byte and the data that are good
-    good_until: [s] all messages before this time are present and right; None if unknown, or if there are none
+    complete: whether the file is whole, all its checksums are right, and it has the run from its begin
+    problem: None, or a sentence with the fault, its byte and the data that are good, or with what is missing
+    good_until: [s] all messages before this time are right, and none is missing behind the first; None if unknown, or
+        if there are none
     """
 
     _error = ArchiveError
@@ -124,6 +125,9 @@ class Archive(Records):
                 else f"the data are good before t = {self.good_until!r} s"
             self.problem = (f"{self.path}: damaged or cut off at byte {scan.problem_at} of "
                             f"{scan.size}: {scan.problem}; {worth}")
+        if missing := missing_of(self.metadata):
+            self.complete = False
+            self.problem = f"{self.problem or self.path}: {missing}"
         self.topics: dict[str, Channel] = {}
         for id, raw in scan.channels.items():
             # Two channels may share a topic in files of other writers.
@@ -138,7 +142,15 @@ class Archive(Records):
         `metadata["parameters"]` has them as texts with units. {} if the file has none.
         """
         decode = json.JSONDecoder().raw_decode
-        return {name: decode(text)[0] for name, text in self.metadata.get("parameters", {}).items()}
+        found = {}
+        for name, text in self.metadata.get("parameters", {}).items():
+            try:
+                found[name] = decode(text)[0]
+            except (ValueError, RecursionError):
+                damage = f"; {self.problem}" if self.problem else ""
+                raise ArchiveError(f"{self.path}: the metadata of the parameter {printable(name)} are damaged: found "
+                                   f"{printable(text[:60])!r}{damage}") from None
+        return found
 
     def close(self) -> None:
         """Close the file. Arrays and frames that were read stay valid."""
@@ -366,6 +378,16 @@ class Archive(Records):
             with Part(path) as unfinished:
                 unfinished.write_bytes(out.id.get_file_image())
         return Path(path)
+
+
+def missing_of(metadata: dict[str, dict[str, str]]) -> str:
+    """What a record lacks, by its metadata; "" if nothing."""
+    if "missing" not in metadata:
+        return ""
+    about = metadata["missing"]
+    until = about.get("until", "").removesuffix(" ns")
+    time = f"{int(until) / 1e9:g} s" if until.isdecimal() and len(until) < 20 else "an unknown time"
+    return f"the data up to t = {time} are missing: {about.get('why', 'the reason is unknown')}"
 
 
 def _exact(times):

@@ -94,6 +94,8 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
+    from fledge.archive.mcap import metadata
+    from fledge.archive.reader import missing_of
     from fledge.interruption import handled
 
     from fledge.cli import health
@@ -139,6 +141,8 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
         path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
         show(f"  record   {path} ({size_of(path)})")
+        if missing := missing_of(metadata(path)):
+            show(f"  missing  {missing}")
     elif options.record:
         show("  record   none" + ("" if problem else f": nothing of {process} is recorded"))
     over = f"the controller refuses {name}: the run is over"  # to a program that comes late

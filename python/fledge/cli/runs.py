@@ -137,7 +137,11 @@ def open_run(name: str) -> Archive:
 
 
 def _left(part):
-    """What is known of the part of a run that was killed or still goes on."""
+    return f"a run that has not ended left {part}, with {worth(part)}."
+
+
+def worth(part: Path) -> str:
+    """What is in the part of a program that was killed or still goes on."""
     from fledge.archive import Archive, ArchiveError
 
     try:
@@ -145,5 +149,4 @@ def _left(part):
             good = archive.good_until
     except ArchiveError:
         good = None
-    worth = "no readable data" if good is None else f"the data up to t = {good:g} s"
-    return f"a run that has not ended left {part}, with {worth}."
+    return "no readable data" if good is None else f"the data up to t = {good:g} s"

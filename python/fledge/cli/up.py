@@ -54,7 +54,9 @@ def up(options: argparse.Namespace) -> int:
         return 0
     folder = Path(options.out) if options.out else Path("runs") / plan.simulation
     view = _view(options)
-    say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s")
+    say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s" + (
+        f"; warning: without keys, any program that reaches {plan.listening()} reads all messages and may take any "
+        "part (fledge help keys)" if plan.beyond and not plan.keys else ""))
     session = Session(plan, folder, view, built)
     try:
         outcome = session.run()
@@ -115,6 +117,9 @@ def _view(options):
 
 def _report(plan, folder, session, outcome):
     """Print the results of a run; returns the exit code."""
+    from fledge.archive.mcap import metadata
+    from fledge.archive.reader import missing_of
+    from fledge.cli.runs import worth
     from fledge.cosim.up.table import times
 
     t, wall = max(outcome.progress.t, 0.0), outcome.progress.wall
@@ -129,6 +134,11 @@ def _report(plan, folder, session, outcome):
     else:
         for record in records:
             say(f"  record   {record} ({size_of(record)})")
+    for record in records:
+        if missing := missing_of(metadata(record)):
+            say(f"  missing  {record}: {missing}")
+    for part in session.remains():
+        say(f"  left     {part}: its program was lost; it has {worth(part)}")
     say(f"  logs     {folder / 'log'}")
     for name, what in outcome.failed:
         lines = session.last_lines(name)

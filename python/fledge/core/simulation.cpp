@@ -584,6 +584,9 @@ void bind_simulation(py::module_ &m)
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
         .def("open_archive", [](sim::Simulation &s, const std::string &path,
                                 const sim::Pairs &run) { s.recorder().open_archive(path, run); })
+        .def("resume_archive",
+             [](sim::Simulation &s, const std::string &path) { return s.recorder().resume_archive(path); })
+        .def_property_readonly("resumed", [](sim::Simulation &s) { return s.recorder().resumed(); })
         .def("archive_metadata", [](sim::Simulation &s, const std::string &name,
                                     const sim::Pairs &pairs) { s.recorder().archive_metadata(name, pairs); })
         .def(

@@ -61,7 +61,10 @@ class Exchange:
             self.nodes = {name: self._member(name, metadata) for name in metadata["nodes"].split()}
         except (KeyError, ValueError) as error:
             raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
-        self.known, self.limited = self._known()
+        try:
+            self.known, self.limited = self._known()
+        except ValueError as error:
+            raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
 
     @staticmethod
     def _member(name, metadata):

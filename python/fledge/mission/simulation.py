@@ -429,11 +429,15 @@ class Simulation:
     def open_archive(self, resumed: bool = False) -> None:
         """Begin the archive that archive() has named, unless it has begun.
 
-        resumed: the run goes on from the snapshot of a lost program. That program's file stays, and this one
-        takes the next free name.
+        resumed: the run goes on within another one. From the snapshot of a lost program, the archive goes on with what
+        that program's file has until then. Without that file, and where a program joins late, an older file stays, and
+        this one takes the next free name; it says what it lacks.
         """
         if self._archive and not self._core.archiving:
             path, metadata = self._archive
+            if resumed and self._core.resume_archive(path):
+                return
+            lost, asked = self._core.resumed, path
             while resumed and (os.path.exists(path) or os.path.exists(path + ".part")):
                 path = _next_name(path)
             self._archive = (path, metadata)
@@ -442,6 +446,10 @@ class Simulation:
             for name, found in (("parameters", parameters(self.processes)), ("instances", instances(self.processes)),
                                 ("wires", wires(self))):
                 self._core.archive_metadata(name, list(found.items()))
+            if lost:
+                why = f"a program was lost, and {os.path.basename(asked)}.part was not its record when another one " \
+                      "went on from its snapshot"
+                self._core.archive_metadata("missing", [("until", f"{self._core.now} ns"), ("why", why)])
             if feeds := self.feeds:
                 self._core.archive_metadata("feeds", [(path, source) for path, source, _ in feeds])
 

@@ -35,7 +35,7 @@ def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: boo
     plots_only: without spacecraft, for a record that has no attitude
     Raises SetupError if it has no attitude, MissionError with the line if the mission's view.py is wrong.
     """
-    from fledge.archive import Archive
+    from fledge.archive import Archive, ArchiveError
     from fledge.mission.log import Log
 
     if isinstance(source, (str, PathLike)):
@@ -45,7 +45,12 @@ def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: boo
         first = {one.path: one for one in reversed(source.records)}
         source = Log(source, reversed(first.values()))
     facts = _facts_of_archive(source) if isinstance(source, Archive) else _facts_of_log(source)
-    scene = derive(source, facts, plots_only)
+    try:
+        scene = derive(source, facts, plots_only)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        if isinstance(source, Archive) and source.problem:
+            raise ArchiveError(f"{source.problem}; there is no scene in it: {error}") from None
+        raise
     if facts.folder is not None and not plots_only:
         _add_of_mission(scene, facts.folder)
     return scene

@@ -152,6 +152,66 @@ def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path)
     assert not sockets_and_memory(simulation)
 
 
+PROCESSES = """
+simulation = "{simulation}"
+until = 300
+pace = {pace}
+[[node]]
+mission = "nadir_spin"
+process = "world"
+[[node]]
+mission = "nadir_spin"
+process = "flight"
+on_loss = "{on_loss}"
+save_every = 20
+"""
+
+
+def fly_processes(folder, mark, on_loss, kills, pace=60):
+    """Fly nadir_spin in two programs, and kill flight so often; returns what `fledge up` said, and how it ended."""
+    folder.mkdir()
+    simulation = f"{folder.name}-{os.getpid()}"
+    file = folder / "pair.toml"
+    file.write_text(PROCESSES.format(simulation=simulation, on_loss=on_loss, pace=pace))
+    process = start(file, mark)
+    record = folder / "runs" / simulation / "flight.mcap.part"
+    last = None
+    for _ in range(kills):
+        wait_for(record.exists)
+        wait_for(lambda: record.stat().st_ino != last and record.stat().st_size > 20_000)
+        last = record.stat().st_ino
+        time.sleep(1.0)         # so that it has got further, and is not given up
+        os.kill(wait_for(lambda: named(mark, r"-P -m fledge\.cli node nadir_spin flight"))[0], signal.SIGKILL)
+    out, _ = process.communicate(timeout=120)
+    return out, process.returncode, folder / "runs" / simulation
+
+
+def test_the_record_of_a_process_that_is_killed_and_goes_on_is_whole(mark, tmp_path):
+    from fledge.archive import Archive
+
+    out, code, alone = fly_processes(tmp_path / "alone", mark, "restart", 0, 0)
+    assert code == 0, out
+    out, code, killed = fly_processes(tmp_path / "killed", mark, "restart", 2)
+    assert code == 0 and out.count("flight was killed by SIGKILL; it is started again") == 2, out
+    assert sorted(p.name for p in killed.glob("*.mcap*")) == ["flight.mcap", "world.mcap"]
+    assert (killed / "flight.mcap").read_bytes() == (alone / "flight.mcap").read_bytes()
+    assert Archive(killed / "flight.mcap").complete and "  missing  " not in out and "  left     " not in out
+
+
+def test_what_is_left_of_a_process_that_was_killed_is_named(mark, tmp_path):
+    from fledge.archive import Archive
+
+    out, code, folder = fly_processes(tmp_path / "held", mark, "hold", 1)
+    assert code == 1, out
+    part = folder / "flight.mcap.part"
+    there = re.search(rf"  left     \S*{part.name}: its program was lost; it has the data up to t = ([\d.]+) s\n", out)
+    with Archive(part) as archive:
+        assert f"{archive.good_until:g}" == there[1] and archive.good_until > 30     # half a second of wall time
+        assert archive.topics["/flight/tracking/error"].count > 30
+    start(folder.parents[1] / "pair.toml", mark).communicate(timeout=120)
+    assert not part.exists() and (folder / "flight.mcap").exists()       # each run begins with what is its own
+
+
 def test_restarts_come_to_an_end(mark, tmp_path):
     file = write_pair(tmp_path, simulation=f"worn-{os.getpid()}", spring='on_loss = "restart"\nrestarts = 1\n'
                       'env = { BREAKS_AT = "1" }')

@@ -92,7 +92,7 @@ class Session:
             except OSError:
                 raise StartError(f"{self.folder} is in use by another run; end that, or give another folder by --out") \
                     from None
-            for old in self.records():
+            for old in self.records() + self.remains():
                 old.unlink()
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
@@ -412,8 +412,17 @@ class Session:
 
     def records(self) -> list[Path]:
         """The records of this run, or of an earlier one."""
-        files = [self.folder / f"{name}.mcap" for name in [*self._running, "exchange"]]
-        return [file for file in files if file.exists()]
+        return self._files(r"\.mcap")
+
+    def remains(self) -> list[Path]:
+        """The unfinished records of programs that were lost, and did not go on."""
+        return self._files(r"\.mcap\.(part|lost)")
+
+    def _files(self, ending):
+        names = {name: i for i, name in enumerate([*self._running, "exchange"])}
+        found = [(names[match[1]], file) for file in sorted(self.folder.glob("*.mcap*"))
+                 if (match := re.fullmatch(rf"(.*?)(-\d+)?{ending}", file.name)) and match[1] in names]
+        return [file for _, file in sorted(found)]
 
     def last_lines(self, name: str) -> list[str]:
         return self.logs.last(name, _LAST_LINES)
