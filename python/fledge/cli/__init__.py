@@ -51,8 +51,6 @@ def _run(options, sim, name, fly, folder):
     from fledge.cli import health
     from fledge.cli.judge import attempt
 
-    if os.path.lexists(folder / "report.html"):     # of an earlier run
-        (folder / "report.html").unlink()
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
@@ -93,6 +91,12 @@ def _run(options, sim, name, fly, folder):
         say(f"  assumed  {line}")
     health.show(findings)
     say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem, findings)}")
+    if path:    # which replaced the record that older pages show
+        for page in ["view.html"] + ["report.html"] * (not report):
+            if os.path.lexists(folder / page):
+                older = folder / f"earlier-{page}"
+                os.replace(folder / page, older)
+                say(f"  earlier  {older}: {page} of the run before")
     if report:
         say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
     if problem:

@@ -170,12 +170,21 @@ def test_a_killed_run_of_another_scenario_is_no_secret_either(here, capsys):
         assert said == told, name
 
 
-def test_a_report_is_of_the_run_whose_record_lies_beside_it(here):
+def test_pages_are_of_the_run_whose_record_lies_beside_them_and_older_ones_are_kept(here, capsys):
     assert cli.main(["run", "looker", "short", "--report"]) == 0
     report = here / "runs/looker/short/report.html"
-    assert report.exists()
+    page = report.read_text()
+    (report.parent / "view.html").write_text("of the first run")
+    capsys.readouterr()
     assert cli.main(["run", "looker", "short"]) == 0
-    assert not report.exists()
+    assert not report.exists() and not (report.parent / "view.html").exists()
+    assert (report.parent / "earlier-report.html").read_text() == page
+    assert (report.parent / "earlier-view.html").read_text() == "of the first run"
+    said = capsys.readouterr().out
+    for name in ("view.html", "report.html"):
+        assert f"  earlier  runs/looker/short/earlier-{name}: {name} of the run before\n" in said
+    assert cli.main(["run", "looker", "short", "--report"]) == 0
+    assert "  earlier  " not in capsys.readouterr().out and report.exists()
 
 
 def test_a_run_without_a_record_says_that_the_older_one_is_not_its_own(here, capsys):
