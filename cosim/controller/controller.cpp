@@ -96,11 +96,11 @@ void Controller::received(NodeId id, Frame frame)
     }
     const auto found = [&] { return std::string(kind_name(frame.message)) + " " + std::to_string(frame.number); };
     if (!node.awaited) {
-        return lost(id, "it sent " + found() + ", which the controller did not ask for");
+        return forget(id, "it sent " + found() + ", which the controller did not ask for");
     }
     if (frame.number != node.number || frame.message.index() != node.expected) {
-        return lost(id, "it sent " + found() + "; expected " + kind_name(node.expected) + " " +
-                            std::to_string(node.number));
+        return forget(id, "it sent " + found() + "; expected " + kind_name(node.expected) + " " +
+                              std::to_string(node.number));
     }
     node.awaited = false;
     std::visit([&](auto &m) { reply(id, m); }, frame.message);
@@ -401,7 +401,7 @@ void Controller::lost(NodeId id, const std::string &why)
 void Controller::forget(NodeId id, const std::string &why)
 {
     NodeState &node = nodes_[id];
-    if (!node.member || node.stage != Stage::entered) {
+    if (!node.member || node.stage != Stage::entered || finishing() || done()) {
         return lost(id, why);
     }
     node.awaited = node.returning = false;

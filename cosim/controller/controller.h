@@ -83,7 +83,8 @@ public:
     void received(NodeId node, Frame frame);
     /// A node's connection is gone, its reply is late, or it sent an invalid frame.
     void lost(NodeId node, const std::string &why);
-    /// A program greeted as this node and has not replied since: another one may take its place.
+    /// The same, which for a program that has greeted as this node and not answered the first request yet is no loss:
+    /// another one may take its place.
     void forget(NodeId node, const std::string &why);
     /// An asynchronous program writes. Returns why the controller refuses the message; "" if it accepts it. The message
     /// gets the first time that no reader was granted yet. Each reader sees it before the topic's next message.

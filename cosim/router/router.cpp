@@ -280,7 +280,7 @@ void Router::check_greeting_programs()
             (!slot.greeting || greeters_.number(slot.greeting_fd) != slot.greeting)) {
             check_connection(id); // its Hello may have come
             if (!slot.joined) {
-                controller_.lost(id, "its connection is gone");
+                controller_.forget(id, "its connection is gone");
                 act();
             }
         }
@@ -315,6 +315,14 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
                         ", need a broker, and this controller has none");
     }
     return controller;
+}
+
+std::string warning(const RouterConfig &config)
+{
+    return !config.keys.empty() || is_local(config.address)
+               ? ""
+               : "warning: without keys, any program that reaches " + config.address +
+                     " reads all messages and may take any part; ./fledge keys new controller makes keys";
 }
 
 void Router::check_address(const std::string &address) const
@@ -406,7 +414,7 @@ void Router::listen(NodeId id)
         }
         slot.unsure = false;
     } catch (const ProtocolError &error) {
-        controller_.lost(id, std::string("it sent no frame: ") + error.what());
+        controller_.forget(id, std::string("it sent no frame: ") + error.what());
         act();
     } catch (const LinkError &error) {
         controller_.lost(id, error.what());
@@ -420,7 +428,7 @@ void Router::check_connection(NodeId id)
     const bool gone = nodes_[id].link && nodes_[id].link->gone();
     listen(id);
     if (gone) {
-        controller_.lost(id, "its connection is gone");
+        controller_.forget(id, "its connection is gone");
         act();
     }
 }

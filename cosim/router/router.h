@@ -44,6 +44,9 @@ struct RouterConfig {
     std::vector<RunListener *> listeners;            ///< they outlive the router
 };
 
+/// What a user has to know of an address that other machines can reach without keys; "" for any other.
+std::string warning(const RouterConfig &config);
+
 /// How a node spent its time [ns of wall time].
 struct NodeTimes {
     std::uint64_t ticks = 0;

@@ -289,13 +289,56 @@ TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
     }
 }
 
-TEST(Strangers, ANodeThatDiesBetweenItsGreetingAndItsFirstFrameIsNoticed)
+/// The program that takes the place of one that has just ended.
+std::unique_ptr<Played> guest_of(const std::string &address)
 {
-    RouterConfig config = listening("tcp");
-    config.reply = 0ms;
-    Running run(config);
-    std::make_unique<Played>(run.router.address());
-    EXPECT_EQ(run.reason(), "b: its connection is gone");
+    for (int left = 1000;; left--) {
+        try {
+            return std::make_unique<Played>(address);
+        } catch (const std::runtime_error &) { // the place is not free yet
+            if (!left) {
+                throw;
+            }
+            std::this_thread::sleep_for(10ms);
+        }
+    }
+}
+
+TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
+{
+    for (const char *transport : {"tcp", "ipc"}) {
+        RouterConfig config = listening(transport);
+        config.reply = 0ms; // no limit of time helps
+        Running run(config, config_of({{"a"}, {"b", Policy::restart}}, 1000));
+        const std::string address = run.router.address();
+        const auto come_and_go = [&] {
+            for (int i = 0; i < 4; i++) { // more often than a node may be restarted without progress
+                guest_of(address);
+                guest_of(address)->connect();
+                const auto liar = guest_of(address);
+                liar->connect();
+                liar->link.send({1, Tock{}}); // a reply to nothing, or to another request
+                const auto babbler = guest_of(address);
+                babbler->connect();
+                babbler->link.socket().send(zmq::str_buffer("garbage"), zmq::send_flags::none);
+            }
+        };
+        come_and_go();
+        EXPECT_TRUE(run.reported("b: its connection is gone; another program may take its place"));
+        EXPECT_TRUE(run.reported("b: it sent Tock 1; expected Initialized 1; another program may take its place"));
+        EXPECT_TRUE(run.reported("b: it sent no frame: this is no frame of a co-simulation; another program may"));
+        {
+            const auto b = guest_of(address);
+            b->connect();
+            b->serve_until(500);
+        }
+        come_and_go();
+        const auto b = guest_of(address);
+        b->connect();
+        b->serve_from(b->serve_until(800));
+        EXPECT_EQ(run.reason(), "");
+        EXPECT_EQ(run.a.heard, 200u);
+    }
 }
 
 TEST(Strangers, ASilentProgramDoesNotKeepTheNameOfALostNode)

@@ -190,6 +190,9 @@ int main(int argc, char **argv)
     std::signal(SIGXFSZ, SIG_IGN); // a record that reaches the limit on file sizes is an error of writing
     try {
         Settings o = parse(argc, argv);
+        if (const std::string text = warning(o.router); !text.empty() && o.router.unencrypted_beyond_machine) {
+            std::fprintf(stderr, "%s\n", text.c_str());
+        }
         StatusStream status(o.status);
         o.router.report = [&](const std::string &text) {
             std::fprintf(stderr, "%s\n", text.c_str());

@@ -196,6 +196,9 @@ public:
         router.join = milliseconds(join);
         router.reply = milliseconds(reply);
         router.report = std::move(report);
+        if (const std::string text = cosim::warning(router); unencrypted && !text.empty()) {
+            router.report(text);
+        }
         router_ = made_router([&] { return std::make_unique<cosim::Router>(context_, controller, router); });
     }
 

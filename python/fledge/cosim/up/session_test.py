@@ -339,6 +339,54 @@ def test_one_may_be_started_by_hand_and_again(mark, tmp_path):
         mark.kill()
 
 
+STRANGER = """
+import time, zmq
+from fledge_node import Node, NodeError, ms
+for _ in range(3):
+    socket = None
+    while socket is None:
+        socket = zmq.Context.instance().socket(zmq.DEALER)
+        try:
+            Node(every=10 * ms)._greet(socket, "Welcome")
+        except NodeError:       # the place is not free again yet
+            socket.close(0)
+            socket = None
+            time.sleep(0.05)
+    print("greeted", flush=True)
+    socket.close(0)
+"""
+
+
+def test_a_stranger_that_greets_and_hangs_up_ends_no_run(mark, tmp_path):
+    """Over TCP without keys, in place of a node that has not come yet; and the first line says that anyone may."""
+    file = write_pair(tmp_path, until=1, top='address = "tcp://0.0.0.0:*"\nunencrypted = true', mass='')
+    file.write_text(re.sub(r"command = .*spring.py.*", "by_hand = true", file.read_text()))
+    process = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", str(file)], cwd=tmp_path, env=mark.env,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        assert process.stdout.readline() == (
+            "pair: 2 nodes, 1 s; warning: without keys, any program that reaches tcp://0.0.0.0:* reads all messages "
+            "and may take any part (fledge help keys)\n")
+        shown = re.search(r"FLEDGE_ADDRESS=tcp://0.0.0.0:(\d+)\n", process.stdout.readline())
+        address = f"tcp://127.0.0.1:{shown[1]}"
+        path = os.pathsep.join([str(BUILT.parents[2] / "cosim/bindings/python"), os.environ.get("PYTHONPATH", "")])
+        variables = {"FLEDGE_SIMULATION": "pair", "FLEDGE_NODE": "spring", "FLEDGE_ADDRESS": address,
+                     "PYTHONPATH": path}
+        stranger = subprocess.Popen([sys.executable, "-c", STRANGER], env=mark.env | variables, text=True,
+                                    stdout=subprocess.PIPE)
+        assert stranger.communicate(timeout=30)[0] == "greeted\n" * 3
+        spring = subprocess.Popen([sys.executable, str(tmp_path / "spring.py")], env=mark.env | variables)
+        out, _ = process.communicate(timeout=60)
+        assert process.returncode == 0, out
+        assert out.count("spring: its connection is gone; another program may take its place") == 3
+        assert spring.wait(20) == 0
+        assert logs(tmp_path)["controller"].startswith("warning: without keys, any program that reaches tcp://0.0.0.0:")
+    finally:
+        process.kill()
+        process.communicate()
+        mark.kill()
+
+
 def test_a_mission_without_a_file(mark, tmp_path):
     done = up("nadir_spin", "--until", "60s", mark=mark, folder=tmp_path)
     assert done.returncode == 0, done.stderr
