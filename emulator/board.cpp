@@ -53,10 +53,40 @@ std::string hex(std::uint64_t value)
     return text.str();
 }
 
+constexpr int levels = 32; ///< of tables in tables: toml++ would run out of stack
+
+/// The line of a key with more parts than that; 0 if there is none.
+std::uint32_t line_of_deep_key(std::string_view text)
+{
+    std::uint32_t line = 1;
+    int dots = 0;
+    char until = '\0'; // the end of a text or comment
+    for (const char c : text) {
+        if (c == '\n') {
+            line++;
+            dots = 0;
+            until = '\0';
+        } else if (until != '\0') {
+            until = c == until ? '\0' : until;
+        } else if (c == '"' || c == '\'' || c == '#') {
+            until = c == '#' ? '\n' : c;
+        } else if (c == '[' || c == '{' || c == ',' || c == '=') {
+            dots = 0;
+        } else if (c == '.' && ++dots >= levels) {
+            return line;
+        }
+    }
+    return 0;
+}
+
 class Parser {
 public:
     Parser(std::string_view text, const std::string &file) : file_(file)
     {
+        if (const std::uint32_t line = line_of_deep_key(text)) {
+            mistake(line, "a key has at most " + std::to_string(levels) + " parts");
+            return;
+        }
         try {
             table_ = toml::parse(text, file);
         } catch (const toml::parse_error &e) {

@@ -81,6 +81,23 @@ TEST(Board, each_mistake_has_its_line_and_what_is_allowed)
                 HasSubstr("or \"reset\""));
 }
 
+TEST(Board, keys_too_deep_are_one_line)
+{
+    for (const std::size_t n : {31u, 2'000u, 100'000u}) {
+        std::string key = "a";
+        for (std::size_t i = 0; i < n; i++) {
+            key += i % 3 ? ".a" : " . \"b.c\"";
+        }
+        for (const std::string &text : {key + " = 1\n", "[" + key + "]\n", "x = {y = 1.5, " + key + " = 1}\n"}) {
+            const std::string found = mistakes(board_text + text);
+            EXPECT_EQ(found.find("a key has at most 32 parts") != std::string::npos, n > 31) << n << found;
+            EXPECT_EQ(std::count(found.begin(), found.end(), '\n'), 0) << found;
+        }
+    }
+    EXPECT_THAT(mistakes(with("name = \"", "# " + std::string(99, '.') + "\nname = \"" + std::string(99, '.'))),
+                Not(HasSubstr("parts")));
+}
+
 TEST(Board, overlaps_are_named)
 {
     EXPECT_EQ(mistakes(with("address = 0x80000300", "address = 0x80000200")),

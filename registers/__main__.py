@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     for path in options.boards:
         try:
             board = read(path)
-        except (TomlError, OSError, UnicodeDecodeError) as error:
+        except (TomlError, OSError) as error:
             complaints.append(str(error) if isinstance(error, TomlError) else f"{path}: {error}")
             continue
         for other, theirs in places:

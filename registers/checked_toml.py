@@ -13,23 +13,43 @@ from typing import Any
 from registers.location import line_of, lines_of
 
 
+LEVELS = 32     # of tables in tables; what reads more takes the square of their number, or runs out of stack
+_DEEP = re.compile(r"""(?:^|[\[{,])[ \t]*(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){%d}""" % LEVELS, re.MULTILINE)
+
+
 class TomlError(Exception):
     """All that is wrong with a file, one complaint a line."""
+
+
+def text_of(path: Path) -> str:
+    """The text of a file. Raises TomlError if it is not in UTF-8."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise TomlError(f"{path}:1: the file must be TOML; it is no text in UTF-8") from None
 
 
 def parse(text: str, path: Path) -> tuple[dict, dict]:
     """The data in the text of the file at that path, and their lines: (data, lines_of it). Raises
     TomlError if it is no TOML."""
+    if deep := _DEEP.search(text):
+        line = text.count("\n", 0, deep.end()) + 1
+        raise TomlError(f"{path}:{line}: a key has at most {LEVELS} parts; this one has more; leave out what is no key")
     try:
         return tomllib.loads(text), lines_of(text)
-    except tomllib.TOMLDecodeError as error:
-        line = re.search(r"at line (\d+)", str(error))
-        number = line[1] if line else str(len(text.splitlines()))
+    except RecursionError:
+        raise TomlError(f"{path}:1: the file must be TOML; its arrays or tables are nested too deeply") from None
+    except ValueError as error:     # TOMLDecodeError; a number of thousands of digits
+        found = re.search(r"at line (\d+)", str(error))
+        number = found[1] if found else str(len(text.splitlines())) if "end of document" in str(error) else "1"
         raise TomlError(f"{path}:{number}: the file must be TOML; {error}") from error
 
 
 def shown(value: Any) -> str:
-    return json.dumps(value, default=str)
+    try:
+        return json.dumps(value, default=str)
+    except RecursionError:
+        return "a value too deep to be shown"
 
 
 class Tables:

@@ -206,7 +206,7 @@ class Board:
 
 def read(path: Path) -> Board:
     """The board of a file; TomlError with all complaints if there are any."""
-    return parse(path.read_text(encoding="utf-8"), path)
+    return parse(checked_toml.text_of(path), path)
 
 
 def parse(text: str, path: Path) -> Board:

@@ -242,3 +242,26 @@ def test_any_junk_in_a_value_is_a_complaint_with_a_line(tmp_path):
             for complaint in str(error).splitlines():
                 assert re.match(re.escape(f"{file}:") + r"\d+: .+; .+", complaint), complaint
     assert 200 < refused < 400
+
+
+@pytest.mark.parametrize("n", [31, 32, 2_000, 100_000])
+@pytest.mark.parametrize("text", ["{} = 1", "[{}]", "x = [1, {{y = 1.5, {} = 1}}]"])
+def test_keys_and_values_too_deep_are_one_complaint(tmp_path, n, text):
+    file = tmp_path / "b.toml"
+    key = ".".join(["a", '"b.c"', "'d'"][i % 3] for i in range(n + 1))
+    file.write_text(HEAD + WORD + text.format(key) + "\n")
+    with pytest.raises(TomlError) as error:
+        read(file)
+    (line,) = str(error.value).splitlines()
+    assert line.startswith(f"{file}:") and ("a key has at most 32 parts" in line) == (n > 31), line[:200]
+    file.write_text(HEAD + WORD + "x = " + "[" * n + "]" * n + "\n")
+    with pytest.raises(TomlError) as error:
+        read(file)
+    (line,) = str(error.value).splitlines()
+    assert ("nested too deeply" in line) == (n > 1_000), line[:200]
+
+
+def test_a_file_that_is_no_text_is_one_complaint(tmp_path):
+    (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(TomlError, match="b.toml:1: the file must be TOML; it is no text in UTF-8"):
+        read(tmp_path / "b.toml")

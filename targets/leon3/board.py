@@ -2,7 +2,6 @@
 """Programs for a LEON3 board."""
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,14 @@ FLIGHT = [*(build.ROOT / path for path in (
 
 
 def read_board(path: Path) -> dict[str, Any]:
-    """A board's file."""
-    with path.open("rb") as file:
-        return tomllib.load(file)
+    """A board's file. Raises SetupError if it is no TOML; what it holds the emulator checks."""
+    from fledge.errors import SetupError
+    from registers.checked_toml import TomlError, parse, text_of
+
+    try:
+        return parse(text_of(path), path)[0]
+    except TomlError as error:
+        raise SetupError(str(error)) from None
 
 
 def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence[Path], flags: Sequence[str] = (),

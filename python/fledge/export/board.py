@@ -323,8 +323,12 @@ def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequ
     are paths of outputs that it carries besides what the world reads, or "all".
     """
     from registers import emit_c, emit_markdown
+    from registers.checked_toml import TomlError, text_of
 
-    texts = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
+    try:
+        texts = [(Path(file), text_of(Path(file))) for file in files]
+    except TomlError as error:
+        raise ExportError(str(error)) from None
     own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
     boards = read(mission, texts or own.items())
     found = lanes(mission, boards)

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-from registers.checked_toml import Tables, TomlError, parse, shown
+from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 from registers.location import line_of
 
 POLICIES = ("abort", "pause", "hold", "drop", "restart")
@@ -139,15 +139,9 @@ def own_address(host: str) -> str:
 def read(path: Path) -> Plan:
     """The simulation of a file. Raises SimError with all mistakes."""
     try:
-        data, lines = parse(path.read_text(encoding="utf-8"), path)
-    except UnicodeDecodeError:
-        raise SimError(f"{path}:1: the file must be TOML; it is no text in UTF-8") from None
-    except RecursionError:
-        raise SimError(f"{path}:1: the file must be TOML; its arrays or tables are nested too deeply") from None
+        data, lines = parse(text_of(path), path)
     except TomlError as error:
         raise SimError(str(error)) from None
-    except ValueError as error:     # a number of thousands of digits
-        raise SimError(f"{path}:1: the file must be TOML; {error}") from None
     reader = _Reader(path, lines)
     for place, text in _texts(data, ()):
         if "\0" in text:   # no program, file or variable takes it

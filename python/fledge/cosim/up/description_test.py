@@ -237,6 +237,7 @@ def test_what_is_no_toml(folder):
 
 @pytest.mark.parametrize("text, complaint", [
     ("x = " + "[" * 20_000 + "]" * 20_000, ":1: the file must be TOML; its arrays or tables are nested too deeply"),
+    (".".join(["a"] * 2_000) + " = 1", ":1: a key has at most 32 parts"),
     ("until = " + "9" * 5000, ":1: the file must be TOML; Exceeds the limit"),
     ('[[node]]\nname = "a"\ncommand = ["true", "a\\u0000b"]',
      ':3: no text holds the character U+0000; it is "a\\u0000b"'),
