@@ -196,7 +196,7 @@ TEST(Batch, GoesOnFromASnapshot)
                     (void)batch.reset(std::vector<std::size_t>{0}, std::vector<BatchRun>{{7, 1}},
                                       std::span(snapshot).first(100));
                 }),
-                HasSubstr("other modules, tasks or events"));
+                HasSubstr("truncated or damaged"));
     EXPECT_EQ(batch.time(0), second / 2) << "it is left alone";
 }
 

@@ -276,10 +276,10 @@ std::vector<std::byte> Simulation::snapshot() const
     return save(*runtime_);
 }
 
-void Simulation::restore(std::span<const std::byte> bytes)
+void Simulation::restore(std::span<const std::byte> bytes, bool edited)
 {
     prepare();
-    sim::restore(*runtime_, bytes);
+    sim::restore(*runtime_, bytes, edited);
     recorder_.rewind(now());
 }
 

@@ -120,8 +120,9 @@ public:
 
     /// The whole dynamic state, which this simulation or a clone can restore.
     std::vector<std::byte> snapshot() const;
-    /// Throws SetupError if the bytes belong to a simulation of another structure. Logs are kept.
-    void restore(std::span<const std::byte> bytes);
+    /// Throws SetupError, and changes nothing, if the bytes are damaged or belong to a simulation of another structure.
+    /// Logs are kept. edited: the caller has changed numbers on purpose.
+    void restore(std::span<const std::byte> bytes, bool edited = false);
     /// The check of restore() alone, of a simulation that is prepared.
     void check_snapshot(std::span<const std::byte> bytes) const;
     /// The random streams of the models begin anew, by the seed with which the simulation was prepared; all else stays.

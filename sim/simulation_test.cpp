@@ -792,12 +792,44 @@ TEST(Snapshot, OfAnotherSimulationIsRefused)
 {
     Loop loop;
     loop.sim.run_until(0);
-    auto bytes = loop.sim.snapshot();
-    bytes.pop_back();
-    EXPECT_THAT(error_of([&] { loop.sim.restore(bytes); }), HasSubstr("other modules, tasks or events"));
     Simulation empty;
     empty.prepare();
-    EXPECT_THAT(error_of([&] { empty.restore(loop.sim.snapshot()); }), HasSubstr("other modules"));
+    EXPECT_THAT(error_of([&] { empty.restore(loop.sim.snapshot()); }), HasSubstr("other modules, tasks or events"));
+}
+
+TEST(Snapshot, ThatIsDamagedIsRefusedAndChangesNothing)
+{
+    Loop loop({.latency = 1});
+    loop.sim.run_until(700 * ms);
+    const auto good = loop.sim.snapshot();
+    loop.sim.run_until(1500 * ms);
+    const auto now = loop.sim.snapshot();
+    const auto refused = [&](const std::vector<std::byte> &bytes) {
+        return error_of([&] { loop.sim.restore(bytes); }).find("truncated or damaged") != std::string::npos &&
+               loop.sim.snapshot() == now;
+    };
+    for (std::size_t bit = 0; bit < 8 * good.size(); bit++) {
+        auto bytes = good;
+        bytes[bit / 8] ^= std::byte(1u << bit % 8);
+        ASSERT_TRUE(refused(bytes)) << bit;
+    }
+    for (std::size_t n = 0; n < good.size(); n++) {
+        ASSERT_TRUE(refused({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(n)})) << n;
+    }
+    auto longer = good;
+    for (int i = 0; i < 16; i++) {
+        longer.push_back(std::byte{0});
+        ASSERT_TRUE(refused(longer)) << i;
+    }
+    loop.sim.restore(good);
+    EXPECT_EQ(loop.sim.snapshot(), good);
+
+    auto edited = now;
+    edited.back() ^= std::byte{1};
+    loop.sim.restore(edited, true);
+    EXPECT_NE(loop.sim.snapshot(), now) << "a caller who says so may change numbers";
+    edited.pop_back();
+    EXPECT_THAT(error_of([&] { loop.sim.restore(edited, true); }), HasSubstr("other modules, tasks or events"));
 }
 
 TEST(Loop, DoesNotAllocate)

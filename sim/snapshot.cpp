@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sim/snapshot.h"
 
+#include <algorithm>
 #include <cstring>
 #include <map>
 
@@ -8,18 +9,44 @@ namespace fledge::sim {
 
 namespace {
 
+struct Start {
+    std::uint64_t layout;
+    std::uint64_t checksum;
+};
+
+/// FNV-1a, by words.
+struct Hash {
+    std::uint64_t value = 0xcbf29ce484222325u;
+    void mix(std::uint64_t x) { value = (value ^ x) * 0x100000001b3u; }
+};
+
 /// Differs between structures with other types, tasks, wires or events.
-std::uint64_t hash_of(Runtime &runtime)
+std::uint64_t layout_of(Runtime &runtime)
 {
-    std::uint64_t hash = 0xcbf29ce484222325u; // FNV-1a, by words
-    const auto mix = [&](std::uint64_t x) { hash = (hash ^ x) * 0x100000001b3u; };
+    Hash hash;
     for (const auto &process : runtime.structure.processes) {
         for (const auto &instance : process->instances()) {
-            mix(instance->type().hash);
+            hash.mix(instance->type().hash);
         }
     }
-    runtime.visit_state([&](void *, std::size_t n) { mix(n); });
-    return hash;
+    runtime.visit_state([&](void *, std::size_t n) { hash.mix(n); });
+    return hash.value;
+}
+
+/// Of all bytes of a snapshot but those of the checksum, and of their number.
+std::uint64_t checksum_of(std::span<const std::byte> bytes)
+{
+    Start start;
+    std::memcpy(&start, bytes.data(), sizeof start);
+    Hash hash;
+    hash.mix(start.layout);
+    hash.mix(bytes.size());
+    for (std::size_t at = sizeof start; at < bytes.size(); at += sizeof(std::uint64_t)) {
+        std::uint64_t word = 0;
+        std::memcpy(&word, bytes.data() + at, std::min(sizeof word, bytes.size() - at));
+        hash.mix(word);
+    }
+    return hash.value;
 }
 
 } // namespace
@@ -31,19 +58,21 @@ std::vector<std::byte> save(Runtime &runtime)
         const auto *first = static_cast<const std::byte *>(from);
         bytes.insert(bytes.end(), first, first + n);
     };
-    const std::uint64_t hash = hash_of(runtime);
-    append(&hash, sizeof hash);
+    Start start{layout_of(runtime), 0};
+    append(&start, sizeof start);
     runtime.visit_state(append);
     if (runtime.commands_used()) {
         runtime.visit_commands(append);
     }
+    start.checksum = checksum_of(bytes);
+    std::memcpy(bytes.data(), &start, sizeof start);
     return bytes;
 }
 
 std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime)
 {
     std::map<const void *, std::size_t> offsets;
-    std::size_t at = sizeof(std::uint64_t); // behind the hash
+    std::size_t at = sizeof(Start);
     runtime.visit_state([&](const void *block, std::size_t n) {
         offsets[block] = at;
         at += n;
@@ -65,29 +94,31 @@ std::vector<Simulation::StateBlock> state_blocks(Runtime &runtime)
     return blocks;
 }
 
-bool check_snapshot(Runtime &runtime, std::span<const std::byte> bytes)
+bool check_snapshot(Runtime &runtime, std::span<const std::byte> bytes, bool edited)
 {
-    std::uint64_t hash = 0;
-    std::size_t size = sizeof hash;
-    runtime.visit_state([&](void *, std::size_t n) { size += n; });
-    if (bytes.size() >= sizeof hash) {
-        std::memcpy(&hash, bytes.data(), sizeof hash);
+    const auto found = "this snapshot (" + std::to_string(bytes.size()) + " bytes) is ";
+    Start start{};
+    if (bytes.size() >= sizeof start) {
+        std::memcpy(&start, bytes.data(), sizeof start);
     }
-    std::size_t commands = 0;
+    if (bytes.size() < sizeof start || (!edited && start.checksum != checksum_of(bytes))) {
+        throw SetupError(found + "truncated or damaged: its checksum is not that of its bytes; take another one");
+    }
+    std::size_t size = sizeof start, commands = 0;
+    runtime.visit_state([&](void *, std::size_t n) { size += n; });
     runtime.visit_commands([&](void *, std::size_t n) { commands += n; });
     const bool commanded = commands && bytes.size() == size + commands;
-    if (hash != hash_of(runtime) || (bytes.size() != size && !commanded)) {
-        throw SetupError("this snapshot (" + std::to_string(bytes.size()) +
-                         " bytes) is of a simulation with other modules, tasks or events; this one's have " +
+    if (start.layout != layout_of(runtime) || (bytes.size() != size && !commanded)) {
+        throw SetupError(found + "of a simulation with other modules, tasks or events; this one's have " +
                          std::to_string(size) + " bytes");
     }
     return commanded;
 }
 
-void restore(Runtime &runtime, std::span<const std::byte> bytes)
+void restore(Runtime &runtime, std::span<const std::byte> bytes, bool edited)
 {
-    const bool commanded = check_snapshot(runtime, bytes);
-    const std::byte *from = bytes.data() + sizeof(std::uint64_t);
+    const bool commanded = check_snapshot(runtime, bytes, edited);
+    const std::byte *from = bytes.data() + sizeof(Start);
     const auto take = [&](void *to, std::size_t n) {
         std::memcpy(to, from, n);
         from += n;

@@ -594,11 +594,13 @@ void bind_simulation(py::module_ &m)
             py::arg("end") = sim::Pairs{})
         .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
         .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
-        .def("restore",
-             [](sim::Simulation &s, const py::bytes &bytes) {
-                 const std::string_view view = bytes;
-                 s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()});
-             })
+        .def(
+            "restore",
+            [](sim::Simulation &s, const py::bytes &bytes, bool edited) {
+                const std::string_view view = bytes;
+                s.restore({reinterpret_cast<const std::byte *>(view.data()), view.size()}, edited);
+            },
+            py::arg("snapshot"), py::arg("edited") = false)
         .def(
             "state_blocks",
             [](const sim::Simulation &s) {

@@ -179,7 +179,7 @@ def test_a_mission_that_calls_python_is_refused(sim):
     (lambda b: b.reset(np.array([True, False])), "expected a mask of 3"),
     (lambda b: b.reset(seed=[1, 2]), "seed: expected one number, or 3; found 2"),
     (lambda b: b.reset(runs=1.5), "runs: expected a whole number"),
-    (lambda b: b.reset(snapshot=b"nothing"), "this snapshot .7 bytes. is of a simulation with other modules"),
+    (lambda b: b.reset(snapshot=b"nothing"), "this snapshot .7 bytes. is truncated or damaged"),
     (lambda b: b.simulation(3), "there is no clone 3"),
 ])
 def test_bad_input_is_refused_before_any_clone_moves(sim, give, message):

@@ -296,6 +296,7 @@ class _Changes:
         self.unnamed = [(path, at, size) for (kind, path), (at, size) in state.blocks.items()
                         if kind == "model" and path in run and path not in named]
         inside = np.zeros(len(state.base), bool)
+        inside[8:16] = True     # the checksum
         for at, size in state.blocks.values():
             inside[at:at + size] = True
         self.rest = np.flatnonzero(~inside)

@@ -174,6 +174,30 @@ def test_the_seed_decides_the_noise():
 
 # --- copies ----------------------------------------------------------------------------------------
 
+def test_a_damaged_snapshot_is_refused_and_changes_nothing():
+    sim = spinner(seed=3)
+    sim.run(5 * s)
+    good = sim.snapshot()
+    sim.run(2 * s)
+    now, rng = sim.snapshot(), np.random.default_rng(23)
+    for _ in range(400):
+        bad, n = bytearray(good), int(rng.integers(len(good)))
+        match rng.integers(4):
+            case 0: bad[n] ^= 1 << int(rng.integers(8))
+            case 1: bad[n:n + 8] = rng.bytes(8)
+            case 2: del bad[n:]
+            case _: bad[n:n] = bytes(8 * int(rng.integers(1, 9)))
+        if bad != good:
+            with pytest.raises(SetupError, match=rf"this snapshot \({len(bad)} bytes\) is truncated or damaged"):
+                sim.restore(bytes(bad))
+            assert sim.snapshot() == now
+    sim.restore(good)
+    assert sim.snapshot() == good
+    other = fledge.load("nadir_spin")
+    with pytest.raises(SetupError, match="is of a simulation with other modules, tasks or events"):
+        other.restore(good)
+
+
 def test_snapshot_and_restore():
     sim = spinner()
     sim.run(1 * s)

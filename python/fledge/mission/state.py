@@ -184,7 +184,7 @@ class State:
 
     def take(self, data: Any, begin: bool = False) -> None:
         """Put the clone into this state. Fresh: let it begin with these parameters, and run the first instant."""
-        self.core.restore(data.tobytes())
+        self.core.restore(data.tobytes(), edited=True)
         if self.fresh and begin:
             self.core.reset()
             self.core.step(1)

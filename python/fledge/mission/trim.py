@@ -96,7 +96,7 @@ def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Tr
                   {one.name: one.unit or "-" for one in (*numbers, *(one for one, _ in wanted))})
     if not np.isfinite(left).all() or (abs(left) > ENOUGH * weight).any():
         raise SetupError(f"trim: no such state was found, from where the simulation stands; the nearest is\n{result}")
-    simulation.restore(data_of(found.x).tobytes())
+    simulation.kernel.restore(data_of(found.x).tobytes(), edited=True)
     if fresh:
         simulation.reset()
     else:
