@@ -200,6 +200,112 @@ TEST(State, BlocksSayWhereASnapshotHasWhat)
     EXPECT_EQ(seen.at("world.tank.flow"), interface<Tank>(loop.tank).in.flow.x);
 }
 
+TEST(Process, RefusesWhatCannotBeATask)
+{
+    Loop loop;
+    Process &world = loop.sim.process("world");
+    const auto one = make(world, "one", source_type), two = make(world, "two", source_type);
+    const auto refused = [&](const Task &task, const std::string &why) {
+        EXPECT_EQ(error_of([&] { world.add_task(task); }), "task world." + task.name + why);
+    };
+    refused({"a", 0, 0, 0, {one}}, ": its period must be > 0, found 0 s");
+    refused({"a", -1, 0, 0, {one}}, ": its period must be > 0, found -0.000000001 s");
+    refused({"a", 1, -1, 0, {one}}, ": its offset must be >= 0, found -0.000000001 s");
+    refused({"a", 1, 0, 0, {}}, " runs nothing");
+    refused({"a", 1, 0, 0, {one, two, one}}, " runs world.one, which is already in task world.a");
+    refused({"a", 1, 0, 0, {one, loop.tank}}, " runs world.tank, which is already in task world.dynamics");
+    refused({"a", 1, 0, 0, {loop.control}}, " runs flight.control, which is not in the process world; it has tank, "
+                                            "one and two");
+    EXPECT_EQ(error_of([&] { world.add_task({"a", 1, 0, 0, {one, two}}); }), "(no error)");
+    refused({"a", 1, 0, 0, {one}}, " is already there");
+}
+
+TEST(Process, RefusesWhatCannotBeAnEvent)
+{
+    Loop loop;
+    Process &flight = loop.sim.process("flight");
+    flight.add_mode({"rest", {}});
+    const auto never = [] { return false; };
+    const auto with = [&](const auto &change) {
+        Event event;
+        event.name = "e";
+        event.predicate = never;
+        event.mode = "rest";
+        change(event);
+        return error_of([&] { flight.add_event(event); });
+    };
+    const Condition condition({Operand::of(1.0), Operand::of(2.0), EXEC_LESS}, "1 < 2");
+    EXPECT_EQ(with([](Event &e) { e.predicate = nullptr; }), "event flight.e needs one condition");
+    EXPECT_EQ(with([&](Event &e) { e.condition = condition; }), "event flight.e needs one condition");
+    EXPECT_EQ(with([](Event &e) { e.mode = ""; }),
+              "event flight.e does nothing: give it a mode to enter or something to do");
+    EXPECT_EQ(with([](Event &e) { e.count = 0; }), "event flight.e: the count must be >= 1, found 0");
+    EXPECT_EQ(with([](Event &e) { e.hold = -1; }),
+              "event flight.e: the time to hold must be >= 0, found -0.000000001 s");
+    EXPECT_EQ(with([&](Event &e) { e.once = true, e.until = condition; }),
+              "event flight.e: with once, it does not arm itself again: leave out until");
+    EXPECT_EQ(with([](Event &e) { e.mode = "west"; }), "event flight.e enters the mode west; the process has rest");
+    EXPECT_EQ(with([](Event &e) {
+                  e.modes = {"rest", "west"};
+              }),
+              "event flight.e looks in the mode west; the process has rest");
+    EXPECT_EQ(error_of([&] { flight.add_mode({"rest", {}}); }), "mode flight.rest is already there");
+    EXPECT_EQ(error_of([&] {
+                  flight.add_mode({"west", {"gnc", "gone"}});
+              }),
+              "mode flight.west names the task gone; the process has gnc");
+
+    // What an event may set: what flies, but its initial values, in its own process.
+    Process &other = loop.sim.add_process("other");
+    const auto twin = make(other, "control", scale_type);
+    const auto setting = [&](const std::shared_ptr<Instance> &instance, std::string_view field) {
+        return with([&](Event &e) {
+            e.set = {{instance, find_field(instance->type(), field)->offset, std::vector<std::byte>(8)}};
+            e.mode = "";
+        });
+    };
+    const std::string own = ": an event sets what modules of its own process have";
+    EXPECT_EQ(setting(twin, "gain"), "event flight.e sets other.control.gain" + own);
+    EXPECT_EQ(setting(loop.tank, "initial"), "event flight.e sets world.tank.initial" + own);
+    for (const char *field : {"saturated", "number"}) {
+        EXPECT_THAT(setting(loop.control, field), HasSubstr("an event sets parameters, but for initial values, and "));
+    }
+    EXPECT_EQ(setting(loop.control, "gain"), "(no error)");
+
+    const auto named = [&](const char *name, const auto &change) {
+        return with([&](Event &e) { e.name = name, change(e); });
+    };
+    EXPECT_EQ(with([](Event &) {}), "event flight.e is already there");
+    EXPECT_EQ(named("once", [](Event &e) { e.once = true; }), "(no error)");
+    EXPECT_EQ(named("until", [&](Event &e) { e.until = condition; }), "(no error)");
+    EXPECT_EQ(named("arms", [](Event &e) { e.mode = "", e.arms = {{"once", false}}; }), "(no error)");
+    EXPECT_EQ(named("acts", [](Event &e) { e.mode = "", e.action = [] {}; }), "(no error)");
+    EXPECT_EQ(named("least", [](Event &e) { e.count = 1, e.hold = 0, e.modes = {"rest"}; }), "(no error)");
+}
+
+TEST(Process, NamesWhatItHasNot)
+{
+    Loop loop;
+    Process &flight = loop.sim.process("flight");
+    EXPECT_EQ(error_of([&] { flight.start_in("west"); }), "process flight has no mode west; it has (none)");
+    flight.add_mode({"rest", {}});
+    EXPECT_EQ(flight.mode(), "rest") << "the first mode is the one to begin with";
+    flight.add_mode({"west", {}});
+    EXPECT_EQ(flight.mode(), "rest");
+    flight.start_in("west");
+    EXPECT_EQ(flight.mode(), "west");
+    flight.add_mode({"east", {}});
+    EXPECT_EQ(flight.mode(), "west") << "later modes change nothing";
+    EXPECT_EQ(error_of([&] { flight.enter("south"); }), "process flight has no mode south; it has rest, west and east");
+    EXPECT_EQ(flight.find("gone"), nullptr);
+    EXPECT_EQ(flight.event("gone"), nullptr);
+    const FledgeField *input = port(loop.control, "number").field;
+    EXPECT_EQ(error_of([&] {
+                  flight.play(*loop.control, {input, messages({0}, {1.0}), false, {}});
+              }),
+              "flight.control.number is no output: a playback is of those");
+}
+
 TEST(Schedule, OrdersEqualTimesByPriorityThenDeclaration)
 {
     Simulation sim;

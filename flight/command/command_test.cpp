@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <random>
 #include <string>
@@ -315,6 +316,14 @@ TEST_F(Command, AnInitialValueChangesOnlyBeforeTheFirstInstant)
     EXPECT_EQ(angle(0.7), COMMAND_INITIAL);
     EXPECT_EQ(mission.start.angle, 0.5);
     EXPECT_EQ(angle(0.5), COMMAND_OK); // no change of it
+    EXPECT_EQ(mission.start.gain, 9.0);
+    // Also one of its first or last byte alone, whatever the byte order, and by a command for it alone.
+    for (const double x : {std::nextafter(0.5, 1.0), -0.5}) {
+        EXPECT_EQ(angle(x), COMMAND_INITIAL) << x;
+        EXPECT_EQ(command(packet(3, version + Bytes{0, 1, 0, 0, 0, 0} + big(x))), COMMAND_INITIAL) << x;
+        EXPECT_EQ(reports.back().report.detail, 0);
+        EXPECT_EQ(mission.start.angle, 0.5);
+    }
 }
 
 /// The commands that stage a block in parts of 512 bytes and less.
@@ -381,7 +390,9 @@ TEST_F(Command, AStagedBlockThatIsNotTheCommittedOneStaysOut)
     EXPECT_GT(mission.large.table[0], 0.0);
 
     Bytes large = big(11.0);
-    large.resize(sizeof(Long));
+    for (int i = 1; i < 150; i++) {
+        large = large + big(i / 16.0 + 0.1);
+    }
     const double before = mission.large.table[0];
     for (const Bytes &part : stages(2, large)) {
         EXPECT_EQ(command(part), COMMAND_OK);
@@ -392,6 +403,20 @@ TEST_F(Command, AStagedBlockThatIsNotTheCommittedOneStaysOut)
     EXPECT_EQ(command(stages(2, large)[0]), COMMAND_OK); // the rest is still staged
     EXPECT_EQ(command(commit(2, large)), COMMAND_OK);
     EXPECT_EQ(mission.large.table[0], 9.0);
+    EXPECT_EQ(mission.large.table[70], 70 / 16.0 + 0.1) << "a refused commit leaves what is staged as it was";
+}
+
+TEST_F(Command, ACommitThatWouldChangeAnInitialValueLeavesWhatIsStaged)
+{
+    execute(); // the first instant
+    const Bytes wrong = big(0.2) + big(3.5), right = big(0.1) + big(3.5);
+    EXPECT_EQ(command(stages(1, wrong)[0]), COMMAND_OK);
+    EXPECT_EQ(command(commit(1, wrong)), COMMAND_INITIAL);
+    EXPECT_EQ(mission.start.gain, 1.0);
+    EXPECT_EQ(command(packet(4, version + Bytes{0, 1, 0, 0, 0, 0} + big(0.1))), COMMAND_OK);
+    EXPECT_EQ(command(commit(1, right)), COMMAND_OK);
+    EXPECT_EQ(mission.start.angle, 0.1);
+    EXPECT_EQ(mission.start.gain, 3.5);
 }
 
 TEST_F(Command, AResetForgetsWhatIsStaged)
@@ -434,6 +459,9 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     }
     refused(COMMAND_STREAM, packet(2, version + Bytes{0, 1}, 0x1856), "another stream");
     refused(COMMAND_STREAM, packet(2, version + Bytes{0, 1}, 0x0855), "telemetry");
+    for (const uint8_t bits : {0x40, 0x80, 0xC0}) { // neither bit of its flags may miss
+        refused(COMMAND_STREAM, on(on(mode, 2, bits), 7, bits), "a part of a packet");
+    }
     refused(COMMAND_UNKNOWN, packet(15, version), "no such code");
     refused(COMMAND_VERSION, packet(2, {0xAB, 0xCE, 0, 1}), "another version");
     refused(COMMAND_PLACE, packet(2, version + Bytes{0, 2}), "no such mode");
