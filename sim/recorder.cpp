@@ -186,6 +186,12 @@ void Recorder::take_due(Ns t)
         }
         log->due_ = due_after(log->every, t);
         const std::byte *message = log->instance->memory() + log->field->offset;
+        if (log->changes) {
+            if (!log->last_.empty() && std::memcmp(log->last_.data(), message, log->last_.size()) == 0) {
+                continue;
+            }
+            log->last_.assign(message, message + log->field->size);
+        }
         if (log->keep) {
             log->times.push_back(t);
             log->bytes.insert(log->bytes.end(), message, message + log->field->size);
@@ -222,6 +228,7 @@ void Recorder::rewind(Ns now)
         log->times.resize(static_cast<std::size_t>(kept));
         log->bytes.resize(static_cast<std::size_t>(kept) * log->field->size);
         log->due_ = due_after(log->every, now);
+        log->last_.clear();
     }
     find_next_due();
 }

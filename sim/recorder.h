@@ -19,8 +19,9 @@ namespace fledge::sim {
 struct Log {
     std::shared_ptr<Instance> instance;
     const FledgeField *field = nullptr;
-    Ns every = 0;     ///< 0: at each instant
-    bool keep = true; ///< in memory
+    Ns every = 0;         ///< 0: at each instant
+    bool keep = true;     ///< in memory
+    bool changes = false; ///< only samples that differ from the one before
 
     std::vector<Ns> times;
     std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes
@@ -32,6 +33,7 @@ private:
     Ns due_ = 0;
     std::uint16_t channel_ = 0; ///< in the archive
     bool archived_ = false;
+    std::vector<std::byte> last_; ///< of `changes`
 };
 
 class Recorder {

@@ -117,8 +117,8 @@ void Parameters::refresh() const
     }
 }
 
-Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder)
-    : structure(built), roles_(std::move(roles)), recorder_(recorder)
+Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder, Recorder &outputs)
+    : structure(built), roles_(std::move(roles)), recorder_(recorder), outputs_(outputs)
 {
     // Pointers go into both, so that their elements must not move.
     exchanges_.reserve(structure.wires.size());
@@ -835,6 +835,7 @@ void Runtime::instant()
         run_events(t);
     }
     recorder_.take(t);
+    outputs_.take(t);
     next = next_instant();
 }
 

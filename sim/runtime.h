@@ -107,7 +107,7 @@ class Runtime {
 public:
     static constexpr Ns never = std::numeric_limits<Ns>::max();
 
-    Runtime(const Structure &structure, Roles roles, Recorder &recorder);
+    Runtime(const Structure &structure, Roles roles, Recorder &recorder, Recorder &outputs);
 
     void reset(Ns after = -1); ///< the first instant comes after this time
     bool run_until(Ns t, const RunControl &control);
@@ -177,7 +177,7 @@ private:
     void publish(Configuration &module, Ns t);
 
     Roles roles_;
-    Recorder &recorder_;
+    Recorder &recorder_, &outputs_;
     std::vector<Copy> copies_;
     std::vector<Step> steps_;
     std::vector<RunProcess> processes_;

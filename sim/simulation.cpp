@@ -167,7 +167,7 @@ void Simulation::prepare()
         }
     }
     faults.raise();
-    runtime_ = std::make_unique<Runtime>(structure_, std::move(roles), recorder_);
+    runtime_ = std::make_unique<Runtime>(structure_, std::move(roles), recorder_, outputs_);
     try {
         runtime_->reset();
     } catch (...) { // a script's reset
@@ -175,6 +175,7 @@ void Simulation::prepare()
         throw;
     }
     recorder_.reset();
+    outputs_.reset();
     if (const std::string coincident = coincident_inputs(structure_); !coincident.empty()) {
         runtime_.reset();
         throw SetupError(coincident);
@@ -193,6 +194,7 @@ void Simulation::begin_after(Ns t)
     reset();
     runtime_->reset(t);
     recorder_.rewind(t);
+    outputs_.rewind(t);
 }
 
 Ns Simulation::now() const
@@ -265,6 +267,38 @@ std::vector<Finding> Simulation::health() const
     return found;
 }
 
+void Simulation::open_outputs(const std::string &path)
+{
+    outputs_.forget([](const Log &) { return true; });
+    const auto record = [&](const Instance &instance) {
+        for (const FledgeField &field : fields(instance.type())) {
+            if (field.group == FLEDGE_OUT) {
+                const auto own = std::const_pointer_cast<Instance>(instance.shared_from_this());
+                outputs_.record(own, field, 0, false)->changes = true;
+            }
+        }
+    };
+    for (const auto &process : processes()) {
+        std::vector<const Instance *> run;
+        for (const Task *task : in_order(*process)) {
+            for (const auto &instance : task->run) {
+                for (const Instance *one : with_parts(*process, *instance)) {
+                    run.push_back(one);
+                }
+            }
+        }
+        for (const auto &instance : process->instances()) { // configuration, which is published first
+            if (std::find(run.begin(), run.end(), instance.get()) == run.end()) {
+                record(*instance);
+            }
+        }
+        for (const Instance *instance : run) {
+            record(*instance);
+        }
+    }
+    outputs_.open_archive(path, {});
+}
+
 // ---- copy and divide
 
 std::vector<std::byte> Simulation::snapshot() const
@@ -281,6 +315,7 @@ void Simulation::restore(std::span<const std::byte> bytes, bool edited)
     prepare();
     sim::restore(*runtime_, bytes, edited);
     recorder_.rewind(now());
+    outputs_.rewind(now());
 }
 
 void Simulation::check_snapshot(std::span<const std::byte> bytes) const

@@ -116,6 +116,12 @@ public:
     /// Record an output or input. See Recorder.
     Recorder &recorder() { return recorder_; }
 
+    /// Write all outputs to an MCAP file of their own from now on, each at the instants at which it has changed. The
+    /// topics have the order in which the outputs are written at an instant. Throws as Recorder::open_archive() and,
+    /// at the end, close_archive().
+    void open_outputs(const std::string &path);
+    void close_outputs() { outputs_.close_archive(); }
+
     // ---- copy and divide
 
     /// The whole dynamic state, which this simulation or a clone can restore.
@@ -168,6 +174,7 @@ private:
     Structure structure_;
     std::vector<std::unique_ptr<Process>> removed_; ///< by isolate(): callers may hold references to them
     Recorder recorder_;
+    Recorder outputs_;
     std::unique_ptr<Runtime> runtime_;
 };
 

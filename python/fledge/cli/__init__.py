@@ -35,6 +35,8 @@ def run(options: argparse.Namespace) -> int:
         raise Failure("run: give a name with --as, or a folder with --out; not both")
     if options.replace and not options.name:
         raise Failure("run: --replace is for --as")
+    if options.outputs and options.check_replay:
+        raise Failure("run: give --outputs or --check-replay, which writes such records of its own; not both")
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
     folder = folder_of(options.name, replace=True) if options.name else \
@@ -48,13 +50,16 @@ def run(options: argparse.Namespace) -> int:
 def _run(options, sim, name, fly, folder):
     """Fly a scenario, and write what comes of it into the folder."""
     import fledge
-    from fledge.cli import health
+    from fledge.cli import check_replay, health
     from fledge.cli.judge import attempt
 
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
                 **sim.mission.metadata())
+    replay = check_replay.Replay(folder) if options.check_replay else None
+    if replay or options.outputs:
+        sim.archive_outputs(replay.first if replay else options.outputs)
 
     report = _report(sim, name) if options.report else None
 
@@ -62,6 +67,11 @@ def _run(options, sim, name, fly, folder):
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
     problem, code = attempt(options, sim, fly)
+    sim.close_outputs()
+    again = ""
+    if replay:
+        different, again = replay.fly(options, sim, code)
+        problem, code = "; ".join(filter(None, [problem, different])) or None, code or int(different != "")
     findings = sim.health
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
@@ -75,6 +85,8 @@ def _run(options, sim, name, fly, folder):
         + (f", {sim.time / sim.wall:,.0f} times real time" if sim.wall > 0 else "")
         + (f"; no task runs at the end, the state is that of {sim.state_time:g} s"
            if sim.state_time < sim.time else ""))
+    if again:
+        say(f"  replay   {again}")
     if sim.pace and sim.pace_report["overruns"]:
         late = sim.pace_report
         say(f"  pace     {late['overruns']} of {late['instants']} instants were late, by up to "
@@ -382,6 +394,10 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
     one.add_argument("--for", dest="duration", metavar="DURATION",
                      help="fly without a scenario for this long (90s, 10min, 2h), recording all outputs")
+    one.add_argument("--outputs", metavar="FILE", help="write a record of all outputs too, each at the instants at "
+                     "which it has changed")
+    one.add_argument("--check-replay", action="store_true", help="fly it again, in another process with another "
+                     "environment; the run has failed if an output differs, which is named")
 
     from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, prompt, replay, up
 

@@ -592,6 +592,8 @@ void bind_simulation(py::module_ &m)
         .def(
             "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
             py::arg("end") = sim::Pairs{})
+        .def("open_outputs", &sim::Simulation::open_outputs)
+        .def("close_outputs", &sim::Simulation::close_outputs)
         .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
         .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
         .def(

@@ -69,6 +69,7 @@ class Simulation:
         self.wall = 0.0                         # [s] of wall time that run() took so far
         self._archive: Any = None               # (path, metadata) of the archive that the next run opens
         self._revisions: Revisions | None = None    # for that archive
+        self._outputs: str | None = None        # the record of all outputs that the next run opens
 
     # --- its parts ---
 
@@ -426,13 +427,26 @@ class Simulation:
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
         self._revisions = Revisions(self.mission.folder if self.mission else None)
 
+    def archive_outputs(self, path: str | os.PathLike[str]) -> None:
+        """Write all outputs to an MCAP file of their own too, from the next run on, each at the instants at which it
+        has changed; close_outputs() or close_archive() finishes it."""
+        self._outputs = str(path)
+
+    def close_outputs(self) -> None:
+        """Finish the record of all outputs, if one is being written."""
+        self._outputs = None
+        self._core.close_outputs()
+
     def open_archive(self, resumed: bool = False) -> None:
-        """Begin the archive that archive() has named, unless it has begun.
+        """Begin the archives that archive() and archive_outputs() have named, unless they have begun.
 
         resumed: the run goes on within another one. From the snapshot of a lost program, the archive goes on with what
         that program's file has until then. Without that file, and where a program joins late, an older file stays, and
         this one takes the next free name; it says what it lacks.
         """
+        if self._outputs:
+            self._core.open_outputs(self._outputs)
+            self._outputs = None
         if self._archive and not self._core.archiving:
             path, metadata = self._archive
             if resumed and self._core.resume_archive(path):
@@ -457,6 +471,7 @@ class Simulation:
         """Finish the archive, if one is being written; returns its path, or None."""
         path = self._archive[0] if self._core.archiving else None
         self._archive = None
+        self.close_outputs()
         self._finish_archive(metadata)
         return path
 
