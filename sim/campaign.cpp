@@ -2,6 +2,7 @@
 #include "sim/campaign.h"
 
 #include "flight/math/elementary.h"
+#include "sim/crash.h"
 #include "sim/random.h"
 #include "sim/text.h"
 
@@ -258,6 +259,8 @@ public:
 
     void fly(std::size_t run, CampaignResult &result, const std::atomic<bool> &stop)
     {
+        const Runs runs;
+        running().of_campaign = static_cast<std::int64_t>(plan_.first + run);
         try {
             begin_anew(nominal_, own_);
             const std::vector<double> draws = disperse(nominal_, own_, plan_, plan_.first + run);

@@ -62,6 +62,7 @@ void update_playback(void *playback, Tick tick)
 
 void reset_instance(Instance &instance, Ns t)
 {
+    const Runs runs(&instance);
     if (instance.model()) {
         instance.model()->reset(t);
     } else {
@@ -148,16 +149,18 @@ Runtime::Runtime(const Structure &built, Roles roles, Recorder &recorder, Record
                     }
                 }
                 const auto last = static_cast<std::uint32_t>(copies_.size());
+                const auto add = [&](void (*update)(void *, Tick), void *self) {
+                    steps_.push_back({update, self, instance.get(), first, last});
+                };
                 if (!process->playback().empty()) {
-                    steps_.push_back({update_playback, &process->playback().at(instance.get()), first, last});
+                    add(update_playback, &process->playback().at(instance.get()));
                 } else if (Model *model = instance->model()) {
-                    steps_.push_back({update_model, model, first, last});
+                    add(update_model, model);
                 } else if (instance->script.update) {
-                    steps_.push_back({update_script, instance.get(), first, last});
+                    add(update_script, instance.get());
                 } else {
                     // Straight to the type's function, as Instance::update() calls it.
-                    const auto update = reinterpret_cast<void (*)(void *, Tick)>(instance->type().update);
-                    steps_.push_back({update, instance->memory(), first, last});
+                    add(reinterpret_cast<void (*)(void *, Tick)>(instance->type().update), instance->memory());
                 }
             }
             entry.last_step = static_cast<std::uint32_t>(steps_.size());
@@ -420,7 +423,10 @@ void Runtime::publish(const Instance &instance, Ns t)
 void Runtime::publish(Configuration &module, Ns t)
 {
     module.changed = 0;
-    module.instance->update({t, 0});
+    {
+        const Runs runs(module.instance);
+        module.instance->update({t, 0});
+    }
     for (const Copy &copy : module.copies) {
         carry(copy, t);
     }
@@ -670,6 +676,7 @@ inline void Runtime::run_task(RunTask &task, Ns t)
         flight(t);
     }
     const Tick tick = exec_begin(&task.state, task.rate, t);
+    running_->task.store(task.task, std::memory_order_relaxed);
     for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
         const Step &step = steps_[i];
         for (std::uint32_t k = step.first_copy; k < step.last_copy; k++) {
@@ -677,8 +684,10 @@ inline void Runtime::run_task(RunTask &task, Ns t)
                 health.was_stale(copies_[k].age, t);
             }
         }
+        running_->instance.store(step.instance, std::memory_order_relaxed);
         step.update(step.self, tick);
     }
+    running_->instance.store(nullptr, std::memory_order_relaxed);
     health.task_ran(task.watched, t);
     task.process->ran = t;
 }
@@ -787,6 +796,7 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
 void Runtime::instant()
 {
     const Ns t = next;
+    running_->t.store(t, std::memory_order_relaxed);
     for (Exchange &exchange : exchanges_) {
         // Hold the message of the last multiple of the period before t.
         const Ns due = t > 0 ? (t - 1) / exchange.period * exchange.period : -1;
@@ -843,6 +853,8 @@ bool Runtime::run_until(Ns t, const RunControl &control)
 {
     using Clock = std::chrono::steady_clock;
     using namespace std::chrono_literals;
+    const Runs runs;
+    running_ = &running();
     const auto start = control.pace > 0.0 ? Clock::now() : Clock::time_point{};
     const Ns simulated_start = std::max<Ns>(time(), 0);
     auto polled = start;

@@ -7,6 +7,7 @@
 #include "flight/exec/event.h"
 #include "flight/exec/task.h"
 #include "sim/commands.h"
+#include "sim/crash.h"
 #include "sim/health.h"
 #include "sim/simulation.h"
 
@@ -30,6 +31,7 @@ struct Copy {
 struct Step {
     void (*update)(void *, Tick);
     void *self;
+    const Instance *instance;
     std::uint32_t first_copy, last_copy; ///< the wires into it, in Runtime::copies
 };
 
@@ -190,7 +192,8 @@ private:
     std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;
-    std::string failure_; ///< why the run cannot go on; "" if it can
+    Running *running_ = nullptr; ///< of the thread that runs
+    std::string failure_;        ///< why the run cannot go on; "" if it can
 };
 
 } // namespace fledge::sim

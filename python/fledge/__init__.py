@@ -31,6 +31,7 @@ _LAZY = {
     "flight": ("flight", None),
     "flight_math": ("flight_math", None),
     "learning": ("learning", None),
+    "limit_updates": ("mission.simulation", "limit_updates"),
     "linear": ("linear", None),
     "load": ("mission", "load"),
     "missions": ("mission", "missions"),
@@ -57,7 +58,7 @@ if TYPE_CHECKING:       # the same for editors
     from fledge.archive import Archive, ArchiveError
     from fledge.errors import RunError, SetupError
     from fledge.mission import MissionError, load, missions
-    from fledge.mission.simulation import Simulation
+    from fledge.mission.simulation import Simulation, limit_updates
     from fledge.scene import view
     from fledge.units import Quantity
     from fledge.world import Orbit

@@ -2,6 +2,7 @@
 """A process of its own on this machine, or, cross-built, on another (aarch64, sparc64).
 
     main.c        the process: it flies tick by tick, with the clock of its registers, or with the machine's
+    crash.c       what it says when a trap ends it
     inputs.py, .c what flight reads on the desktop, as a file that the process plays
     clock.py      a process by the machine's clock, with histograms; pace.c measures them
     relay.c       the outside of the registers for a program that talks to flight (targets/micropython/console.py)
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
 
 # The sources of the program besides the mission's.
 RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
-          "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c", "record/mcap_crc.c",
-          "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
-          "registers/shared_file.c"]
+          "targets/linux/crash.c", "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c",
+          "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
+          "registers/message.c", "registers/shared_file.c"]
 
 
 class Linux(Target):

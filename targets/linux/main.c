@@ -9,6 +9,7 @@
 #define _POSIX_C_SOURCE 200809L
 #include "record/file_sink.h"
 #include "registers/shared_file.h"
+#include "targets/linux/crash.h"
 #include "targets/linux/inputs.h"
 #include "targets/linux/pace.h"
 #include "targets/mission_host.h"
@@ -56,7 +57,8 @@ typedef struct Runner {
     MissionRecord record;
     const RegisterWindow *clock; ///< the window of the board with the clock
     Inputs inputs;
-    int64_t cpu; ///< [ns] of all exchanges
+    volatile int64_t now; ///< [ns] of the present exchange
+    int64_t cpu;          ///< [ns] of all exchanges
     int64_t faults;
     uint32_t ticks;
     uint32_t overruns;
@@ -279,6 +281,7 @@ static int exchange(int64_t t)
 {
     const int64_t start = pace_now();
     const int64_t start_cpu = pace_cpu();
+    runner.now = t;
     mission_host_exchange(&fledge_mission, runner.windows, t, &runner.counts);
     if (t < 0) {
         mark_heap();
@@ -369,6 +372,8 @@ int main(int argc, char **argv)
     if (fledge_mission.clock != NULL) {
         *fledge_mission.clock = pace_now;
     }
+    runner.now = -1;
+    crash_report(fledge_mission.name, argv, &runner.now);
     fledge_mission.init();
     if (fledge_mission.failure != NULL && fledge_mission.failure() != NULL) {
         return complain("script", fledge_mission.failure());

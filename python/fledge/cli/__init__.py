@@ -12,7 +12,7 @@ import os
 import sys
 from pathlib import Path
 
-from fledge.cli.arguments import number, parse_duration
+from fledge.cli.arguments import add_update_limit, number, parse_duration
 from fledge.cli.console import Plots, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, printable
@@ -398,6 +398,7 @@ def parser() -> argparse.ArgumentParser:
                      "which it has changed")
     one.add_argument("--check-replay", action="store_true", help="fly it again, in another process with another "
                      "environment; the run has failed if an output differs, which is named")
+    add_update_limit(one)
 
     from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, prompt, replay, up
 
@@ -479,6 +480,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.after_dashes and not getattr(options, "starts_command", False):
             raise Failure(f"nothing may follow --; found {' '.join(options.after_dashes)}")
+        if getattr(options, "update_limit", None):
+            from fledge import limit_updates
+
+            limit_updates(parse_duration(options.update_limit, "--update-limit"))
         return options.function(options)
     except Failure as error:
         print(f"fledge: {printable(str(error))}", file=sys.stderr)

@@ -8,6 +8,13 @@ from collections.abc import Callable
 from fledge.errors import Failure
 
 
+def add_update_limit(command: argparse.ArgumentParser) -> None:
+    """The option of every command that flies in this program; cli.main() obeys it."""
+    command.add_argument("--update-limit", metavar="DURATION", help="an update of a module or model that takes longer, "
+                         "as in an endless loop, ends the program, which names it (2s, 500ms of wall time); default: "
+                         "none")
+
+
 def number(what: str = "a number") -> Callable[[str], float]:
     """The type of an option that takes a finite number >= 0, for argparse."""
     def read(text: str) -> float:

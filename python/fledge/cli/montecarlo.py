@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from fledge.cli.arguments import add_update_limit
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
@@ -52,6 +53,7 @@ def _add_common(one: argparse.ArgumentParser, name: str) -> None:
                      help="fly this one run, as an ordinary simulation with a record and plots")
     one.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
     one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
+    add_update_limit(one)
     one.add_argument("--json", action="store_true", help="print the summary as JSON, and nothing else")
 
 
@@ -116,7 +118,9 @@ def _fly(campaign, options, runs, name, given):
 
     first = next(iter(campaign.known))
     words = ["./fledge", name, options.mission, *([campaign.name] if campaign.name != first else []), *given,
-             "--seed", str(options.seed), "--only"]
+             "--seed", str(options.seed), *(["--update-limit", options.update_limit] if options.update_limit else []),
+             "--only"]
+    campaign.tell_crashes([sys.executable, "-m", "fledge.cli", *words[1:]])
     folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / name / campaign.name
     if options.only is not None and not options.out:
         folder /= str(options.only)

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge.cli.arguments import number, parse_duration
+from fledge.cli.arguments import add_update_limit, number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 
@@ -53,6 +53,7 @@ def add(command: Callable) -> None:
     one.add_argument("--script", metavar="FILE", help="commands to this flight process: lines of a time [ns] and the "
                      "bytes of a packet in hexadecimal; each comes before the first instant after its time")
     one.add_argument("--keys", metavar="PATH", help="the keys of this node (fledge keys); default: FLEDGE_KEYS")
+    add_update_limit(one)
     seconds = number("a number of seconds")
     one.add_argument("--patience", type=seconds, default=60.0, metavar="S", help="how long to wait for the controller; "
                      "default: 60")

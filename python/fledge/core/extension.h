@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/object.h"
+#include "sim/crash.h"
 #include "sim/health.h"
 
 #include <pybind11/pybind11.h>
@@ -21,6 +22,14 @@ void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
 void bind_batch(pybind11::module_ &m);      ///< clones that are stepped together
 void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
 void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
+
+/// Of each extension with a kernel of its own, whose handlers know what that runs.
+inline void bind_crashes(pybind11::module_ &m)
+{
+    m.def("report_crashes", &sim::report_crashes,
+          "What a crash in a run tells: the command that shows it, and the one of a run, whose index follows.");
+    m.def("limit_updates", &sim::limit_updates, "[ns] of wall time; 0: none");
+}
 
 /// Lets a loop that runs without Python's lock handle signals and call Python now and then. After a Python exception
 /// the loop must end; the thread that has the lock throws the exception again.

@@ -530,6 +530,7 @@ void bind_simulation(py::module_ &m)
     bind_event(m);
     bind_log(m);
     bind_process(m);
+    bind_crashes(m);
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)

@@ -67,7 +67,9 @@ class Node:
 
     def __init__(self, simulation: Simulation, process: str, reads: list[Crossing]) -> None:
         from fledge import _cosim
+        from fledge.mission.simulation import report_crashes
 
+        report_crashes(_cosim)
         self.simulation, self.process, self.reads = simulation, process, reads
         self._core = _cosim.ProcessNode(simulation.kernel, process)
         for wire in reads:

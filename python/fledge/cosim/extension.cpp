@@ -301,6 +301,7 @@ PYBIND11_MODULE(_cosim, m)
     using fledge::sim::Ns;
     m.doc() = "Nodes and the controller of a co-simulation. Use the package fledge.cosim instead.";
     py::module_::import("_core");
+    bind_crashes(m);
     py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
         .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
         .def("read", &ProcessNode::read_by_path)

@@ -12,7 +12,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +22,7 @@ from fledge.errors import SetupError
 from fledge.mission.process import Flight, Process, World
 from fledge.mission.provenance import Revisions, instances, parameters, wires
 from fledge.objects.si import time_ns
+from fledge.programs import in_debugger
 
 if TYPE_CHECKING:
     from fledge.mission.batch import Batch
@@ -28,6 +30,29 @@ if TYPE_CHECKING:
     from fledge.mission.folder import Mission
     from fledge.mission.log import Log
     from fledge.mission.trim import Trim
+
+
+_limit = 0      # [ns]
+
+
+def report_crashes(extension: Any, one: Sequence[str] = ()) -> None:
+    """Let an extension with a kernel tell a crash of what it runs, and obey the limit. one: the command of a run of a
+    campaign, whose index follows."""
+    extension.report_crashes(in_debugger(sys.orig_argv), in_debugger(one) if one else "")
+    extension.limit_updates(_limit)
+
+
+def limit_updates(limit: Any) -> None:
+    """From now on an update that takes longer than this wall time ends the program by SIGXCPU, which names its module:
+    `limit_updates(2 * s)`. 0: none does, as at the beginning."""
+    global _limit
+    _limit = time_ns(limit, "limit_updates")
+    for name in ("_core", "_cosim"):
+        if name in sys.modules:
+            sys.modules[name].limit_updates(_limit)
+
+
+report_crashes(_core)
 
 
 class Finding(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from fledge.errors import SetupError
 from fledge.folders import first_line
 from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
+from fledge.mission.simulation import report_crashes
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_processes, by_threads
@@ -60,6 +61,10 @@ class Campaign:
         """Whether the mission's events or modules call Python. Processes fly such runs, each in a mission loaded
         afresh, because the functions of one mission may share data."""
         return bool(_core.callables(self.nominal.kernel))
+
+    def tell_crashes(self, command: Sequence[str]) -> None:
+        """If a run crashes, tell what shows it in a debugger: this command, followed by the index of the run."""
+        report_crashes(_core, command)
 
     def simulation(self, index: int, seed: int = 0) -> Simulation:
         """The simulation of one run, its parameters and seed set, not yet run.

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// What each thread runs, so that a crash of a module names the module, its task, the time, and how to look into it.
+#pragma once
+
+#include "sim/instance.h"
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+
+namespace fledge::sim {
+
+struct Task;
+
+/// Of a thread. The loop writes it; the signal handler of the same thread reads it, and the watchdog compares it.
+struct Running {
+    static constexpr Ns nothing = -2; ///< no simulation runs
+
+    std::atomic<Ns> t{nothing};
+    std::atomic<const Task *> task{nullptr};         ///< null: none, as in a reset
+    std::atomic<const Instance *> instance{nullptr}; ///< whose function runs; null: none
+    std::atomic<std::uint64_t> runs{0};              ///< how many have begun
+    std::atomic<std::int64_t> of_campaign{-1};       ///< the index of the run; -1: of no campaign
+};
+
+/// That of the calling thread, which gets a stack for signal handlers with it.
+Running &running();
+
+/// In this block a function of the instance runs, or a simulation. After it, all is as it was before.
+class Runs {
+public:
+    explicit Runs(const Instance *instance = nullptr);
+    ~Runs();
+    Runs(const Runs &) = delete;
+    Runs &operator=(const Runs &) = delete;
+
+private:
+    Running &now_;
+    Ns t_;
+    const Task *task_;
+    const Instance *instance_;
+    std::int64_t of_campaign_;
+};
+
+/// From now on, a signal that ends the program while a thread runs a simulation first says on stderr what runs, and
+/// `command`, which shows the place in a debugger; `one` begins that for a run of a campaign, whose index follows.
+/// What handled the signal before does so after that. Under the sanitizers, which report crashes themselves, nothing
+/// changes.
+void report_crashes(const std::string &command, const std::string &one);
+
+/// An update that takes longer than this [ns of wall time] ends the program, with the same words; 0: none does.
+void limit_updates(Ns limit);
+
+} // namespace fledge::sim
