@@ -86,6 +86,8 @@ public:
     /// The same, which for a program that has greeted as this node and not answered the first request yet is no loss:
     /// another one may take its place.
     void forget(NodeId node, const std::string &why);
+    /// Whether the place of a node is taken by a program that has not answered the first request yet.
+    bool only_greeted(NodeId node) const { return nodes_[node].stage == Stage::entered && !finishing() && !done(); }
     /// An asynchronous program writes. Returns why the controller refuses the message; "" if it accepts it. The message
     /// gets the first time that no reader was granted yet. Each reader sees it before the topic's next message.
     std::string inject(const std::string &program, const std::string &topic, const Payload &payload);

@@ -145,6 +145,7 @@ std::string Router::run(const std::function<bool()> &poll)
             wait(more ? 0ms : check_period);
         }
     }
+    hear_waiting(); // the run is over
     return outcome_;
 }
 
@@ -263,10 +264,31 @@ void Router::greet()
                 attach(*m);
                 continue;
             }
-            controller_.hello(0, *m);
+            hear(*m);
         } catch (const ProtocolError &error) {
             reply(greeting_peer_, Refused{error.what()});
         }
+        act();
+    }
+}
+
+/// A program that has greeted may be a stranger, which soon leaves the place: the next one waits until it has replied.
+void Router::hear(const Hello &hello)
+{
+    const auto id = static_cast<NodeId>(std::find(names_.begin(), names_.end(), hello.node) - names_.begin());
+    if (id < nodes_.size() && controller_.only_greeted(id) && std::cmp_less(waiting_.size(), most_attaching)) {
+        waiting_.push_back({hello, greeting_peer_, greeting_fd_});
+    } else {
+        controller_.hello(0, hello);
+    }
+}
+
+void Router::hear_waiting()
+{
+    for (Waiting &one : std::exchange(waiting_, {})) {
+        greeting_peer_ = std::move(one.peer);
+        greeting_fd_ = one.fd;
+        hear(one.hello);
         act();
     }
 }
@@ -657,6 +679,7 @@ void Router::check_periodically(const std::function<bool()> &poll)
         check_limits(id);
     }
     check_greeting_programs();
+    hear_waiting();
     if (poll && !poll()) {
         controller_.stop("the user ended it");
     }

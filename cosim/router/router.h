@@ -97,6 +97,8 @@ private:
     };
 
     void greet();
+    void hear(const Hello &hello);
+    void hear_waiting();
     void check_greeting_programs();
     void listen(NodeId id);
     void check_connection(NodeId id);
@@ -151,6 +153,12 @@ private:
     std::deque<std::pair<NodeId, Frame>> calls_; ///< requests to hosted nodes
     Bytes greeting_peer_;                        ///< libzmq's name of the greeting program
     int greeting_fd_ = -1;                       ///< of its connection
+    struct Waiting {
+        Hello hello;
+        Bytes peer;
+        int fd;
+    };
+    std::vector<Waiting> waiting_; ///< greetings for places of programs that have only greeted
     unsigned opened_ = 0;
     Clock::time_point checked_;
     Clock::time_point complete_; ///< the last time at which no node was missing

@@ -269,6 +269,21 @@ TEST_P(Connections, ASecondConnectionHidesNoDeath)
 INSTANTIATE_TEST_SUITE_P(All, Connections,
                          testing::Combine(testing::Values(std::string("tcp"), "ipc"), testing::Values(false, true)));
 
+TEST(Strangers, AProgramWaitsForThePlaceOfOneThatHasOnlyGreeted)
+{
+    RouterConfig config = listening("tcp");
+    config.greet = 500ms;
+    Running run(config);
+    Played silent(run.router.address());
+    Played b(run.router.address()); // as soon as the other one has lost the place
+    b.connect();
+    const Frame tick = b.serve_until(500);
+    EXPECT_THROW(Played(run.router.address()), std::runtime_error); // a second program of the name is refused at once
+    b.serve_from(tick);
+    EXPECT_EQ(run.reason(), "");
+    EXPECT_EQ(run.a.heard, 200u);
+}
+
 TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
 {
     for (const bool connects : {false, true}) {
@@ -289,21 +304,6 @@ TEST(Strangers, AProgramThatGreetsAndDoesNothingLosesTheName)
     }
 }
 
-/// The program that takes the place of one that has just ended.
-std::unique_ptr<Played> guest_of(const std::string &address)
-{
-    for (int left = 1000;; left--) {
-        try {
-            return std::make_unique<Played>(address);
-        } catch (const std::runtime_error &) { // the place is not free yet
-            if (!left) {
-                throw;
-            }
-            std::this_thread::sleep_for(10ms);
-        }
-    }
-}
-
 TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
 {
     for (const char *transport : {"tcp", "ipc"}) {
@@ -313,12 +313,12 @@ TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
         const std::string address = run.router.address();
         const auto come_and_go = [&] {
             for (int i = 0; i < 4; i++) { // more often than a node may be restarted without progress
-                guest_of(address);
-                guest_of(address)->connect();
-                const auto liar = guest_of(address);
+                std::make_unique<Played>(address);
+                std::make_unique<Played>(address)->connect();
+                const auto liar = std::make_unique<Played>(address);
                 liar->connect();
                 liar->link.send({1, Tock{}}); // a reply to nothing, or to another request
-                const auto babbler = guest_of(address);
+                const auto babbler = std::make_unique<Played>(address);
                 babbler->connect();
                 babbler->link.socket().send(zmq::str_buffer("garbage"), zmq::send_flags::none);
             }
@@ -328,12 +328,12 @@ TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
         EXPECT_TRUE(run.reported("b: it sent Tock 1; expected Initialized 1; another program may take its place"));
         EXPECT_TRUE(run.reported("b: it sent no frame: this is no frame of a co-simulation; another program may"));
         {
-            const auto b = guest_of(address);
+            const auto b = std::make_unique<Played>(address);
             b->connect();
             b->serve_until(500);
         }
         come_and_go();
-        const auto b = guest_of(address);
+        const auto b = std::make_unique<Played>(address);
         b->connect();
         b->serve_from(b->serve_until(800));
         EXPECT_EQ(run.reason(), "");
