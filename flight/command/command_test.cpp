@@ -34,8 +34,8 @@ const CommandRule config_rules[] = {
     {"mass", "> 0 kg", 0, 1, 1, COMMAND_ALL_ROWS, FLEDGE_HAS_LO | FLEDGE_LO_OPEN, FLEDGE_F64, 0.0, 0.0},
     {"count", "<= 3", 8, 1, 1, COMMAND_ALL_ROWS, FLEDGE_HAS_HI, FLEDGE_U32, 0.0, 3.0},
     {"rows", "<= 1", 16, 3, 1, 8, FLEDGE_HAS_HI, FLEDGE_F64, 0.0, 1.0}};
-const CommandRule start_rules[] = {{"angle", "", 0, 1, 1, COMMAND_ALL_ROWS, COMMAND_START, FLEDGE_F64, 0.0, 0.0},
-                                   {"gain", "", 8, 1, 1, COMMAND_ALL_ROWS, 0, FLEDGE_F64, 0.0, 0.0}};
+const CommandRule start_rules[] = {{"gain", "", 8, 1, 1, COMMAND_ALL_ROWS, 0, FLEDGE_F64, 0.0, 0.0},
+                                   {"angle", "", 0, 1, 1, COMMAND_ALL_ROWS, COMMAND_START, FLEDGE_F64, 0.0, 0.0}};
 const CommandRule long_rules[] = {
     {"table", "<= 10", 0, 150, 1, COMMAND_ALL_ROWS, FLEDGE_HAS_HI, FLEDGE_F64, 0.0, 10.0}};
 const CommandBlock blocks[] = {{config_runs, config_rules, sizeof(Config), 4, 3, 1, 0},
@@ -241,6 +241,10 @@ TEST_F(Command, ModesEventsResetAndTelemetryDoWhatTheySay)
     EXPECT_EQ(command(packet(10, version + Bytes{0xFF, 0xFF, 0, 0, 0, 1})), COMMAND_OK);
     EXPECT_EQ(command(packet(0, {})), COMMAND_OK);
     EXPECT_EQ(mission.log, "enter 1;arm 1 0;arm 0 1;publish 0 115;reset 120;telemetry 3 1 9;telemetry 65535 0 1;");
+    for (const Got &got : reports) {
+        EXPECT_EQ(got.report.detail, 0u);
+        EXPECT_EQ(got.report.n, 0u);
+    }
     EXPECT_EQ(state.counters.accepted, 8u);
     EXPECT_EQ(state.counters.executed, 8u);
     EXPECT_EQ(state.counters.refused, 0u);
@@ -311,17 +315,21 @@ TEST_F(Command, AnInitialValueChangesOnlyBeforeTheFirstInstant)
     const auto angle = [&](double x) {
         return command(packet(3, version + Bytes{0, 1, 0, 0, 0, 0} + big(x) + big(9.0)));
     };
+    t = -5;
     EXPECT_EQ(angle(0.5), COMMAND_OK);
     EXPECT_EQ(mission.start.angle, 0.5);
-    EXPECT_EQ(angle(0.7), COMMAND_INITIAL);
-    EXPECT_EQ(mission.start.angle, 0.5);
-    EXPECT_EQ(angle(0.5), COMMAND_OK); // no change of it
+    EXPECT_EQ(state.t, 0);
+    for (int i = 0; i < 2; i++) { // after the instant 0, and after another one
+        EXPECT_EQ(angle(0.7), COMMAND_INITIAL);
+        EXPECT_EQ(mission.start.angle, 0.5);
+        EXPECT_EQ(angle(0.5), COMMAND_OK); // no change of it
+    }
     EXPECT_EQ(mission.start.gain, 9.0);
     // Also one of its first or last byte alone, whatever the byte order, and by a command for it alone.
     for (const double x : {std::nextafter(0.5, 1.0), -0.5}) {
         EXPECT_EQ(angle(x), COMMAND_INITIAL) << x;
         EXPECT_EQ(command(packet(3, version + Bytes{0, 1, 0, 0, 0, 0} + big(x))), COMMAND_INITIAL) << x;
-        EXPECT_EQ(reports.back().report.detail, 0);
+        EXPECT_EQ(reports.back().report.detail, 1);
         EXPECT_EQ(mission.start.angle, 0.5);
     }
 }
