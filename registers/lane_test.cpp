@@ -274,9 +274,14 @@ TEST(Lane, AWriterSaysThatItBeginsBeforeItWrites)
 
 TEST(Lane, OfPlainWordsNoneWaitsAndNoneIsLost)
 {
-    Bench bench({{REGISTER_WORD, PLAIN, 4, 1, false, 4}}, false);
-    for (std::uint32_t i = 0; i < 4; i++) {
+    Bench bench({{REGISTER_WORD, PLAIN, 4, 1, false, 16}}, false);
+    for (std::uint32_t i = 0; i < 16; i++) {
         EXPECT_EQ(register_put_word(bench.window(), bench.lane(), i, 5 + i), REGISTER_OK);
+    }
+    for (std::uint32_t i = 0; i < 16; i++) { // each at its own place
+        std::uint32_t there = 0;
+        std::memcpy(&there, bench.bytes() + bench.lane()->address + 4 * i, 4);
+        EXPECT_EQ(there, 5 + i);
     }
     EXPECT_EQ(register_waiting(bench.window(), bench.lane()), 0u);
     EXPECT_EQ(register_lost(bench.window(), bench.lane()), 0u);
@@ -506,6 +511,12 @@ TEST(Lane, InterruptsAreCountedAndRing)
     EXPECT_EQ(register_handle(w, 3), 1u);
     EXPECT_EQ(register_interrupts(w, 3), 0u);
     rung.pop_back();
+    for (std::uint32_t line = 0; line < 8; line++) { // each counts for itself
+        register_raise(w, line);
+        rung.pop_back();
+        EXPECT_EQ(register_interrupts(w, line), 1u);
+        EXPECT_EQ(register_interrupts(w, (line + 1) % 8), line == 7 ? 1u : 0u);
+    }
     register_raise(w, 8); // there are 8 lines
     EXPECT_EQ(register_interrupts(w, 8), 0u);
     EXPECT_EQ(rung.size(), 2u);

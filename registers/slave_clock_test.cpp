@@ -144,6 +144,16 @@ TEST_P(SlaveClockTest, IsAlignedNoMoreAfterAnotherCommand)
     EXPECT_EQ(shown(6 * s), 1000 * s);
 }
 
+TEST_P(SlaveClockTest, ForgetsAtItsStartWhatItWasCommandedBefore)
+{
+    make(0);
+    EXPECT_EQ(register_slave_command(bench->window(), REGISTER_JAM, 7 * s), REGISTER_OK);
+    register_slave_start(&clock);
+    register_slave_obey(&clock, 0);
+    EXPECT_EQ(shown(s), 51 * s);
+    EXPECT_EQ(register_slave_command(bench->window(), REGISTER_JAM, 7 * s), REGISTER_OK) << "it is free for the next";
+}
+
 TEST_P(SlaveClockTest, RefusesAnUnknownCommand)
 {
     make(0);
