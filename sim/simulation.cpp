@@ -239,7 +239,9 @@ bool Simulation::run_until(Ns t, const RunControl &control)
         ready_for(t);
     }
     recorder_.reserve(runtime_->now, t, runtime_->shortest_period());
-    return runtime_->run_until(t, control);
+    const bool whole = runtime_->run_until(t, control);
+    recorder_.save_archive(); // this program may now wait for a user, and be killed
+    return whole;
 }
 
 void Simulation::step()

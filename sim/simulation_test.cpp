@@ -1063,6 +1063,85 @@ TEST(ArchiveFile, TakesMessagesOfAnySizeAndSaysWhyItCannot)
     std::remove((path + ".part").c_str());
 }
 
+TEST(ArchiveFile, AProgramGoesOnWithTheFileOfALostOneWheneverThatWasKilled)
+{
+    const std::string path = ::testing::TempDir() + "taken.mcap", part = path + ".part", lost = path + ".lost";
+    const std::vector<std::byte> large(600'000, std::byte{7}), huge(3 << 20, std::byte{8});
+    const auto begun = [&] {
+        auto file = std::make_unique<ArchiveFile>(path, 2);
+        file->add_channel("/small", "Small", "float64 x\n");
+        file->add_channel("/image", "Image", "uint8[600000] pixels\n", {{"camera", "left"}});
+        return file;
+    };
+    const auto write = [&](ArchiveFile &file, int from, int to) {
+        for (int i = from; i < to; i++) {
+            const double x = i;
+            file.message(1, i, static_cast<std::uint32_t>(i), std::as_bytes(std::span(&x, 1)));
+            if (i % 10 == 3) {
+                file.message(2, i, 0, i % 20 == 3 ? large : huge); // in chunks, and in one of its own
+            }
+        }
+    };
+    const auto bytes_of = [](const std::string &name) {
+        std::ifstream in(name, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const auto end = [](std::unique_ptr<ArchiveFile> file) {
+        file->metadata("end", {{"outcome", "passed"}, {"", ""}});
+        file->close();
+    };
+    const auto made = [&] {
+        auto file = begun();
+        file->metadata("run", {{"mission", "none"}});
+        return file;
+    };
+    auto whole = made();
+    write(*whole, 0, 100);
+    end(std::move(whole));
+    const std::string expected = bytes_of(path);
+
+    for (const int snapshot : {0, 3, 4, 14, 27, 99}) {
+        SCOPED_TRACE(snapshot);
+        auto file = made();
+        write(*file, 0, snapshot);
+        const McapMark mark = file->save();
+        write(*file, snapshot, std::min(snapshot + 20, 100)); // what the next program repeats
+        file->save();
+        const std::string there = bytes_of(part);
+        file.reset();
+        std::ofstream(part, std::ios::binary) << there; // as a kill leaves it
+
+        McapMark other = mark;
+        other.crc++;
+        EXPECT_FALSE(ArchiveFile::lost(path, other));
+        EXPECT_FALSE(ArchiveFile::lost(path, McapMark{}));
+        EXPECT_EQ(bytes_of(part), there);
+        for (int killed = 0; killed < 2; killed++) { // as it begins to take over
+            EXPECT_TRUE(ArchiveFile::lost(path, mark));
+            begun().reset();
+        }
+        EXPECT_TRUE(ArchiveFile::lost(path, mark));
+        auto next = begun();
+        next->take_over(mark);
+        EXPECT_FALSE(std::filesystem::exists(lost));
+        write(*next, snapshot, 100);
+        end(std::move(next));
+        EXPECT_EQ(bytes_of(path), expected);
+    }
+
+    auto file = made();
+    write(*file, 0, 10);
+    const McapMark mark = file->save();
+    file.reset();
+    EXPECT_TRUE(ArchiveFile::lost(path, mark));
+    ArchiveFile fewer(path, 1);
+    fewer.add_channel("/small", "Small", "float64 x\n");
+    EXPECT_THAT(error_of([&] { fewer.take_over(mark); }), HasSubstr("taken.mcap"));
+    EXPECT_TRUE(std::filesystem::exists(lost)) << "nothing is lost";
+    std::remove(lost.c_str());
+    std::remove(part.c_str());
+}
+
 TEST(Setup, NamesWhatIsWrong)
 {
     Simulation sim;

@@ -145,8 +145,8 @@ def test_a_run_that_was_killed_is_no_secret(here, capsys, command):
     assert cli.main(command) == 2
     part = "runs/looker/waiting/run.mcap.part"
     complaint = capsys.readouterr().err
-    assert f"there is no whole record 'looker'; a run that has not ended left {part}, with the data up to t = " \
-        in complaint
+    assert f"there is no whole record 'looker'; a run that has not ended left {part}, with the data up to t = 4000 s" \
+        in complaint        # all of the run before it waits
     assert cli.main(["run", "looker", "waiting"]) == 0     # in place of the lost one
     assert not (here / part).exists()
     Waiting(here).kill()
