@@ -11,6 +11,9 @@ from typing import Any
 from fledge.columns import columns
 
 
+PEER = "peer, recorded 2026-11"     # beside a ratio to a figure that was measured once, in another program
+
+
 class Rows:
     """The figures of one bench.
 

@@ -4,10 +4,10 @@
     ./fledge bench world
     ./fledge bench world coupled panels
 
-A case and its growth: what 1, 2, 4 and 8 parts cost; wheels and particles are computed by fours. PEER: the best-known
-open peer on this kind of machine, measured once, in seconds. The sizes of its parts are not known, nor the number of
-its sloshing particles (here 3), nor whether the wheels beside its panels are balanced (here they are): these ratios are
-a guide. All actuators act throughout.
+A case and its growth: what 1, 2, 4 and 8 parts cost; wheels and particles are computed by fours. PEERS: the best-known
+open peer on this kind of machine, recorded in 2026-11, in seconds. The sizes of its parts are not known, nor the number
+of its sloshing particles (here 3), nor whether the wheels beside its panels are balanced (here they are): these ratios
+are a guide. All actuators act throughout.
 """
 from __future__ import annotations
 import time
@@ -16,12 +16,12 @@ from functools import partial
 from fledge import Orbit, Simulation, world
 from fledge.units import deg, kg, km, m, ms, rad, s
 
-from bench.rows import Rows, in_turn, options, report
+from bench.rows import PEER, Rows, in_turn, options, report
 
 SECONDS = 9600
 STEPS = 10 * SECONDS
-PEER = {"rigid": 1.17, "wheels": 1.50, "jitter": 1.92, "coupled": 2.21, "panels": 2.42, "slosh": 2.04,
-        "wheels and panels": 2.71}
+PEERS = {"rigid": 1.17, "wheels": 1.50, "jitter": 1.92, "coupled": 2.21, "panels": 2.42, "slosh": 2.04,
+         "wheels and panels": 2.71}
 PYRAMID = [[x, y, -0.5**0.5] for x, y in ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))]
 
 
@@ -126,7 +126,7 @@ def main(arguments: list[str]) -> None:
     times = in_turn({name: partial(seconds, prepared(CASES[name]())) for name in names}, chosen.runs)
     for name, samples in times.items():
         rows.add(name, "run", samples, "s",
-                 note=f"{PEER[name] / min(samples):.0f} times the peer" if name in PEER else "")
+                 note=f"{PEERS[name] / min(samples):.0f} times the {PEER}" if name in PEERS else "")
         rows.add(name, "derivative", [1e9 * t / (4 * STEPS) for t in samples], "ns", note="with its share of a step")
     for name in names:
         if name in GROWTH:
