@@ -501,6 +501,7 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
 void begin_anew(const Simulation &nominal, Simulation &clone)
 {
     for (std::size_t i = 0; i < nominal.processes().size(); i++) {
+        clone.processes()[i]->requests = {}; // the first run of a clone is as all others
         const auto &from = nominal.processes()[i]->instances(), &to = clone.processes()[i]->instances();
         for (std::size_t k = 0; k < from.size(); k++) {
             for (const FledgeField &field : fields(from[k]->type())) {

@@ -44,7 +44,7 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     };
     table_.arm = [](void *c, std::uint16_t event, int on) {
         auto &me = *static_cast<Commands *>(c);
-        me.process_.arm(*me.process_.events()[event], on != 0);
+        me.runtime_.of(me.process_).events[event].state.armed = on != 0;
     };
     table_.reset = [](void *c, std::int64_t t) {
         auto &me = *static_cast<Commands *>(c);

@@ -29,7 +29,8 @@ void Instance::Free::operator()(std::byte *p) const
 }
 
 Instance::Instance(const FledgeStruct &type)
-    : path(type.name), given(type.n, false), type_(&type), memory_(allocate(type.size))
+    : path(type.name), given(type.n, false), bare(type.n, false), fed(type.n, false), type_(&type),
+      memory_(allocate(type.size))
 {
     if (type.kind == FLEDGE_MODEL) {
         model_ = std::make_unique<ScriptedModel>(*this);
@@ -39,8 +40,9 @@ Instance::Instance(const FledgeStruct &type)
 }
 
 Instance::Instance(const ModelType &type)
-    : path(type.interface->name), given(type.interface->n, false), type_(type.interface), model_type_(&type),
-      memory_(allocate(type.interface->size)), model_(type.create(memory_.get()))
+    : path(type.interface->name), given(type.interface->n, false), bare(type.interface->n, false),
+      fed(type.interface->n, false), type_(type.interface), model_type_(&type), memory_(allocate(type.interface->size)),
+      model_(type.create(memory_.get()))
 {
 }
 
@@ -74,6 +76,9 @@ std::shared_ptr<Instance> Instance::clone() const
     other->name = name;
     other->path = path;
     other->given = given;
+    other->bare = bare;
+    other->fed = fed;
+    other->maker = maker;
     other->script = script;
     std::memcpy(other->memory(), memory(), type_->size);
     return other;

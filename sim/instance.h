@@ -45,6 +45,18 @@ public:
     /// Which fields the user has set, by index in the table of the type.
     std::vector<bool> given;
 
+    /// Which of them were given as numbers without a unit, by the same index.
+    std::vector<bool> bare;
+
+    /// Which inputs a wire or a feed writes before each update, by the same index.
+    std::vector<bool> fed;
+
+    /// Whether an instant has run since its reset, which sets outputs and memory anew.
+    bool begun = false;
+
+    /// What makes its outputs: itself, a playback, or the computer that flies in its place (Process::fly_by).
+    enum class Maker { itself, record, computer } maker = Maker::itself;
+
     Script script;
 
     /// Run a flight module's functions. Without a reset of its type's, outputs and memory become zero.

@@ -172,12 +172,17 @@ int Process::mode_index(const std::string &mode) const
 
 void Process::start_in(const std::string &mode)
 {
-    initial_ = mode_index(mode);
+    const int index = mode_index(mode);
+    owner_->set_up_again();
+    initial_ = index;
 }
 
 void Process::enter(const std::string &mode)
 {
     const int index = mode_index(mode);
+    if (owner_->time() < 0) {
+        requests.mode = index;
+    }
     if (owner_->runtime_) {
         owner_->runtime_->enter(*this, index);
     }
@@ -196,12 +201,17 @@ const std::string &Process::mode() const
 
 const std::string &Process::asked() const
 {
-    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : initial_);
+    const int first = requests.mode < 0 ? initial_ : requests.mode;
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : first);
 }
 
 int Process::arming(const Event &event) const
 {
-    return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.armed : event.armed;
+    if (owner_->runtime_) {
+        return owner_->runtime_->of(*this, event).state.armed;
+    }
+    const auto asked = requests.armed.find(index_of(event));
+    return asked == requests.armed.end() ? event.armed : asked->second;
 }
 
 bool Process::armed(const Event &event) const
@@ -209,8 +219,17 @@ bool Process::armed(const Event &event) const
     return arming(event) == 1;
 }
 
+std::size_t Process::index_of(const Event &event) const
+{
+    const auto it = std::find_if(events_.begin(), events_.end(), [&](const auto &one) { return one.get() == &event; });
+    return static_cast<std::size_t>(it - events_.begin());
+}
+
 void Process::arm(const Event &event, bool armed)
 {
+    if (owner_->time() < 0) {
+        requests.armed[index_of(event)] = armed;
+    }
     if (owner_->runtime_) {
         owner_->runtime_->of(*this, event).state.armed = armed;
     }
@@ -233,23 +252,24 @@ void Process::play(const Instance &instance, Played output)
         throw SetupError(path + " is no output: a playback is of those");
     }
     output.messages->check(path, field.size);
-    stand_in();
+    stand_in(Instance::Maker::record);
     output.held.resize(output.sent ? field.size : 0);
     playback_[&instance].outputs.push_back(std::move(output));
 }
 
 /// No instance runs any more.
-void Process::stand_in()
+void Process::stand_in(Instance::Maker maker)
 {
     owner_->set_up_again();
     for (const auto &one : instances_) {
+        one->maker = maker;
         playback_[one.get()].memory = one->memory();
     }
 }
 
 void Process::fly_by(std::function<void(Ns t)> flight)
 {
-    stand_in();
+    stand_in(Instance::Maker::computer);
     flight_ = std::move(flight);
 }
 

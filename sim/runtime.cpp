@@ -291,8 +291,14 @@ void Runtime::reset(Ns after)
         std::memset(feed.to.bytes(), 0, feed.to.field->size);
     }
     feed_again();
+    set_begun(false);
     for (RunProcess &process : processes_) {
         begin(process, start);
+        const Requests &requests = process.process->requests;
+        process.asked = requests.mode < 0 ? process.mode : requests.mode;
+        for (const auto &[event, armed] : requests.armed) {
+            process.events[event].state.armed = armed;
+        }
         process.resets = 0;
         process.outages.clear();
         if (process.commands) {
@@ -310,6 +316,15 @@ void Runtime::reset(Ns after)
         exchange.done = -1;
     }
     next = next_instant();
+}
+
+void Runtime::set_begun(bool begun)
+{
+    for (const auto &process : structure.processes) {
+        for (const auto &instance : process->instances()) {
+            instance->begun = begun;
+        }
+    }
 }
 
 /// Its modules, mode, events and tasks as at the start of a run at t.
@@ -766,7 +781,7 @@ bool Runtime::run_event(RunProcess &process, std::size_t i, Ns t)
 void Runtime::act(RunProcess &process, const Event &event, Ns t)
 {
     if (!event.mode.empty()) {
-        process.process->enter(event.mode);
+        enter(*process.process, process.process->mode_index(event.mode));
     }
     for (const auto &[name, armed] : event.arms) {
         of(*process.process, *process.process->event(name)).state.armed = armed;
@@ -839,6 +854,9 @@ void Runtime::instant()
             return process.asked != process.mode || process.publishes ||
                    (process.commands && (process.commands->waiting() || process.commands->scripted() < never));
         });
+    }
+    if (now < 0) {
+        set_begun(true);
     }
     now = t;
     if (has_events_) {

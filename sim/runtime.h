@@ -124,6 +124,7 @@ public:
     /// What feeds deliver has changed: look at it anew.
     void feed_again();
 
+    void set_begun(bool begun); ///< Instance::begun, of all
     RunProcess &of(const Process &process);
     RunEvent &of(const Process &process, const Event &event);
     void enter(const Process &process, int mode);

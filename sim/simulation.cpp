@@ -76,6 +76,7 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
     }
     set_up_again();
     structure_.wires.push_back({from, to, options});
+    to.set_fed(true);
 }
 
 void Simulation::feed(Feed feed)
@@ -114,6 +115,7 @@ void Simulation::feed(Feed feed)
     if (!known || !known->messages || !feed.messages) {
         set_up_again();
     }
+    to.set_fed(feed.messages != nullptr);
     if (!known) {
         structure_.feeds.push_back(std::move(feed));
         return;
@@ -184,6 +186,9 @@ void Simulation::prepare()
 
 void Simulation::reset()
 {
+    for (const auto &process : processes()) {
+        process->requests = {};
+    }
     // Prepare again, because the sizes of memory in the models may depend on changed parameters.
     runtime_.reset();
     prepare();
@@ -222,9 +227,25 @@ void Simulation::reach(Ns t)
 
 void Simulation::ready_for(Ns t)
 {
+    check_assigned(structure_);
     if (runtime_ && runtime_->now < 0 && runtime_->parameters_changed()) {
         const Ns reached = runtime_->reached;
-        reset(); // initial states are parameters too
+        const auto commands = [this](const std::function<void(std::byte *, std::size_t)> &block) {
+            for (const auto &process : processes()) {
+                if (const auto &own = runtime_->of(*process).commands) {
+                    own->visit_state([&](void *p, std::size_t n) { block(static_cast<std::byte *>(p), n); });
+                }
+            }
+        };
+        std::vector<std::byte> waiting; // commands that were accepted
+        commands([&](std::byte *p, std::size_t n) { waiting.insert(waiting.end(), p, p + n); });
+        runtime_.reset(); // initial states are parameters too
+        prepare();
+        auto from = waiting.begin();
+        commands([&](std::byte *p, std::size_t n) {
+            std::copy_n(from, n, p);
+            from += static_cast<std::ptrdiff_t>(n);
+        });
         runtime_->reached = reached;
     }
     prepare();
@@ -316,6 +337,7 @@ void Simulation::restore(std::span<const std::byte> bytes, bool edited)
 {
     prepare();
     sim::restore(*runtime_, bytes, edited);
+    runtime_->set_begun(now() >= 0);
     recorder_.rewind(now());
     outputs_.rewind(now());
 }
@@ -376,6 +398,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
         other.integrator_ = process->integrator_;
         other.modes_ = process->modes_;
         other.initial_ = process->initial_;
+        other.requests = process->requests;
         for (const auto &instance : process->instances_) {
             const auto &clone = clones[instance.get()] = instance->clone();
             other.instances_.push_back(clone);
@@ -439,8 +462,13 @@ void Simulation::isolate(const std::string &name)
     faults.raise();
     set_up_again();
     const auto removed = [&](const Instance &instance) { return isolated.find(instance.name).get() != &instance; };
-    std::erase_if(structure_.wires,
-                  [&](const Wire &wire) { return removed(*wire.from.instance) || removed(*wire.to.instance); });
+    std::erase_if(structure_.wires, [&](const Wire &wire) {
+        const bool gone = removed(*wire.from.instance) || removed(*wire.to.instance);
+        if (gone) {
+            wire.to.set_fed(false);
+        }
+        return gone;
+    });
     std::erase_if(structure_.feeds, [&](const Feed &feed) { return removed(*feed.to.instance); });
     recorder_.forget([&](const Log &log) { return removed(*log.instance); });
     auto &all = structure_.processes;

@@ -69,6 +69,10 @@ public:
     void feed(const Port &input);
     const std::vector<Feed> &feeds() const { return structure_.feeds; }
 
+    /// Call it before a change of the structure. Throws SetupError if the simulation has run; else the next run
+    /// prepares again.
+    void set_up_again();
+
     std::uint64_t seed() const { return structure_.seed; }
     void set_seed(std::uint64_t seed); ///< takes effect at the next reset
 
@@ -166,10 +170,6 @@ public:
 
 private:
     friend class Process;
-
-    /// Call it before a change of the structure. Throws SetupError if the simulation has run; else the next run
-    /// prepares again.
-    void set_up_again();
 
     Structure structure_;
     std::vector<std::unique_ptr<Process>> removed_; ///< by isolate(): callers may hold references to them

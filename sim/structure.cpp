@@ -14,6 +14,11 @@ std::string Port::path() const
     return instance->path + "." + field->name;
 }
 
+void Port::set_fed(bool fed) const
+{
+    instance->fed[static_cast<std::size_t>(field - instance->type().fields)] = fed;
+}
+
 void Event::visit(const std::function<void(std::shared_ptr<Instance> &)> &f)
 {
     for (std::optional<Condition> *one : {&condition, &until}) {
@@ -196,6 +201,31 @@ void check(const Structure &structure, const Roles &roles)
                     faults.add(instance->path + "." + field.name +
                                " is not wired, nor fed by hand; outputs of its type " + field.sub->name + ": " +
                                format_list(structure.outputs_of_type(field.sub)));
+                }
+            }
+        }
+    }
+    faults.raise();
+}
+
+void check_assigned(const Structure &structure)
+{
+    Faults faults;
+    for (const auto &process : structure.processes) {
+        for (const auto &instance : process->instances()) {
+            const auto all = fields(instance->type());
+            for (std::size_t i = 0; i < all.size(); i++) {
+                if (all[i].group != FLEDGE_IN || !instance->given[i] || instance->fed[i]) {
+                    continue;
+                }
+                Head head;
+                std::memcpy(&head, instance->memory() + all[i].offset, sizeof head);
+                if (!head_written(head)) {
+                    const std::string path = instance->path + "." + all[i].name;
+                    faults.add(path +
+                               " was assigned, but its head says that nothing was written, so that nothing "
+                               "reads it: give the message by sim.feed(" +
+                               path + ", ...)");
                 }
             }
         }

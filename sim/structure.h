@@ -29,6 +29,7 @@ struct Port {
 
     std::string path() const; ///< "flight.control.error"
     std::byte *bytes() const { return instance->memory() + field->offset; }
+    void set_fed(bool fed) const; ///< Instance::fed
 };
 
 struct WireOptions {
@@ -175,10 +176,17 @@ struct CommandReply {
     std::vector<std::uint8_t> data;
 };
 
+/// What was asked of a process before its first instant.
+struct Requests {
+    int mode = -1;                     ///< -1: none
+    std::map<std::size_t, bool> armed; ///< by the index of the event
+};
+
 /// The tasks of one computer or model world: "flight" or "world".
 class Process {
 public:
     std::string name;
+    Requests requests;      ///< they wait for the first instant; Simulation::reset() forgets them
     bool stands_in = false; ///< for other programs: the health of its instances is theirs
 
     /// Give an instance its name. Throws SetupError if the name is taken or no identifier, or if
@@ -189,7 +197,7 @@ public:
     void add_task(Task task);
     void add_mode(Mode mode);
     std::shared_ptr<Event> add_event(Event event);
-    /// Begin in this mode. The first one added is the default.
+    /// Begin in this mode. The first one added is the default. Throws SetupError if the simulation has run.
     void start_in(const std::string &mode);
     void set_integrator(std::shared_ptr<const Integrator> integrator);
     /// From now on no instance of this process runs: this one puts out these messages, and others what was given for
@@ -214,6 +222,7 @@ public:
     const std::byte *given(const Port &port, const Process &reader) const;
     std::shared_ptr<Event> event(std::string_view event_name) const; ///< or null
     int initial_mode() const { return initial_; }                    ///< -1: the process has no modes
+    int mode_index(const std::string &mode) const;                   ///< throws SetupError with the valid names
     bool runs_in(const Task &task, int mode) const;                  ///< whether the task is active in the mode
 
     /// The computer of this process is reset by each new count of a ComputerReset that it reads, and is down for a
@@ -257,10 +266,10 @@ public:
 private:
     friend class Simulation;
     Process(Simulation &owner, std::string process_name);
-    void stand_in();
+    void stand_in(Instance::Maker maker);
 
-    const std::string &mode_name(int mode) const;  ///< "" of -1
-    int mode_index(const std::string &mode) const; ///< throws SetupError with the valid names
+    std::size_t index_of(const Event &event) const;
+    const std::string &mode_name(int mode) const; ///< "" of -1
 
     Simulation *owner_;
     std::vector<std::shared_ptr<Instance>> instances_;
@@ -318,6 +327,10 @@ std::vector<const Instance *> with_parts(const Process &process, const Instance 
 
 /// Throws SetupError that lists all inputs without a wire, instances without a task and bad parameters.
 void check(const Structure &structure, const Roles &roles);
+
+/// Throws SetupError that lists the inputs without a wire to which a user assigned, although their heads say that
+/// nothing was written: nothing reads them.
+void check_assigned(const Structure &structure);
 
 /// Inputs that must differ, such as two bodies to point at, but are wired to one output, or to two outputs
 /// with the same content at the start. "" if there are none.

@@ -368,7 +368,8 @@ def test_a_procedure_on_the_desktop(mission):
 @pytest.mark.parametrize("body, text, line", [
     ("1 / 0", "ZeroDivisionError: division by zero", 4),
     ("f.control.K = -1.0", "SetupError: flight.control.K must be > 0 N m, found -1", 4),
-    ("f.control.error.sigma_BR[0] = 1", "flight.control.error is no parameter: a procedure cannot set it", 0),
+    ("f.control.error.sigma_BR[0] = 1", "ValueError: assignment destination is read-only", 4),
+    ("f.control.newest = 1", "flight.control.newest is no parameter: a procedure cannot set it", 0),
     ("f.spin = 3", "SetupError: flight.spin cannot be set here; set parameters, as in f.control.K = 3", 4),
     ("f.enter('x')", "SetupError: ", 4), ("yield 3", "SetupError: a procedure yields nothing, or wait(time)", 0)])
 def test_a_procedure_that_goes_wrong_on_the_desktop_changes_nothing(mission, body, text, line):

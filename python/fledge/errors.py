@@ -39,6 +39,13 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     return next(iter(same or get_close_matches(name, names, 1, cutoff)), "")
 
 
+def refuse_misspelt(one: object, name: str, settings: Iterable[str]) -> None:
+    """Raise AttributeError if an attribute that is to be set has almost the name of a setting, which it would miss."""
+    near = "" if name.startswith("_") else nearest(name, settings, 0.8)
+    if near not in ("", name):
+        raise AttributeError(f"{type(one).__name__} has no '{name}' to set; did you mean '{near}'?")
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """What follows "... has no 'name'": "; did you mean 'names'?", or ";" if no known name is similar."""
     near = nearest(name, known)

@@ -10,6 +10,7 @@ import argparse
 import io
 import os
 import sys
+import warnings
 from pathlib import Path
 
 from fledge.cli.arguments import add_update_limit, number, parse_duration
@@ -112,6 +113,7 @@ def _run(options, sim, name, fly, folder):
     if report:
         say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
     if problem:
+        say("  interrupted" if code == 130 else "  failed")
         raise Failure(f"{title} {problem}" if code == 130 else f"{title}: {problem}", code)
     if not options.duration:
         say("  passed")
@@ -477,6 +479,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parsed(list(sys.argv[1:] if arguments is None else arguments))
     if isinstance(sys.stdout, io.TextIOWrapper):    # a character that the user's encoding lacks is no error
         sys.stdout.reconfigure(errors="backslashreplace")
+    setattr(warnings, "showwarning", _say_warning)  # in one line, as an error; each once
     try:
         if options.after_dashes and not getattr(options, "starts_command", False):
             raise Failure(f"nothing may follow --; found {' '.join(options.after_dashes)}")
@@ -504,6 +507,12 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"fledge: {type(error).__name__}: {error}\nThis is a defect of fledge; --debug shows where.",
               file=sys.stderr)
         return 70
+
+
+def _say_warning(message, category, file, line, *_):
+    from fledge.files import shown
+
+    print(f"fledge: {shown(file)}, line {line}: {printable(str(message))}", file=sys.stderr)
 
 
 def _expected(error):

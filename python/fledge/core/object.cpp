@@ -424,6 +424,12 @@ Writable writable(PyObject *object, const Member &member)
         }
     } else if (running() && !root.instance->name.empty()) {
         return Writable::of_another;
+    } else if (root.instance->maker == sim::Instance::Maker::computer) {
+        return Writable::elsewhere;
+    } else if (group == FLEDGE_IN && root.instance->fed[outer->index]) {
+        return Writable::wired;
+    } else if (group == FLEDGE_MEM && !running() && !root.instance->name.empty() && !root.instance->begun) {
+        return Writable::too_early;
     }
     return group == FLEDGE_OUT && !root.runs && !root.instance->name.empty() ? Writable::written : Writable::yes;
 }
@@ -436,6 +442,17 @@ PyObject *wrap(std::shared_ptr<sim::Instance> instance)
         return nullptr;
     }
     return reinterpret_cast<PyObject *>(allocate_root(*type, std::move(instance)));
+}
+
+void refuse_field(PyObject *object, const Member &member, const char *function)
+{
+    PyObject *explain = hook(function);
+    const std::string path = path_of(object) + "." + member.field->name;
+    PyObject *text = explain ? PyObject_CallFunction(explain, "Os", root_of(object), path.c_str()) : nullptr;
+    if (text) {
+        PyErr_SetObject(setup_error(), text);
+        Py_DECREF(text);
+    }
 }
 
 PyObject *hook(const char *name)
@@ -507,8 +524,9 @@ const Type *make_type(const FledgeStruct &table, const char *library, const sim:
         if (member.field->count) {
             member.count = type.find(member.field->count);
         }
-        type.getset.push_back(
-            {member.field->name, getter_for(*member.field), setter_for(*member.field), member.doc.c_str(), &member});
+        const bool memory = table.kind == FLEDGE_MODULE && member.field->group == FLEDGE_MEM;
+        type.getset.push_back({member.field->name, memory ? get_memory : getter_for(*member.field),
+                               setter_for(*member.field), member.doc.c_str(), &member});
     }
     type.getset.push_back({});
 

@@ -99,12 +99,18 @@ enum class Writable {
     yes,
     of_another, ///< of another module than the one whose function in Python runs
     given,      ///< in a parameter or an input of that module: no reset would undo it
+    wired,      ///< in an input that a wire or a feed writes before each update
+    too_early,  ///< in the memory of a module before its run, which begins with a reset
+    elsewhere,  ///< in a module that a computer outside flies: nothing reads it
     written,    ///< in an output of a module that has a process and writes it: the assignment would have no effect
 };
 Writable writable(PyObject *object, const Member &member);
 
 /// A new object for an instance. A new reference, or null with an exception set.
 PyObject *wrap(std::shared_ptr<sim::Instance> instance);
+
+/// Set a SetupError about a field: what the function of that name in hooks.py says of its module and its path.
+void refuse_field(PyObject *object, const Member &member, const char *function);
 
 /// The function of that name in fledge/objects/hooks.py, which is imported at the first call. Borrowed;
 /// null with an exception set.

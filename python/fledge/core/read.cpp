@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a field's bytes to Python's values.
 #include "core/element.h"
+#include "core/script.h"
 #include "core/value.h"
 
 #define NPY_NO_DEPRECATED_API NPY_1_7_API_VERSION
@@ -136,6 +137,16 @@ PyObject *get_array(PyObject *self, void *closure)
 }
 
 } // namespace
+
+PyObject *get_memory(PyObject *self, void *closure)
+{
+    const Member &member = member_of(closure);
+    if (as_root(self)->instance->maker == sim::Instance::Maker::itself || running()) { // a reset in Python runs always
+        return getter_for(*member.field)(self, closure);
+    }
+    refuse_field(self, member, "unknown_memory");
+    return nullptr;
+}
 
 PyObject *row_of(PyObject *object, const Member &member, std::size_t index, std::byte *memory)
 {

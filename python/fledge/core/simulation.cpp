@@ -95,7 +95,7 @@ std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const
     const auto instance = instance_of(py::handle(root_of(object.ptr())));
     const Member &member = *to.type->find(name);
     const std::vector<std::byte> before(instance->memory(), instance->memory() + instance->type().size);
-    const auto given = instance->given;
+    const auto given = instance->given, bare = instance->bare;
     const Stored stored = store(object.ptr(), member, value.ptr());
     std::vector<std::pair<std::uint32_t, py::bytes>> written;
     for (const Member *one : {&member, member.count}) {
@@ -107,6 +107,7 @@ std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const
     }
     std::copy(before.begin(), before.end(), instance->memory());
     instance->given = given;
+    instance->bare = bare;
     if (stored == Stored::needs_count) {
         complain_of_count(object.ptr(), member);
     }
@@ -564,6 +565,7 @@ void bind_simulation(py::module_ &m)
         .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)
+        .def("set_up_again", &sim::Simulation::set_up_again)
         .def("ready_for", &sim::Simulation::ready_for)
         .def("reset", &sim::Simulation::reset)
         .def_property_readonly("now", &sim::Simulation::now)

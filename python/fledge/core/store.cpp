@@ -3,6 +3,7 @@
 #include "core/element.h"
 #include "core/errors.h"
 #include "core/numbers.h"
+#include "core/script.h"
 #include "core/value.h"
 #include "flight/exec/assign.h"
 #include "sim/error.h"
@@ -90,8 +91,8 @@ PyObject *to_enumerators(PyObject *object, const Member &member, PyObject *value
     return convert && list ? PyObject_CallFunction(convert, "sNOs", values.name, list, value, path.c_str()) : nullptr;
 }
 
-/// Remember that the user gave a parameter; inside a struct, the parameter that holds it.
-void mark_given(PyObject *object, const Member &member)
+/// Remember that the user gave a field; inside a struct, the module's field that holds it.
+void mark_given(PyObject *object, const Member &member, bool bare)
 {
     const Member *outer = &member;
     while (is_view(object)) {
@@ -102,6 +103,7 @@ void mark_given(PyObject *object, const Member &member)
         }
     }
     as_root(object)->instance->given[outer->index] = true;
+    as_root(object)->instance->bare[outer->index] = bare;
 }
 
 bool is_given(PyObject *object, const Member &member)
@@ -159,6 +161,7 @@ bool settle_count(PyObject *object, const Member &member, std::uint32_t rows)
 struct Made {
     std::vector<std::byte> bytes;
     std::optional<std::uint32_t> rows; ///< that count then, of a field with a count
+    bool bare = false;                 ///< of plain numbers, without a unit
 };
 
 /// Put them in place, unless that breaks a rule.
@@ -187,6 +190,7 @@ Stored make_numbers(PyObject *object, const Member &member, PyObject *value, Mad
     const bool flag = PyBool_Check(value) && !field.ndim && !assign_is_float(field.type) && !names;
     Numbers in;
     Read read = flag ? Read::yes : names ? Read::foreign : read_numbers(value, in);
+    made.bare = read == Read::yes;
     if (flag) {
         in.values.push_back(number_of(value));
     } else if (read == Read::foreign) {
@@ -290,6 +294,14 @@ int set_any(PyObject *self, PyObject *value, void *closure)
     const auto path = [&] { return path_of(self) + "." + member.field->name; };
     switch (writable(self, member)) {
     case Writable::yes: break;
+    case Writable::wired: refuse_field(self, member, "wired_input"); return -1;
+    case Writable::too_early:
+        PyErr_Format(setup_error(),
+                     "%s is memory, and the run begins with a reset, which sets it anew: assign it after the first "
+                     "instant, sim.step(), or to a parameter",
+                     path().c_str());
+        return -1;
+    case Writable::elsewhere: refuse_field(self, member, "flown_elsewhere"); return -1;
     case Writable::of_another:
         PyErr_Format(setup_error(), "%s is of another module: an update writes its own alone", path().c_str());
         return -1;
@@ -324,8 +336,8 @@ int set_f64(PyObject *self, PyObject *value, void *closure)
             exec_computable(x) && !(field.flags & FLEDGE_NON_ZERO) && exec_within(field.bounds, field.lo, field.hi, x);
         if ((plain || !member.checked) && writable(self, member) == Writable::yes) {
             save(as_object(self)->memory + field.offset, x);
-            if (member.checked) {
-                mark_given(self, member);
+            if (!running()) {
+                mark_given(self, member, true);
             }
             return 0;
         }
@@ -350,8 +362,8 @@ Stored store(PyObject *object, const Member &member, PyObject *value)
     if (stored == Stored::yes) {
         stored = put(object, member, made);
     }
-    if (stored == Stored::yes && member.checked) {
-        mark_given(object, member);
+    if (stored == Stored::yes && !running()) {
+        mark_given(object, member, made.bare);
     }
     return stored;
 }

@@ -303,19 +303,24 @@ void bind_tables(py::module_ &m)
             return py::reinterpret_steal<py::object>(row);
         },
         "A row of an array of structs, also one beyond those that count.");
-    m.def(
-        "given",
-        [](py::handle object) {
+    const auto names_where = [](std::vector<bool> sim::Instance::*marks, bool parameters) {
+        return [marks, parameters](py::handle object) {
             const auto instance = instance_of(object);
             py::list names;
             for (std::uint32_t i = 0; i < instance->type().n; i++) {
-                if (instance->given[i]) {
-                    names.append(instance->type().fields[i].name);
+                const FledgeField &field = instance->type().fields[i];
+                const bool of_these =
+                    parameters ? field.group == FLEDGE_PAR : field.group == FLEDGE_OUT || field.group == FLEDGE_MEM;
+                if (of_these && (*instance.*marks)[i]) {
+                    names.append(field.name);
                 }
             }
             return names;
-        },
-        "The names of the parameters that the user gave.");
+        };
+    };
+    m.def("given", names_where(&sim::Instance::given, true), "The names of the parameters that the user gave.");
+    m.def("bare", names_where(&sim::Instance::bare, true), "The names of those that the user gave without a unit.");
+    m.def("assigned", names_where(&sim::Instance::given, false), "The names of outputs and memory that the user set.");
     m.def(
         "memory",
         [](py::handle object) {
@@ -324,6 +329,13 @@ void bind_tables(py::module_ &m)
             return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
         },
         "A copy of an object's bytes.");
+    m.def(
+        "maker",
+        [](py::handle object) {
+            const char *const names[] = {"itself", "record", "computer"};
+            return names[static_cast<int>(instance_of(object)->maker)];
+        },
+        "What makes the outputs of a module: itself, a record, or a computer in its place.");
     m.def(
         "script",
         [](py::handle object) {

@@ -11,6 +11,9 @@ namespace fledge::core {
 getter getter_for(const FledgeField &field);
 setter setter_for(const FledgeField &field);
 
+/// The getter of a module's memory. An error where the module does not run here, because it is not known then.
+PyObject *get_memory(PyObject *self, void *closure);
+
 /// A row of an array of structs, whose first is at `memory`. A new reference, or null with an exception set.
 PyObject *row_of(PyObject *object, const Member &member, std::size_t index, std::byte *memory);
 

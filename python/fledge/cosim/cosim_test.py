@@ -212,10 +212,11 @@ def test_what_runs_elsewhere_answers_nothing(mission):
      r"line 15: flight.again.attitude reads world.nav.attitude at same_instant, and flight.tracking.attitude at "
      "next_exchange"),
 ])
-def test_what_cannot_be_split_is_refused(mission, event, text):
+def test_what_cannot_be_split_is_refused(mission, event, text, monkeypatch):
     if "again" in event:
-        event = ("from fledge import flight as fsw; f.again = fsw.TrackingError(); " + event
-                 + "; f.task('more', every=0.5, run=[f.again]); f.connect(f.guidance.reference >> f.again.reference)")
+        more = ("    f.again = fsw.TrackingError()\n    f.task('more', every=0.5, run=[f.again])\n"
+                "    f.connect(f.guidance.reference >> f.again.reference)\n")
+        monkeypatch.setitem(globals(), "FLIGHT", FLIGHT + more)
     for process in ("world", "flight"):
         sim = mission(event, there=1)
         with pytest.raises(fledge.SetupError, match=text):

@@ -10,6 +10,7 @@ import pytest
 
 import fledge
 from fledge import cosim, flight as fsw, objects
+from fledge.units import rad, s
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 MS = 1e-3
@@ -28,7 +29,7 @@ def build(seed):
             for k in range(dice.randint(1, 2)):
                 name = f"turn{t}{k}"
                 setattr(f, name, fsw.EulerRotation(angles=[dice.uniform(-1, 1) for _ in range(3)],
-                                                   rates=[dice.uniform(-3, 3) for _ in range(3)]))
+                                                   rates=[dice.uniform(-3, 3) for _ in range(3)] * rad / s))
                 run.append(getattr(f, name))
             tasks.append(f.task(f"task{t}", every=dice.choice([10, 20, 30, 50, 70]) * MS, run=run,
                                 offset=dice.choice([0, 0, 0, 5, 10, 35]) * MS, priority=dice.randint(0, 2)))

@@ -68,7 +68,7 @@ class Board:
 
     def poke(self, place: int | str, content: bytes) -> None:
         """Write bytes at an address, or at a symbol."""
-        self.core.poke(self.address(place), content)
+        self.core.poke(self._changed(place), content)
 
     def address(self, place: int | str) -> int:
         """The address of a symbol, or of a variable of flight, "flight.control.K"; an address itself."""
@@ -81,6 +81,18 @@ class Board:
         if found is None:
             raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip())
         return found[0]
+
+    def _changed(self, place):
+        """address(), of what is to be changed. Raises SetupError on a variable of flight before it was booted."""
+        if isinstance(place, str) and self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
+            self.refuse_before_boot(place)
+        return self.address(place)
+
+    def refuse_before_boot(self, path: str) -> None:
+        """Raise SetupError if the program of a flight has not set its variables yet: it would set this one again."""
+        if self.in_flight is not None and self._link.reached < 0:
+            raise SetupError(f"{path}: the program sets its variables when it boots, at the first instant, so that "
+                             "this has no effect: sim.step() first, or give the mission the value")
 
     @property
     def report(self) -> str:
@@ -120,7 +132,7 @@ class Board:
     def flip(self, place: int | str, bit: int) -> None:
         """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to
         7)."""
-        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self.address(place), bit)
+        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self._changed(place), bit)
 
     def flip_next_read(self, bits: int) -> None:
         """Invert bits of the word that the processor reads next from RAM as data, as on the bus."""

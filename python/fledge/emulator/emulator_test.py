@@ -44,6 +44,39 @@ def test_the_computer_flies_to_the_bit_as_the_desktop_does(board):
     assert objects.memory(board.sim.flight.control) != objects.memory(desktop.flight.control)
 
 
+def test_what_would_have_no_effect_is_refused(board):
+    """Before the boot, which sets all variables; and in the modules of the simulation, which do not fly."""
+    for write in (lambda: setattr(board.flight.control, "K", 3 * N * m), lambda: board.flip("flight.control.K", 3),
+                  lambda: board.poke("flight.control.K", bytes(8))):
+        with pytest.raises(fledge.SetupError, match="flight.control.K: the program sets its variables when it boots, "
+                                                    r"at the first instant, .* sim.step\(\) first, or give the "):
+            write()
+    board.watchpoint("flight.control.K", 8)
+    snapshot = board.snapshot()
+    board.sim.step()
+    board.flight.control.K = 3 * N * m
+    board.sim.step()
+    assert board.flight.control.K == 3.0
+    for name in ("K", "newest"):
+        with pytest.raises(fledge.SetupError, match=f"flight.control.{name}: a computer flies this process, and "
+                                                    "nothing reads what is assigned here: .* "
+                                                    f"board.flight.control.{name} = "):
+            setattr(board.sim.flight.control, name, 1.0)
+    with pytest.raises(fledge.SetupError, match="flight.control.newest is memory of a module, and a computer flies it: "
+                                                "read board.flight.control.newest"):
+        board.sim.flight.control.newest
+    with pytest.raises(fledge.SetupError, match="flight: a computer flies this process, and requests and commands here "
+                                                r"do not reach it. .* board.in_flight.script.append\(\(after, packet"):
+        board.sim.flight.commands.noop()
+    packet, = board.sim.flight.commands.packets.write("flight.control", K=4.0)
+    board.in_flight.script.append((board.sim.time_ns, packet))
+    board.sim.step(10)
+    assert board.flight.control.K == 4.0
+    board.restore(snapshot)
+    with pytest.raises(fledge.SetupError, match="sets its variables when it boots"):
+        board.flight.control.K = 3 * N * m
+
+
 def test_variables_of_flight_are_read_and_written_by_their_names(board):
     board.sim.run(5)
     f = board.flight

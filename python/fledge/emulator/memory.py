@@ -63,6 +63,7 @@ class Variable:
         values = np.asarray(numbers, dtype)
         if values.shape not in ((), tuple(field.shape)):
             raise SetupError(f"{whole} has shape {list(field.shape)}; found {list(values.shape)}")
+        board.refuse_before_boot(whole)
         board.poke(address + field.offset, np.broadcast_to(values, field.shape).astype(">" + dtype).tobytes())
 
     def __dir__(self):

@@ -110,16 +110,16 @@ def test_all_tasks_by_name_are_all(modes):
 
 MISSION = '''
 """Two computers."""
-from fledge import flight as fsw
+from fledge import flight as fsw, units as u
 
 
 def build(sim):
     fast, slow = sim.add_flight("fast"), sim.add_flight("slow")
     fast.still = fsw.InertialPointing(sigma_RN=[0.1, 0.2, 0.3])
-    fast.turn = fsw.EulerRotation(rates=[1, 2, 3])
-    fast.top = fsw.EulerRotation(rates=[1, 2, 3])
-    slow.turn = fsw.EulerRotation(rates=[3, 2, 1])
-    slow.own = fsw.EulerRotation(rates=[3, 2, 1])
+    fast.turn = fsw.EulerRotation(rates=[1, 2, 3] * u.rad / u.s)
+    fast.top = fsw.EulerRotation(rates=[1, 2, 3] * u.rad / u.s)
+    slow.turn = fsw.EulerRotation(rates=[3, 2, 1] * u.rad / u.s)
+    slow.own = fsw.EulerRotation(rates=[3, 2, 1] * u.rad / u.s)
     fast.connect(fast.still.reference >> fast.turn.base, (fast.turn.reference >> slow.turn.base).stale_after(0.5),
                  slow.turn.reference >> fast.top.base, (fast.still.reference >> slow.own.base).stale_after(0.5))
     fast.task("work", every=0.25, run=[fast.turn, fast.top])

@@ -171,6 +171,7 @@ class Commands:
         return Counters(accepted, executed, refused, {Reason(i): n for i, n in enumerate(reasons) if n})
 
     def _send(self, packets: Iterable[bytes]) -> list[Report]:
+        self._process().refuse_if_flown()
         before = len(self.reports)
         for packet in packets:
             self.sent.append((self._process()._core_simulation.time, packet))

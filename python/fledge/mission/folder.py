@@ -29,6 +29,7 @@ from fledge import folders
 from fledge.errors import SetupError
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
+from fledge.objects.plausible import check, check_read
 from fledge.units import Quantity
 
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view"}  # arguments of build() by file
@@ -121,13 +122,22 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
             builds = [(files.execute("flight", "build").build, [simulation.flight])]
             if (mission.folder / "world.py").exists():
                 builds.append((files.execute("world", "build").build, [simulation.world, simulation.flight]))
+            for file, (build, _) in zip(("flight", "world"), builds):
+                _refuse_names(file, build)
         _refuse_unsuitable(mission, parameters, builds)
         for build, arguments in builds:
+            flown = None if mission.several or len(arguments) == 1 else _composed(arguments[1])
             files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
                                              if name in parameters})
+            if flown is not None and (made := _composed(arguments[1]) - flown):
+                raise SetupError(f"{mission.folder / 'world.py'} makes {', '.join(sorted(made))}: what flies is "
+                                 "composed in flight.py, which targets take; world.py joins the world to it")
         if (mission.folder / "scenarios.py").exists():
             mission.scenarios = functions_of(files.execute("scenarios"))
     weakref.finalize(simulation, files.forget)
+    check(simulation.processes)
+    for process in simulation.processes:
+        check_read(process, simulation.wires)
     return simulation
 
 
@@ -137,6 +147,24 @@ def _parameters(build, taken):
 
     return {p.name: p.default for p in list(inspect.signature(build).parameters.values())[taken:]
             if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+
+
+def _composed(process):
+    """The names of what a process runs. Its events are not among them, because a world's file may look at both."""
+    return {f"{process.name}.{name}" for name in (*process.instances, *(task.name for task in process.tasks),
+                                                  *(name for name, _ in process.modes))}
+
+
+def _refuse_names(file, build):
+    """Raise SetupError if the arguments of a build function are called as those of the other file, or in its order."""
+    expected = _TAKES[file].split(", ")
+    code: Any = getattr(build, "__code__", None)    # of a function
+    for name, given in zip(expected, code.co_varnames[:code.co_argcount] if code else ()):
+        meant = {"f": "flight", "w": "world"}
+        if given in {word for pair in meant.items() if pair[0] != name for word in pair}:
+            raise SetupError(f"{shown(code.co_filename)}, line {code.co_firstlineno}: build() gets {_TAKES[file]}, "
+                             f"{' and '.join(meant[one] for one in expected)}; it calls the "
+                             f"{meant[name]} '{given}'")
 
 
 def _refuse_unsuitable(mission, given, builds):

@@ -101,13 +101,14 @@ def test_a_mission_made_by_mission_py_needs_no_flight_py(tmp_path, monkeypatch):
     (folder / "mission.py").write_text(textwrap.dedent("""
         "Two that look down."
         from fledge import flight as fsw
+        from fledge.units import rad, s
 
         from .both import PERIOD
 
         def build(sim):
             for name in ("left", "right"):
                 f = sim.add_flight(name)
-                f.turn = fsw.EulerRotation(rates=[1, 2, 3])
+                f.turn = fsw.EulerRotation(rates=[1, 2, 3] * rad / s)
                 f.task("gnc", every=PERIOD, run=[f.turn])
             sim.process("left").connect(sim.process("right").turn.reference >> sim.process("left").turn.base,
                                         sim.process("left").turn.reference >> sim.process("right").turn.base)

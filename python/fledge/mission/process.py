@@ -220,12 +220,23 @@ class _At(NamedTuple):
 class Event:
     """An event that was declared. `armed` may be read and set; `fired_at` is the time [s], or None."""
 
+    name: str
+    when: Any
+    do: Callable[[], Any] | None
+    set_text: list[str]
+    declared_at: tuple[str, int]
+
     def __init__(self, process: Process, name: str, when: Any, do: Callable[[], Any] | None,
                  set_text: Sequence[str] = ()) -> None:
-        self.name, self.when, self.do, self.set_text = name, when, do, list(set_text)
-        self.declared_at = caller()
+        vars(self).update(name=name, when=when, do=do, set_text=list(set_text), declared_at=caller())
         self._process: Callable[[], Any] = weakref.ref(process)
         self._core: Any = None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name != "armed" and not name.startswith("_"):
+            raise SetupError(f"event {self._process().name}.{self.name}: '{name}' cannot be set, only 'armed'; the "
+                             "rest is given where the event is declared")
+        object.__setattr__(self, name, value)
 
     @property
     def armed(self) -> bool:
@@ -233,6 +244,7 @@ class Event:
 
     @armed.setter
     def armed(self, value: bool) -> None:
+        self._process().refuse_if_flown()
         self._core.armed = bool(value)
 
     @property
@@ -353,6 +365,9 @@ class Process:
         if not isinstance(value, (_core.Module, _core.Model)):
             raise SetupError(f"{self.name}.{name}: expected a module or model; found {value!r}")
         self._accept(name, value)
+        if lost := _core.assigned(value):
+            raise SetupError(f"{self.name}.{name}: {', '.join(lost)} of this {_core.struct(value).name} cannot be set, "
+                             "for the run begins with a reset, which clears outputs and memory; set parameters")
         self._core_process.add(name, value)
         self._instances[name] = value
         self._declared_at[name] = caller()
@@ -510,7 +525,15 @@ class Process:
 
     def enter(self, mode: Mode | str) -> None:
         """Enter a mode at the next instant of this process."""
+        self.refuse_if_flown()
         self._core_process.enter(_mode_name(mode))
+
+    def refuse_if_flown(self) -> None:
+        """Raise SetupError if a computer flies this process, which no request here would reach."""
+        if any(_core.maker(one) == "computer" for one in self):
+            raise SetupError(f"{self.name}: a computer flies this process, and requests and commands here do not reach "
+                             "it. Put their packets into its script, as in board.in_flight.script.append((after, "
+                             f"packet)), with a time in ns and a packet of {self.name}.commands.packets")
 
     @staticmethod
     def watch(port: Any) -> Watch:
@@ -657,6 +680,11 @@ class Flight(Process):
 
 class World(Process):
     """The truth. Its events may call Python."""
+
+    def _accept(self, name, value):
+        if isinstance(value, _core.Module):
+            raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a flight module, and this process "
+                             "is a world; assign it to a flight process, in flight.py")
 
     @property
     def integrator(self) -> Any:

@@ -18,9 +18,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, refuse_misspelt
 from fledge.mission.process import Flight, Process, World
 from fledge.mission.provenance import Revisions, instances, parameters, wires
+from fledge.objects.plausible import check
 from fledge.objects.si import time_ns
 from fledge.programs import in_debugger
 
@@ -82,6 +83,10 @@ class Simulation:
         if not empty:
             self.add_world("world")  # at each instant the world advances before flight runs
             self.add_flight("flight")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        refuse_misspelt(self, name, ("seed", "pace", "plots"))
+        object.__setattr__(self, name, value)
 
     def _adopt(self, core, name):
         self._core = core
@@ -277,6 +282,7 @@ class Simulation:
         pace = self.pace if pace is None else pace
         if pace < 0:
             raise SetupError(f"run: pace must be >= 0, found {pace:g}")
+        self._begin()
         self._core.ready_for(end)
         self.open_archive()
         from fledge.interruption import Interruption
@@ -300,9 +306,15 @@ class Simulation:
 
     def step(self, n: int = 1) -> None:
         """Run the next instant, or the next n."""
+        self._begin()
         self._core.prepare()
         self.open_archive()
         self._core.step(n)
+
+    def _begin(self):
+        """Before a run: of the first one, warn of what is implausible."""
+        if self._core.now < 0:
+            check(self.processes)
 
     def reset(self) -> None:
         """Back to time 0: modules and models are reset, records emptied. Parameters stay."""

@@ -28,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import Requirement, Variable
@@ -117,6 +117,10 @@ class Dispersions:
         self._orbit_columns: dict[str, str] = {}    # the same for orbits
         self.retained: dict[str, Variable] = {}     # by path
         self.requirements: list[Requirement] = []
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        refuse_misspelt(self, name, ("duration", "every"))
+        object.__setattr__(self, name, value)
 
     @property
     def columns(self) -> dict[str, str]:

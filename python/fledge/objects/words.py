@@ -41,6 +41,38 @@ def undeclared_attribute(obj: Any, name: str) -> str:
             f"{name} = mem(float, \"[-] meaning\"), in its class")
 
 
+def wired_input(obj: Any, path: str) -> str:
+    """The error text for an assignment to a field, by its path, of an input that has a wire or a feed."""
+    process = _core.context(obj)()      # None: its simulation is gone
+    port = ".".join(path.split(".")[:3])
+    sources = {target: source for source, target, *_ in process._core_simulation.wires} if process else {}
+    if source := sources.get(port):
+        return (f"{path}: {source} >> {port} writes this input before each update, so that an assignment has no "
+                f"effect. Change what {source.rpartition('.')[0]} works with; or leave out the wire, and give the "
+                f"messages by sim.feed({port}, ...)")
+    return (f"{path}: this input is fed by hand, so that an assignment has no effect; give other messages by "
+            f"sim.feed({port}, ...)")
+
+
+def flown_elsewhere(obj: Any, path: str) -> str:
+    """The error text for an assignment to a field of a module in whose place a computer flies."""
+    return (f"{path}: a computer flies this process, and nothing reads what is assigned here: write to its memory, as "
+            f"in board.{path} = ..., or send it a command")
+
+
+def unknown_memory(obj: Any, path: str) -> str:
+    """The error text for the memory of a module whose outputs come from elsewhere."""
+    if _core.maker(obj) == "computer":
+        return f"{path} is memory of a module, and a computer flies it: read board.{path}"
+    name, whole = path.rpartition(".")[2], _core.path(obj)
+    outputs = {f"{whole}.{port.name}": [one.name for one in port.struct.fields if not one.spare and one.name != "head"]
+               for port in _core.struct(obj).fields if port.group == "out"}
+    same = [f"{port}.{name}" for port, fields in outputs.items() if name in fields]
+    return (f"{path} is memory of a module, which the record of a target does not have. A check reads outputs: "
+            + (same[0] if same else "; ".join(f"{port} has {', '.join(fields)}" for port, fields in outputs.items())
+               or f"{whole} has none, so give it one"))
+
+
 def title(obj: Any) -> str:
     """"flight.control (MrpFeedback)", or the type's name alone."""
     path, kind = _core.path(obj), _core.struct(obj).name
@@ -108,6 +140,8 @@ def _row(obj, field):
     unit = field.unit if field.unit not in ("", "-") else ""
     if field.group in ("in", "out"):
         return field.name, field.struct.name, _wiring(obj, field)
+    if field.group == "mem" and _core.struct(obj).kind == "module" and _core.maker(obj) != "itself":
+        return field.name, "not known here", unit
     if field.type == "struct":
         value = getattr(obj, field.name)
         if field.name == "head":

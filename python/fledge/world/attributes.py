@@ -14,7 +14,15 @@ from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, number
 
 
+def _changes(model):
+    """A model is to get another set-up, which counts when its simulation prepares. Raises SetupError if it has run."""
+    process = (_core.context(model) or (lambda: None))()
+    if process is not None:
+        process._core_simulation.set_up_again()
+
+
 def _set_parts(craft, parts):
+    _changes(craft)
     for part in parts if isinstance(parts, (list, tuple)) else [parts]:
         _core.attach(craft, part)
 
@@ -35,6 +43,7 @@ def _bodies(rows):
 
 
 def _set_gravity(craft, bodies):
+    _changes(craft)
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         _core.add_gravity(craft, _fields(one, f"{_core.path(craft)}.gravity"))
 
@@ -92,6 +101,7 @@ def _set_sky(model, sky):
     path = f"{_core.path(model)}.sky"
     if not isinstance(sky, Sky):
         raise SetupError(f"{path}: expected world.Sky(epoch, center, ...); found {sky!r}")
+    _changes(model)
     if _core.sky(model) is not None:
         raise SetupError(f"{path}: it already has one, {_get_sky(model)!r}")
     _core.set_sky(model, sky._core)
@@ -114,6 +124,7 @@ def _get_body(model):
 
 def _first_body(name):
     def set_body(model, body):
+        _changes(model)
         _core.set_body(model, _fields(body, f"{_core.path(model)}.{name}"))
 
     return property(lambda model: next(iter(_bodies(_core.bodies(model))), None), set_body, None,
@@ -121,6 +132,7 @@ def _first_body(name):
 
 
 def _set_shadows(light, bodies):
+    _changes(light)
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         _core.add_body(light, _fields(one, f"{_core.path(light)}.shadows"))
 
@@ -128,11 +140,16 @@ def _set_shadows(light, bodies):
 def _set_coefficients(field, file):
     if not isinstance(file, (str, PathLike)):
         raise SetupError(f"{_core.path(field)}.coefficients: expected the path of a .COF file; found {file!r}")
+    _changes(field)
     _core.set_coefficients(field, fspath(file))
 
 
 def _asked(name, doc):
-    return property(_core.asked, lambda part, source: _core.ask(part, source, name), None, doc)
+    def ask(part, source):
+        _changes(part)
+        _core.ask(part, source, name)
+
+    return property(_core.asked, ask, None, doc)
 
 
 def add_attributes(types: dict[str, Any]) -> None:

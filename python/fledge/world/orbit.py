@@ -7,6 +7,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
+from fledge.objects.plausible import check_orbit
 from fledge.objects.si import to_number, to_si, to_vector
 from fledge.units import Quantity
 from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, Body, body_of
@@ -97,6 +98,7 @@ class Orbit:
         self.i, self.Omega, self.omega, self.f = (
             _angle(x, name) for name, x in (("i", i), ("Omega", Omega), ("omega", omega), ("f", f)))
         self.require_outside("Orbit")
+        check_orbit(self)
         r, v = _core.orbit_state(self.body.mu, p, e, self.i, self.Omega, self.omega, self.f)
         if self.frame is not None:
             r, v = ([sum(x * axis[k] for x, axis in zip(a, self.frame)) for k in range(3)] for a in (r, v))
@@ -113,8 +115,14 @@ class Orbit:
             r, v = ([sum(x * y for x, y in zip(axis, a)) for axis in _axes(frame)] for a in (r, v))
         p, e, i, Omega, omega, f = _core.orbit_elements(body.mu, r, v)
         orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f, frame=frame)
-        orbit.body = body
+        vars(orbit)["body"] = body
         return orbit
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if "v_BN_N" in vars(self):
+            raise SetupError(f"Orbit: '{name}' cannot be set, for nothing would follow it: make another Orbit(...), "
+                             "and give it to the craft, craft.orbit = ...")
+        object.__setattr__(self, name, value)
 
     def require_outside(self, path: str) -> None:
         """Raise SetupError if the orbit begins inside the body, or if it is an ellipse that enters the body."""

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values that are implausible for their unit, their body or their mass, and configuration that nothing reads. They
+warn, because a mission may mean them.
+
+All limits stand here. Those of RULES are for numbers without a unit: who writes a unit means the number.
+"""
+from __future__ import annotations
+
+import functools
+import re
+import warnings
+from collections.abc import Iterable
+from math import degrees, sqrt
+from typing import Any, NamedTuple
+
+from fledge import _core
+from fledge.objects.wires import caller
+
+
+class Rule(NamedTuple):
+    """Parameters of a unit whose names match are implausible above a size. advice: with {x}, that of the value, and
+    {deg}, the same in degrees."""
+    unit: str
+    name: str
+    most: float
+    advice: str
+
+
+RULES = (
+    Rule("rad", ".*", 6.2832, "{x:g} rad is more than a turn; for degrees write {x:g} * deg"),
+    Rule("rad/s", "omega_.*|rates?", 1.0, "{x:g} rad/s is {deg:.4g} deg/s; for degrees write {x:g} * deg / s"),
+    Rule("m", "r_(.B_)?B|center_B", 30.0, "{x:g} m is far from the body's origin; for millimetres write {x:g} * mm"),
+)
+LOWEST = 0.01               # of a body's radius: an orbit nearer to its surface meets its atmosphere or its mountains
+GYRATION = (1e-3, 100.0)    # [m] the root of inertia by mass: of a chip, of a station
+
+
+@functools.cache
+def _rules(kind: Any) -> list[tuple[str, Rule]]:
+    """The parameters of a type that have a rule."""
+    return [(field.name, rule) for field in _core.struct(kind).fields if field.group == "par"
+            for rule in RULES if field.unit == rule.unit and re.fullmatch(rule.name, field.name)]
+
+
+def _of_instance(one):
+    """What is implausible of the parameters of a module or model, in words."""
+    import numpy as np
+
+    kind: Any = type(one)
+    rules = _rules(kind)
+    bare = set(_core.bare(one)) if rules else ()
+    for name, rule in rules:
+        if name in bare:
+            x = float(np.max(np.abs(getattr(one, name)), initial=0.0))
+            if x > rule.most:
+                yield f"{_core.path(one)}.{name}: {rule.advice.format(x=x, deg=degrees(x))}"
+    if hasattr(type(one), "I_B") and isinstance(mass := getattr(one, "mass", None), float) and mass > 0:
+        inertia = float(one.I_B.max())
+        size = sqrt(max(inertia, 0.0) / mass)
+        if size and not GYRATION[0] <= size <= GYRATION[1]:
+            yield (f"{_core.path(one)}: {mass:g} kg with an inertia of {inertia:g} kg m^2 is a body of some "
+                   f"{size:.2g} m; look at both units")
+
+
+def check(processes: Iterable[Any]) -> None:
+    """Warn of implausible parameters, at the lines that made their modules and models."""
+    for process in processes:
+        for name, one in process.instances.items():
+            for text in _of_instance(one):
+                _warn(f"implausible: {text}", process.declared_at(name) or caller())
+
+
+def check_read(process: Any, wires: Iterable[Any]) -> None:
+    """Warn of modules that stand in no task and whose outputs nothing reads. wires: of the simulation."""
+    used = {source.rpartition(".")[0] for source, *_ in wires} | {
+        f"{process.name}.{name}" for task in process.tasks for name in task.run}
+    for name, one in process.instances.items():
+        outputs = [field.name for field in _core.struct(one).fields if field.group == "out"]
+        if isinstance(one, _core.Module) and f"{process.name}.{name}" not in used and outputs:
+            _warn(f"{process.name}.{name}: nothing reads {', '.join(outputs)} of this {_core.struct(one).name}, so "
+                  "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
+
+
+def check_orbit(orbit: Any) -> None:
+    """Warn of an ellipse that comes near to the surface of its body, unless a `surface` says that it may."""
+    body = orbit.body
+    height = orbit.p / (1.0 + orbit.e) - body.radius
+    if body.surface is None and orbit.e < 1.0 and height < LOWEST * body.radius:
+        advice = f"for kilometres write {height:.6g} * km, and " if height > 0 else ""
+        _warn(f"implausible: Orbit: its lowest point is {height:.6g} m above {body.name}; {advice}"
+              f"{body.name}.with_surface({body.radius:.9g} * m) if it is meant", caller())
+
+
+_shown: dict[Any, Any] = {}     # each text once
+
+
+def _warn(text, at):
+    file, line = at
+    warnings.warn_explicit(text, UserWarning, file, line, registry=_shown)
