@@ -90,7 +90,6 @@ from fledge.units import s
 
 
 def build(f, kind=0):
-    f.vehicle = fsw.VehicleConfig(I_B=[1, 1, 1])
     f.trap = fsw.Trap(after=2.125 * s, kind=kind)
     f.task("gnc", every=0.125 * s, run=[f.trap])
 """

@@ -531,6 +531,17 @@ def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, nee
     assert launch.said("prepared") == prepared
 
 
+def test_a_target_that_cannot_be_installed_does_not_stop_the_others(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "during").write_text(
+        'case "$0 $*" in *apt-get*aarch64*) echo "E: Unable to locate package"; exit 100 ;; esac\n')
+    done = launch("fly", "x", "--on", "aarch64,leon3")
+    assert done.returncode == 0 and done.stdout.startswith("fly x --on aarch64,leon3 in "), done.stderr
+    assert "fledge: apt-get satisfy failed" in done.stderr and "fledge: going on without aarch64\n" in done.stderr
+    assert any("sparc" in line for line in launch.said("apt"))      # and the next one has come
+    assert launch("setup", "--on", "aarch64").returncode == 1       # which is asked for that alone
+
+
 def test_the_targets_of_a_project_say_what_they_need(launch):
     (launch.fake / "updated").touch()
     target = launch.place / "a project/targets/vax"

@@ -77,6 +77,22 @@ class Reason(IntEnum):
     SEQUENCE = 17
 
 
+WHY = {
+    Reason.LENGTH: "its length is wrong", Reason.CHECKSUM: "its checksum is wrong",
+    Reason.STREAM: "it is for another stream", Reason.UNKNOWN: "there is no such command",
+    Reason.VERSION: "it is for another version of the mission's dictionary",
+    Reason.PLACE: "it names a mode, module, event, output, slot or number that is not there",
+    Reason.VALUE: "one of its arguments is out of range", Reason.RULE: "the parameters would break a rule",
+    Reason.INITIAL: "an initial value counts only before flight's first instant",
+    Reason.BUSY: "the commands that wait for the next instant leave no room",
+    Reason.NOT_STAGED: "nothing of this module is staged", Reason.CRC: "what is staged is not what it names",
+    Reason.ABSENT: "this flight software has no interpreter, or none that evaluates text",
+    Reason.RUNNING: "a procedure runs already, or the one to be stopped does not run",
+    Reason.BYTECODE: "the procedure is no bytecode for this interpreter",
+    Reason.FAILED: "the text was not evaluated to its end",
+    Reason.SEQUENCE: "it came before, or a later one did"}
+
+
 class Kind(IntEnum):
     """What a text of telemetry is about."""
     SCRIPT = 0
@@ -215,6 +231,40 @@ class Dictionary:
 
     def output(self, path: str) -> tuple[int, Output]:
         return _place(self.outputs, [o.path for o in self.outputs], path, "output", self.name)
+
+    # --- in words ---
+
+    def command(self, packet: bytes) -> str:
+        """What a command asks for: "write flight.control.K"."""
+        code, place = packet[6], int.from_bytes(packet[10:12], "big")
+        name = Code(code).name.lower().replace("_", " ") if code in Code._value2member_map_ else f"the code {code}"
+        names = {int(Code.MODE): self.modes, int(Code.ARM): self.events,
+                 int(Code.TELEMETRY): [one.path for one in self.outputs]}.get(code, [])
+        if code in (Code.WRITE, Code.STAGE, Code.COMMIT, Code.PUBLISH, Code.READ) and place < len(self.blocks):
+            block = self.blocks[place]
+            low, whole = int.from_bytes(packet[12:16], "big"), code in (Code.COMMIT, Code.PUBLISH)
+            high = low + (int.from_bytes(packet[16:18], "big") if code == Code.READ else len(packet) - HEADER)
+            fields = [] if whole else [f.name for f in block.fields if f.offset < high and low < f.offset + f.size]
+            return f"{name} {block.path}" + (f".{fields[0]}" if len(fields) == 1 else
+                                             f" ({', '.join(fields)})" if fields else "")
+        if place < len(names):
+            disarms = code == Code.ARM and packet[12:14] == b"\0\0"
+            return f"{'disarm' if disarms else name} {names[place]}"
+        return name
+
+    def refusal(self, report: Report, packet: bytes | None) -> str:
+        """What was refused, when and why. packet: that of the report, if it is known."""
+        what = self.command(packet) if packet else repr(report).split()[0].removeprefix("<")
+        when = (f"at {report.t / 1e9:g} s" if report.executed else
+                f"after {report.t / 1e9:g} s" if report.t >= 0 else "before the first instant")
+        why = WHY.get(report.reason, "")
+        block = int.from_bytes(packet[10:12], "big") if packet else len(self.blocks)
+        if report.reason in (Reason.RULE, Reason.INITIAL) and block < len(self.blocks):
+            if report.detail < len(rules := self.blocks[block].rules):
+                rule = rules[report.detail]
+                why += f": {self.blocks[block].path}.{rule.name}" + (
+                    f" must be {rule.text}" if report.reason == Reason.RULE else "")
+        return f"{what}, {when}: {why}"
 
     # --- as a file ---
 
@@ -643,6 +693,11 @@ class Timed(NamedTuple):
     """A command that flight gets before its first instant after a time, or a packet of telemetry and its instant."""
     t: int                      # [ns]
     packet: bytes
+
+
+def sequence_of(packet: bytes) -> int:
+    """The number that the report of a command has."""
+    return int.from_bytes(packet[2:4], "big") & 0x3FFF
 
 
 def script(packets: Iterable[Timed]) -> str:

@@ -63,4 +63,5 @@ class Desktop(Target):
                 part.instants = times[part.is_instant(times)]
         total = sum(len(part.instants) for part in job.parts)
         return {part.process: flown.Flown(record, len(part.instants), spent / total if total else None,
-                                          "world too") for part in job.parts}
+                                          "world too", reports=sim.process(part.process).commands.reports)
+                for part in job.parts}

@@ -199,7 +199,7 @@ def test_a_module_that_is_python_only_there_is_refused(mission, tmp_path, capfd)
     shutil.copytree(mission, folder)
     (folder / "flight.py").write_text(FLIGHT.replace(
         "fsw.TrackingError()", "fsw.TrackingError(update=None if ON_DESKTOP else feedback)"))
-    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 2
+    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 1
     assert "the update of tracking is Python only there" in capfd.readouterr().err
 
 
@@ -212,7 +212,7 @@ def test_a_reset_that_fails_at_the_start_is_refused_before_flight(mission, tmp_p
     folder = tmp_path / "unruly"
     shutil.copytree(mission, folder)
     (folder / "flight.py").write_text(FLIGHT.replace("m.z[0] = 0.25", wrong))
-    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 2
+    assert cli.main(["fly", str(folder), "--on", "micropython", "--out", str(tmp_path / "out")]) == 1
     assert f"{folder}/flight.py, line 9: {why}" in capfd.readouterr().err
     done = subprocess.run([tmp_path / "out/micropython/unruly", "--clock"], capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr == f"unruly: script: unruly/flight.py, line 9: {why}\n"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge fly MISSION --on TARGETS`: the same flight on several targets, compared with the desktop.
 
-Exit codes: 0 all outputs are the same; 1 a difference, or a flight that ended early; 2 the command line, the mission
-or a board is wrong; 130 Ctrl-C.
+Exit codes: 0 every target passed; 1 one did not, as the last line says: its outputs differ, a check or a bound does not
+hold, a command was refused, or it did not fly; 2 the command line, the mission or a board is wrong; 130 Ctrl-C.
 """
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def fly(options: argparse.Namespace) -> int:
 
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
-    targets = {one.name: one for one in TARGETS.ready(["desktop", *chosen], "fly")}
+    targets, lacking = _ready(["desktop", *chosen])
     if options.cfs:
         from fledge.targets.cfs.real import RealCfs
 
@@ -92,17 +92,32 @@ def fly(options: argparse.Namespace) -> int:
     part = options.build or options.join is not None       # then the duration does not matter
     if options.free and (options.scenario or not (duration or part)):
         raise Failure("fly: --free is without a scenario, and needs --for")
-    job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
-              _boards(options.board), options.out, options.free, given_parameters(options))
+    try:
+        job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
+                  _boards(options.board), options.out, options.free, given_parameters(options))
+    except Failure as error:
+        if error.code == 1:     # the scenario fails on the desktop
+            _verdict({"desktop": ["the scenario's checks do not hold"], **{name: ["did not fly"] for name in chosen}})
+        raise
     for process in apart:
         job.part(process)
     others = [(one, targets[name]) for name in names if name != "desktop" for one in job.parts]
     others += [(job.part(process), targets[name]) for process, name in apart.items() if name != "desktop"]
+    if lacking and (options.build or options.clock or options.join is not None):
+        raise Failure(next(iter(lacking.values())))
     if options.clock and len(others) != 1:
         raise Failure(f"--clock: name one target of one flight process with --on; found {len(others)}")
     if options.join is not None and len(others) != 1:
         several = f", as in {job.parts[0].process}=linux" if len(job.parts) > 1 else ""
         raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
+    if options.keys and options.join is None:
+        raise Failure("--keys is for --join: other programs of a flight here need none")
+    if options.settled and not options.within:
+        raise Failure("--settled is for --within; give both")
+    if options.settled and settled > job.duration:
+        raise Failure(f"--settled {settled:g} s is after the end of the flight, {job.duration:g} s")
+    if options.report and not job.whole:
+        raise Failure("--report is about a whole scenario; leave out --for" + (" and --free" if options.free else ""))
     if options.within and not job.rounds:
         raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
     bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
@@ -124,7 +139,21 @@ def fly(options: argparse.Namespace) -> int:
         runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
         if apart:
             runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
-        return _fly(options, job, runs, bounds)
+        return _fly(options, job, runs, bounds, lacking)
+
+
+def _ready(names):
+    """(the targets by name, why some of them cannot fly). Raises Failure if there is no such target."""
+    from fledge.errors import Failure
+
+    TARGETS.expect(names, "fly")
+    found, lacking = {name: TARGETS[name] for name in names}, {}
+    for name in found:
+        try:
+            TARGETS.ready([name], "fly")
+        except Failure as error:
+            lacking[name] = str(error)
+    return found, lacking
 
 
 def _with_tools(options, chosen):
@@ -170,10 +199,11 @@ def _boards(words):
     return found
 
 
-def _fly(options, job, runs, bounds):
+def _fly(options, job, runs, bounds, lacking):
+    """runs: name -> the target of each process. lacking: why a target, by its name, cannot fly."""
     from fledge.cli.console import say
-    from fledge.errors import Failure
-    from fledge.archive import Archive
+    from fledge.errors import Failure, RunError, SetupError
+    from fledge.archive import Archive, ArchiveError
     from fledge.archive.compare import compare, digest
     from fledge.targets import fly, table
 
@@ -182,74 +212,102 @@ def _fly(options, job, runs, bounds):
     say(whole + (f", through {', '.join(boards)}" if boards else ""))
 
     rows: list[tuple[str, Flown | None, str, str]] = []
-    same = True
-    wrong: list[str] = []
+    wrong: dict[str, list[str]] = {name: [] for name in ("desktop", *runs)}     # of each run that was asked for
+    told: list[str] = []
     first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
     archives: dict[Path, Archive] = {}
     records: dict[str, dict[str, Archive]] = {}
-    desktop_target: Any = TARGETS["desktop"]
-    desktop_first: dict[str, Mapping[str, Target] | None] = {"desktop": None, **runs}
-    for name, on in desktop_first.items():
+    code = 1
+    flights: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
+    for name, on in flights.items():
         try:
-            patience = PATIENCE if options.gdb else 60.0
-            flown = fly(job, on, name, patience) if on else desktop_target.fly(job)
-        except Failure as error:
-            print(f"  {name}: {error}", file=sys.stderr)
+            if on and "desktop" not in records:
+                raise Failure("there is no flight of the desktop to compare with")
+            if lacks := [lacking[one.name] for one in on.values() if one.name in lacking]:
+                raise Failure("; ".join(dict.fromkeys(lacks)))
+            desktop_target: Any = TARGETS["desktop"]
+            flown = fly(job, on, name, PATIENCE if options.gdb else 60.0) if on else desktop_target.fly(job)
+            records[name] = {part.process: archives.setdefault(path, archives.get(path) or Archive(path))
+                             for part in job.parts for path in (flown[part.process].record,)}
+        except (Failure, SetupError, RunError, ArchiveError, OSError, KeyboardInterrupt) as error:
+            code = 130 if isinstance(error, KeyboardInterrupt) else code
+            print(f"  {name}: {'interrupted' if code == 130 else error}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))
-            same = False
+            wrong[name].append("did not fly")
+            if code == 130:
+                for later in list(wrong)[list(wrong).index(name) + 1:]:
+                    wrong[later].append("did not fly")
+                break
             continue
-        records[name] = {}
         for part in job.parts:
-            one = flown[part.process]
-            archive = archives[one.record] = archives.get(one.record) or Archive(one.record)
-            records[name][part.process] = archive
+            one, archive = flown[part.process], records[name][part.process]
+            text, problem = "", ""
+            place = on[part.process].name if on else "desktop"
+            title = f"{part.process} on {place}" if len(job.parts) > 1 else place
             if not on:
-                desktop, text, ok = archive, "", True
+                desktop = archive
             elif job.rounds:
-                text, ok = _rounded(desktop, archive, part, one, bounds)
+                text, problem = _rounded(desktop, archive, part, one, bounds)
                 before = first.setdefault(part.process, (name, archive))
                 if before[0] != name:
                     others = compare(before[1], archive, part.outputs)
-                    ok = ok and not others
+                    problem = problem or (f"differs from {before[0]}" if others else "")
                     text = f"from {before[0]}: {others[0]}" if others else f"none from {before[0]}; {text}"
             else:
                 found = compare(desktop, archive, part.outputs, times=part.is_instant)
-                text, ok = str(found[0]) if found else "none", not found
-            same = same and ok
-            place = on[part.process].name if on else "desktop"
-            wrong += [f"{place}: {text}" for text in part.failures(name)] if on else []
-            rows.append((f"{part.process} on {place}" if len(job.parts) > 1 else place, one,
-                         digest(archive, part.outputs, part.is_instant), text))
-    for line in table.lines(rows):
+                text, problem = (str(found[0]), "differs from the desktop") if found else ("none", "")
+            refusals = part.refusals(one.reports or (part.reports(place) if on else ()))
+            told += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
+            if on:
+                told += [f"script   {place}: {failure}" for failure in part.failures(place)]
+            if not all(expected for _, expected in refusals):
+                problem = problem or "a command was refused"
+            if problem:
+                wrong[name].append(f"{part.process} {problem}" if len(job.parts) > 1 else problem)
+            rows.append((title, one, digest(archive, part.outputs, part.is_instant), text))
+    for line in [*table.lines(rows), *table.scripts(rows)]:
         say("  " + line)
-    for line in table.scripts(rows):
-        say("  " + line)
-    say(f"  records  {', '.join(map(str, archives))}")
-    for text in wrong:
-        say(f"  script   {text}")
-    return 1 if not _judged(options, job, records) or not same else 0
+    if archives:
+        say(f"  records  {', '.join(map(str, archives))}")
+    for line in told:
+        say(f"  {line}")
+    if not job.whole and job.scenario != "free":
+        say(f"  checks   none: the flight ends before the scenario {job.scenario}")
+    elif job.whole:
+        for name in list(records)[1:]:
+            if problem := _judged(options, job, name, records[name]):
+                print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
+                wrong[name].append("the scenario's checks do not hold")
+    return _verdict({_title(name, runs): problems for name, problems in wrong.items()}, code)
 
 
-def _judged(options, job, records):
-    """Whether the scenario's checks hold of what each target put out; says which do not."""
-    from fledge.archive import Archive
+def _title(name, runs):
+    """The name of a run; of one with targets for some of several processes, these, as --on has them."""
+    return name if name != "apart" else ",".join(f"{process}={one.name}" for process, one in runs[name].items()
+                                                 if one.name != "desktop") or "apart"
+
+
+def _verdict(wrong, code=1):
+    """Print the last line, which has every target; returns the exit code. wrong: what is, by target."""
     from fledge.cli.console import say
-    from fledge.cli.judge import judge
 
-    if not job.whole:
-        if job.scenario != "free":
-            say(f"  checks   none: the flight ends before the scenario {job.scenario}")
-        return True
-    passed = ["desktop"]
-    for name, flown in list(records.items())[1:]:
-        exchange = Archive(job.exchange(name)) if job.boards else None
-        problem = judge(options, job, name, flown, exchange)
-        if problem:
-            print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
-        else:
-            passed.append(name)
-    say(f"  passed   {', '.join(passed)}")
-    return len(passed) == len(records)
+    passed = [name for name, problems in wrong.items() if not problems]
+    failed = [f"{name}: {', '.join(problems)}" for name, problems in wrong.items() if problems]
+    say(f"  failed   {'; '.join(failed)}" + (f" (passed: {', '.join(passed)})" if passed else "") if failed else
+        f"  passed   {', '.join(passed)}")
+    return code if failed else 0
+
+
+def _judged(options, job, name, flown):
+    """Why the scenario's checks do not hold of what a target put out; "" if they do."""
+    from fledge.archive import Archive, ArchiveError
+    from fledge.cli.judge import judge
+    from fledge.errors import Failure, SetupError
+
+    try:
+        return judge(options, job, name, flown, Archive(job.exchange(name)) if job.boards else None)
+    except (Failure, SetupError, ArchiveError, OSError) as error:
+        return str(error)
 
 
 def _build(job, others):
@@ -287,7 +345,7 @@ def _clock(job, others):
     say(f"  outputs     {'as on the desktop' if paced.same else 'NOT as on the desktop'}\n"
         f"  figures     {files[0]}\n"
         f"  plot        {save(clock.plot(paced, title), part.folder, f'{target.name}_clock')}")
-    return 0 if paced.same else 1
+    return _verdict({target.name: [] if paced.same else ["its outputs are not the desktop's"]})
 
 
 def _join(job, part, target, address, keys):
@@ -305,7 +363,7 @@ def _join(job, part, target, address, keys):
 
 
 def _rounded(desktop, archive, part, flown, bounds):
-    """(the text for the table, whether all bounds hold) of a flight through words that round.
+    """(the text for the table, what is wrong or "") of a flight through words that round.
 
     bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
@@ -318,14 +376,17 @@ def _rounded(desktop, archive, part, flown, bounds):
     found = differences(0.0)
     structure = next((one for one in found if one.what), None)
     if structure:
-        return str(structure), False
-    ok, texts = True, []
+        return str(structure), "differs from the desktop"
+    problem, texts = "", []
     for field, bound, after, _ in bounds:
-        if after > part.job.duration or not part.puts_out(field):
-            continue    # later, or of another process
+        if not part.puts_out(field):
+            continue    # of another process
+        if after > part.job.duration:
+            texts.append(f"{field} not judged, which has its bound from {after:g} s on")
+            continue
         near = [one for one in differences(after) if f".{one.topic}.{_plain(one.name)}".endswith("." + field)]
         worst = max((one.worst for one in near), default=0.0)
-        ok = ok and worst <= bound
+        problem = problem if worst <= bound else f"{field} is beyond its bound"
         texts.append(f"{field} up to {worst:.3g}, {'within' if worst <= bound else 'BEYOND'} {bound:g}")
     if not texts:
         numbers = [one for one in found if one.worst]
@@ -335,7 +396,7 @@ def _rounded(desktop, archive, part, flown, bounds):
         texts.append(f"{flown.saturated} numbers beyond the range of their words")
     if flown.lost:
         texts.append(f"{flown.lost} packets lost in queues, or skipped")
-    return "; ".join(texts), ok
+    return "; ".join(texts), problem
 
 
 def _plain(name):

@@ -81,14 +81,19 @@ class Targets(Mapping[str, Target]):
         """Those of the names that are names of targets."""
         return [name for name in names if name in self]
 
+    def expect(self, names: Iterable[str], command: str) -> None:
+        """Raises Failure, which begins with the command, if there is no such target."""
+        for name in names:
+            if name not in self:
+                raise Failure(f"{command}: there is no target '{name}'; there are "
+                              + "; ".join(f"{one.name}, {one.about}" for one in self.values()))
+
     def ready(self, names: Iterable[str], command: str) -> list[Target]:
         """The targets of these names, once all is built that any flight there needs. Raises Failure, which begins with
         the command, if there is no such target, or if one needs what is not installed."""
         found = []
         for name in names:
-            if name not in self:
-                raise Failure(f"{command}: there is no target '{name}'; there are "
-                              + "; ".join(f"{one.name}, {one.about}" for one in self.values()))
+            self.expect([name], command)
             found.append(self[name])
             if missing := found[-1].missing():
                 raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here")

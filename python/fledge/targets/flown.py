@@ -2,9 +2,13 @@
 """The results of a flight, and its record."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fledge.commands import Report
 
 
 @dataclass
@@ -20,6 +24,7 @@ class Flown:
     lost: int = 0           # packets that a full queue refused or dropped, or that a newer one replaced unseen
     heap: tuple[int, int, int] | None = None    # [bytes] of a script: used at the start, at the end, at most
     script: tuple[str, ...] = ()                # what its own updates did, a line each
+    reports: Sequence[Report] = ()              # of its commands, where no telemetry has them
 
 
 def results(record: Path, figures: Mapping[str, str], cpu_of: str, code: int | None, memory: int | None) -> Flown:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import export, mission as missions
-from fledge.commands import Kind, Report, Timed, decoded, read_script, script
+from fledge.commands import Kind, Report, Timed, decoded, read_script, script, sequence_of
 from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
@@ -68,6 +68,13 @@ class Part:
     def reports(self, target: str) -> list[Report]:
         """The reports of commands among them."""
         return self._contents(target, "reports")
+
+    def refusals(self, reports: Iterable[Report]) -> list[tuple[str, bool]]:
+        """(which command was refused, when and why; whether flight refused it in the scenario on the desktop, too) of
+        those of the reports that are refusals."""
+        found, sent = export.dictionary(self.mission), {sequence_of(one.packet): one.packet for one in self.script}
+        return [(found.refusal(one, sent.get(one.sequence)), (self.process, one.sequence) in self.job.in_vain)
+                for one in reports if not one.good]
 
     def failures(self, target: str) -> list[str]:
         """What went wrong there in updates of the script, the last text of each module."""
@@ -166,7 +173,7 @@ class Job:
         self.roots = list(roots)
         play = rehearse(mission, scenario, duration, seed, free, self.parameters)
         self.scenario, self.duration, self.script = play.name, play.duration, play.script
-        self.start, self.whole, self.begun = play.start, play.whole, play.begun
+        self.start, self.whole, self.begun, self.in_vain = play.start, play.whole, play.begun, play.in_vain
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
         several = len(play.missions) > 1

@@ -71,6 +71,7 @@ class Rehearsal:
         self.start: Any = None
         self.missions: list[Any] = []
         self.script: list[Command] = []
+        self.in_vain: set[tuple[str, int]] = set()      # (process, sequence) of what the scenario sent in vain
 
     def begin(self) -> None:
         self.missions = export.read_all(self.sim)
@@ -158,6 +159,8 @@ class Rehearsal:
     def finish(self) -> None:
         if self.duration is None:
             self.duration = self.sim.time
+        self.in_vain = {(flight.name, one.sequence) for flight in self.sim.flights for one in flight.commands.reports
+                        if not one.good}
         self.script.sort(key=lambda one: one.after)
 
 

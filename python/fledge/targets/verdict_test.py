@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The last line of `fledge fly`: every target that was asked for, and what is wrong with it."""
+
+import re
+import signal
+
+import pytest
+
+import fledge
+from fledge import cli
+from fledge.archive import Archive
+from fledge.commands import Code, Reason, Report
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.targets import TARGETS, Job, Part
+from fledge.targets.linux import Linux
+from fledge.targets.playback import stand_in
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("fly")
+
+
+def last(capsys):
+    said = capsys.readouterr()
+    return said.out.splitlines()[-1], said
+
+
+# --- targets that do not fly -----------------------------------------------------------------------
+
+def test_a_target_that_is_not_installed_is_in_the_last_line_and_the_others_fly(folder, capsys, monkeypatch):
+    monkeypatch.setattr(TARGETS["aarch64"], "needs", ("no-such-compiler",))
+    assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "aarch64,linux", "--out", str(folder / "nadir")]) == 1
+    line, said = last(capsys)
+    assert line == "  failed   aarch64: did not fly (passed: desktop, linux)"
+    assert "  aarch64: fly: aarch64 needs no-such-compiler, not installed here\n" in said.err
+    assert re.search(r"\n  linux +11 ", said.out) and Archive(folder / "nadir/linux.mcap").complete
+    for alone in (["--build"], ["--join"]):
+        assert cli.main(["fly", "nadir_spin", "--on", "aarch64", *alone, "--out", str(folder / "nadir")]) == 2
+        assert "aarch64 needs no-such-compiler" in capsys.readouterr().err
+
+
+def test_a_target_that_refuses_the_mission_is_in_the_last_line(folder, capsys, monkeypatch):
+    def refuses(self, part):
+        raise fledge.SetupError("this board has no sensor")
+
+    monkeypatch.setattr(type(TARGETS["sparc64"]), "build", refuses)
+    monkeypatch.setattr(TARGETS["sparc64"], "needs", ())
+    assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "sparc64,linux", "--out", str(folder / "nadir")]) == 1
+    line, said = last(capsys)
+    assert line == "  failed   sparc64: did not fly (passed: desktop, linux)"
+    assert "  sparc64: this board has no sensor\n" in said.err
+
+
+def test_a_flight_that_stops_early_is_no_pass(folder, capsys, monkeypatch):
+    """Its program ends as if all were well."""
+    real = Linux.build
+
+    def spoiled(self, part):
+        source = next(path for path in part.written if path.name == "nadir_spin.c")
+        text = source.read_text()
+        name = re.search(r"^void (\w+_tick)\(", text, re.MULTILINE)[1]
+        ends = re.sub(rf"^(void {name}\([^)]*\)\n{{)", r"\1\n    if (t >= 5500000000) exit(0);", text,
+                      flags=re.MULTILINE)
+        assert ends != text
+        source.write_text("#include <stdlib.h>\n" + ends)
+        return real(self, part)
+
+    monkeypatch.setattr(Linux, "build", spoiled)
+    assert cli.main(["fly", "nadir_spin", "--for", "10s", "--on", "linux", "--out", str(folder / "early")]) == 1
+    assert last(capsys)[0].startswith("  failed   linux: d")
+
+
+def test_a_scenario_that_fails_on_the_desktop_is_flown_nowhere(mission, tmp_path, capsys):
+    (mission / "scenarios.py").write_text("def bad(sim):\n    sim.run(1)\n    assert sim.mode == 'point'\n")
+    assert cli.main(["fly", str(mission), "--on", "linux", "--out", str(tmp_path / "out")]) == 1
+    line, said = last(capsys)
+    assert line == "  failed   desktop: the scenario's checks do not hold; linux: did not fly"
+    assert "fledge: the scenario bad fails on the desktop: " in said.err
+
+
+def test_ctrl_c_keeps_what_other_targets_flew(folder, capsys, monkeypatch):
+    def interrupted(self, part):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(type(TARGETS["sparc64"]), "build", interrupted)
+    monkeypatch.setattr(TARGETS["sparc64"], "needs", ())
+    assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "linux,sparc64,aarch64", "--out",
+                     str(folder / "nadir")]) == 130
+    line, said = last(capsys)
+    assert line == "  failed   sparc64: did not fly; aarch64: did not fly (passed: desktop, linux)"
+    assert re.search(r"\n  linux +11 .* none ", said.out)
+
+
+# --- commands that were refused --------------------------------------------------------------------
+
+COMMANDS = '''
+from fledge.units import N, m, s
+
+def vain(sim):
+    """It sends what flight refuses."""
+    sim.run(3 * s)
+    flight = sim.flight.commands
+    for packet in flight.packets.write("flight.control", K=-2.0):
+        flight.send(packet)
+    flight.send(flight.packets.packet(14, bytes(8)))
+    sim.run(2 * s)
+    assert not any(one.executed and one.good for one in flight.reports) or sim.flight.control.K == 2.5
+
+def changed(sim):
+    sim.run(3 * s)
+    sim.flight.control.K = 3 * N * m
+    sim.run(2 * s)
+
+def memory(sim):
+    """It reads what no record has."""
+    sim.run(10 * s)
+    assert sim.flight.switch.running == 1
+'''
+
+
+@pytest.fixture
+def mission(tmp_path):
+    made = tmp_path / "modes"
+    made.mkdir()
+    for name, text in (("flight.py", FLIGHT), ("world.py", WORLD), ("scenarios.py", COMMANDS)):
+        (made / name).write_text(text)
+    return made
+
+
+def test_a_refused_command_is_told_in_words(mission, tmp_path, capsys):
+    """One that the scenario itself sends in vain, on the desktop too, is no failure."""
+    assert cli.main(["fly", str(mission), "vain", "--on", "linux", "--out", str(tmp_path / "out")]) == 0, (
+        capsys.readouterr().err)
+    line, said = last(capsys)
+    assert line == "  passed   desktop, linux"
+    for name in ("desktop", "linux"):
+        assert re.search(rf"\n  refused  {name}: write flight.control.K, at 3.* s: the parameters would break a rule: "
+                         r"flight.control.K must be .*> 0 N m\n", said.out), said.out
+        assert f"\n  refused  {name}: evaluate, " in said.out
+
+
+def test_a_command_that_only_flight_refuses_fails_it(mission, tmp_path, capsys, monkeypatch):
+    """What a scenario changes becomes a command; flight has not changed then, whatever its outputs are."""
+    real = Part.reports
+
+    def refuses(self, target):
+        sequence = int.from_bytes(self.script[-1].packet[2:4], "big") & 0x3FFF
+        return [*real(self, target), Report(3 * 10**9, sequence, Code.WRITE, True, Reason.BUSY, 0, b"")]
+
+    monkeypatch.setattr(Part, "reports", refuses)
+    assert cli.main(["fly", str(mission), "changed", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
+    line, said = last(capsys)
+    assert line == "  failed   linux: a command was refused (passed: desktop)"
+    assert ("\n  refused  linux: write flight.control.K, at 3 s: the commands that wait for the next instant leave no "
+            "room\n" in said.out)
+
+
+def test_every_reason_has_words(mission):
+    part = Job(str(mission), "changed").parts[0]
+    dictionary = part.job.start.flight.commands.dictionary
+    packet = part.script[-1].packet
+    for reason in list(Reason)[1:]:
+        text = dictionary.refusal(Report(-1, 0, Code.WRITE, False, reason, 0, b""), packet)
+        assert re.fullmatch(r"write flight.control.K, before the first instant: [a-z].{15,}", text)
+
+
+# --- checks that read memory -----------------------------------------------------------------------
+
+def test_a_check_of_memory_is_refused_on_a_target_and_names_the_output(mission, tmp_path, capsys):
+    assert cli.main(["fly", str(mission), "memory", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
+    line, said = last(capsys)
+    assert line == "  failed   linux: the scenario's checks do not hold (passed: desktop)"
+    assert ("flight.switch.running is memory of a module, which the record of a target does not have. A check reads "
+            "outputs: flight.switch.reference has sigma_RN, " in said.err)
+
+    sim = fledge.load(str(mission))
+    stand_in(sim, {"flight": Archive(tmp_path / "out/linux.mcap")})
+    sim.run(5)
+    for twin in (sim, sim.clone()):
+        with pytest.raises(fledge.SetupError, match="flight.switch.running is memory of a module"):
+            twin.flight.switch.running
+        assert "running  not known here" in re.sub("  +", "  ", repr(twin.flight.switch))
+        assert twin.flight.switch.reference.sigma_RN.any() and twin.world.nav.attitude.sigma_BN.any()
