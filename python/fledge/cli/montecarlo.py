@@ -166,6 +166,9 @@ def _all(campaign, options, runs, folder, command):
             + (f"; {data['flown'] - line.flown} were flown before" if data["flown"] > line.flown else ""))
         for path in paths:
             say(f"  {'plot' if path.suffix == '.png' else 'report':8} {path}")
+        say(f"  failed   {data['failed']} of {data['flown']}" if data["failed"] else
+            f"  {'passed' if data['requirements'] else 'ended':8} {data['passed']} of {data['flown']}"
+            + (f"; {data['runs'] - data['flown']} are missing" if result.interrupted else ""))
     if result.interrupted:
         print(f"fledge: interrupted; the report is about the {data['flown']} runs that were finished; the same command "
               "flies the rest", file=sys.stderr)
@@ -252,6 +255,7 @@ def _one(campaign, options, folder):
     for plot in sim.plots.saved:
         say(f"  plot     {plot}")
     if problem:
+        say("  interrupted" if code == 130 else "  failed")
         raise Failure(f"{title}: {problem}", code)
-    say("  passed")
+    say("  passed" if d.requirements else "  ended    without an error; nothing is required of it")
     return 0

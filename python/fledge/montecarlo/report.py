@@ -112,7 +112,9 @@ def text(data: dict, failures: int | None = None) -> str:
     flown, passed = data["flown"], data["passed"]
     lines.append(f"  runs     {flown} of {data['duration']:g} s, seed {data['seed']}"
                  + (f"; stopped before {data['runs'] - flown} more" if flown < data["runs"] else ""))
-    if data["axes"]:
+    if not data["requirements"]:
+        lines.append(f"  ended    {passed} of {flown} without an error; nothing is required of them")
+    elif data["axes"]:
         lines.append(f"  passed   {passed} of {flown}")
     elif flown:
         low, high = data["pass_rate_95_percent"]
