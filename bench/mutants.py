@@ -54,7 +54,7 @@ SEEN_FROM_PYTHON = {
     "flight/exec": ["python/fledge/mission", "python/fledge/export/run_test.py"],
     "record": ["python/fledge/archive"],
     "sim": ["python/fledge/mission", "python/fledge/archive", "python/fledge/objects", "python/fledge/montecarlo",
-            "missions/nadir_spin", "python/fledge/errors_test.py"],
+            "missions/nadir_spin", "python/fledge/errors_test.py", "python/fledge/targets/reset_test.py"],
     "world": ["python/fledge/world", "missions/nadir_spin", "missions/flyby", "missions/two_body_pointing"],
     "cosim": ["python/fledge/cosim", "tests/cosim_nodes_test.py", "tests/cosim_missions_test.py"],
     "registers": ["python/fledge/export/board_test.py"],

@@ -283,6 +283,31 @@ TEST(Process, RefusesWhatCannotBeAnEvent)
     EXPECT_EQ(named("least", [](Event &e) { e.count = 1, e.hold = 0, e.modes = {"rest"}; }), "(no error)");
 }
 
+TEST(Process, ChecksAnEventThatComesDuringARun)
+{
+    Loop loop;
+    loop.sim.run_until(500 * ms);
+    const auto add = [&](const char *name, bool armed) {
+        Event event;
+        event.name = name;
+        event.predicate = [] { return true; };
+        event.action = [] {};
+        event.armed = armed;
+        return loop.sim.process("world").add_event(std::move(event));
+    };
+    Process &world = loop.sim.process("world");
+    const auto on = add("on", true), off = add("off", false);
+    EXPECT_TRUE(world.armed(*on));
+    EXPECT_FALSE(world.armed(*off));
+    EXPECT_EQ(world.fired_at(*on), -1);
+    loop.sim.run_until(1000 * ms);
+    EXPECT_EQ(world.fired_at(*on), 600 * ms);
+    EXPECT_EQ(world.fired_at(*off), -1);
+    world.arm(*off, true);
+    loop.sim.run_until(1500 * ms);
+    EXPECT_EQ(world.fired_at(*off), 1100 * ms);
+}
+
 TEST(Process, NamesWhatItHasNot)
 {
     Loop loop;

@@ -34,6 +34,9 @@ struct Loop {
     {
         for (std::int64_t t = from; t < until; t += s) {
             burn_schedule_update(&m, {t, t == from ? 0 : s});
+            EXPECT_EQ(m.out.burn.head.t, t);
+            EXPECT_EQ(m.out.burn.head.quality, QUALITY_GOOD);
+            EXPECT_EQ(m.out.burn.head.sequence, 1 + static_cast<std::uint32_t>((t - from) / s));
             m.in.card.armed = m.out.burn.armed;
             if (m.out.burn.number != m.in.card.number && m.out.burn.number != 0) {
                 m.in.card.number = m.out.burn.number;

@@ -49,6 +49,16 @@ TEST(ThrusterFiring, the_mean_force_is_the_wanted_one)
     }
 }
 
+TEST(ThrusterFiring, without_thrusters_nothing_opens)
+{
+    Firing f;
+    f.m.in.thrusters.n = 0;
+    EXPECT_EQ(f.fire(3), 0);
+    EXPECT_EQ(f.m.out.times.burns[0], 0u);
+    EXPECT_EQ(f.m.mem.opened, 0u);
+    EXPECT_EQ(f.m.out.times.head.quality, QUALITY_GOOD);
+}
+
 TEST(ThrusterFiring, short_pulses_are_decided_by_a_schmitt_trigger)
 {
     Firing f;

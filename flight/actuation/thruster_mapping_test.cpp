@@ -194,6 +194,42 @@ TEST(ThrusterMapping, an_old_force_ends_and_the_torque_goes_on)
     }
 }
 
+TEST(ThrusterMapping, thrusters_out_of_use_stay_shut)
+{
+    Random random{11};
+    for (int i = 0; i < 300; i++) {
+        ThrusterMapping m = any(random, 8);
+        m.par.off_pulse = i % 2;
+        m.in.torque.torque_B = vec(random.vector());
+        m.in.availability.head = good();
+        for (int k = 0; k < 8; k++) {
+            m.in.thrusters.F_max[k] = 20;
+            m.in.availability.available[k] = k != i % 8 && k != i % 7;
+        }
+        thruster_mapping_update(&m, {0, 0});
+        EXPECT_EQ(m.out.forces.F[i % 8], 0.0);
+        EXPECT_EQ(m.out.forces.F[i % 7], 0.0);
+        for (int k = 0; k < 8 && !m.par.off_pulse; k++) {
+            EXPECT_EQ(m.mem.pushing >> k & 1u, m.out.forces.F[k] > 0.0);
+        }
+        Vector3d torque;
+        force_of(m, &torque);
+        EXPECT_LT((torque - eigen(m.out.achieved.torque_B)).norm(), 1e-9 * (1 + torque.norm()));
+    }
+}
+
+TEST(ThrusterMapping, without_a_result_the_forces_are_held)
+{
+    ThrusterMapping m = couples();
+    thruster_mapping_update(&m, {0, 0});
+    const ThrusterMapping before = m;
+    m.in.thrusters.r_TC_B[3].v[0] = NAN;
+    thruster_mapping_update(&m, {second, second});
+    EXPECT_TRUE(same_content(m.out.forces, before.out.forces));
+    EXPECT_EQ(m.out.forces.head.sequence, before.out.forces.head.sequence);
+    EXPECT_EQ(m.out.achieved.head.quality, QUALITY_DEGRADED);
+}
+
 TEST(ThrusterMapping, the_forces_end_without_new_data)
 {
     for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {

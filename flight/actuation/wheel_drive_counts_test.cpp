@@ -84,5 +84,21 @@ TEST(WheelDriveCounts, without_a_number_the_counts_are_held)
     }
 }
 
+TEST(WheelDriveCounts, the_counts_are_held_from_the_last_good_command_on)
+{
+    WheelDriveCounts m = any();
+    m.par.hold = 3;
+    m.in.command.u[0] = 0.05;
+    for (int k = 100; k < 110; k++) {
+        m.in.command.head = k <= 102 ? Head{ns(k), QUALITY_GOOD, 1} : Head{};
+        wheel_drive_counts_update(&m, {ns(k), ns(k == 100 ? 0 : 1)});
+        EXPECT_EQ(m.out.drive.counts[0] != 0, k <= 105) << k;
+    }
+    wheel_drive_counts_reset(&m);
+    EXPECT_EQ(m.out.drive.head.quality, QUALITY_NONE);
+    EXPECT_EQ(m.mem.newest, 0);
+    EXPECT_EQ(m.mem.saturated, 0u);
+}
+
 } // namespace
 } // namespace flight::testing

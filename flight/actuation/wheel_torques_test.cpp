@@ -356,5 +356,14 @@ TEST(WheelTorques, gives_finite_numbers_whatever_it_is_given)
     }
 }
 
+TEST(WheelTorques, without_wheels_there_is_no_torque)
+{
+    WheelTorques m = with_wheels(Matrix3Xd(3, 0), {1, 2, 3});
+    wheel_torques_update(&m, {0, 0});
+    EXPECT_EQ(m.out.command.u[0], 0.0);
+    EXPECT_EQ(vec_norm(m.out.achieved.torque_B), 0.0);
+    EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
+}
+
 } // namespace
 } // namespace flight::testing

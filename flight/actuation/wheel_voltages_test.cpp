@@ -101,6 +101,9 @@ TEST(WheelVoltages, quality_and_bad_numbers)
     m.in.speeds.head = {};
     wheel_voltages_update(&m, {second, second});
     EXPECT_EQ(m.out.drive.head.quality, QUALITY_DEGRADED) << "its back-EMF is unknown";
+    m.in.command.u[0] = 0.1;
+    wheel_voltages_update(&m, {second, second});
+    EXPECT_EQ(m.out.drive.volts[0], 0.1 * 2 / 0.05 + 0.5) << "and counts as none";
     m.par.back_emf = 0;
     wheel_voltages_update(&m, {second, second});
     EXPECT_EQ(m.out.drive.head.quality, QUALITY_GOOD) << "it needs none";
@@ -130,13 +133,15 @@ TEST(WheelVoltages, the_voltages_end_without_new_commands)
 {
     for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
         WheelVoltages m = motor();
+        const std::int64_t begin = lost * 1000 * second;
         m.par.hold = 3;
         m.in.command.u[0] = 0.1;
-        wheel_voltages_update(&m, {0, 0});
+        m.in.command.head.t = m.in.speeds.head.t = begin;
+        wheel_voltages_update(&m, {begin, 0});
         m.in.command.head.quality = lost;
         m.in.speeds.Omega[0] = lost == QUALITY_GOOD ? NAN : 0.0;
         for (int k = 1; k < 8; k++) {
-            wheel_voltages_update(&m, {k * second, second});
+            wheel_voltages_update(&m, {begin + k * second, second});
             EXPECT_EQ(m.out.drive.volts[0] > 0, k <= 3);
             EXPECT_EQ(m.out.drive.head.quality, QUALITY_DEGRADED);
         }

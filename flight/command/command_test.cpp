@@ -266,6 +266,8 @@ TEST_F(Command, BothReportsHaveSequenceCodeAndTime)
         EXPECT_EQ(reports[i].report.executed, i);
         EXPECT_EQ(reports[i].report.sequence, 0x2345);
         EXPECT_EQ(reports[i].report.code, 2);
+        EXPECT_EQ(reports[i].report.detail, 0);
+        EXPECT_EQ(reports[i].data, Bytes{});
     }
     accept(packet(0, {}));
     EXPECT_EQ(reports[2].report.t, 105);
@@ -637,6 +639,40 @@ TEST_F(Command, RandomBytesNeverChangeTheMissionUnlessTheyAreAccepted)
     }
     EXPECT_GT(accepted, 5000);
     EXPECT_LT(accepted, 100000);
+}
+
+TEST(CommandRules, VectorsHaveALengthAndInertiasAreThoseOfBodies)
+{
+    struct Block {
+        double before;
+        double axes[2][3];
+        double scale[2];
+        double inertia[2][3][3];
+    };
+    const Block good{
+        0.0,
+        {{0.0, 0.0, 1.0}, {1.0, 1.0, 1.0}},
+        {1.0, 2.0},
+        {{{3.0, 0.0, 0.0}, {0.0, 4.0, 0.0}, {0.0, 0.0, 5.0}}, {{5.0, 0.0, 0.0}, {0.0, 4.0, 0.0}, {0.0, 0.0, 3.0}}}};
+    const CommandRule rules[] = {
+        {"axes", "", offsetof(Block, axes), 6, 3, COMMAND_ALL_ROWS, COMMAND_NON_ZERO, FLEDGE_F64, 0.0, 0.0},
+        {"scale", "", offsetof(Block, scale), 2, 1, COMMAND_ALL_ROWS, COMMAND_NON_ZERO, FLEDGE_F64, 0.0, 0.0},
+        {"inertia", "", offsetof(Block, inertia), 18, 9, COMMAND_ALL_ROWS, COMMAND_INERTIA, FLEDGE_F64, 0.0, 0.0}};
+    const auto broken = [&](const auto &change) -> std::pair<std::string, uint32_t> {
+        Block block = good;
+        change(block);
+        uint32_t element = 99;
+        const CommandRule *rule = command_check(rules, 3, &block, &element);
+        return rule ? std::pair{std::string(rule->name), element} : std::pair{std::string(), 0u};
+    };
+    using Broken = std::pair<std::string, uint32_t>;
+    EXPECT_EQ(broken([](Block &) {}), Broken("", 0));
+    EXPECT_EQ(broken([](Block &b) { b.axes[0][2] = 0.0; }), Broken("axes", 0));
+    EXPECT_EQ(broken([](Block &b) { b.axes[1][0] = b.axes[1][1] = b.axes[1][2] = 0.0; }), Broken("axes", 3));
+    EXPECT_EQ(broken([](Block &b) { b.axes[1][0] = b.axes[1][2] = 0.0; }), Broken("", 0));
+    EXPECT_EQ(broken([](Block &b) { b.scale[1] = 0.0; }), Broken("scale", 1));
+    EXPECT_EQ(broken([](Block &b) { b.inertia[0][0][0] = 10.0; }), Broken("inertia", 0));
+    EXPECT_EQ(broken([](Block &b) { b.inertia[1][2][2] = -3.0; }), Broken("inertia", 9));
 }
 
 TEST(CommandCrc, IsThatOfCcsds)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fledge import SetupError, Simulation, world
+from fledge import Orbit, SetupError, Simulation, world
 from fledge import flight as fsw
 from fledge.units import N, kg, m, minute, ms, s
 
@@ -129,3 +129,37 @@ def test_bad_propulsion_is_refused_before_the_first_step():
     says("world.thrusters.isp[0] is 60 s, so propellant flows, but n_tanks is 0", isp=60 * s)
     says("world.thrusters.isp[0] must be > 0 s where tanks feed", propellant=[2] * kg)
     says("Thrusters.propellant must be in [1e-09, 1e+09] kg, found 0", propellant=[0] * kg, isp=60 * s)
+
+
+def test_a_wheel_stuck_at_its_limit_has_one():
+    def prepared(u_max, Omega_max, size=0):
+        sim = Simulation("wheels")
+        w = sim.world
+        w.wheels = world.ReactionWheels(axes_B=[[1, 0, 0], [0, 1, 0]], J=0.1, u_max=u_max, Omega_max=Omega_max,
+                                        faults=[{"kind": "HIGH", "channels": 1, "size": size}])
+        w.craft = world.Spacecraft(I_B=3, parts=[w.wheels], gravity=[world.EARTH],
+                                   orbit=Orbit(world.EARTH, altitude=500e3))
+        w.task("dynamics", every=0.1, run=[w.craft])
+        sim.prepare()
+
+    prepared([0.1, 0.2], [600, 500])
+    prepared([0.1, 0], [600, 0], size=0.1)
+    for limits in (([0.1, 0], [600, 500]), ([0.1, 0.2], [0, 500])):
+        with pytest.raises(SetupError, match="world.wheels.faults.0..size: not every channel has limits, so it must"):
+            prepared(*limits)
+
+
+def test_the_states_of_wheels_have_their_names():
+    sim = Simulation("wheels")
+    w = sim.world
+    w.wheels = world.ReactionWheels(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.1, Omega=[10, 20, 30],
+                                    unbalance=[0, 1e-5, 0])
+    w.craft = world.Spacecraft(I_B=3, mass=10, parts=[w.wheels], gravity=[world.EARTH],
+                               orbit=Orbit(world.EARTH, altitude=500e3))
+    w.task("dynamics", every=0.1, run=[w.craft])
+    sim.step()
+    linear = sim.linearize([], [])
+    found = dict(zip(linear.states, linear.x0))
+    assert [found[f"world.wheels.h[{i}]"] for i in range(3)] == pytest.approx([1, 2, 3])
+    rates = dict(zip(linear.states, linear.drift))
+    assert [rates[f"world.wheels.theta[{i}]"] for i in range(3)] == pytest.approx([10, 20, 30], rel=1e-6)
