@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 from fledge import export, mission as missions, objects
-from fledge.commands import moved, parameters
+from fledge.commands import moved, parameters, sequence_of
 from fledge.errors import Failure, SetupError
 from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen, set_up
@@ -72,6 +72,7 @@ class Rehearsal:
         self.missions: list[Any] = []
         self.script: list[Command] = []
         self.in_vain: set[tuple[str, int]] = set()      # (process, sequence) of what the scenario sent in vain
+        self.sent_as: dict[tuple[str, int], int] = {}   # (process, sequence) as the scenario sent it -> in the script
 
     def begin(self) -> None:
         self.missions = export.read_all(self.sim)
@@ -103,7 +104,10 @@ class Rehearsal:
         made = end - len(packets) - self.sequence[flight.name]
         self.sequence[flight.name] = end
         self.script += [Command(now, flight.name, moved(one, -made)) for one in packets]
-        self.script += [Command(t, flight.name, moved(one, len(packets))) for t, one in sent]
+        for t, one in sent:
+            packet = moved(one, len(packets))
+            self.script.append(Command(t, flight.name, packet))
+            self.sent_as[flight.name, sequence_of(one)] = sequence_of(packet)
 
     def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
         """In place of the simulation's run()."""
@@ -159,8 +163,8 @@ class Rehearsal:
     def finish(self) -> None:
         if self.duration is None:
             self.duration = self.sim.time
-        self.in_vain = {(flight.name, one.sequence) for flight in self.sim.flights for one in flight.commands.reports
-                        if not one.good}
+        self.in_vain = {(flight.name, self.sent_as.get((flight.name, one.sequence), one.sequence))
+                        for flight in self.sim.flights for one in flight.commands.reports if not one.good}
         self.script.sort(key=lambda one: one.after)
 
 
