@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Over a step dt, with C the turn by (omega_gyro + b) dt, errors become
  *     dd' = C dd + dt d x db   with d in the middle,   db' = db.
- * The lit cosines are reduced to three measurements H dd = y of unit variance: rows (n_i, c_i - n_i . d) / std_i, and
- * one for the length, become [H y] by an orthogonal reduction, which loses nothing. H may be singular. */
+ * A cosine is linear in d, so that an error of any size does it no harm; only the turn is not. With the variance a^2
+ * across d, what is left out of it, (db + noise) x dd and the arc by which d falls short of its tangent, grows as fast
+ * as a and reaches a^2. 2 a^2 (a std(b) + rate_noise) dt, in all directions, bounds the growth of its mean square.
+ * The lit cosines are reduced to three measurements H dd = y of unit variance: rows (n_i, c_i - n_i . d) / std_i become
+ * [H y] by an orthogonal reduction, which loses nothing. H may be singular. */
 #include "flight/sensing/sun_line.h"
 
 #include <string.h>
@@ -16,38 +19,26 @@ void sun_line_reset(SunLine *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
+/* [rad] An estimate that is worse has no part in an update. */
+#define VAGUE 0.5
+/* [-] Standard deviations from which on all lit sensors together are too bright or too dark. */
+#define BRIGHT 3.0
+
 static Vec3 part(const double *three)
 {
     return vec3(three[0], three[1], three[2]);
 }
 
-static void predict(SunLine *m, double dt)
+/* The root of the sum of the variances of both axes across s; with s zero, of all three. */
+static double across(const SunLine *m, Vec3 s, int first)
 {
-    double rows[12][6] = {{0.0}};
-    const Vec3 phi = vec_scale(dt, vec_add(m->mem.gyro_B, m->mem.b_B));
-    const Mat3 C = mrp_to_dcm(mrp_turn(phi));
-    const Vec3 d = mat_vec(C, m->mem.d_B);
-    const Vec3 middle = vec_scale(0.5, vec_add(m->mem.d_B, d));
-    const double white = fm_sqrt(m->par.rate_noise * dt + m->par.walk * dt * dt * dt / 12.0);
-    const double walk = fm_sqrt(m->par.walk * dt);
+    double sum = 0.0;
     for (int i = 0; i < 6; i++) {
-        const Vec3 db = part(&m->mem.root[i][3]);
-        const Vec3 dd = vec_add(mat_vec(C, part(m->mem.root[i])), vec_scale(dt, vec_cross(middle, db)));
-        memcpy(rows[i], dd.v, sizeof dd.v);
-        memcpy(rows[i] + 3, db.v, sizeof db.v);
+        const Vec3 u = part(&m->mem.root[i][first]);
+        const double along = vec_dot(s, u);
+        sum += vec_norm2(u) - along * along;
     }
-    for (int i = 0; i < 3; i++) {
-        double axis[3] = {0.0, 0.0, 0.0};
-        axis[i] = 1.0;
-        const Vec3 across = vec_cross(middle, part(axis));
-        const Vec3 drifted = vec_scale(0.5 * dt * walk, across), turned = vec_scale(white, across);
-        memcpy(rows[6 + i], drifted.v, sizeof drifted.v);
-        rows[6 + i][3 + i] = walk;
-        memcpy(rows[9 + i], turned.v, sizeof turned.v);
-    }
-    qr_reduce(&rows[0][0], 12, 6);
-    memcpy(m->mem.root, rows, sizeof m->mem.root);
-    m->mem.d_B = d;
+    return fm_sqrt(sum > 0.0 ? sum : 0.0);
 }
 
 /* The standard deviation of n . d. */
@@ -59,6 +50,44 @@ static double spread(const SunLine *m, Vec3 n)
         sum += along * along;
     }
     return fm_sqrt(sum);
+}
+
+static void predict(SunLine *m, double dt)
+{
+    double rows[16][6] = {{0.0}};
+    const Vec3 phi = vec_scale(dt, vec_add(m->mem.gyro_B, m->mem.b_B));
+    const Mat3 C = mrp_to_dcm(mrp_turn(phi));
+    const Vec3 d = mat_vec(C, m->mem.d_B);
+    const Vec3 middle = vec_scale(0.5, vec_add(m->mem.d_B, d));
+    const double white = fm_sqrt(m->par.rate_noise * dt + m->par.walk * dt * dt * dt / 12.0);
+    const double walk = fm_sqrt(m->par.walk * dt);
+    const Vec3 s = vec_unit(m->mem.d_B);
+    const double along = spread(m, s), a = across(m, s, 0), b = across(m, vec3(0.0, 0.0, 0.0), 3);
+    const double bent = a * fm_sqrt(2.0 * dt * (a * b + m->par.rate_noise));
+    for (int i = 0; i < 6; i++) {
+        const Vec3 db = part(&m->mem.root[i][3]);
+        const Vec3 dd = vec_add(mat_vec(C, part(m->mem.root[i])), vec_scale(dt, vec_cross(middle, db)));
+        memcpy(rows[i], dd.v, sizeof dd.v);
+        memcpy(rows[i] + 3, db.v, sizeof db.v);
+    }
+    for (int i = 0; i < 3; i++) {
+        double axis[3] = {0.0, 0.0, 0.0};
+        axis[i] = 1.0;
+        const Vec3 side = vec_cross(middle, part(axis));
+        const Vec3 drifted = vec_scale(0.5 * dt * walk, side), turned = vec_scale(white, side);
+        memcpy(rows[6 + i], drifted.v, sizeof drifted.v);
+        rows[6 + i][3 + i] = walk;
+        memcpy(rows[9 + i], turned.v, sizeof turned.v);
+        rows[12 + i][i] = bent;
+    }
+    if (m->mem.young > 0u && m->mem.used >= 3u && m->par.length > along) {
+        const Vec3 brighter = vec_scale(fm_sqrt(m->par.length * m->par.length - along * along), d);
+        memcpy(rows[15], brighter.v, sizeof brighter.v);
+    }
+    m->mem.young -= m->mem.young > 0u && m->mem.used > 0u ? 1u : 0u;
+    qr_reduce(&rows[0][0], 16, 6);
+    memcpy(m->mem.root, rows, sizeof m->mem.root);
+    m->mem.d_B = d;
 }
 
 /* Cosines that fit, as rows of unit variance. How many lit sensors did not fit. */
@@ -87,13 +116,7 @@ static uint32_t choose(const SunLine *m, const SunCosines *cosines, double (*row
 
 static void correct(SunLine *m, double (*rows)[4], int n)
 {
-    const double length = vec_norm(m->mem.d_B);
-    for (int j = 0; j < 3; j++) {
-        rows[n][j] = m->mem.d_B.v[j] / (length * m->par.length);
-    }
-    rows[n][3] = (1.0 - length) / m->par.length;
-    const int all = n + 1 < 4 ? 4 : n + 1; /* rows that are not there are zero */
-    qr_reduce(&rows[0][0], all, 4);
+    qr_reduce(&rows[0][0], n < 4 ? 4 : n, 4); /* rows that are not there are zero */
 
     double A[9][9] = {{1.0}, {0.0, 1.0}, {0.0, 0.0, 1.0}}, dx[6];
     for (int i = 0; i < 6; i++) {
@@ -106,57 +129,107 @@ static void correct(SunLine *m, double (*rows)[4], int n)
     m->mem.b_B = vec_add(m->mem.b_B, part(dx + 3));
 }
 
-/* Begin where the lit sensors look, with an error as large as theirs would be by one alone. 0: none is lit. */
-static int begin(SunLine *m, const SunCosines *cosines)
+/* Any direction: d is zero, with the covariance of a unit vector of which nothing is known. b stays as it is. */
+static void begin(SunLine *m)
 {
-    Vec3 sum = vec3(0.0, 0.0, 0.0);
-    for (uint32_t i = 0u; i < cosines->n && i < SUN_SENSORS_MAX; i++) {
-        if ((cosines->lit >> i & 1u) != 0u) {
-            sum = vec_add(sum, vec_scale(cosines->cosine[i], cosines->axes_B[i]));
-        }
+    double b[6][3];
+    for (int i = 0; i < 6; i++) {
+        memcpy(b[i], &m->mem.root[i][3], sizeof b[i]);
     }
-    m->mem.d_B = vec_unit(sum);
+    qr_reduce(&b[0][0], 6, 3);
+    m->mem.d_B = vec3(0.0, 0.0, 0.0);
+    memset(m->mem.root, 0, sizeof m->mem.root);
+    for (int i = 0; i < 3; i++) {
+        m->mem.root[i][i] = fm_sqrt(1.0 / 3.0);
+        memcpy(&m->mem.root[3 + i][3], b[i], sizeof b[i]);
+    }
+    m->mem.misfits = 0u;
+    m->mem.young = m->par.persistence;
+}
+
+/* Nothing is known of b either. */
+static void forget(SunLine *m)
+{
     m->mem.b_B = vec3(0.0, 0.0, 0.0);
     memset(m->mem.root, 0, sizeof m->mem.root);
     for (int i = 0; i < 3; i++) {
-        m->mem.root[i][i] = 0.7;
         m->mem.root[3 + i][3 + i] = m->par.rate_std;
     }
-    m->mem.misfits = 0u;
-    m->mem.running = vec_norm(m->mem.d_B) > 0.5 ? 1u : 0u;
-    return m->mem.running != 0u;
+    m->mem.running = 1u;
 }
 
-static void see(SunLine *m, const SunCosines *cosines)
+/* Whether |d| is 1, or what is not known of d may make it 1. */
+static int length_fits(const SunLine *m)
 {
-    double rows[SUN_SENSORS_MAX + 1][4] = {{0.0}};
-    if (m->mem.running == 0u && !begin(m, cosines)) {
-        return;
+    const double length = vec_norm(m->mem.d_B), gate = m->par.gate;
+    const Vec3 s = vec_unit(m->mem.d_B);
+    const double a = gate * across(m, s, 0);
+    return fm_abs(length - 1.0) <= gate * (m->par.length + m->par.noise + spread(m, s)) + 0.5 * a * a;
+}
+
+/* Whether sensors that fit, one by one, are not too bright or too dark together: the Sun is not partly hidden. */
+static int bright(const SunLine *m, double (*rows)[4], uint32_t n)
+{
+    Vec3 sum = vec3(0.0, 0.0, 0.0);
+    double more = 0.0, variance = 0.0;
+    for (uint32_t i = 0u; i < n; i++) {
+        const double cosine = vec_dot(part(rows[i]), m->mem.d_B);
+        more += cosine * rows[i][3];
+        variance += cosine * cosine;
+        sum = vec_add(sum, vec_scale(cosine, part(rows[i])));
     }
-    uint32_t misfits = choose(m, cosines, rows, &m->mem.used);
-    m->mem.rejected += misfits;
-    m->mem.misfits = misfits > m->mem.used ? m->mem.misfits + 1u : 0u;
+    const double of_d = spread(m, sum);
+    return more * more <= BRIGHT * BRIGHT * (variance + of_d * of_d);
+}
+
+/* Use the lit sensors. 0: most do not fit, or all are too dark, or what they see has not the length 1. */
+static int use(SunLine *m, const SunCosines *cosines, uint32_t *misfits)
+{
+    double rows[SUN_SENSORS_MAX][4] = {{0.0}};
+    *misfits = choose(m, cosines, rows, &m->mem.used);
+    if (*misfits > m->mem.used || m->mem.used == 0u || !bright(m, rows, m->mem.used)) {
+        return 0;
+    }
+    correct(m, rows, (int)m->mem.used);
+    return length_fits(m);
+}
+
+/* How good the estimate can be by what the lit sensors say of it. */
+static Quality see(SunLine *m, const SunCosines *cosines)
+{
+    const uint32_t n = cosines->n < SUN_SENSORS_MAX ? cosines->n : SUN_SENSORS_MAX;
+    if ((cosines->lit & ((1u << n) - 1u)) == 0u) {
+        return QUALITY_GOOD;
+    }
+    SunLine next = *m;
+    uint32_t misfits;
+    const double a = across(m, vec_unit(m->mem.d_B), 0);
+    const int known = m->mem.running != 0u && a * a <= m->par.noise && a <= VAGUE && length_fits(m);
+    if (m->mem.running == 0u) {
+        forget(&next);
+    }
+    if (!known) {
+        begin(&next);
+    }
+    const int fits = use(&next, cosines, &misfits);
+    next.mem.rejected += misfits;
+    if (fits || !known) {
+        next.mem.misfits = 0u;
+        *m = next;
+        return misfits > 0u && next.mem.used < 3u ? QUALITY_DEGRADED : QUALITY_GOOD;
+    }
+    m->mem.rejected = next.mem.rejected;
+    m->mem.misfits++;
     if (m->mem.misfits >= m->par.persistence) {
-        m->mem.restarts++;
-        memset(rows, 0, sizeof rows);
-        if (!begin(m, cosines)) {
-            return;
+        forget(&next);
+        begin(&next);
+        if (use(&next, cosines, &misfits) && across(&next, vec_unit(next.mem.d_B), 0) <= VAGUE) {
+            next.mem.restarts++;
+            *m = next;
+            return QUALITY_GOOD;
         }
-        choose(m, cosines, rows, &m->mem.used);
     }
-    if (m->mem.used > 0u) {
-        correct(m, rows, (int)m->mem.used);
-    }
-}
-
-/* Across the direction s: the root of the sum of the variances of both axes. */
-static double across(const SunLine *m, Vec3 s, int first)
-{
-    double sum = 0.0;
-    for (int i = 0; i < 6; i++) {
-        sum += vec_norm2(vec_cross(s, part(&m->mem.root[i][first])));
-    }
-    return fm_sqrt(sum);
+    return QUALITY_DEGRADED;
 }
 
 void sun_line_update(SunLine *m, Tick t)
@@ -186,17 +259,19 @@ void sun_line_update(SunLine *m, Tick t)
         tick_seconds(tick_since(t.t, data_time(cosines->head, t.t))) <= m->par.hold &&
         (next.mem.running == 0u || cosines->head.t != next.mem.seen)) {
         next.mem.seen = cosines->head.t;
-        see(&next, cosines);
-        quality = quality_min(quality, quality_through(cosines->head));
+        quality = quality_min(quality, quality_min(see(&next, cosines), quality_through(cosines->head)));
     } else {
         quality = quality_min(quality, QUALITY_DEGRADED);
     }
 
     const Vec3 s = vec_unit(next.mem.d_B);
-    const double std = across(&next, s, 0) / vec_norm(next.mem.d_B), rate_std = across(&next, s, 3);
+    const double a = across(&next, s, 0), b = across(&next, s, 3), std = a / vec_norm(next.mem.d_B);
+    const int with_gyro = next.mem.any_gyro != 0u;
+    const double rate_std =
+        fm_sqrt(b * b + (with_gyro && t.dt > 0 ? 2.0 * m->par.rate_noise / tick_seconds(t.dt) : 0.0));
     const Vec3 omega = vec_add(next.mem.gyro_B, next.mem.b_B);
     const int finite = vec_finite(next.mem.d_B) && vec_finite(omega) && isfinite(std) && isfinite(rate_std);
-    if (next.mem.running == 0u || !finite || !(std <= 1.0)) {
+    if (next.mem.running == 0u || !finite || !(a <= 1.0)) {
         m->mem.restarts += m->mem.running;
         m->mem.running = 0u;
         m->mem.t = t.t;
@@ -205,7 +280,13 @@ void sun_line_update(SunLine *m, Tick t)
         m->out.state.head = head_held(m->out.state.head);
         return;
     }
-    quality = std <= m->par.good ? quality : quality_min(quality, QUALITY_DEGRADED);
+    /* One rate does not say how often there are rates, and that is how noisy they are. */
+    if (!(std <= m->par.good) || !length_fits(&next) || (with_gyro && t.dt <= 0)) {
+        quality = quality_min(quality, QUALITY_DEGRADED);
+    }
+    if (next.mem.used == 0u) {
+        quality = quality_min(quality, m->out.heading.head.quality); /* the dark clears no doubt */
+    }
     m->mem = next.mem;
     m->out.heading = (SunHeading){head_next(m->out.heading.head, t.t, quality), s};
     m->out.rate = (GyroRate){head_next(m->out.rate.head, t.t, quality), omega};

@@ -8,12 +8,17 @@
 
 /** The direction to the Sun, filtered: by the cosines of as many coarse sun sensors as are lit, one is enough, and by
  *  the rate. The states are a vector d to the Sun and a rate b, which is added to the gyro's: it removes the gyro's
- *  bias, or is the rate itself where no gyro is wired. In an extended Kalman filter in square-root form,
- *      dd = d x (omega_gyro + b),   cosine_i = n_i . d,   |d| = 1 as a measurement.
+ *  bias, or is the rate itself where no gyro is wired. In a Kalman filter in square-root form,
+ *      dd = d x (omega_gyro + b),   cosine_i = n_i . d.
  *  A part of b along d cannot be seen and stays as it was.
- *  A lit sensor whose cosine is beyond `gate` standard deviations is left out; where most are left out `persistence`
- *  times in a row, the filter begins anew. The result is good while the error's standard deviation is up to `good`. In
- *  the dark the rates carry it on; beyond 1 rad, and `hold` after the last rate, the output is held, degraded.
+ *  Two lit sensors alone have two directions that fit, one a cone of them. So the filter begins at each update anew,
+ *  degraded, until lit sensors that do not lie in a plane give one direction, whose d has the length 1. After long
+ *  times in the dark, when the square of the standard deviation exceeds `noise`, it does so again and keeps b.
+ *  A lit sensor whose cosine is beyond `gate` standard deviations is left out. Where fewer than three are left, the
+ *  result is degraded. Where most are left out, where all are too dark together, as in a half-shadow, or where d would
+ *  lose its length, none is used, and the result is degraded; `persistence` times in a row, and the filter begins anew.
+ *  The result is good while the error's standard deviation is up to `good`. In the dark the rates carry it on; beyond
+ *  1 rad, and `hold` after the last rate, the output is held, degraded.
  *  Source: Kailath, Sayed and Hassibi, chapter 12, for the reduction. */
 typedef struct SunLine {
     struct {
@@ -27,14 +32,14 @@ typedef struct SunLine {
     } out;
     struct {
         double noise;         ///< [-] required, > 0: standard deviation of a cosine of the weight 1
-        double length;        ///< [-] required, > 0: standard deviation of |d| from 1
+        double length;        ///< [-] required, > 0: standard deviation of the Sun's brightness, |d|, from 1
         double rate_noise;    ///< [rad^2/s]   required, > 0: variance that the angle gains per second
         double walk;          ///< [rad^2/s^3] required, > 0: variance that b gains per second
         double rate_std;      ///< [rad/s] required, > 0: standard deviation of b at the start
         double gate;          ///< [-] required, > 0: standard deviations from which on a cosine does not fit
         double good;          ///< [rad] required, > 0: standard deviation up to which the direction is good
         double hold;          ///< [s] required, > 0: longest time between updates or rates that can be bridged
-        uint32_t persistence; ///< [-] required, > 0: updates in which most sensors do not fit until it begins anew
+        uint32_t persistence; ///< [-] required, > 0: updates in which the sensors do not fit until it begins anew
         uint32_t spare;
     } par;
     struct {
@@ -46,11 +51,13 @@ typedef struct SunLine {
         Vec3 gyro_B;       ///< [rad/s] the last rate of the gyro; zero without one
         double root[6][6]; ///< [-] root of the covariance of d and b
         uint32_t running;  ///< [-] 1 once there is a direction
-        uint32_t misfits;  ///< [-] updates in a row in which most sensors did not fit
+        uint32_t misfits;  ///< [-] updates in a row in which the sensors did not fit
         uint32_t used;     ///< [-] sensors in the last update
         uint32_t rejected; ///< [-] sensors since the reset
         uint32_t restarts; ///< [-] since the reset
         uint32_t any_gyro; ///< [-] 1 once there was a rate
+        uint32_t young;    ///< [-] updates with sensors in which the brightness may still change
+        uint32_t spare;
     } mem;
 } SunLine;
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A body that turns, with eight coarse sun sensors along the corners of a cube, with and without a gyro.
+#include "flight/testing/consistency.h"
 #include "flight/testing/eigen.h"
 
 extern "C" {
@@ -9,12 +10,11 @@ extern "C" {
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <string>
+#include <vector>
 
 namespace flight::testing {
 namespace {
-
-constexpr std::int64_t step_ns = 200'000'000;
-constexpr double step = 0.2;
 
 double normal(Random &random)
 {
@@ -33,7 +33,7 @@ struct Flown {
     bool gyro;
     Vector3d s, omega, bias;
     std::int64_t t = 0;
-    double brightness = 1;
+    double step = 0.2, brightness = 1;
     std::function<void(Flown &)> fault;
 
     Flown(std::uint64_t seed, bool gyro_) : random(seed), gyro(gyro_)
@@ -51,10 +51,20 @@ struct Flown {
         omega = gyro ? Vector3d(0.05 * random.direction()) : Vector3d(0.02 * normals(random));
         bias = 1e-3 * normals(random);
         sun_line_reset(&m);
-        SunCosines &cosines = m.in.cosines;
-        cosines.n = 8;
+        std::vector<Vector3d> corners;
         for (unsigned i = 0; i < 8; i++) {
-            cosines.axes_B[i] = vec_unit(vec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1));
+            corners.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
+        }
+        look(corners);
+    }
+
+    /// Sensors along these axes, four of them with less noise than the others.
+    void look(const std::vector<Vector3d> &axes)
+    {
+        SunCosines &cosines = m.in.cosines;
+        cosines.n = static_cast<std::uint32_t>(axes.size());
+        for (unsigned i = 0; i < cosines.n; i++) {
+            cosines.axes_B[i] = vec_unit(vec(axes[i]));
             cosines.weight[i] = i < 4 ? 1 : 0.25;
         }
     }
@@ -63,27 +73,28 @@ struct Flown {
     {
         if (t > 0) {
             if (!gyro) {
-                omega += std::sqrt(1e-8 * step) * normals(random);
+                omega += std::sqrt(m.par.walk * step) * normals(random);
             }
             s = turn(omega, omega.norm() * step) * s;
-            bias += std::sqrt(1e-14 * step) * normals(random);
+            bias += std::sqrt((gyro ? m.par.walk : 0) * step) * normals(random);
         }
         SunCosines &cosines = m.in.cosines;
         cosines.head = good(t);
         cosines.lit = 0;
-        for (unsigned i = 0; i < 8; i++) {
+        for (unsigned i = 0; i < cosines.n; i++) {
             const double cosine = brightness * eigen(cosines.axes_B[i]).dot(s);
-            cosines.cosine[i] = std::max(0.0, cosine) + 0.01 / std::sqrt(cosines.weight[i]) * normal(random);
+            cosines.cosine[i] = std::max(0.0, cosine) + m.par.noise / std::sqrt(cosines.weight[i]) * normal(random);
             cosines.lit |= cosine > 0.1 ? 1u << i : 0;
         }
         if (gyro) {
-            m.in.gyro = {good(t), vec(omega + bias + std::sqrt(1e-8 / step) * normals(random))};
+            m.in.gyro = {good(t), vec(omega + bias + std::sqrt(m.par.rate_noise / step) * normals(random))};
         }
         if (fault) {
             fault(*this);
         }
-        sun_line_update(&m, {t, t ? step_ns : 0});
-        t += step_ns;
+        const auto ns = static_cast<std::int64_t>(std::lround(step * 1e9));
+        sun_line_update(&m, {t, t ? ns : 0});
+        t += ns;
     }
     void run(double seconds)
     {
@@ -93,32 +104,186 @@ struct Flown {
     }
 
     double error() const { return (eigen(m.out.heading.s_B) - s).norm(); }
+    double rate_error() const { return (eigen(m.out.rate.omega_BN_B) - omega).cross(s).norm(); }
     Quality quality() const { return m.out.heading.head.quality; }
+
+    /// The squares of the errors by their covariance: of the direction and of the rate across it, four numbers.
+    double normalised_error() const
+    {
+        Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> root(&m.mem.root[0][0]);
+        const Vector3d a = s.unitOrthogonal(), b = s.cross(a), d = eigen(m.mem.d_B);
+        Eigen::Matrix<double, 4, 6> to = Eigen::Matrix<double, 4, 6>::Zero();
+        to.topLeftCorner<1, 3>() = to.block<1, 3>(2, 3) = a.transpose();
+        to.block<1, 3>(1, 0) = to.bottomRightCorner<1, 3>() = b.transpose();
+        Eigen::Matrix<double, 6, 1> error;
+        error << d.norm() * s - d, (gyro ? Vector3d(-bias) : omega) - eigen(m.mem.b_B);
+        const Eigen::Matrix4d P = to * root.transpose() * root * to.transpose();
+        return (to * error).dot(P.ldlt().solve(to * error));
+    }
 };
 
-TEST(SunLine, its_errors_are_as_large_as_it_says)
+/// Any noise, sensors, rates and times in the dark, and a brightness that is wrong by as much as `length` says.
+/// fade: [s] how long a half-shadow lasts.
+Flown any_flown(std::uint64_t seed, bool gyro, int sensors, double fade = 0)
 {
-    // Direction and rate across it, four numbers; averages over 200 runs within 99.8 % of chi-square.
-    for (const bool gyro : {true, false}) {
-        double sum = 0;
-        for (std::uint64_t seed = 1; seed <= 200; seed++) {
-            Flown f(seed, gyro);
-            f.run(40);
-            Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> root(&f.m.mem.root[0][0]);
-            const Vector3d a = f.s.unitOrthogonal(), b = f.s.cross(a);
-            Eigen::Matrix<double, 4, 6> to = Eigen::Matrix<double, 4, 6>::Zero();
-            to.topLeftCorner<1, 3>() = to.block<1, 3>(2, 3) = a.transpose();
-            to.block<1, 3>(1, 0) = to.bottomRightCorner<1, 3>() = b.transpose();
-            Eigen::Matrix<double, 6, 1> error;
-            error << f.s - eigen(f.m.mem.d_B), (gyro ? Vector3d(-f.bias) : f.omega) - eigen(f.m.mem.b_B);
-            const Eigen::Matrix4d P = to * root.transpose() * root * to.transpose();
-            sum += (to * error).dot(P.ldlt().solve(to * error)) / 200;
-            EXPECT_LT(f.error(), 5 * f.m.out.state.std);
-            EXPECT_EQ(f.quality(), QUALITY_GOOD);
-        }
-        EXPECT_GT(sum, 3.40) << gyro;
-        EXPECT_LT(sum, 4.65) << gyro;
+    Flown f(seed, gyro);
+    Random &random = f.random;
+    f.step = random.below(2) ? 0.2 : 0.5;
+    f.m.par.noise = 0.002 * std::pow(5, random.real(0, 1));
+    f.m.par.length = 0.001 * std::pow(50, random.real(0, 1));
+    f.m.par.rate_noise = gyro ? std::pow(10, random.real(-10, -7)) : 1e-12;
+    f.m.par.walk = std::pow(10, gyro ? random.real(-16, -12) : random.real(-10, -8));
+    f.m.par.persistence = static_cast<std::uint32_t>(5 + random.below(20));
+    f.omega = gyro ? Vector3d(random.real(0, 0.08) * random.direction()) : f.omega;
+    std::vector<Vector3d> axes;
+    for (int i = 0; sensors == 1 && i < 6; i++) {
+        axes.emplace_back((i % 2 ? 1 : -1) * Vector3d::Unit(i / 2));
     }
+    for (int i = 0; sensors == 2 && i < 8; i++) { // as those of sun_safe
+        axes.emplace_back((i % 2 ? 1 : -1) * Vector3d::Unit(i / 2 % 2) + (i < 4 ? 1 : -1) * Vector3d::UnitZ());
+    }
+    for (int i = 0, n = sensors == 3 ? 6 + random.below(3) : 3 + random.below(3); sensors > 2 && i < n; i++) {
+        axes.push_back(random.direction());
+    }
+    if (sensors > 0) {
+        f.look(axes);
+    }
+    const bool lit = random.below(4) != 0;
+    const double bright = 1 + f.m.par.length * normal(random);
+    f.brightness = lit ? bright : 0;
+    f.fault = [=, lit = lit, next = std::exp(random.real(1, 6))](Flown &flown) mutable { // for the next update
+        if (1e-9 * static_cast<double>(flown.t) > next) {
+            lit = !lit;
+            next += std::exp(flown.random.real(1, 6));
+        }
+        const double change = fade > 0 ? flown.step / fade : 1;
+        flown.brightness = std::clamp(flown.brightness + (lit ? change : -change), 0.0, bright);
+    };
+    return f;
+}
+
+TEST(SunLine, its_errors_are_as_large_as_it_says_wherever_it_is_good)
+{
+    // At a random time of each run; and hardly ever is it good and far from the Sun.
+    for (int kind = 0; kind < 10; kind++) {
+        const bool gyro = kind % 2;
+        double all = 0, direction = 0, rate = 0;
+        int n = 0, far = 0;
+        for (int seed = 1; seed <= campaign_runs(100, 1000); seed++) {
+            Flown f = any_flown(static_cast<std::uint64_t>(10 * seed + kind), gyro, kind / 2);
+            const int steps = static_cast<int>(f.random.real(20, 600) / f.step), from = f.random.below(steps);
+            bool looked = false, off = false;
+            for (int k = 0; k < steps; k++) {
+                f.update();
+                if (f.quality() != QUALITY_GOOD) {
+                    continue;
+                }
+                off = off || f.error() > 8 * f.m.out.state.std;
+                if (k >= from && !looked) {
+                    looked = true;
+                    n++;
+                    all += f.normalised_error();
+                    direction += std::pow(f.error() / f.m.out.state.std, 2);
+                    rate += std::pow(f.rate_error() / f.m.out.state.rate_std, 2);
+                }
+            }
+            far += off;
+        }
+        SCOPED_TRACE("sensors " + std::to_string(kind / 2) + (gyro ? ", with a gyro" : ", without a gyro"));
+        expect_chi_square(all / n, 4, n);
+        EXPECT_NEAR(direction / n, 1, 5 / std::sqrt(n)); // of two axes that differ: between one number and two
+        EXPECT_NEAR(rate / n, 1, 5 / std::sqrt(n));
+        EXPECT_LE(far, n / 500);
+        EXPECT_GT(n, campaign_runs(100, 1000) / 3);
+    }
+}
+
+TEST(SunLine, a_half_shadow_seldom_misleads_it)
+{
+    // What fades is no direction, but sensors do not say that they fade.
+    const int n = campaign_runs(200, 10'000);
+    int misled = 0;
+    double worst = 0;
+    for (int seed = 1; seed <= n; seed++) {
+        Flown f = any_flown(static_cast<std::uint64_t>(seed), seed % 2, seed / 2 % 3, 8);
+        f.m.par.persistence = static_cast<std::uint32_t>(std::lround(10 / f.step));
+        double off = 0;
+        for (int k = 0; k < std::lround(300 / f.step); k++) {
+            f.update();
+            off = std::max(off, f.quality() == QUALITY_GOOD && f.error() > 8 * f.m.out.state.std ? f.error() : 0);
+        }
+        misled += off > 0;
+        worst = std::max(worst, off);
+    }
+    EXPECT_LE(misled, n / 20);
+    EXPECT_LT(worst, 1.0);
+}
+
+TEST(SunLine, two_sensors_have_two_suns_until_a_third_is_lit)
+{
+    for (std::uint64_t seed = 1; seed <= 20; seed++) {
+        Flown f(seed, seed % 2);
+        f.look({{1, 0, 1}, {1, 0, -1}, {0, 1, 1}, {0, 1, -1}, {-1, 0, 1}, {-1, 0, -1}, {0, -1, 1}, {0, -1, -1}});
+        f.omega *= 0;
+        f.m.par.rate_std = 1e-5;
+        f.m.par.walk = 1e-14;
+        f.s = Vector3d(1, seed % 4 < 2 ? 0.1 : -0.1, 0.02).normalized();
+        f.run(60);
+        EXPECT_EQ(f.m.out.state.used, 2u);
+        EXPECT_EQ(f.quality(), QUALITY_DEGRADED);
+        EXPECT_LT(f.error(), 0.15) << "between both";
+        f.s = Vector3d(1, seed % 4 < 2 ? 0.25 : -0.25, 0.02).normalized();
+        f.run(1);
+        EXPECT_GE(f.m.out.state.used, 3u);
+        EXPECT_EQ(f.quality(), QUALITY_GOOD);
+        EXPECT_LT(f.error(), 0.05);
+        EXPECT_EQ(f.m.out.state.restarts, 0u);
+    }
+}
+
+TEST(SunLine, a_length_that_is_sure_does_no_harm)
+{
+    for (const double length : {0.05, 0.001, 1e-6}) {
+        for (std::uint64_t seed = 1; seed <= 20; seed++) {
+            Flown f(seed, true);
+            f.m.par.length = length;
+            f.run(1);
+            EXPECT_LT(f.error(), 0.05) << length;
+            f.run(20);
+            EXPECT_EQ(f.quality(), QUALITY_GOOD) << length;
+            EXPECT_LT(f.error(), 0.02) << length;
+        }
+    }
+}
+
+TEST(SunLine, where_one_of_three_sensors_differs_it_is_not_good)
+{
+    Flown f(5, true);
+    f.omega *= 0;
+    f.s = Vector3d(1, 0.3, 0.1).normalized();
+    f.run(20);
+    EXPECT_EQ(f.quality(), QUALITY_GOOD);
+    f.fault = [](Flown &flown) {
+        unsigned left = 3;
+        for (unsigned i = 0; i < 8; i++) {
+            const bool lit = flown.m.in.cosines.lit >> i & 1;
+            flown.m.in.cosines.lit &= left > 0 || !lit ? 0xFFu : ~(1u << i);
+            flown.m.in.cosines.cosine[i] += lit && left == 1 ? 0.3 : 0;
+            left -= lit && left > 0;
+        }
+    };
+    f.run(20);
+    EXPECT_EQ(f.m.out.state.used, 2u);
+    EXPECT_EQ(f.quality(), QUALITY_DEGRADED) << "which one is wrong, two cannot say";
+    EXPECT_LT(f.error(), 0.05);
+    f.fault = nullptr;
+    f.brightness = 0;
+    f.run(1);
+    EXPECT_EQ(f.quality(), QUALITY_DEGRADED) << "nor can the dark";
+    f.brightness = 1;
+    f.run(1);
+    EXPECT_EQ(f.quality(), QUALITY_GOOD);
+    EXPECT_EQ(f.m.out.state.restarts, 0u);
 }
 
 TEST(SunLine, one_or_two_sensors_are_enough_to_go_on_and_not_to_be_good_from_the_start)
