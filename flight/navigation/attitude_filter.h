@@ -30,6 +30,7 @@
 
 #define GYRO_HISTORY 32
 #define PREDICTED_ROWS 19
+#define VAGUE 0.1 /* [rad] an attitude that is worse is not corrected, which is linear: the filter begins anew */
 
 /** An attitude and a bias, of a time. What a deviation of the attitude is, each filter defines. */
 typedef struct AttitudeEstimate {
@@ -49,7 +50,7 @@ typedef struct AttitudeFilterMemory {
     Vec3 rejected;               ///< [-] the last rejected attitude
     Vec3 measured;               ///< [-] the last measured attitude that was looked at
     uint32_t agree;              ///< [-] rejected attitudes in a row that agree with each other
-    uint32_t running;            ///< [-] 1 once there is an attitude
+    uint32_t running;            ///< [-] attitudes that fit since it began, up to `persistence`; 0: there is none
     uint32_t any;                ///< [-] 1 once a measured attitude was looked at
     uint32_t n;                  ///< [-] rates that are kept
     double misfit;               ///< [-] as AttitudeFilterState has it, and what follows
@@ -72,6 +73,7 @@ typedef struct GyroSpan {
     Vec3 sigma; /* of the attitude at the end relative to that at the start */
     Mat3 C, J, M;
     double T;
+    double beyond; /* [rad] about each axis, what the rate may have changed since the last one that is kept */
 } GyroSpan;
 
 /** What distinguishes the filters. */
@@ -149,6 +151,12 @@ static inline GyroSpan span_of(const AttitudeFilterMemory *mem, Vec3 bias_B, int
         }
     }
     span.C = mrp_to_dcm(span.sigma);
+    const int64_t last = mem->times[mem->n - 1u];
+    if (to > last && mem->n > 1u) {
+        const double t = tick_seconds(tick_since(to, last)),
+                     dt = tick_seconds(tick_since(last, mem->times[mem->n - 2u]));
+        span.beyond = 0.5 * t * t / dt * vec_norm(vec_sub(mem->rates[mem->n - 1u], mem->rates[mem->n - 2u]));
+    }
     return span;
 }
 
@@ -181,7 +189,7 @@ static inline void rows_map(double (*rows)[6], int n, Mat3 map)
 static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const AttitudeFilterSettings *par)
 {
     const double T = span->T;
-    const double white = fm_sqrt(par->rate_noise * T + par->bias_walk * T * T * T / 12.0);
+    const double white = fm_sqrt(par->rate_noise * T + par->bias_walk * T * T * T / 12.0 + span->beyond * span->beyond);
     const double walk = T > 0.0 ? fm_sqrt(par->bias_walk / T) : 0.0;
     memset(rows, 0, 6 * sizeof *rows);
     for (int i = 0; i < 3; i++) {
@@ -208,7 +216,7 @@ static inline void horizon_go(AttitudeFilterMemory *mem, const AttitudeFilterKin
     }
     mem->at.t = t;
     uint32_t drop = 0u;
-    while (drop + 1u < mem->n && mem->times[drop + 1u] <= t) {
+    while (drop + 2u < mem->n && mem->times[drop + 2u] <= t) { /* two are left: how the rate changes */
         drop++;
     }
     mem->n -= drop;
@@ -295,6 +303,17 @@ static inline int measure(AttitudeEstimate *e, const AttitudeFilterKind *kind, V
     return 1;
 }
 
+/** [rad^2] About all three axes. */
+static inline double attitude_variance(const AttitudeEstimate *e, const AttitudeFilterKind *kind)
+{
+    const Mat3 map = kind->to_turn(e->sigma_BN);
+    double sum = 0.0;
+    for (int i = 0; i < 6; i++) {
+        sum += vec_norm2(mat_vec(map, vec3(e->root[i][0], e->root[i][1], e->root[i][2])));
+    }
+    return sum;
+}
+
 static inline int estimate_finite(const AttitudeEstimate *e)
 {
     double sum = 0.0; /* neither infinite nor NaN if all are finite and none is huge */
@@ -331,17 +350,20 @@ static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *
         /* The estimate goes to the time of the measured attitude only if it fits. */
         AttitudeFilterMemory there = *mem;
         horizon_go(&there, kind, t, par);
+        const double measured = P.m[0][0] + P.m[1][1] + P.m[2][2];
+        const int vague = attitude_variance(&there.at, kind) > VAGUE * VAGUE + 4.0 * measured;
         const int fits = measure(&there.at, kind, stars->sigma_BN, root, par->gate, &there.misfit);
         mem->misfit = isfinite(there.misfit) ? there.misfit : 0.0;
-        if (fits && estimate_finite(&there.at)) {
+        if (!vague && fits && estimate_finite(&there.at)) {
             *mem = there;
             mem->agree = 0u;
             mem->used = stars->head.quality == QUALITY_GOOD ? t : mem->used;
             mem->used_count++;
+            mem->running += mem->running < par->persistence ? 1u : 0u;
             return;
         }
-        mem->rejected_count++;
-        if (!all_agree(mem, stars, repeated, root, par)) {
+        mem->rejected_count += vague ? 0u : 1u;
+        if (!vague && !all_agree(mem, stars, repeated, root, par)) {
             return;
         }
         mem->restarts++;
@@ -393,7 +415,7 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
     if (t.t < next.now || (next.n > 0u && tick_seconds(tick_since(since, newest)) > par->hold)) {
         /* The clock went back, or nothing says how the body turned meanwhile. */
         next.any = t.t < next.now ? 0u : next.any;
-        next.restarts += next.running;
+        next.restarts += next.running != 0u ? 1u : 0u;
         next.running = next.agree = next.n = 0u;
     }
     next.now = t.t;
@@ -408,7 +430,8 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
     const int known = next.n > 0u && next.running != 0u;
     if (known) {
         tell(&next, kind, t.t, par, &said, &is);
-        const int old = next.used != next.seen || tick_seconds(tick_since(t.t, next.used)) > par->coast;
+        const int old = next.running < par->persistence || next.used != next.seen ||
+                        tick_seconds(tick_since(t.t, next.used)) > par->coast;
         const Quality quality = old || gyro->head.quality != QUALITY_GOOD ? QUALITY_DEGRADED : QUALITY_GOOD;
         said.head = head_next(attitude->head, t.t, quality);
         is.head = head_next(state->head, t.t, quality);

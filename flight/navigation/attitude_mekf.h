@@ -11,8 +11,9 @@
  *  or was not good. One whose normalised innovation exceeds the gate is rejected and counted; if as many as
  *  `persistence` in a row are rejected and agree with each other by the gyro's rates, the filter begins anew with the
  *  last: so it leaves a wrong first attitude, and a stuck star tracker, which repeats an attitude to the last digit,
- *  does not draw it away. A gap of the gyro up to `hold` is bridged; after a longer one the output is held, degraded,
- *  and the filter begins anew. The estimate of the bias outlives that.
+ *  does not draw it away. The output is degraded until `persistence` attitudes count, the first among them. A gap of
+ *  the gyro up to `hold` is bridged; after a longer one the output is held, degraded, and the filter begins anew. The
+ *  estimate of the bias outlives that.
  *  Sources: Markley 2003; Lefferts, Markley and Shuster 1982; attitude_filter.h has the equations. */
 typedef struct AttitudeMekf {
     struct {
@@ -31,7 +32,7 @@ typedef struct AttitudeMekf {
         double gate;       ///< [-] required, > 0: normalised innovation above which an attitude does not fit
         double hold;       ///< [s] required, > 0: longest gap between rates that can be bridged
         double coast;      ///< [s] required, > 0: longest time since the last measured attitude for a good result
-        uint32_t persistence; ///< [-] required, > 0: rejected attitudes that agree with each other until it begins anew
+        uint32_t persistence; ///< [-] required, > 0: attitudes that agree until it begins anew, or until it is good
         uint32_t spare;
     } par;
     struct {

@@ -18,6 +18,11 @@ TEST(AttitudeMekf, its_errors_are_as_large_as_it_says)
     expect_consistent<AttitudeMekf>(attitude_mekf_update, itself);
 }
 
+TEST(AttitudeMekf, where_it_is_good_its_errors_are_as_large_as_it_says_whatever_the_sensors_do)
+{
+    expect_good_is_true<AttitudeMekf>(attitude_mekf_update, itself);
+}
+
 TEST(AttitudeMekf, its_covariance_is_that_of_a_dense_filter)
 {
     expect_riccati<AttitudeMekf>(attitude_mekf_update, itself, 1e-5);

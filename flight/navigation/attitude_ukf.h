@@ -25,7 +25,7 @@ typedef struct AttitudeUkf {
         double gate;       ///< [-] required, > 0: normalised innovation above which an attitude does not fit
         double hold;       ///< [s] required, > 0: longest gap between rates that can be bridged
         double coast;      ///< [s] required, > 0: longest time since the last measured attitude for a good result
-        uint32_t persistence; ///< [-] required, > 0: rejected attitudes that agree with each other until it begins anew
+        uint32_t persistence; ///< [-] required, > 0: attitudes that agree until it begins anew, or until it is good
         uint32_t spare;
     } par;
     struct {

@@ -21,6 +21,11 @@ TEST(AttitudeUkf, its_errors_are_as_large_as_it_says)
     expect_consistent<AttitudeUkf>(attitude_ukf_update, to_turn);
 }
 
+TEST(AttitudeUkf, where_it_is_good_its_errors_are_as_large_as_it_says_whatever_the_sensors_do)
+{
+    expect_good_is_true<AttitudeUkf>(attitude_ukf_update, to_turn);
+}
+
 TEST(AttitudeUkf, its_covariance_is_that_of_a_dense_filter)
 {
     expect_riccati<AttitudeUkf>(attitude_ukf_update, to_turn, 1e-3);

@@ -2,6 +2,7 @@
 // What both attitude filters must do: measurements of a body in any motion, and the tests themselves.
 #pragma once
 
+#include "flight/testing/consistency.h"
 #include "flight/testing/eigen.h"
 
 #include "flight/navigation/attitude_filter.h"
@@ -166,14 +167,83 @@ template <class Filter> void expect_consistent(UpdateOf<Filter> update, Mat3 (*t
         EXPECT_EQ(f.state().restarts, 0u);
         EXPECT_LE(f.state().rejected, 1u) << "the gate is at 5 standard deviations";
     }
-    const auto expect_within = [&](double average, double degrees) {
-        const double spread = 2 / (9 * degrees * n); // by Wilson and Hilferty
-        EXPECT_GT(average, degrees * std::pow(1 - spread - 3.09 * std::sqrt(spread), 3));
-        EXPECT_LT(average, degrees * std::pow(1 - spread + 3.09 * std::sqrt(spread), 3));
-    };
     for (int i = 0; i < 3; i++) {
-        expect_within(sum[i], 6);
-        expect_within(now[i], 1); // about an axis, by the rates since the horizon
+        expect_chi_square(sum[i], 6, n);
+        expect_chi_square(now[i], 1, n); // about an axis, by the rates since the horizon
+    }
+}
+
+/// Whatever happens to the sensors, errors are as large as they are said to be wherever the quality is good: at a
+/// random time of each run, and far larger ones never.
+template <class Filter> void expect_good_is_true(UpdateOf<Filter> update, Mat3 (*to_turn)(Vec3))
+{
+    const char *const kinds[] = {"nothing",    "outages",     "wrong steps", "a large bias",
+                                 "late stars", "a late gyro", "all"};
+    for (int kind = 0; kind < 7; kind++) {
+        const auto is = [&](int other) { return kind == other || kind == 6; };
+        double sum = 0, now = 0;
+        int n = 0, far = 0;
+        for (int seed = 1; seed <= campaign_runs(70, 1430); seed++) {
+            Flown<Filter> f(update, static_cast<std::uint64_t>(7 * seed + kind));
+            Random &random = f.random;
+            f.rate = std::pow(10, random.real(-3, -1));
+            f.m.par.coast = is(1) ? random.real(5, 60) : 5;
+            const double larger = is(3) ? std::pow(10, random.real(-1, 1.5)) : 1;
+            f.m.par.bias_std *= larger;
+            f.bias *= larger;
+            f.latency = is(4) ? tenth * random.below(12) : 0;
+            const auto late = static_cast<std::size_t>(is(5) ? random.below(3) : 0);
+            double change = std::exp(random.real(1, 4));
+            unsigned wrong = 0;
+            Vec3 step = vec3(0, 0, 0);
+            std::int64_t last = -1;
+            std::vector<GyroRate> rates;
+            f.fault = [&](auto &flown) {
+                StarAttitude &stars = flown.m.in.stars;
+                const double t = 1e-9 * static_cast<double>(flown.t);
+                if (is(1) && t > change) {
+                    flown.tracks = !flown.tracks;
+                    change = t + std::exp(random.real(0, 4.5));
+                }
+                if (is(2) && stars.head.sequence > 0 && stars.head.t != last) {
+                    last = stars.head.t;
+                    if (wrong == 0 && random.below(15) == 0) { // fewer times than `persistence`, and beyond the gate
+                        wrong = 1 + static_cast<unsigned>(random.below(static_cast<int>(flown.m.par.persistence) - 1));
+                        const double gate = 0.005 + 20 * (vec_norm(flown.state().attitude_std) + flown.m.par.bias_std);
+                        step = vec(std::tan(std::min(gate * std::pow(10, random.real(0, 2)), 3.0) / 4) *
+                                   random.direction());
+                    }
+                    stars.sigma_BN = wrong > 0 ? mrp_compose(step, stars.sigma_BN) : stars.sigma_BN;
+                    wrong -= wrong > 0;
+                }
+                rates.push_back(flown.m.in.gyro);
+                flown.m.in.gyro = rates.size() > late ? rates[rates.size() - 1 - late] : GyroRate{};
+            };
+            const int steps = static_cast<int>(random.real(50, 1500)), from = random.below(steps);
+            bool looked = false, off = false;
+            for (int k = 0; k < steps; k++) {
+                f.step();
+                if (f.quality() != QUALITY_GOOD) {
+                    continue;
+                }
+                const Vector3d by_std =
+                    turn_between(f.sigma, f.m.out.attitude.sigma_BN).cwiseQuotient(eigen(f.state().attitude_std));
+                const double error = normalised_error(f, to_turn(f.m.mem.filter.at.sigma_BN));
+                off = off || by_std.cwiseAbs().maxCoeff() > 8 || error > 80;
+                if (k >= from && !looked) {
+                    looked = true;
+                    n++;
+                    sum += error;
+                    now += by_std.squaredNorm() / 3;
+                }
+            }
+            far += off;
+        }
+        SCOPED_TRACE(kinds[kind]);
+        expect_chi_square(sum / n, 6, n);
+        EXPECT_LT(now / n, 1 + 5 / std::sqrt(n));
+        EXPECT_EQ(far, 0);
+        EXPECT_GT(n, campaign_runs(70, 1430) / 2);
     }
 }
 
