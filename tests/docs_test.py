@@ -114,7 +114,7 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
 
 
 def test_the_loop_meets_control_theory(tmp_path):
-    assert follow("linear.md", Shell(tmp_path)) == 3
+    assert follow("linear.md", Shell(tmp_path)) == 4
     assert (tmp_path / "loop.png").stat().st_size > 10_000
 
 

@@ -3,7 +3,7 @@
 
     lin = sim.linearize(["world.wheels.command.u[0]"], ["world.craft.state.omega_BN_B[0]"])
     scipy.signal.bode(lin), control.ss(*lin)        # (A, B, C, D), of a discrete one (A, B, C, D, dt)
-    lin.poles(), lin.margins(), lin.step(10)
+    lin.poles(), lin.modes(), lin.margins(), lin.step(10)
 """
 from __future__ import annotations
 
@@ -17,13 +17,68 @@ from fledge.columns import columns
 from fledge.errors import SetupError, did_you_mean, listed
 
 
+class Mode(NamedTuple):
+    """One motion of a linear system: a pole, or two that are conjugate.
+
+    pole: the eigenvalue, of two the one with imag >= 0: [1/s], or of the step of a discrete system
+    time: [s] in which the mode changes by the factor e: < 0 if it grows, infinite if, to rounding, it does neither
+    omega: [rad/s] |pole|, of a discrete system that of the continuous pole that steps so
+    damping: the share -real / |pole| of it: 1 if the mode only decays, 0 if it only swings, < 0 if it grows
+    states: path -> share of the mode that is in the state (participation factor), the largest first; they sum to 1
+    """
+    pole: complex
+    time: float
+    omega: float
+    damping: float
+    states: dict[str, float]
+
+    def __str__(self) -> str:
+        how = ("neither grows nor decays" if self.time == inf else
+               f"{'grows' if self.damping < 0 else 'decays'} by e in {_duration(abs(self.time))}")
+        swings = f", {self.omega:.3g} rad/s, damping {self.damping:.3g}" if self.pole.imag else ""
+        return f"{how}{swings}: " + listed([f"{path} {share:.0%}" for path, share in [*self.states.items()][:4]
+                                            if share >= 0.05])
+
+
+class Stable:
+    """Whether no mode grows, as a truth: `if margins.stable`; margins.stable(slower_than=...) accepts slow growth."""
+
+    def __init__(self, modes: Sequence[Mode]) -> None:
+        self._times = [-mode.time for mode in modes if mode.damping < 0]
+
+    def __call__(self, slower_than: Any = None) -> bool:
+        """Whether no mode grows by the factor e within a time. Raises SetupError unless that is a time > 0."""
+        if slower_than is None:
+            return bool(self)
+        from fledge.objects.si import time_ns
+
+        limit = time_ns(slower_than, "stable: slower_than")
+        if limit <= 0:
+            raise SetupError(f"stable: slower_than must be a time > 0, such as 10 * hour; found {slower_than!r}")
+        return all(1e9 * time > limit for time in self._times)
+
+    def __bool__(self) -> bool:
+        return not self._times
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self) == other
+
+    def __hash__(self) -> int:
+        return hash(bool(self))
+
+    def __repr__(self) -> str:
+        return repr(bool(self))
+
+
 class Margins(NamedTuple):
     """How far a loop is from instability, for the loop gain L of 1 + L = 0. Infinite or NaN where there is none.
 
     gain: the smallest factor > 1 with which the loop is at its limit; gain_down: the largest < 1; phase [rad]: the
     smallest lag, or lead if negative, that brings it there; delay [s]; modulus: the least distance of L from -1.
     gain_at, gain_down_at, phase_at, delay_at, modulus_at [rad/s]: where.
-    stable: whether no mode of the closed loop grows; of one that is not, the others say how far it is from that.
+    modes: of the closed loop, those that grow first, the fastest first.
+    stable: whether none of them grows; of a loop that is not stable, the margins say how far it is from that.
+    stable(slower_than=10 * hour): whether none grows by the factor e within that time.
     """
     gain: float
     gain_at: float
@@ -35,7 +90,11 @@ class Margins(NamedTuple):
     delay_at: float
     modulus: float
     modulus_at: float
-    stable: bool
+    modes: tuple[Mode, ...]
+
+    @property
+    def stable(self) -> Stable:
+        return Stable(self.modes)
 
     def __str__(self) -> str:
         def decibel(x):
@@ -48,7 +107,8 @@ class Margins(NamedTuple):
                 ["modulus", f"{self.modulus:.4g}", f"at {self.modulus_at:.4g} rad/s"]]
         none = ("nan" in row[2] for row in rows)
         rows = [[row[0], "none", ""] if no else row for row, no in zip(rows, none)]
-        return "\n".join([*columns(rows), "the closed loop is " + ("stable" if self.stable else "NOT stable")])
+        growing = [f"  {mode}" for mode in self.modes if mode.damping < 0]
+        return "\n".join([*columns(rows), "the closed loop is " + ("NOT stable:" if growing else "stable"), *growing])
 
 
 class Linear(tuple[Any, ...]):
@@ -115,6 +175,15 @@ class Linear(tuple[Any, ...]):
         found = np.linalg.eigvals(self.A)
         return found[np.lexsort((found.imag, abs(found)))]
 
+    def modes(self) -> tuple[Mode, ...]:
+        """What A does by itself: those that grow first, the fastest first, then the others, the slowest first."""
+        return _modes(self.A, self.dt, self.states)
+
+    @property
+    def stable(self) -> Stable:
+        """Whether no mode grows; stable(slower_than=10 * hour): whether none grows by the factor e within that time."""
+        return Stable(self.modes())
+
     def frequency(self, omega: Any) -> Any:
         """The response (k, p, m) at frequencies (k,) [rad/s], of a discrete system up to pi / dt."""
         omega = np.atleast_1d(np.asarray(omega, float))
@@ -167,14 +236,11 @@ class Linear(tuple[Any, ...]):
             raise SetupError(f"margins: feedback must be 1 or -1; found {feedback!r}")
         d = 1 - sign * lin.D[0, 0]
         closed = lin.A + sign * (lin.B @ lin.C) / d if d else np.full_like(lin.A, nan)
-        with np.errstate(invalid="ignore"):
-            rates = np.linalg.eigvals(closed) if np.isfinite(closed).all() else np.array([inf])
-        # To rounding: modes that the loop does not reach may neither grow nor decay.
-        stable = bool((rates.real < 1e-9 * max(abs(rates), default=1)).all() if lin.dt is None
-                      else (abs(rates) < 1 + 1e-9).all())
+        modes = _modes(closed, lin.dt, lin.states)
         # At its ends the response is real.
         ends = [0.0] if lin.dt is None else [0.0, pi / lin.dt]
-        return _margins(lambda w: -sign * lin.frequency(w)[:, 0, 0], _grid(lin, rates), ends, stable)
+        grid = _grid(lin, [mode.pole for mode in modes])
+        return _margins(lambda w: -sign * lin.frequency(w)[:, 0, 0], grid, ends, modes)
 
     def plot(self, output: str | int = 0, input: str | int = 0, margins: bool | None = None) -> Any:
         """A Bode plot of one channel as a matplotlib Figure: magnitude and phase by frequency.
@@ -240,6 +306,43 @@ def _place(names, which, word):
     raise SetupError(f"there is no {word} {which!r}{near} there are {listed(names)}")
 
 
+def _modes(A, dt, states):
+    """The modes of a matrix; of one that is not finite, that of a loop that has no solution."""
+    from scipy.linalg import eig, matrix_balance
+
+    if not np.isfinite(A).all():
+        return (Mode(complex(inf), -0.0, inf, -1.0, {}),)
+    if not len(A):
+        return ()
+    # In units in which the elements of A are alike: shares of a mode do not depend on units.
+    poles, left, right = eig(matrix_balance(A, permute=False)[0], left=True)
+    shares = abs(left * right)
+    alone = abs(right)**2       # poles that are alike may have one motion, in which left and right share nothing
+    shares = np.where(shares.sum(axis=0) > 1e-6, shares, alone)
+    shares = shares / shares.sum(axis=0)
+    # To rounding: modes that a loop does not reach may neither grow nor decay.
+    with np.errstate(divide="ignore"):
+        rates = poles if dt is None else np.log(poles) / dt
+    still = abs(poles.real) < 1e-9 * abs(poles).max() if dt is None else abs(abs(poles) - 1) < 1e-9
+    found = []
+    for pole, rate, zero, share in zip(poles, rates, still, shares.T):
+        if pole.imag < 0:
+            continue
+        real, omega = (0.0 if zero else float(rate.real)), float(abs(rate))
+        time = inf if real == 0 else -1 / real
+        damping = 0.0 if real == 0 else 1.0 if real == -inf else -real / omega
+        order = np.argsort(-share, kind="stable")
+        found.append(Mode(complex(pole), time, omega, damping, {states[i]: float(share[i]) for i in order}))
+    return tuple(sorted(found, key=lambda mode: (mode.time >= 0, -mode.time)))
+
+
+def _duration(t):
+    """47.2 h, 3.1 s"""
+    size, unit = next(one for one in ((86400 * 365.25, "years"), (86400, "days"), (3600, "h"), (60, "min"), (1, "s"))
+                      if t >= 2 * one[0] or one[0] == 1)
+    return f"{t / size:.3g} {unit}"
+
+
 def _grid(lin, more):
     """Frequencies [rad/s] from well below all that happens to well above, denser about lightly damped poles."""
     found = np.concatenate([lin.poles(), np.atleast_1d(more)])
@@ -260,7 +363,7 @@ def _grid(lin, more):
     return whole[(whole >= low) & (whole <= high)]
 
 
-def _margins(loop, grid, ends, stable):
+def _margins(loop, grid, ends, modes):
     from scipy.optimize import brentq, minimize_scalar
 
     values = loop(grid)
@@ -294,4 +397,4 @@ def _margins(loop, grid, ends, stable):
     phase, delay = best(phases, lambda one: abs(one[0])), best(delays, lambda one: one[0])
     gain, lag, time = (inf if x != x else float(x) for x in (up[0], phase[0], delay[0]))
     reduced = 0.0 if down[0] != down[0] else down[0]
-    return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], float(near.fun), float(near.x), stable)
+    return Margins(gain, up[1], reduced, down[1], lag, phase[1], time, delay[1], float(near.fun), float(near.x), modes)

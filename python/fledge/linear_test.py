@@ -8,10 +8,11 @@ import warnings
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.linalg import expm
 
 from fledge import SetupError
 from fledge.linear import Linear
-from fledge.units import s
+from fledge.units import hour, kg, minute, s
 
 
 def of(numerator, denominator, dt=None, same=False):
@@ -70,6 +71,52 @@ def test_the_sign_of_a_cut_loop():
     assert not cut.margins(feedback=-1).stable
     with pytest.raises(SetupError, match="feedback must be 1 or -1; found 3"):
         cut.margins(feedback=3)
+
+
+def test_the_modes_of_an_oscillator_continuous_and_discrete():
+    """z = 0.1, w = 2: it decays by e in 1 / (z w), in both states alike; beside it a mode that grows in 47 h."""
+    A = np.zeros((3, 3))
+    A[:2, :2], A[2, 2] = [[0, 1], [-4, -0.4]], 1 / (47 * 3600)
+    names = ["angle", "rate", "drift"]
+    for dt in (None, 0.1):
+        step = A if dt is None else expm(A * dt)
+        lin = Linear(step, np.zeros((3, 0)), np.zeros((0, 3)), np.zeros((0, 0)), dt, states=names, inputs=[],
+                     outputs=[])
+        slow, fast = lin.modes()
+        assert slow.time == pytest.approx(-47 * 3600) and slow.damping == pytest.approx(-1) and not slow.pole.imag
+        assert (fast.time, fast.omega, fast.damping) == pytest.approx((5, 2, 0.1)) and fast.pole.imag > 0
+        assert next(iter(slow.states.items())) == ("drift", pytest.approx(1))
+        assert fast.states["angle"] == pytest.approx(0.5) and fast.states["rate"] == pytest.approx(0.5)
+        assert str(slow) == "grows by e in 47 h: drift 100%"
+        assert str(fast) == "decays by e in 5 s, 2 rad/s, damping 0.1: angle 50%, rate 50%"
+        assert not lin.stable and lin.stable(slower_than=46 * hour) and not lin.stable(slower_than=48 * hour)
+        for wrong, text in ((0, "a time > 0"), (-1 * minute, "a time > 0"), (1 * kg, "stable: slower_than")):
+            with pytest.raises(SetupError, match=text):
+                lin.stable(slower_than=wrong)
+
+
+def test_shares_do_not_depend_on_units_nor_on_poles_that_are_alike():
+    A, T = np.array([[0, 1.0], [-4, -0.4]]), np.diag([1e-6, 1e6])
+    for matrix in (A, np.linalg.inv(T) @ A @ T):
+        mode, = Linear(matrix, np.zeros((2, 0)), np.zeros((0, 2)), np.zeros((0, 0)), states=["a", "b"], inputs=[],
+                       outputs=[]).modes()
+        assert list(mode.states.values()) == pytest.approx([0.5, 0.5])
+    still = of([1], [1, 0, 0])
+    assert still.stable and all(sum(mode.states.values()) == pytest.approx(1) for mode in still.modes())
+    assert "neither grows nor decays: x" in str(still.modes()[0])
+
+
+def test_a_loop_that_is_not_stable_says_what_grows_and_how_fast():
+    """1 / (s - p) in a loop with the gain p - 1e-5: what is left grows in 1e5 s."""
+    margins = of([0.5 - 1e-5], [1, -0.5]).margins()
+    assert not margins.stable and margins.stable(slower_than=27 * hour) and not margins.stable(slower_than=28 * hour)
+    assert margins.modes[0].time == pytest.approx(-1e5) and margins.stable == False     # noqa: E712
+    assert str(margins).splitlines()[-2:] == ["the closed loop is NOT stable:", "  grows by e in 27.8 h: x0 100%"]
+    late = of([1.01], [1, -1, 0], dt=0.5).margins()
+    assert late.modes[0].omega == pytest.approx(np.pi / 3 / 0.5, rel=0.01) and len(late.modes) == 1
+    # u = y with y = u + x has no solution.
+    loop = Linear([[-1.0]], [[1.0]], [[1.0]], [[1.0]], states=["x"], inputs=["u"], outputs=["u"]).margins()
+    assert not loop.stable and not loop.stable(slower_than=1 * s)
 
 
 def test_steps():
