@@ -52,10 +52,10 @@ static double spread(const SunLine *m, Vec3 n)
     return fm_sqrt(sum);
 }
 
-static void predict(SunLine *m, double dt)
+static void predict(SunLine *m, Vec3 gyro_B, double dt)
 {
     double rows[16][6] = {{0.0}};
-    const Vec3 phi = vec_scale(dt, vec_add(m->mem.gyro_B, m->mem.b_B));
+    const Vec3 phi = vec_scale(dt, vec_add(gyro_B, m->mem.b_B));
     const Mat3 C = mrp_to_dcm(mrp_turn(phi));
     const Vec3 d = mat_vec(C, m->mem.d_B);
     const Vec3 middle = vec_scale(0.5, vec_add(m->mem.d_B, d));
@@ -249,7 +249,8 @@ void sun_line_update(SunLine *m, Tick t)
     next.mem.running = turning ? next.mem.running : 0u;
     const double dt = tick_seconds(tick_since(t.t, next.mem.t));
     if (next.mem.running != 0u && dt > 0.0 && dt <= m->par.hold) {
-        predict(&next, dt);
+        predict(&next,
+                m->mem.any_gyro != 0u ? vec_scale(0.5, vec_add(m->mem.gyro_B, next.mem.gyro_B)) : next.mem.gyro_B, dt);
     } else if (dt != 0.0) {
         next.mem.running = 0u;
     }

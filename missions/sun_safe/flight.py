@@ -17,7 +17,7 @@ def build(f):
     # The direction to the Sun: least squares of what the sensors see, and a filter with the gyros, which goes on in the
     # shadow.
     f.sun      = fsw.SunDirection(**SUN_SENSORS, scale=SCALES, offset=OFFSETS, dark=0.1, differ=0.05, persistence=10)
-    f.line     = fsw.SunLine(noise=0.01, length=0.02, rate_noise=1e-9 * rad**2 / s, walk=1e-14 * rad**2 / s**3,
+    f.line     = fsw.SunLine(noise=0.01, length=0.02, rate_noise=1e-8 * rad**2 / s, walk=1e-14 * rad**2 / s**3,
                              rate_std=1e-3 * rad / s, gate=5, good=2 * deg, hold=5 * s, persistence=100)
 
     # Solar panels look along b1. Without a direction to the Sun the body turns about b2 until there is one.
