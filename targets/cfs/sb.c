@@ -234,6 +234,7 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t Pipe
     pocket_lock();
     const int64 until = pocket_until(TimeOut);
     const uint32 app = pocket_self_app_locked();
+    const bool main = pocket_core.apps[app].main_task == port_task_self();
     Pipe *pipe = pipe_of(PipeId);
     if (pipe == NULL || pipe->app != app) {
         pocket_unlock();
@@ -243,8 +244,8 @@ CFE_Status_t CFE_SB_ReceiveBuffer(CFE_SB_Buffer_t **BufPtr, CFE_SB_PipeId_t Pipe
     while (pipe->n == 0u && status == CFE_SUCCESS) {
         if (TimeOut == CFE_SB_POLL) {
             status = CFE_SB_NO_MESSAGE;
-        } else if (pocket_core.apps[app].asked != 0u || !pocket_sleep_locked(pipe, until)) {
-            status = CFE_SB_TIME_OUT; /* also where the app must end: it returns, and calls RunLoop */
+        } else if ((main && pocket_core.apps[app].asked != 0u) || !pocket_sleep_locked(pipe, until)) {
+            status = CFE_SB_TIME_OUT; /* also where the app must end: its main task returns, and calls RunLoop */
         } else if (pipe_of(PipeId) == NULL) {
             status = CFE_SB_PIPE_RD_ERR;
         }
