@@ -309,6 +309,7 @@ def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
     break_it()
     code, errors = controller.end()
     assert code == 1 and "spring: its connection is gone" in errors
+    programs[0].communicate(timeout=60)     # the address that it had gone to is gone, too
     if computes:
         programs[1].kill()  # it would notice after its step
     else:
