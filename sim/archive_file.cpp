@@ -9,6 +9,7 @@
 #include <ctime>
 #include <deque>
 #include <fcntl.h>
+#include <map>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -45,7 +46,7 @@ std::string in_words(int error, const std::string &part)
 
 // Of MCAP: https://mcap.dev/spec
 constexpr std::size_t magic = 8, prefix = 9, chunk_head = 49, message_head = 26;
-constexpr std::uint8_t message_op = 0x05, chunk_op = 0x06, metadata_op = 0x0C;
+constexpr std::uint8_t schema_op = 0x03, channel_op = 0x04, message_op = 0x05, chunk_op = 0x06, metadata_op = 0x0C;
 
 /// A file that is read as memory; empty if it cannot be.
 class Mapped {
@@ -119,7 +120,9 @@ struct ArchiveFile::Memory {
     std::vector<std::uint8_t> chunk, index;
     std::deque<std::string> texts; ///< whose addresses do not change
     std::deque<Pairs> pairs;
-    std::deque<std::vector<McapPair>> pointers; ///< into pairs
+    std::deque<std::vector<McapPair>> pointers;                         ///< into pairs
+    std::map<std::string, std::uint16_t> topics;                        ///< their channels
+    std::map<std::uint64_t, std::pair<std::string, std::string>> found; ///< schemas of a lost file: type, text
 
     const char *keep(std::string text) { return texts.emplace_back(std::move(text)).c_str(); }
     int finish(bool whole)
@@ -172,12 +175,16 @@ std::uint16_t ArchiveFile::add_channel(const std::string &topic, const std::stri
                                        const Pairs &pairs)
 {
     Memory &m = *memory_;
+    if (const auto known = m.topics.find(topic); known != m.topics.end()) {
+        return known->second;
+    }
     const Pairs &kept = m.pairs.emplace_back(pairs);
     const std::vector<McapPair> &pointers = m.pointers.emplace_back(as_pairs(kept));
     std::uint16_t type_id = 0, id = 0;
     require(mcap_add_schema(&writer_, m.keep("fledge/msg/" + type), m.keep(schema), &type_id));
     require(
         mcap_add_channel(&writer_, m.keep(topic), type_id, MCAP_ORDER_NATIVE, pointers.data(), pointers.size(), &id));
+    m.topics[topic] = id;
     return id;
 }
 
@@ -240,6 +247,16 @@ void ArchiveFile::copy(std::span<const std::uint8_t> records)
         const std::uint8_t *at = records.data() + prefix, *end = at + n;
         if (records[0] == chunk_op) {
             copy({at + chunk_head - prefix, end});
+        } else if (records[0] == schema_op) {
+            const std::uint64_t id = number(at, 2);
+            at += 2;
+            const std::string name = text(at);
+            text(at); // the encoding
+            memory_->found[id] = {name.substr(name.rfind('/') + 1), text(at)};
+        } else if (records[0] == channel_op) {
+            const auto &[type, schema] = memory_->found[number(at + 2, 2)];
+            at += 4;
+            add_channel(text(at), type, schema);
         } else if (records[0] == message_op) {
             require(mcap_message(&writer_, static_cast<std::uint16_t>(number(at, 2)),
                                  static_cast<std::int64_t>(number(at + 6, 8)),

@@ -28,7 +28,7 @@ public:
     ArchiveFile &operator=(const ArchiveFile &) = delete;
 
     void metadata(const std::string &name, const Pairs &pairs);
-    /// A topic of its own name; `type` is the message's ("NavAttitude"), `schema` its ros2msg text.
+    /// A topic, or the channel that it has already; `type` is the message's ("NavAttitude"), `schema` its ros2msg text.
     std::uint16_t add_channel(const std::string &topic, const std::string &type, const std::string &schema,
                               const Pairs &pairs = {});
     /// A message's struct, in the machine's byte order, at t >= 0 [ns].

@@ -100,12 +100,17 @@ Place find_path(const Simulation &simulation, const std::string &path)
     const auto dot = path.find('.', path.find('.') + 1);
     const std::string owner = path.substr(0, dot == std::string::npos ? 0 : dot);
     Place place{find_instance(simulation, owner)};
+    for (const auto &process : simulation.processes()) { // what its executive says: "flight.mode"
+        if (owner.empty() && path.starts_with(process->name + ".")) {
+            place.instance = process->executive().instance();
+        }
+    }
     if (!place.instance) {
         throw SetupError(path + ": there is no instance " + (owner.empty() ? path : owner) + "; there are " +
                          format_list(instance_paths(simulation)));
     }
     const FledgeStruct *type = &place.instance->type();
-    std::string_view rest = std::string_view(path).substr(dot + 1);
+    std::string_view rest = std::string_view(path).substr((owner.empty() ? path.find('.') : dot) + 1);
     while (!rest.empty()) {
         std::string_view name = rest.substr(0, rest.find('.'));
         rest.remove_prefix(std::min(rest.size(), name.size() + 1));
@@ -245,6 +250,17 @@ void check_numbers(const Distribution &d, bool whole, const std::string &path)
     }
 }
 
+template <class Use> void visit_modes(const Simulation &simulation, const Use &use)
+{
+    for (const auto &process : simulation.processes()) {
+        for (const Mode &mode : process->modes()) {
+            if (process->modes().size() > 1) {
+                use(*process, mode);
+            }
+        }
+    }
+}
+
 /// Flies runs one after the other in a simulation of its own, and stores their results.
 class Worker {
 public:
@@ -277,6 +293,11 @@ public:
         }
         result.flown[run] = 1;
         result.health[run] = own_.health();
+        std::size_t mode = run * (result.entered.size() / plan_.runs);
+        visit_modes(own_, [&](const Process &process, const Mode &one) {
+            const Tally tally = process.entered(one);
+            result.entered[mode++] = tally.count ? static_cast<double>(tally.first) / 1e9 : none;
+        });
         for (std::size_t i = 0; i < logs_.size(); i++) {
             keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
                  result.retained[i].data() + run * result.samples * plan_.retained[i].elements);
@@ -290,14 +311,18 @@ private:
         const auto index = [&](Ns t) { return static_cast<std::size_t>(t / log.every); };
         std::size_t k = 0;
         for (std::size_t i = 0; i < log.times.size(); i++) {
-            const std::byte *from = log.bytes.data() + i * log.field->size + variable.offset;
+            const std::byte *message = log.bytes.data() + i * log.field->size, *from = message + variable.offset;
+            Head head;
+            std::memcpy(&head, message, sizeof head);
+            const bool there = variable.raw || variable.offset < sizeof head || head_written(head);
             const bool last = i + 1 == log.times.size();
             const std::size_t end = complete && last ? samples
                                     : last           ? index(log.times[i]) + 1
                                                      : index(log.times[i + 1]);
             for (; k < std::min(samples, end); k++) {
                 for (std::size_t j = 0; j < variable.elements; j++) {
-                    to[k * variable.elements + j] = element_read(variable.type, from + j * element_size(variable.type));
+                    to[k * variable.elements + j] =
+                        there ? element_read(variable.type, from + j * element_size(variable.type)) : none;
                 }
             }
         }
@@ -310,7 +335,7 @@ private:
 };
 
 /// A result of the right size, filled with NaN.
-CampaignResult room_for(const CampaignPlan &plan)
+CampaignResult room_for(const Simulation &simulation, const CampaignPlan &plan)
 {
     CampaignResult result;
     result.samples = static_cast<std::size_t>(plan.duration / plan.every) + 1;
@@ -318,6 +343,7 @@ CampaignResult room_for(const CampaignPlan &plan)
     result.failures.resize(plan.runs);
     result.health.resize(plan.runs);
     result.draws.assign(plan.runs * dispersed_elements(plan), none);
+    result.entered.assign(plan.runs * mode_names(simulation).size(), none);
     for (const Retained &variable : plan.retained) {
         result.retained.emplace_back(plan.runs * result.samples * variable.elements, none);
     }
@@ -328,6 +354,15 @@ CampaignResult room_for(const CampaignPlan &plan)
 
 Distribution::Distribution() : lo(-std::numeric_limits<double>::infinity()), hi(std::numeric_limits<double>::infinity())
 {
+}
+
+std::vector<std::string> mode_names(const Simulation &simulation)
+{
+    std::vector<std::string> names;
+    visit_modes(simulation, [&](const Process &process, const Mode &mode) {
+        names.push_back(process.name + ".mode." + mode.name);
+    });
+    return names;
 }
 
 std::size_t dispersed_elements(const CampaignPlan &plan)
@@ -569,7 +604,7 @@ CampaignResult fly_one(Simulation &simulation, CampaignPlan plan, std::size_t in
     plan.first = index;
     plan.runs = 1;
     check_plan(simulation, plan);
-    CampaignResult result = room_for(plan);
+    CampaignResult result = room_for(simulation, plan);
     Worker(simulation, simulation, plan).fly(0, result, false);
     return result;
 }
@@ -578,7 +613,7 @@ CampaignResult fly(const Simulation &nominal, const CampaignPlan &plan, unsigned
                    const std::function<bool(CampaignProgress)> &progress)
 {
     check_plan(nominal, plan);
-    CampaignResult result = room_for(plan);
+    CampaignResult result = room_for(nominal, plan);
 
     // Clones are made here, one after the other: the nominal simulation is touched by one thread only.
     std::vector<std::unique_ptr<Simulation>> clones;

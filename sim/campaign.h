@@ -63,6 +63,7 @@ struct Retained {
     std::uint32_t offset = 0; ///< of the field, bytes from the start of the message
     std::size_t elements = 1;
     FledgeType type = FLEDGE_F64;
+    bool raw = false; ///< also the zeros of messages that were never written, whose samples are NaN otherwise
 };
 
 struct CampaignPlan {
@@ -83,8 +84,9 @@ struct CampaignResult {
     std::vector<std::string> failures;        ///< by run; "" if it flew to its end
     std::vector<std::vector<Finding>> health; ///< by run: Simulation::health() at its end
     std::vector<double> draws;                ///< by run, then by dispersed element; NaN if not flown
-    /// By variable: run, sample, element; NaN if not flown, or after a failure. Between two instants a
-    /// sample is that of the first.
+    std::vector<double> entered; ///< [s] by run, then as mode_names(): when the mode first began; NaN: it did not
+    /// By variable: run, sample, element; NaN if not flown, after a failure, or where the message was never written.
+    /// Between two instants a sample is that of the first.
     std::vector<std::vector<double>> retained;
 };
 
@@ -110,6 +112,9 @@ void check_retained(const Simulation &nominal, const Retained &variable);
 
 /// All of these for a plan, which must have runs and disperse no element twice.
 void check_plan(const Simulation &nominal, const CampaignPlan &plan);
+
+/// "flight.mode.SAFE" of each mode of each process that has several.
+std::vector<std::string> mode_names(const Simulation &simulation);
 
 /// How many numbers of each run are drawn.
 std::size_t dispersed_elements(const CampaignPlan &plan);

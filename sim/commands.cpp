@@ -243,7 +243,9 @@ void Commands::visit_state(const std::function<void(void *, std::size_t)> &block
 
 void Commands::report(void *self, const CommandReport *report, const std::uint8_t *data)
 {
-    static_cast<Commands *>(self)->reports_.push_back({*report, {data, data + report->n}});
+    auto &me = *static_cast<Commands *>(self);
+    me.reports_.push_back({*report, {data, data + report->n}});
+    me.process_.executive().command(*report);
 }
 
 } // namespace fledge::sim

@@ -31,7 +31,7 @@ void each_double(const FledgeStruct &type, std::uint32_t base, const std::string
     }
 }
 
-std::string often(const Health::Tally &tally, std::uint64_t updates)
+std::string often(const Tally &tally, std::uint64_t updates)
 {
     return " at " + std::to_string(tally.count) + " of " + std::to_string(updates) + " updates, first at " +
            format_time(tally.first);

@@ -43,14 +43,6 @@ std::vector<Finding> structural_findings(const Structure &structure);
 /// Counts what happens during a run. Does not allocate after the structure is laid out.
 class Health {
 public:
-    /// How often, and when first.
-    struct Tally {
-        std::uint64_t count = 0;
-        Ns first = -1;
-
-        void add(Ns t) { first = count++ ? first : t; }
-    };
-
     explicit Health(const Structure &structure);
 
     /// Lay out: watch the outputs of an instance that a task advances, and its counter `saturated`.

@@ -40,8 +40,9 @@ template <class Items> bool has(const Items &items, const std::string &name)
 } // namespace
 
 Process::Process(Simulation &owner, std::string process_name)
-    : name(std::move(process_name)), owner_(&owner), integrator_(make_rk4())
+    : name(std::move(process_name)), owner_(&owner), integrator_(make_rk4()), executive_(owner.recorder())
 {
+    executive_.begin(name);
 }
 
 void Process::add(const std::string &instance_name, std::shared_ptr<Instance> instance)
@@ -238,6 +239,17 @@ void Process::arm(const Event &event, bool armed)
 Ns Process::fired_at(const Event &event) const
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this, event).state.fired_at : -1;
+}
+
+Tally Process::entered(const Mode &mode) const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this).entered[static_cast<std::size_t>(&mode - modes_.data())]
+                            : Tally{};
+}
+
+Tally Process::fired(const Event &event) const
+{
+    return owner_->runtime_ ? owner_->runtime_->of(*this, event).fired : Tally{};
 }
 
 void Process::play(const Instance &instance, Played output)

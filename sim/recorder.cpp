@@ -12,6 +12,7 @@ namespace fledge::sim {
 
 namespace {
 
+constexpr std::size_t spare_channels = 64; // of what is followed after the archive was opened
 constexpr Ns never = std::numeric_limits<Ns>::max();
 
 /// The first multiple of a log's period after t.
@@ -67,12 +68,41 @@ std::shared_ptr<Log> Recorder::record(std::shared_ptr<Instance> instance, const 
     return log;
 }
 
+std::shared_ptr<Log> Recorder::follow(std::shared_ptr<Instance> instance, const FledgeField &field)
+{
+    auto log = std::make_shared<Log>();
+    log->instance = std::move(instance);
+    log->field = &field;
+    log->followed = true;
+    followed_.push_back(log);
+    if (archive_) {
+        declare(*log, *archive_);
+        log->archived_ = true;
+    }
+    return log;
+}
+
+void Recorder::declare(Log &log, ArchiveFile &archive)
+{
+    log.channel_ = archive.add_channel(log.topic(), log.field->sub->name, log.field->sub->schema);
+}
+
+template <class Use> void Recorder::for_all(const Use &use)
+{
+    for (const auto *logs : {&logs_, &followed_}) {
+        for (const auto &log : *logs) {
+            use(*log);
+        }
+    }
+}
+
 void Recorder::forget(const std::function<bool(const Log &)> &which)
 {
     if (archive_) {
         throw SetupError("the archive " + archive_->path() + " is open; choose what to record before you open it");
     }
     std::erase_if(logs_, [&](const auto &log) { return which(*log); });
+    std::erase_if(followed_, [&](const auto &log) { return which(*log); });
     find_next_due();
 }
 
@@ -81,20 +111,16 @@ void Recorder::open_archive(const std::string &path, const Pairs &run)
     if (archive_) {
         throw SetupError("the archive " + archive_->path() + " is still open");
     }
-    auto archive = std::make_unique<ArchiveFile>(path, logs_.size());
+    auto archive = std::make_unique<ArchiveFile>(path, logs_.size() + followed_.size() + spare_channels);
     archive->metadata("run", run);
     begin_archive(std::move(archive));
 }
 
 void Recorder::begin_archive(std::unique_ptr<ArchiveFile> archive)
 {
-    for (const auto &log : logs_) {
-        log->channel_ = archive->add_channel(log->topic(), log->field->sub->name, log->field->sub->schema);
-    }
+    for_all([&](Log &log) { declare(log, *archive); });
     archive_ = std::move(archive);
-    for (const auto &log : logs_) {
-        log->archived_ = true;
-    }
+    for_all([](Log &log) { log.archived_ = true; });
 }
 
 bool Recorder::resume_archive(const std::string &path)
@@ -102,7 +128,7 @@ bool Recorder::resume_archive(const std::string &path)
     if (!resumed_ || !ArchiveFile::lost(path, *resumed_)) {
         return false;
     }
-    begin_archive(std::make_unique<ArchiveFile>(path, logs_.size()));
+    begin_archive(std::make_unique<ArchiveFile>(path, logs_.size() + followed_.size() + spare_channels));
     write_archive([&] { archive_->take_over(*resumed_); });
     return true;
 }
@@ -149,9 +175,7 @@ void Recorder::close_archive(const Pairs &end)
 /// Stop archiving.
 std::unique_ptr<ArchiveFile> Recorder::take_archive()
 {
-    for (const auto &log : logs_) {
-        log->archived_ = false;
-    }
+    for_all([](Log &log) { log.archived_ = false; });
     return std::move(archive_);
 }
 
@@ -192,20 +216,32 @@ void Recorder::take_due(Ns t)
             }
             log->last_.assign(message, message + log->field->size);
         }
-        if (log->keep) {
-            log->times.push_back(t);
-            log->bytes.insert(log->bytes.end(), message, message + log->field->size);
-        }
-        if (log->archived_) {
-            Head head;
-            std::memcpy(&head, message, sizeof head);
-            write_archive([&] { archive_->message(log->channel_, t, head.sequence, {message, log->field->size}); });
-        }
+        keep(*log, t);
     }
     if (archive_) {
         write_archive([&] { archive_->save_if_due(); });
     }
     find_next_due();
+}
+
+void Recorder::written(Log &log, Ns t)
+{
+    log.keep = log.times.size() < Log::most;
+    keep(log, t);
+}
+
+void Recorder::keep(Log &log, Ns t)
+{
+    const std::byte *message = log.instance->memory() + log.field->offset;
+    if (log.keep) {
+        log.times.push_back(t);
+        log.bytes.insert(log.bytes.end(), message, message + log.field->size);
+    }
+    if (log.archived_) {
+        Head head;
+        std::memcpy(&head, message, sizeof head);
+        write_archive([&] { archive_->message(log.channel_, t, head.sequence, {message, log.field->size}); });
+    }
 }
 
 void Recorder::find_next_due()
@@ -223,13 +259,13 @@ void Recorder::reset()
 
 void Recorder::rewind(Ns now)
 {
-    for (const auto &log : logs_) {
-        const auto kept = std::upper_bound(log->times.begin(), log->times.end(), now) - log->times.begin();
-        log->times.resize(static_cast<std::size_t>(kept));
-        log->bytes.resize(static_cast<std::size_t>(kept) * log->field->size);
-        log->due_ = due_after(log->every, now);
-        log->last_.clear();
-    }
+    for_all([&](Log &log) {
+        const auto kept = std::upper_bound(log.times.begin(), log.times.end(), now) - log.times.begin();
+        log.times.resize(static_cast<std::size_t>(kept));
+        log.bytes.resize(static_cast<std::size_t>(kept) * log.field->size);
+        log.due_ = due_after(log.every, now);
+        log.last_.clear();
+    });
     find_next_due();
 }
 

@@ -22,6 +22,9 @@ struct Log {
     Ns every = 0;         ///< 0: at each instant
     bool keep = true;     ///< in memory
     bool changes = false; ///< only samples that differ from the one before
+    /// Samples come when the message is written (Recorder::written), the first `most` of them into memory.
+    bool followed = false;
+    static constexpr std::size_t most = 100'000;
 
     std::vector<Ns> times;
     std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes
@@ -46,6 +49,11 @@ public:
     std::shared_ptr<Log> record(std::shared_ptr<Instance> instance, const FledgeField &field, Ns every,
                                 bool keep = true);
     const std::vector<std::shared_ptr<Log>> &logs() const { return logs_; }
+    /// Record each writing of a port from now on, also into an archive that is open.
+    std::shared_ptr<Log> follow(std::shared_ptr<Instance> instance, const FledgeField &field);
+    const std::vector<std::shared_ptr<Log>> &followed() const { return followed_; }
+    /// The message of a log that follows it was written at t. Throws RunError as take().
+    void written(Log &log, Ns t);
     /// Take these records out. Throws SetupError if an archive is open.
     void forget(const std::function<bool(const Log &)> &which);
 
@@ -90,13 +98,16 @@ public:
 
 private:
     void take_due(Ns t);
+    void keep(Log &log, Ns t);
+    void declare(Log &log, ArchiveFile &archive);
+    template <class Use> void for_all(const Use &use);
     void find_next_due();
     std::unique_ptr<ArchiveFile> take_archive();
     void begin_archive(std::unique_ptr<ArchiveFile> archive);
     template <class Write> void write_archive(Write write);
 
     std::optional<McapMark> resumed_;
-    std::vector<std::shared_ptr<Log>> logs_;
+    std::vector<std::shared_ptr<Log>> logs_, followed_;
     std::unique_ptr<ArchiveFile> archive_;
     Ns next_due_;
 };

@@ -299,6 +299,9 @@ void Runtime::reset(Ns after)
         for (const auto &[event, armed] : requests.armed) {
             process.events[event].state.armed = armed;
         }
+        process.process->executive().forget();
+        process.counted = -1;
+        process.entered.assign(process.process->modes().size(), {});
         process.resets = 0;
         process.outages.clear();
         if (process.commands) {
@@ -331,6 +334,7 @@ void Runtime::set_begun(bool begun)
 void Runtime::begin(RunProcess &process, Ns t)
 {
     process.mode = process.asked = process.process->initial_mode();
+    modes_begin_ = true;
     process.ran = -1;
     process.down_until = -1;
     process.publishes = 0;
@@ -340,7 +344,8 @@ void Runtime::begin(RunProcess &process, Ns t)
         }
     }
     for (std::size_t i = 0; i < process.events.size(); i++) {
-        process.events[i] = {process.process->events()[i]->armed ? exec_armed() : exec_disarmed(), 0};
+        process.events[i].state = process.process->events()[i]->armed ? exec_armed() : exec_disarmed();
+        process.events[i].from = 0;
     }
     for (RunTask &task : tasks_) {
         if (task.process == &process) {
@@ -369,6 +374,9 @@ void Runtime::restart(RunProcess &process, Ns t)
         }
     }
     begin(process, t);
+    if (process.mode >= 0) {
+        say_mode(process, t);
+    }
     for (Configuration &module : configuration_) {
         if (module.process == &process) {
             publish(module, t);
@@ -423,6 +431,7 @@ bool Runtime::is_down(RunProcess &process, Ns t)
     if (process.commands) {
         process.commands->forget();
     }
+    process.process->executive().reset(t, static_cast<std::uint32_t>(process.outages.size()));
     return false;
 }
 
@@ -538,7 +547,7 @@ void Runtime::enter(const Process &process, int mode)
 void Runtime::event_added(const Process &process)
 {
     // The process checks it from the next instant on: an action may add an event that adds another one.
-    of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), now + 1});
+    of(process).events.push_back({process.events().back()->armed ? exec_armed() : exec_disarmed(), {}, now + 1});
     find_own_events(of(process));
     has_events_ = true;
 }
@@ -620,6 +629,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
         return;
     }
     process.mode = process.asked;
+    say_mode(process, t);
     for (RunTask &task : tasks_) {
         if (task.process == &process &&
             exec_switch(&task.state, task.runs_in[static_cast<std::size_t>(process.mode)], task.rate, t)) {
@@ -774,6 +784,8 @@ bool Runtime::run_event(RunProcess &process, std::size_t i, Ns t)
                        (event->condition ? event->condition->text() + " holds" : "its condition holds") +
                        " and it was armed anew");
     }
+    process.events[i].fired.add(t);
+    process.process->executive().event(t, i, event->name, event->text);
     act(process, *event, t);
     return true;
 }
@@ -859,12 +871,38 @@ void Runtime::instant()
         set_begun(true);
     }
     now = t;
+    if (modes_begin_) {
+        say_first_modes(t);
+    }
     if (has_events_) {
         run_events(t);
     }
     recorder_.take(t);
     outputs_.take(t);
     next = next_instant();
+}
+
+/// The process is in its mode at t.
+void Runtime::say_mode(RunProcess &process, Ns t)
+{
+    const auto mode = static_cast<std::size_t>(process.mode);
+    if (process.counted != process.mode) {
+        process.counted = process.mode;
+        process.entered[mode].add(t);
+    }
+    process.process->executive().mode(t, process.mode, process.process->modes()[mode].name);
+}
+
+/// Processes that began say in which mode, at their first instant.
+void Runtime::say_first_modes(Ns t)
+{
+    modes_begin_ = false;
+    for (RunProcess &process : processes_) {
+        if (process.mode >= 0 && process.ran == t) {
+            say_mode(process, t);
+        }
+        modes_begin_ = modes_begin_ || (process.mode >= 0 && process.ran < 0);
+    }
 }
 
 bool Runtime::run_until(Ns t, const RunControl &control)
@@ -963,6 +1001,13 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         value(process.mode);
         value(process.asked);
         value(process.publishes);
+        value(process.counted);
+        for (Tally &tally : process.entered) {
+            value(tally);
+        }
+        if (const auto said = process.process->executive().memory(); !said.empty()) {
+            block(said.data(), said.size());
+        }
         if (process.reset) {
             value(process.resets);
             value(process.down_until);
@@ -970,6 +1015,7 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         }
         for (RunEvent &event : process.events) {
             value(event.state);
+            value(event.fired);
         }
         for (const auto &instance : process.process->instances()) {
             block(instance->memory(), instance->type().size);
@@ -987,6 +1033,7 @@ void Runtime::restored()
 {
     failure_.clear();
     feed_again();
+    modes_begin_ = true;
     for (RunProcess &process : processes_) {
         process.ran = -1;
     }

@@ -37,6 +37,7 @@ struct Step {
 
 struct RunEvent {
     ExecEvent state;
+    Tally fired;
     Ns from; ///< the process does not check the event before this time
 };
 
@@ -47,6 +48,8 @@ struct RunProcess {
     std::vector<RunEvent> events;
     bool own_events = true;             ///< its events of data reach nothing of other processes
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
+    std::int32_t counted = -1;          ///< the mode that was counted last
+    std::vector<Tally> entered;         ///< by mode
     std::unique_ptr<Commands> commands; ///< null: it has no dictionary
 
     // Of a process whose computer can be reset.
@@ -167,6 +170,8 @@ private:
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
+    void say_mode(RunProcess &process, Ns t);
+    void say_first_modes(Ns t);
     void see_parameters(const RunProcess &process);
     void begin(RunProcess &process, Ns t);
     bool is_down(RunProcess &process, Ns t);
@@ -193,6 +198,7 @@ private:
     std::vector<Parameters> parameters_;
     bool changes_ = false; ///< some process has a change before it, which counts at its next instant
     bool has_events_ = false;
+    bool modes_begin_ = false;   ///< some process with modes has not run since it began
     Running *running_ = nullptr; ///< of the thread that runs
     std::string failure_;        ///< why the run cannot go on; "" if it can
 };

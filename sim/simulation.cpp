@@ -461,7 +461,9 @@ void Simulation::isolate(const std::string &name)
     }
     faults.raise();
     set_up_again();
-    const auto removed = [&](const Instance &instance) { return isolated.find(instance.name).get() != &instance; };
+    const auto removed = [&](const Instance &instance) {
+        return isolated.find(instance.name).get() != &instance && isolated.executive().instance().get() != &instance;
+    };
     std::erase_if(structure_.wires, [&](const Wire &wire) {
         const bool gone = removed(*wire.from.instance) || removed(*wire.to.instance);
         if (gone) {

@@ -7,6 +7,7 @@
 #include "flight/command/command.h"
 #include "sim/condition.h"
 #include "sim/error.h"
+#include "sim/executive.h"
 #include "sim/instance.h"
 
 #include <functional>
@@ -43,6 +44,14 @@ struct WireOptions {
 struct Wire {
     Port from, to;
     WireOptions options;
+};
+
+/// How often, and when first.
+struct Tally {
+    std::uint64_t count = 0;
+    Ns first = -1;
+
+    void add(Ns t) { first = count++ ? first : t; }
 };
 
 /// Modules or models that run in order, at one rate.
@@ -82,6 +91,7 @@ struct Event {
     std::int32_t count = 1;
     bool once = false;
     bool armed = true;              ///< at the start of a run
+    std::string text;               ///< when it happens, in words
     std::vector<std::string> modes; ///< only in these its condition holds; none: in all
 
     std::string mode; ///< enter this mode of the event's process; "": none
@@ -242,6 +252,11 @@ public:
     int arming(const Event &event) const; ///< ExecEvent::armed
     void arm(const Event &event, bool armed);
     Ns fired_at(const Event &event) const; ///< when it last fired; -1: never
+    /// How often a mode began in this run, and when first; the same of the firing of an event.
+    Tally entered(const Mode &mode) const;
+    Tally fired(const Event &event) const;
+    Executive &executive() { return executive_; }
+    const Executive &executive() const { return executive_; }
     /// (from, until) of the times at which its computer was down.
     std::vector<std::pair<Ns, Ns>> outages() const;
 
@@ -278,6 +293,7 @@ private:
     std::vector<std::shared_ptr<Event>> events_;
     std::shared_ptr<const Integrator> integrator_;
     std::map<const Instance *, Playback> playback_;
+    Executive executive_;
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;

@@ -4,6 +4,7 @@
 #ifndef TARGETS_MISSION_HOST_H
 #define TARGETS_MISSION_HOST_H
 
+#include "flight/command/activity.h"
 #include "flight/telemetry/telemetry.h"
 #include "record/mcap.h"
 #include "targets/mission_io.h"
@@ -40,6 +41,22 @@ typedef struct MissionStart {
     uint32_t resets; ///< of the computer, as the clock counts them, then
 } MissionStart;
 
+/** An event, for records. */
+typedef struct MissionEvent {
+    const char *name; ///< as in flight.py
+    const char *when; ///< its condition in words
+} MissionEvent;
+
+/** What the executive does, for records: its mode, and the events that fired. */
+typedef struct MissionExecutive {
+    const char *mode_topic, *activity_topic; ///< "/flight/mode", "/flight/activity"
+    const MissionDefinition *definitions;    ///< of ProcessMode and Activity
+    const char *const *modes;                ///< their names as in flight.py; n_modes of the commands
+    const MissionEvent *events;              ///< n_events of the commands
+    uint16_t (*mode)(const void *mission);   ///< the one in force
+    const ExecEvent *(*event)(const void *mission, uint16_t event);
+} MissionExecutive;
+
 enum { MISSION_NO_RESET = 0xFFFF };
 
 /** The heap of a mission that has one, as of a script. */
@@ -66,6 +83,7 @@ typedef struct MissionHost {
     const ExecRate *rates;
     const CommandTable *commands;
     const TelemetryTable *telemetry;
+    const MissionExecutive *executive;
     CommandState *state;   ///< memory for that of the commands
     McapSchema *schemas;   ///< memory for the schemas of the record
     McapChannel *channels; ///< memory for the channels of the record
@@ -85,11 +103,15 @@ extern const MissionHost fledge_mission;
  *  work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
-/** Records every output of flight at every tick, as MCAP, without a heap. */
+/** Records every output of flight at every tick, and what its executive does, as MCAP, without a heap. */
 typedef struct MissionRecord {
     McapWriter writer;
     uint16_t first; ///< the first channel; the others follow
     uint16_t open;
+    uint32_t reported; ///< how many of the reports of the commands are recorded
+    uint32_t resets;   ///< how many of the computer are
+    ProcessMode mode;  ///< the last one recorded
+    Activity activity; ///< the last one recorded
 } MissionRecord;
 
 /** Begin a record, whose bytes go to `write`. */

@@ -80,8 +80,10 @@ PARTS = [
     ("units elements errors files columns display interruption programs", "what all others need"),
     ("progress folders", "a progress bar; the folders of a project and of missions"),
     ("series", "recorded fields by name"),
-    ("objects archive attitude plot commands", "C structs as Python objects; MCAP files: read, compare, convert; "
-     "conversions; figures; packets of commands and telemetry"),
+    ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
+     "conversions; packets of commands and telemetry"),
+    ("activity", "modes, events, commands and resets of a run, from its record"),
+    ("plot", "figures"),
     ("flight flight_math linear", "the flight modules by name; the functions of `flight/math`; linear systems and "
      "their margins"),
     ("world", "the world's models by name, bodies, orbits, the sky"),

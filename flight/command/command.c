@@ -168,6 +168,7 @@ static void count(CommandState *s, CommandReason reason, int executed)
 static void finish(CommandState *s, CommandReport *report, const uint8_t *data, CommandSink sink, void *user)
 {
     count(s, (CommandReason)report->reason, report->executed != 0u);
+    s->recent[s->reported++ % (uint32_t)COMMAND_RECENT] = *report;
     sink(user, report, data);
 }
 

@@ -86,6 +86,7 @@ enum {
     COMMAND_DATA = 16,      ///< [bytes] in front of parameters, bytecode and text
     COMMAND_DATA_MAX = 512, ///< [bytes] of them in one command or report
     COMMAND_MAX = COMMAND_DATA + COMMAND_DATA_MAX,
+    COMMAND_RECENT = 32, ///< reports that the state keeps for records
     COMMAND_ALL = 0xFFFF
 };
 
@@ -178,7 +179,9 @@ typedef struct CommandState {
     uint32_t waiting; ///< [bytes] in the queue
     uint16_t staging; ///< the module that is staged, plus 1; 0: none
     uint16_t spare;
-    CommandLink ground; ///< of a host with one link
+    CommandLink ground;                   ///< of a host with one link
+    uint32_t reported;                    ///< how many reports there were
+    CommandReport recent[COMMAND_RECENT]; ///< report i, the first is 0, at i modulo COMMAND_RECENT
 } CommandState;
 
 /** Before flight's first instant: nothing waits, nothing is staged, nothing was counted, no command has come. */

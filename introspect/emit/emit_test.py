@@ -284,7 +284,7 @@ float64[3] sigma_br  # sigma_BR [-] (3) MRP of B relative to R
 float64[18] i_b  # I_B [kg m^2] (2, 3, 3) inertias
 fledge/Part[3] parts  # parts (3) the parts
 float64 k  # K [N m / s] gain; 0: off
-uint8[6] name  # name (6) who
+char[6] name  # name (6) who
 uint8[2] flags  # flags [-] (2)
 uint32 worst  # worst the worst {NONE=0, STALE=1, DEGRADED=2, GOOD=3}
 uint32 spare  # spare
@@ -312,7 +312,7 @@ def cdr_offsets(definitions, name, at=0):
                 inner, end = cdr_offsets(definitions, kind.split("/")[1], at)
                 start, at = inner[0][1], end
             else:
-                size = int(re.search(r"\d+$", kind)[0]) // 8
+                size = 1 if kind == "char" else int(re.search(r"\d+$", kind)[0]) // 8
                 at += -at % size
                 start, at = at, at + size
             if i == 0:

@@ -6,7 +6,7 @@ One line per field, whose comment keeps what ROS 2 cannot say, its true name fir
     <ros type> <lower-cased name>  # <true name> [<unit>] (<shape>) <meaning> {<NAME>=<value>, ...}
 
 Unit, shape (of arrays), meaning and values (of enums) stand there only if there are any. Arrays
-have one dimension; the shape in the comment holds all of them. A text is uint8[n]. Nested structs follow, each
+have one dimension; the shape in the comment holds all of them. A text is char[n]. Nested structs follow, each
 after a line of 80 `=` and `MSG: fledge/<name>`.
 
 A payload is the struct's bytes, which are its CDR exactly if there is no padding and every number
@@ -24,7 +24,7 @@ PACKAGE = "fledge"
 
 SCALARS = {Type.F64: "float64", Type.F32: "float32", Type.I8: "int8", Type.U8: "uint8", Type.I16: "int16",
            Type.U16: "uint16", Type.I32: "int32", Type.U32: "uint32", Type.I64: "int64", Type.U64: "uint64",
-           Type.CHAR: "uint8"}
+           Type.CHAR: "char"}
 
 
 def emit(library: Library) -> dict[str, str]:

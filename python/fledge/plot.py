@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.display import shown_by_pyplot
+from fledge.activity import modes
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
+POOR = "degraded or stale"
+MODE_COLOURS = ["#c9d6e6", "#f0cfa8", "#bfdcc3", "#dfc8e4", "#ecd98f", "#b9dcda", "#efc3c8", "#cfd4d8"]
 STYLE = Path(__file__).with_name("style.mplstyle")
 TITLE = {"x": 0.01, "ha": "left", "fontsize": 11, "fontweight": "bold", "color": "#222222"}     # of a figure
 
@@ -125,11 +128,17 @@ def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | 
         figure = Figure(figsize=size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows),
                         layout="constrained")
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).flatten()
-        last = max((one.time[-1] for group in groups for one in group if len(one.time)), default=1.0)
+        times = [one.time for group in groups for one in group if len(one.time)]
+        first, last = min((t[0] for t in times), default=0.0), max((t[-1] for t in times), default=1.0)
         unit, factor = time_unit(last)
         axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
         for i, (axis, group) in enumerate(zip(axes, groups)):
             _panel(axis, group, factor, chosen, titles[i] if titles and i < len(titles) else None)
+        left, right = axes[0].get_xlim()    # of all; what was never written has no place in it
+        axes[0].set_xlim(min(left, first / factor), max(right, last / factor))
+        began = modes(source)
+        for i, (axis, group) in enumerate(zip(axes, groups)):
+            _mode_band(axis, group, began, last / factor, factor, named=i < columns)
         label_time(axes, len(groups), columns, unit)
         if title:
             figure.suptitle(title, **TITLE)
@@ -171,6 +180,7 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
             text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
             axis.plot(one.time / factor, shown[:, k], label=text,
                       drawstyle="steps-post" if one.words else "default")  # it has no values between its values
+        _shade(axis, one, factor)
         labels.append(axis_label(label, unit_label(shown_unit)))
     axis.set_ylabel(", ".join(dict.fromkeys(labels)))
     words = group[0].words
@@ -179,15 +189,53 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
         axis.set_ylim(min(words) - 0.3, max(words) + 0.3)
         axis.set_ylabel(", ".join(dict.fromkeys(one.name.rpartition(".")[2] for one in group)))
     axis.set_title(title if title is not None else _title(group))
-    if len(axis.lines) > 1:
+    if len(axis.lines) > 1 or POOR in axis.get_legend_handles_labels()[1]:
         # Outside, where no line can run through it.
         axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
     lines = [line.get_ydata() for line in axis.lines]
+    lines = [y[~np.isnan(y)] for y in lines]
+    if lines and not any(map(len, lines)):
+        axis.text(0.5, 0.5, "never written", transform=axis.transAxes, ha="center", va="center", color="0.45")
+        axis.set_yticks([])
     # all constant: keep them apart from the frame
-    if lines and not words and all(len(y) and min(y) == max(y) for y in lines):
+    elif lines and not words and all(len(y) and min(y) == max(y) for y in lines):
         low, high = min(y[0] for y in lines), max(y[0] for y in lines)
         pad = 0.1 * max(high - low, abs(high), 1e-3)
         axis.set_ylim(low - pad, high + pad)
+
+
+def _mode_band(axis: Axes, group: list[Series], began: dict[str, list[tuple[float, str]]], last: float, factor: float,
+               named: bool) -> None:
+    """A strip above a panel with the modes of its process; if that has none, of the only one that has. named: write
+    their names"""
+    found = began.get(group[0].port.partition(".")[0]) or (next(iter(began.values())) if len(began) == 1 else [])
+    order = list(dict.fromkeys(name for _, name in found))
+    if len(order) < 2:
+        return
+    left, right = axis.get_xlim()
+    for (t, name), end in zip(found, [*(t / factor for t, _ in found[1:]), max(last, right)]):
+        begin, end = max(t / factor, left), min(end, right)
+        if begin >= end:
+            continue
+        axis.axvspan(begin, end, ymin=0.965, color=MODE_COLOURS[order.index(name) % len(MODE_COLOURS)], lw=0)
+        if named and end - begin > 0.02 * len(name) * (right - left):
+            axis.annotate(name, ((begin + end) / 2, 0.955), xycoords=("data", "axes fraction"), ha="center", va="top",
+                          fontsize=7, color="0.35")
+    axis.set_xlim(left, right)
+
+
+def _shade(axis: Axes, one: Series, factor: float) -> None:
+    """Shade the times of messages that are there and not good."""
+    import numpy as np
+
+    if one.quality is None or not len(one.time):
+        return
+    poor = np.append((one.quality > 0) & (one.quality < 3), False)
+    ends = np.append(one.time, one.time[-1]) / factor
+    turns = np.flatnonzero(np.diff(poor, prepend=False))
+    for begin, end in zip(turns[::2], turns[1::2]):
+        axis.axvspan(ends[begin], ends[end], color="0.5", alpha=0.15, lw=0,
+                     label="" if POOR in axis.get_legend_handles_labels()[1] else POOR)
 
 
 def _chosen_units(series: list[Series], units: dict[str, str]) -> dict[str, tuple[str, float]]:
@@ -218,8 +266,10 @@ def _chosen_units(series: list[Series], units: dict[str, str]) -> dict[str, tupl
 
 def used(values: np.ndarray, shape: tuple[int, ...]) -> int:
     """The number of elements to draw: of a long array only those up to the last that is ever non-zero."""
+    import numpy as np
+
     if len(shape) == 1 and shape[0] > 3:
-        return max((k for k in range(shape[0]) if values[:, k].any()), default=0) + 1
+        return max((k for k in range(shape[0]) if np.nan_to_num(values[:, k]).any()), default=0) + 1
     return values.shape[1]
 
 

@@ -8,17 +8,23 @@ of a row of an array of structs, "wheels.axis_B" that of all rows.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from os.path import commonprefix
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.display import table, unit_text
 from fledge.errors import SetupError, listed, nearest
 
+if TYPE_CHECKING:
+    from typing import Self
+
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
+MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
 HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
 
@@ -29,6 +35,7 @@ class Series:
     key: the name that the user gave; name: of the field, with the indices of an element, "sigma_BR[0]"
     port: the path of its message, "flight.tracking.error"
     time: (n,) [s]; values: (n, ...), in `unit`; shape: of one sample
+    quality: (n,) of the messages, a Quality each; None if they have no head
     words: value -> name of an enumeration; {} of other fields
     """
 
@@ -40,6 +47,7 @@ class Series:
     unit: str
     meaning: str
     words: dict[int, str]
+    quality: Any = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -52,8 +60,12 @@ class Records:
     A port has `name`, "flight.tracking.error", `type`, "AttError", `fields`, name -> field, `parts`, name -> the names
     and shapes of its parts, and `names`, of its fields and of the nested messages that hold them. A field of an array
     of structs has the dimensions of both.
+
+    A message that was never written has no values: they are NaN, also those of whole numbers, which then become
+    floating-point numbers. `raw` has the bytes as they were recorded.
     """
 
+    _raw = False
     _error: type[Exception] = SetupError
     _label: str = "the log"     # begins the text of an error
 
@@ -67,6 +79,10 @@ class Records:
     def _time(self, port):
         """[s]"""
         raise NotImplementedError
+
+    def executives(self) -> list[Any]:
+        """The ports with what the executives of processes said: ProcessMode and Activity."""
+        return [port for port in self._ports() if port.type in (MODE, ACTIVITY)]
 
     def _find(self, key):
         """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
@@ -124,10 +140,39 @@ class Records:
     def __getitem__(self, key: str) -> Any:
         """The values of a field as an (n, ...) array, of an element as (n,), of a message as structured (n,).
 
-        The arrays are read-only.
+        The arrays are read-only. NaN where the message was never written; a message whole has its bytes, and says so
+        in its head.
         """
         port, name, indices = self._find(key)
-        return part(self._values(port), name)[(slice(None), *indices)]
+        return self._field(port, name)[(slice(None), *indices)]
+
+    @property
+    def raw(self) -> Self:
+        """The same records with the bytes of messages that were never written, which are zeros."""
+        found = copy(self)
+        found._raw = True
+        return found
+
+    def _quality(self, port):
+        """(n,) the quality of each message; None if they have no head."""
+        values = self._values(port)
+        head = values.dtype["head"] if "head" in (values.dtype.names or ()) else None
+        return values["head"]["quality"] if head is not None and "quality" in (head.names or ()) else None
+
+    def _missing(self, port):
+        """The indices of the messages that were never written."""
+        quality = self._quality(port)
+        return [] if self._raw or quality is None else (quality == 0).nonzero()[0]
+
+    def _field(self, port, name):
+        """The values of a field; NaN where its message was never written. Of heads and whole messages their bytes."""
+        values = part(self._values(port), name)
+        missing = self._missing(port)
+        if len(missing) and values.dtype.kind in "fiub" and not f"{name}.".startswith(HEAD):
+            values = values.astype(values.dtype if values.dtype.kind == "f" else float)
+            values[missing] = math.nan
+            values.setflags(write=False)
+        return decoded(values) if values.dtype.kind == "S" else values
 
     def _ipython_key_completions_(self):
         """What IPython offers behind [": each port and field, as short as its last names are unique, and in full."""
@@ -166,8 +211,12 @@ class Records:
             del rest[:len(shape)]
         outer = [i for i, one in enumerate(shown[:-1]) if "[" in one]
         short = ".".join(shown[min(outer, default=-1):])
+        words = words_of(field)
+        if port.type == MODE and name == "index":
+            table = self._values(port)
+            words = {int(i): text.decode() for i, text in zip(table["index"], table["name"])}
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
-                      _meaning(field), words_of(field))
+                      _meaning(field), words, self._quality(port))
 
     def _short_name(self, port):
         """The shortest ending of a port's name that is unique here: "error"."""
@@ -203,6 +252,13 @@ def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
 def _meaning(field):
     """Of a field of a header, or of an archive."""
     return field.meaning if hasattr(field, "meaning") else field.doc
+
+
+def decoded(values: Any) -> Any:
+    """Texts of an array of C as texts."""
+    import numpy as np
+
+    return np.char.decode(values, "utf-8", "replace")
 
 
 def part(values: Any, name: str | None) -> Any:

@@ -29,7 +29,7 @@ static int64_t processor_time(void)
     return (int64_t)t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-static void start(const void *mission)
+static void start(const void *mission, CommandState *commands)
 {
     const char *path = getenv("FLEDGE_RECORD");
     char name[256];
@@ -40,6 +40,7 @@ static void start(const void *mission)
     }
     watch.host = fledge_mission;
     watch.host.mission = (void *)(uintptr_t)mission;
+    watch.host.state = commands;
     watch.before = processor_time();
     watch.failed = path == NULL || file_sink_open(&watch.sink, path) != 0;
     watch.open = !watch.failed;
@@ -75,14 +76,14 @@ static void finish(const MissionIoCounts *counts)
     }
 }
 
-void fledge_watch(const void *mission, int64_t t, const MissionIoCounts *counts)
+void fledge_watch(const void *mission, CommandState *commands, int64_t t, const MissionIoCounts *counts)
 {
     if (t < 0) {
         t < -1 ? leave() : finish(counts);
         return;
     }
     if (watch.ticks == 0u) {
-        start(mission);
+        start(mission, commands);
     }
     watch.ticks++;
     if (!watch.failed && mission_record_take(&watch.record, &watch.host, t) != MCAP_OK) {

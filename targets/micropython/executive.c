@@ -516,15 +516,28 @@ void executive_publish(uint16_t block, int64_t t)
     }
 }
 
-void executive_arm(uint16_t event, int on)
+static ExecutiveEvent *event_at(uint16_t event)
 {
     ExecutiveEvent *one = executive.events;
     for (; one != NULL && event > 0u; event--) {
         one = one->next;
     }
+    return one;
+}
+
+void executive_arm(uint16_t event, int on)
+{
+    ExecutiveEvent *one = event_at(event);
     if (one != NULL) {
         one->state.armed = on;
     }
+}
+
+const ExecEvent *executive_event(uint16_t event)
+{
+    static const ExecEvent none = {-1, -1, 0, 0};
+    const ExecutiveEvent *one = event_at(event);
+    return one != NULL ? &one->state : &none;
 }
 
 void executive_changed(uint16_t place)

@@ -31,6 +31,7 @@ void executive_enter(uint16_t mode);
 uint16_t executive_mode(void);
 void executive_publish(uint16_t block, int64_t t);
 void executive_arm(uint16_t event, int on);
+const ExecEvent *executive_event(uint16_t event);
 void *executive_parameters(uint16_t block);
 
 /** Print what the script composed, a line at a time. Names are without "flight."; those of one kind come in the order

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.archive import ArchiveError
 from fledge.errors import listed
-from fledge.series import part
+from fledge.series import ACTIVITY, MODE, part
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
@@ -151,6 +151,8 @@ def _topic(a, b, topic, ignore, tolerance, times):
     for here, there in ((a, b), (b, a)):
         if topic not in here.topics:
             n = there.topics[topic].count
+            if not n and there.topics[topic].type in (MODE, ACTIVITY):
+                return      # where nothing happens, the desktop has no topic
             yield Difference(STRUCTURE, name, "", None, None, f"only in {there.path}, {n} messages")
             return
     one, two = a.topics[topic], b.topics[topic]
@@ -208,6 +210,11 @@ def _values(channel, topic, va, vb, t, ignore, tolerance):
         if any(field.name == end or field.name.endswith("." + end) for end in ignore):
             continue
         x, y = (np.ascontiguousarray(part(v, field.name)).reshape(len(v), -1) for v in (va, vb))
+        if x.dtype.kind == "S":
+            if len(rows := np.flatnonzero((x != y).any(axis=1))):
+                p, q = (v[rows[0], 0].decode(errors="replace") for v in (x, y))
+                yield Difference(int(t[rows[0]]), topic, field.columns()[0], p, q, count=len(rows), total=len(t))
+            continue
         bits = x.view(f"u{x.dtype.itemsize}") != y.view(f"u{y.dtype.itemsize}")
         distance = np.zeros(bits.shape)
         if field.dtype[0] != "?":
@@ -245,13 +252,15 @@ def _ulps(p, q):
 
 
 def digest(archive: Archive, topics: Iterable[str], times: Times | None = None) -> str:
-    """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits."""
+    """A hash of all messages of some topics, by their names, times and bytes: 16 hexadecimal digits. What executives
+    say of themselves, their modes and activity, is left out."""
     import hashlib
 
     import numpy as np
 
     total = hashlib.sha256()
-    for topic in sorted(topics):
+    said = [port.topic for port in archive.executives()]
+    for topic in sorted(set(topics) - {*said}):
         t = archive.time_ns(topic)
         keep = np.ones(len(t), bool) if times is None else times(t)
         total.update(topic.encode() + b"\0")

@@ -269,7 +269,8 @@ class Archive(Records):
         """A pandas DataFrame by time [s], one column per number.
 
         topics: names (as for []) or patterns ("/flight/*") of topics or fields, one or several;
-            None: all. Topics of different rates share the index, with NaN where one has no value.
+            None: all but what executives say, which has no rate. Topics of different rates share the index, with NaN
+            where one has no value, as where a message was never written.
         head: with two columns for the head of each whole message: "error.valid_at", the time for which it holds
             [s], and "error.quality", of the ordered categories none, stale, degraded and good
         Members named spare are left out. Columns have the shortest names that are unique, "error.sigma_BR[0]";
@@ -278,6 +279,8 @@ class Archive(Records):
         tables: list[tuple[Any, dict[str, Any]]] = []
         units: dict[str, str] = {}
         meanings: dict[str, str] = {}
+        if topics is None:
+            topics = [one.topic for one in self.topics.values() if one not in self.executives()]
         for channel, fields, heads in self._select(topics, head):
             short = self._short_name(channel)
             columns: dict[str, Any] = {}
@@ -295,7 +298,7 @@ class Archive(Records):
 
     def _elements(self, channel, field):
         """A field's values as one (n,) array per element, in the order of Field.columns()."""
-        values = part(self._values(channel), field.name).reshape(channel.count, len(field.columns()))
+        values = self._field(channel, field.name).reshape(channel.count, len(field.columns()))
         return values.astype(values.dtype.newbyteorder("="), copy=False).T
 
     # ---- other formats ----
@@ -308,7 +311,8 @@ class Archive(Records):
         path that ends in .csv takes exactly one topic. The first column is the time in seconds,
         exact to the nanosecond; numbers are written such that reading them gives the same bits (in
         pandas, with float_precision="round_trip");
-        headings carry the units: "sigma_BR[0] [-]". topics, head: as for `frame`; the last columns are "valid_at [s]"
+        headings carry the units: "sigma_BR[0] [-]". Cells of a message that was never written are
+        empty. topics, head: as for `frame`; the last columns are "valid_at [s]"
         and "quality", by its names. Metadata are left out.
         """
         path = Path(path)
@@ -328,10 +332,14 @@ class Archive(Records):
 
     def _write_csv(self, writer, channel, fields, heads):
         headings, columns = ["time [s]"], []
+        missing = self._missing(channel)
         for field in fields:
             unit = f" [{field.unit}]" if field.unit else ""
             headings += [name + unit for name in field.columns()]
-            columns += [column.tolist() for column in self._elements(channel, field)]
+            for column in self.raw._elements(channel, field):
+                columns.append(column.tolist())
+                for i in missing:
+                    columns[-1][i] = ""
         for name, source in heads.items():
             values = part(self._values(channel), source)
             headings.append(f"{name} [s]" if source == "head.t" else name)
@@ -361,7 +369,9 @@ class Archive(Records):
                                            ("_time_ns", "ns", self.time_ns(channel.topic))):
                     group.create_dataset(name, data=values).attrs["unit"] = unit
                 for field in fields:
-                    data = group.create_dataset(field.name, data=part(self._values(channel), field.name))
+                    values = self._field(channel, field.name)
+                    values = values.astype("S") if values.dtype.kind == "U" else values
+                    data = group.create_dataset(field.name, data=values)
                     data.attrs["unit"] = field.unit
                     data.attrs["meaning"] = field.meaning
                     if field.values:

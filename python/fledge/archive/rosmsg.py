@@ -55,7 +55,7 @@ class Field:
     name: its true name from the message down, e.g. "sigma_BR", "head.t", "wheels.axis_B"
     unit: "" where the definition has none, "-" for dimensionless
     shape: () for a scalar; of nested arrays, all dimensions from the outside in
-    dtype: numpy's code without byte order, e.g. "f8"
+    dtype: numpy's code without byte order, e.g. "f8"; "S12" of a text, char[12]
     values: the names of an enumeration's values
     """
 
@@ -88,7 +88,12 @@ class Member:
         """Bytes of one element."""
         if isinstance(self.type, Struct):
             return self.type.size
-        return 1 if self.type == "?" else int(self.type[1])
+        return 1 if self.type == "?" else int(self.type[1:])
+
+    @property
+    def alignment(self) -> int:
+        """[bytes] of a number or text in CDR."""
+        return 1 if self.type[0] == "S" else self.item
 
     @property
     def size(self) -> int:
@@ -129,7 +134,7 @@ class Struct:
                     inner = m.type.misaligned(at + i * m.type.size)
                     if inner:
                         return f"{m.name}.{inner}"
-            elif at % m.item:
+            elif at % m.alignment:
                 return m.name
             at += m.size
         return None
@@ -196,12 +201,16 @@ def _member(number, code, comment, sections, known, inside):
     else:
         of = _struct(_short(kind), sections, known, inside)
     shape = () if match["count"] is None else (int(match["count"]),)
+    if kind == "char" and shape:
+        of, shape = f"S{shape[0]}", ()
     unit, meaning, values = "", comment, {}
     noted = _COMMENT.fullmatch(comment)
     if noted and (noted["unit"] is not None or noted["name"].lower() == name):
         name, unit, meaning = noted["name"], noted["unit"] or "", noted["meaning"] or ""
         dims = _SHAPE.match(meaning)
-        if dims and shape:
+        if dims and str(of).startswith("S"):
+            meaning = meaning[dims.end():]
+        elif dims and shape:
             true_shape = tuple(int(n) for n in dims[1].split(","))
             if prod(true_shape) == prod(shape):
                 shape, meaning = true_shape, meaning[dims.end():]

@@ -102,6 +102,7 @@ def _run(options, sim, name, fly, folder):
         say(f"  plot     {plot}")
     for line in sim.assumptions:
         say(f"  assumed  {line}")
+    health.show_modes(sim)
     health.show(findings)
     say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem, findings)}")
     if path:    # which replaced the record that older pages show

@@ -254,7 +254,7 @@ def _fly(options, job, runs, bounds, lacking):
                     problem = problem or (f"differs from {before[0]}" if others else "")
                     text = f"from {before[0]}: {others[0]}" if others else f"none from {before[0]}; {text}"
             else:
-                found = compare(desktop, archive, part.outputs, times=part.is_instant)
+                found = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
                 text, problem = (str(found[0]), "differs from the desktop") if found else ("none", "")
             refusals = part.refusals(one.reports or (part.reports(place) if on else ()))
             told += [f"refused  {title}: {refusal}" for refusal, _ in refusals]

@@ -29,6 +29,16 @@ def show(findings: Sequence[Finding], process: str = "") -> Sequence[Finding]:
     return findings
 
 
+def show_modes(sim: Simulation) -> None:
+    """Print a line for each process with modes: those that it was in."""
+    for process in sim.processes:
+        began = [f"{name} at {first:g} s" + (f", {n} times" if n > 1 else "")
+                 for name, (n, first) in process.entered.items() if first is not None]
+        never = [name for name, (n, _) in process.entered.items() if not n]
+        if began:
+            say(f"  modes    {process.name}: {'; '.join(began)}" + (f"; never {', '.join(never)}" if never else ""))
+
+
 def refusal(findings: Sequence[Finding]) -> str:
     """Why --strict fails a run."""
     return f"failed: --strict, and its health has {counted(len(findings), 'finding')}: {findings[0].text}"
@@ -38,11 +48,12 @@ def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findi
     """Write the facts of a run as JSON, the same bytes for the same run; returns the path."""
     import json
 
+    from fledge.activity import facts
     from fledge.files import Part
 
     data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",
             "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in findings],
-            "assumptions": sim.assumptions}
+            "assumptions": sim.assumptions, "processes": facts(sim)}
     with Part(path) as part:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return path

@@ -241,14 +241,17 @@ def _one(campaign, options, folder):
         for requirement in d.requirements:
             values, times, holds = result.reached(requirement)
             unit = f" {requirement.variable.unit}" if requirement.variable.unit else ""
-            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {values[0]:.4g}{unit} at {times[0]:g} s")
+            reached = f"{values[0]:.4g}{unit} at {times[0]:g} s" if values[0] == values[0] else \
+                requirement.failure(values[0], times[0])
+            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {reached}")
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1
     findings = health.show(sim.health)
     if options.strict and findings and not problem:
         problem, code = health.refusal(findings), 1
-    if d.retained and len(log):
-        log.plot(*d.retained, columns=1 if len(d.retained) < 4 else 2, name="retained", title=title)
+    shown = [one.field_path.recorded for one in d.shown]
+    if shown and len(log):
+        log.plot(*shown, columns=1 if len(shown) < 4 else 2, name="retained", title=title)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     if path:
         say(f"  record   {path} ({size_of(path)})")

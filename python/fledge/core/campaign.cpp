@@ -121,9 +121,11 @@ void add_orbit(sim::CampaignPlan &plan, const sim::Simulation &nominal, const st
 }
 
 void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
-                  std::uint32_t offset, std::size_t elements, const FledgeField &field)
+                  std::uint32_t offset, std::size_t elements, const py::object &field, bool raw)
 {
-    sim::Retained variable{port, offset, elements, field.type};
+    const bool of_header = py::isinstance<FledgeField>(field); // the index of a mode is none
+    sim::Retained variable{port, offset, elements, of_header ? field.cast<const FledgeField &>().type : FLEDGE_U32,
+                           raw};
     sim::check_retained(nominal, variable);
     plan.retained.push_back(std::move(variable));
 }
@@ -204,6 +206,14 @@ void bind_campaign(py::module_ &m)
             },
             "(runs, elements)")
         .def_property_readonly(
+            "entered",
+            [](const py::object &self) {
+                auto &r = self.cast<sim::CampaignResult &>();
+                const std::size_t runs = r.flown.size();
+                return view(self, r.entered, {runs, r.entered.size() / runs});
+            },
+            "(runs, modes) [s]")
+        .def_property_readonly(
             "retained",
             [](const py::object &self) {
                 auto &r = self.cast<sim::CampaignResult &>();
@@ -217,6 +227,7 @@ void bind_campaign(py::module_ &m)
             "an array (runs, samples, elements) of each variable");
 
     m.def("callables", sim::callables);
+    m.def("mode_names", sim::mode_names);
     m.def(
         "fly_one",
         [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {

@@ -118,6 +118,11 @@ std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const
 }
 
 /// An event and its process. Python keeps the process alive as long as this object.
+py::tuple tally(const sim::Tally &tally)
+{
+    return py::make_tuple(tally.count, tally.first);
+}
+
 struct OwnEvent {
     sim::Process *process;
     std::shared_ptr<sim::Event> event;
@@ -126,10 +131,12 @@ struct OwnEvent {
 OwnEvent add_event(sim::Process &process, const std::string &name, const py::object &when,
                    std::optional<Condition> until, Ns hold, std::int32_t count, bool once, bool armed,
                    std::vector<std::string> modes, const std::string &mode,
-                   std::vector<std::pair<std::string, bool>> arms, const py::list &set, std::function<void()> action)
+                   std::vector<std::pair<std::string, bool>> arms, const py::list &set, std::function<void()> action,
+                   const std::string &text)
 {
     sim::Event event;
     event.name = name;
+    event.text = text;
     if (py::isinstance<Condition>(when)) {
         event.condition = when.cast<Condition>();
     } else {
@@ -368,6 +375,8 @@ void bind_event(py::module_ &m)
             [](const OwnEvent &e, bool armed) { e.process->arm(*e.event, armed); })
         .def_property_readonly("arming", [](const OwnEvent &e) { return e.process->arming(*e.event); })
         .def_property_readonly("fired_at", [](const OwnEvent &e) { return e.process->fired_at(*e.event); })
+        .def_property_readonly(
+            "fired", [](const OwnEvent &e) { return tally(e.process->fired(*e.event)); }, "(how often, when first)")
         .def_property_readonly("condition", [](const OwnEvent &e) { return e.event->condition; })
         .def_property_readonly("until", [](const OwnEvent &e) { return e.event->until; })
         .def_property_readonly("hold", [](const OwnEvent &e) { return e.event->hold; })
@@ -439,6 +448,12 @@ void bind_process(py::module_ &m)
         .def("put_out", put_out, "Write the bytes of an output, as fly_by's function.")
         .def("enter", &sim::Process::enter)
         .def_property_readonly("mode", &sim::Process::mode)
+        .def_property_readonly(
+            "entered",
+            [](const sim::Process &p) {
+                return list_of(p.modes(), [&](const sim::Mode &mode) { return tally(p.entered(mode)); });
+            },
+            "(how often, when first) of each mode")
         .def_property_readonly("asked", &sim::Process::asked)
         .def("set_dictionary", set_dictionary)
         .def("command",
@@ -585,6 +600,12 @@ void bind_simulation(py::module_ &m)
                  return s.recorder().record(port.instance, *port.field, every, keep);
              })
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
+        .def_property_readonly("followed", [](sim::Simulation &s) { return s.recorder().followed(); })
+        .def("record_executive",
+             [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
+                 const auto &instance = s.process(process).executive().instance();
+                 return s.recorder().record(instance, instance->type().fields[output], every);
+             })
         .def("open_archive", [](sim::Simulation &s, const std::string &path,
                                 const sim::Pairs &run) { s.recorder().open_archive(path, run); })
         .def("resume_archive",

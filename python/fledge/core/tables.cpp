@@ -263,6 +263,12 @@ void bind_tables(py::module_ &m)
             return types_of(name == "world" ? fledge_library_world : fledge_library_flight, world::models());
         },
         "The types of the library 'flight' or 'world', by name.");
+    const auto message = [](const char *name) -> const FledgeStruct & {
+        const FledgeLibrary &flight = fledge_library_flight;
+        return **std::find_if(flight.structs, flight.structs + flight.n,
+                              [&](const FledgeStruct *one) { return std::strcmp(one->name, name) == 0; });
+    };
+    sim::set_executive_types(message("ProcessMode"), message("Activity"));
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
           "Load a shared library of modules and models and return its types by name.");
     m.def("struct", struct_of, py::return_value_policy::reference, "The table of an object's or type's struct.");

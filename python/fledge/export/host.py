@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from fledge import flight, objects
 from fledge.export.c_source import memory, row, written
 from fledge.export.c_text import string
+from fledge.series import ACTIVITY, MODE
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
@@ -24,8 +26,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
              '#include "targets/mission_host.h"', "",
              f"extern const MissionDefinition {name}_definitions[];", *
              ([f"static {struct} m;"] if not composed else []),
-             f"static McapSchema schemas[{len(recorded)}];",
-             f"static McapChannel channels[{len(mission.outputs)}];", "static CommandState commands;",
+             f"static McapSchema schemas[{len(recorded) + 2}];",
+             f"static McapChannel channels[{len(mission.outputs) + 2}];", "static CommandState commands;",
              "static MissionStart start;", ""]
     for function, result, parameter, argument in () if composed else (
             ("init", "void", "void", ""), ("next", "int64_t", "void", ""), ("restart", "void", "int64_t t", ", t"),
@@ -45,7 +47,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
                      f"MISSION_{one.latency.upper()}", f"{int(one.optional)}u")
     lines += ["};", "", "static const ExecRate rates[] = {"]
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
-    lines += ["};", "", "const MissionHost fledge_mission = {"]
+    lines += ["};", "", *executive(mission, len(types)), "const MissionHost fledge_mission = {"]
     own = "executive_" if composed else ""
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
@@ -54,11 +56,53 @@ def emit_host(mission: Mission) -> dict[str, str]:
         *((one, own + one) for one in ("failure", "describe", "figures") if composed),
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
-        ("telemetry", f"&{name}_telemetry"), ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
-        ("n_schemas", f"{len(recorded)}u"),
-        ("n_channels", f"{len(mission.outputs)}u"), ("n_rates", f"{len(mission.tasks)}u"),
+        ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
+        ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
+        ("n_schemas", f"{len(recorded) + 2}u"),
+        ("n_channels", f"{len(mission.outputs) + 2}u"), ("n_rates", f"{len(mission.tasks)}u"),
         ("reset", "MISSION_NO_RESET" if mission.reset is None else f"{mission.reset}u"), ("down", mission.down))]
-    return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(mission, types)}
+    return {f"{name}_host.c": "\n".join([*lines, "};", ""]), f"{name}_definitions.c": definitions(
+        mission, [*types, *said_types()])}
+
+
+def said_types() -> list[Any]:
+    """The messages of executives."""
+    return [objects.struct(getattr(flight, name)) for name in (MODE, ACTIVITY)]
+
+
+def executive(mission: Mission, first: int) -> list[str]:
+    """What the executive does, for records. first: the place of its messages' definitions."""
+    name, struct, composed = mission.name, mission.struct(), mission.form == "micropython"
+    lines = []
+    if mission.modes:
+        lines += ["static const char *const modes[] = {",
+                  *(f"    {string(mission.mode_titles[mode].encode())}," for mode in mission.modes), "};", ""]
+    if mission.events:
+        lines += ["static const MissionEvent events[] = {"]
+        for one in mission.events:
+            lines += row(string(one.title.encode()), string(cut(one.when)))
+        lines += ["};", ""]
+    mode = "executive_mode()" if composed else f"(uint16_t)((const {struct} *)mission)->mode.current"
+    lines += ["static uint16_t mode(const void *mission)", "{", "    (void)mission;",
+              f"    return {mode if mission.modes else '0u'};", "}", "",
+              "static const ExecEvent *event(const void *mission, uint16_t i)", "{"]
+    if composed or not mission.events:
+        lines += ["    (void)mission;", *["    (void)i;"] * (not composed),
+                  f"    return {'executive_event(i)' if composed else 'NULL'};"]
+    else:
+        lines += [f"    const {struct} *m = mission;", "    const ExecEvent *const all[] = {",
+                  *(f"        &m->event.{one.name}," for one in mission.events), "    };", "    return all[i];"]
+    lines += ["}", "", "static const MissionExecutive mission_executive = {"]
+    lines += [f"    .{key} = {value}," for key, value in (
+        ("mode_topic", f'"{topic(mission.process)}/mode"'), ("activity_topic", f'"{topic(mission.process)}/activity"'),
+        ("definitions", f"&{name}_definitions[{first}]"), *[("modes", "modes")] * bool(mission.modes),
+        *[("events", "events")] * bool(mission.events), ("mode", "mode"), ("event", "event"))]
+    return [*lines, "};", ""]
+
+
+def cut(text: str) -> bytes:
+    """A text as much as an Activity has room for."""
+    return text.encode()[:87]
 
 
 def definitions(mission: Mission, types: list[Any]) -> str:

@@ -69,6 +69,7 @@ class Event:
     name: str
     title: str
     text: str                        # all of it, in words
+    when: str                        # its condition in words
     condition: list                  # steps of an objects.Condition
     until: list                      # the same, of what arms it again; none: that the condition no longer holds
     hold: int                        # [ns]
@@ -354,7 +355,7 @@ class _Reader:
         for event in kept:
             settings = [(modules[path], offset, raw) for path, offset, raw in event.settings]
             mission.events.append(Event(
-                naming[event.name], event.name, event_text(event), event.condition.steps,
+                naming[event.name], event.name, event_text(event), event.text, event.condition.steps,
                 until[event.name], event.hold, event.count, event.once, event.starts_armed,
                 [mode_names[m] for m in event.modes], mode_names.get(event.mode, ""),
                 [(naming[name], on) for name, on in event.arms if name in flying], settings,

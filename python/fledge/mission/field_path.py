@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.elements import ELEMENTS
@@ -27,6 +27,10 @@ class FieldPath:
 
     def __init__(self, simulation: Simulation, path: str) -> None:
         self.path = " ".join(path.split())
+        self.of_mode = False
+        if mode := re.fullmatch(r"(\w+)\.mode", self.path):
+            if any(p.name == mode[1] and not p.instances.get("mode") for p in simulation.processes):
+                return self._of_mode(simulation.process(mode[1]))
         parts = re.fullmatch(r"(\w+)\.(\w+)((?:\.\w+(?:\[[\d, ]+\])*)+)", self.path)
         if not parts:
             raise SetupError(f"'{path}': expected process.instance.name, as in world.craft.I_B or "
@@ -67,6 +71,16 @@ class FieldPath:
         self.full = at
         self.elements, self.shape = self._select(indices)
 
+    def _of_mode(self, process):
+        """The mode of a process, as its executive says it."""
+        if not process.modes:
+            raise SetupError(f"{self.path}: the process {process.name} has no modes")
+        self.of_mode = True
+        self.field = ModeField([(name, i) for i, (name, _) in enumerate(process.modes)])
+        self.owner = self.holder = process
+        self.port, self.offset, self.group, self.full = self.path, 16, "out", self.path
+        self.elements, self.shape = [0], ()
+
     def _row(self, indices, at):
         """(index, "[index]") of a struct, in an array of them."""
         shape = self.field.shape
@@ -92,6 +106,11 @@ class FieldPath:
         first = flat_index(indices, self.field.shape) * n
         return list(range(first, first + n)), tuple(rest)
 
+    @property
+    def recorded(self) -> str:
+        """Its path in records."""
+        return self.path + ".index" * self.of_mode
+
     def value(self) -> float:
         """The number there, of a path that selects one element."""
         import numpy as np
@@ -110,6 +129,22 @@ class FieldPath:
     @property
     def unit(self) -> str:
         return "" if self.field.unit in ("", "-") else self.field.unit
+
+
+class ModeField:
+    """The index of a mode, as a field of a header is described. enumerators: (name, index) of each mode"""
+
+    name, type, ctype, unit, dims, rule, count = "mode", "enum", "Mode", "-", (0,) * 8, "", None
+    shape: tuple[int, ...] = ()
+    doc = "the mode in force"
+
+    def __init__(self, enumerators: list[tuple[str, int]]) -> None:
+        self.enumerators = enumerators
+
+
+class ModePort(NamedTuple):
+    """What the executive of a process says of its mode, for Simulation.record()."""
+    process: str
 
 
 def index_text(element: int, shape: Sequence[int]) -> str:
@@ -135,6 +170,8 @@ def _member(struct, name, owner, path):
 
 
 def port(simulation: Simulation, path: str) -> Any:
-    """The input or output at a path."""
+    """The input or output at a path, or the ModePort of "flight.mode"."""
+    if path.count(".") == 1:
+        return ModePort(path.partition(".")[0])
     process, instance, port = path.split(".")
     return getattr(getattr(simulation.process(process), instance), port)

@@ -102,6 +102,10 @@ class Log(Records):
         """The full names of all fields but the heads'."""
         return [f"{path}.{name}" for path, s in self._samples.items() for name in s.fields if not name.startswith(HEAD)]
 
+    def executives(self) -> list[Any]:
+        """Those of its simulation."""
+        return [_Samples(one) for one in self._simulation._core.followed]
+
     @property
     def simulation(self) -> Simulation:
         """The simulation that fills it."""
@@ -125,7 +129,7 @@ class Log(Records):
         return times[0]
 
     def last(self, key: str) -> Any:
-        """The last value of a field: a number, or an array that also has norm()."""
+        """The last value of a field: a number, or an array that also has norm(); NaN of what was never written."""
         values = self[key]
         if not len(values):
             raise SetupError(f"nothing was recorded of '{key}' yet: run the simulation first")
@@ -143,7 +147,7 @@ class Log(Records):
         "error.valid_at", the time for which it holds [s], and "error.quality", of the ordered categories none, stale,
         degraded and good.
         `attrs["units"]` and `attrs["meanings"]` map columns to text. Records of different times share
-        the index, with NaN where one has no value.
+        the index, with NaN where one has no value, as where it was never written.
         """
         import numpy as np
 
@@ -157,7 +161,7 @@ class Log(Records):
                 chosen = any(f"{name}.".startswith(f"{one}.") for one in wanted if one)
                 if not chosen and (None not in wanted or name.startswith(HEAD)):
                     continue
-                values = part(self._values(samples), name)
+                values = self._field(samples, name)
                 for index, element in zip(np.ndindex(values.shape[1:]), element_names(samples.parts[name])):
                     column = f"{self._short_name(samples)}.{element}"
                     columns[column] = values[(slice(None), *index)]

@@ -23,6 +23,7 @@ from fledge.display import table
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.commands import Commands, dictionary
+from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
@@ -239,6 +240,19 @@ class Event:
         object.__setattr__(self, name, value)
 
     @property
+    def text(self) -> str:
+        """When it happens, in words."""
+        if isinstance(self.when, _core.Condition):
+            return repr(self.when)
+        return f"t >= {self.when.ns / 1e9:g} s" if isinstance(self.when, _At) else short_function_text(self.when)
+
+    @property
+    def fired(self) -> tuple[int, float | None]:
+        """(how often it has fired in this run, when first [s] or None)"""
+        count, first = self._core.fired
+        return count, None if first < 0 else first / 1e9
+
+    @property
     def armed(self) -> bool:
         return self._core.armed
 
@@ -430,6 +444,12 @@ class Process:
         return self._core_process.asked
 
     @property
+    def entered(self) -> dict[str, tuple[int, float | None]]:
+        """Mode -> (how often it began in this run, when first [s] or None)."""
+        return {name: (count, None if first < 0 else first / 1e9)
+                for (name, _), (count, first) in zip(self.modes, self._core_process.entered)}
+
+    @property
     def events(self) -> dict[str, Event]:
         """The events by name."""
         return {name: one for name, one in self._handles.items() if isinstance(one, Event)}
@@ -580,7 +600,8 @@ class Process:
             "" if enter is None else _mode_name(enter),
             [(one.name if isinstance(one, Event) else one, on) for these, on in ((arm, True), (disarm, False))
              for one in _several(these)],
-            [one for target, value in pairs for one in target._setting(value)], event._action() if do else None)
+            [one for target, value in pairs for one in target._setting(value)], event._action() if do else None,
+            event.text)
         self._handles[name] = event
         return event
 

@@ -431,12 +431,24 @@ class Simulation:
 
     # --- records ---
 
+    @property
+    def activity(self) -> Log:
+        """What the executives of all processes said in this run, the first 100,000 messages of each kind:
+
+            sim.activity["flight.mode.name"], sim.activity.time_of("flight.mode")    # the modes, as they began
+            sim.activity.frame("flight.activity")       # events that fired, commands and their answers, resets
+        """
+        from fledge.mission.log import Log
+
+        return Log(self, self._core.followed)
+
     def record(self, *ports: Any, every: Any = 0) -> Log:
         """Record inputs and outputs: `record(f.tracking.error, f.motor.command, every=1 * s)`.
 
         A module or model stands for all its outputs. every: a time; 0 records each instant. Returns a
         Log, which fills as the simulation runs.
         """
+        from fledge.mission.field_path import ModePort
         from fledge.mission.log import Log
 
         period = time_ns(every, "record: every")
@@ -449,6 +461,8 @@ class Simulation:
                 logs += [self._core.record(getattr(port, name), period, True) for name in outputs]
             elif isinstance(port, _core.Message):
                 logs.append(self._core.record(port, period, True))
+            elif isinstance(port, ModePort):
+                logs.append(self._core.record_executive(port.process, 0, period))
             else:
                 raise SetupError(f"record: expected an input, output or module; found {port!r}")
         return Log(self, logs)

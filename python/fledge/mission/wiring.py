@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from fledge import _core
 from fledge.mission.process import Event, Process, World
-from fledge.objects.script import prototype, script
+from fledge.objects.script import prototype, script, short_function_text
 
 
 def kind_of(process: Process) -> str:
@@ -201,23 +201,13 @@ def event_name(event: Event) -> str:
     return "" if hasattr(when, "ns") and event.name.startswith(f"at_{when.ns}_ns") else event.name
 
 
-def condition_text(event: Event) -> str:
-    """When an event happens, in words."""
-    when = event.when
-    if isinstance(when, _core.Condition):
-        return repr(when)
-    if hasattr(when, "ns"):
-        return f"t >= {when.ns / 1e9:g} s"
-    return _function_text(when)
-
-
 def action_text(event: Event) -> str:
     """What an event does, in words."""
     words = [f"enter {event.mode}"] if event.mode else []
     words += [f"{'arm' if on else 'disarm'} {name}" for name, on in event.arms]
     words += [f"set {text}" for text in event.set_text]
     if event.do:
-        words.append(f"call {_function_text(event.do)}")
+        words.append(f"call {short_function_text(event.do)}")
     return ", ".join(words) or "nothing"
 
 
@@ -232,12 +222,7 @@ def rule_text(event: Event) -> str:
 
 def event_text(event: Event) -> str:
     """What an event does and when, in words."""
-    return f"{condition_text(event)}{rule_text(event)}: {action_text(event)}"
-
-
-def _function_text(function) -> str:
-    name = getattr(function, "__name__", type(function).__name__)
-    return "a Python function" if name == "<lambda>" else f"{name}()"
+    return f"{event.text}{rule_text(event)}: {action_text(event)}"
 
 
 def _notes(instance) -> list[str]:
@@ -245,7 +230,7 @@ def _notes(instance) -> list[str]:
     if cls := prototype(instance):
         return [f"Python: class {cls.__name__}"]
     if functions := script(instance):
-        return [f"Python: {_function_text(functions[0])}"]
+        return [f"Python: {short_function_text(functions[0])}"]
     names = ", ".join(getattr(b, "name", None) or _core.path(b) for b in _attached(instance, "gravity"))
     return [f"gravity: {names}"] if names else []
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import weakref
 from collections.abc import Callable, Sequence
@@ -152,14 +153,24 @@ class Campaign:
         d = self.dispersions
         every = d.ns[1] if len(d.ns) > 1 else d.ns[0] + 1
         retained = []
-        for path in d.retained:
+        for one in d.retained.values():
+            path = one.field_path.recorded
             # As the kernel keeps them: between two instants a sample is that of the first.
             taken = np.rint(log.time_of(path) * 1e9).astype(np.int64) // every
             at = np.searchsorted(taken, np.arange(len(d.ns)), "right") - 1
-            retained.append(np.asarray(log[path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
+            retained.append(np.asarray((log.raw if one.raw else log)[
+                            path][np.maximum(at, 0)], float).reshape(1, len(d.ns), -1))
         store = Store(self, 1, seed)
-        store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan), retained))
+        store.add(Share(0, [True], [""], [[]], np.full((1, len(d.columns)), np.nan),
+                        np.array([[self._entered(log, name) for name in d.modes]]).reshape(1, -1), retained))
         return Result(self, seed, store)
+
+    @staticmethod
+    def _entered(log, name):
+        """[s] when a mode first began in the simulation of a log; NaN: it did not."""
+        process, _, mode = name.split(".")
+        first = log.simulation.process(process).entered[mode][1]
+        return math.nan if first is None else first
 
     def _load(self, index: int) -> tuple[Simulation, Any]:
         """A fresh simulation of the mission for a run, and the plan for it."""
@@ -179,7 +190,7 @@ class Campaign:
 
         d = self.dispersions
         drawn = [(path, repr(draw)) for path, draw in d.draws.items()]
-        kept = [(path, variable.field_path.field.doc) for path, variable in d.retained.items()]
+        kept = [(one.path, one.field_path.field.doc) for one in d.shown]
         checked = [(repr(one), one.message) for one in d.requirements]
         return table(f"{self.name} of {self.nominal.name}, runs of {d.duration:g} s",
                      [("dispersed", drawn), ("retained", kept), ("requirements", checked)], notes=[self.summary])

@@ -32,12 +32,14 @@ class Counts:
         self.counts = np.empty(0, np.int64)
 
     def add(self, values: np.ndarray) -> None:
-        """Count numbers. values: (runs, samples), finite"""
+        """Count numbers. values: (runs, samples); those that are NaN do not count"""
         import numpy as np
 
-        bits = np.ascontiguousarray(values, np.float64).view(np.int64) >> _BELOW
+        values = np.ascontiguousarray(values, np.float64)
+        bits = values.view(np.int64) >> _BELOW
         bits = np.where(bits < 0, -_CODES // 2 - 1 - bits, bits) + _CODES // 2      # ascending as the numbers do
-        self.merge(*np.unique(bits + _CODES * np.arange(self.samples), return_counts=True))
+        keys = bits + _CODES * np.arange(self.samples)
+        self.merge(*np.unique(keys[~np.isnan(values)], return_counts=True))
 
     def merge(self, keys: np.ndarray, counts: np.ndarray) -> None:
         """Add counts of others. keys: ascending; counts: how many of each"""
@@ -50,15 +52,18 @@ class Counts:
         self.keys, self.counts = both[starts], np.add.reduceat(n[order], starts) if len(both) else n
 
     def percentiles(self, shown: Iterable[float]) -> np.ndarray:
-        """(percentiles, samples). Each sample must have numbers."""
+        """(percentiles, samples); NaN for samples without numbers."""
         import numpy as np
 
         ends = np.searchsorted(self.keys, _CODES * np.arange(self.samples + 1))
         below = np.concatenate([[0], np.cumsum(self.counts)])
         n = below[ends[1:]] - below[ends[:-1]]
+        if not len(self.keys):
+            return np.full((len(list(shown)), self.samples), np.nan)
         found = [np.searchsorted(below, below[ends[:-1]] + (n - 1) * int(round(p * 1000)) // 100_000, "right") - 1
                  for p in shown]
-        return _middles(self.keys[np.array(found, int)] % _CODES)
+        values = _middles(self.keys[np.array(found, int).clip(0, len(self.keys) - 1)] % _CODES)
+        return np.where(n > 0, values, np.nan)
 
     def least_positive(self) -> float:
         """The middle of the lowest bin above 0; not a number if there is none."""

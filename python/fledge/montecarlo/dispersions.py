@@ -31,7 +31,7 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
-from fledge.montecarlo.requirements import Requirement, Variable
+from fledge.montecarlo.requirements import QUALITY_END, Requirement, Variable
 from fledge.world.attributes import given_orbit
 from fledge.world.bodies import ANGLE, LENGTH
 
@@ -107,6 +107,7 @@ class Dispersions:
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
+        self.modes: list[str] = _core.mode_names(simulation.kernel)     # "flight.mode.SAFE" of each
         self._plan = _core.CampaignPlan()
         self._duration: int | None = None           # [ns]
         self._every: int | None = None              # [ns]
@@ -115,7 +116,7 @@ class Dispersions:
         self._parameter_columns: dict[str, str] = {}    # axes of a sweep that the mission takes
         self._columns: dict[str, str] = {}          # path of each dispersed element of a parameter -> unit
         self._orbit_columns: dict[str, str] = {}    # the same for orbits
-        self.retained: dict[str, Variable] = {}     # by path
+        self.retained: dict[str, Variable] = {}     # by path, and with " raw" behind it
         self.requirements: list[Requirement] = []
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -188,6 +189,9 @@ class Dispersions:
             raise SetupError(f"{path}: expected something drawn, such as d.normal(...), d.uniform(...), "
                              f"d.choice(...) or d.attitude(); found {_short(draw)}")
         target = FieldPath(self.simulation, path)
+        if target.of_mode:
+            raise SetupError(
+                f"{path} is no parameter, and only these can be dispersed; disperse what the events look at")
         if target.group != "par":
             raise SetupError(f"{path} is no parameter, and only these can be dispersed; {_core.path(target.owner)} has "
                              + listed([f.name for f in _core.struct(target.owner).fields
@@ -355,34 +359,49 @@ class Dispersions:
 
     # --- retained variables and requirements ---
 
-    def retain(self, *paths: str) -> Any:
+    @property
+    def shown(self) -> list[Variable]:
+        """What was retained by name: not the qualities that requirements look at."""
+        return [one for one in self.retained.values() if not one.hidden]
+
+    def retain(self, *paths: str, raw: bool = False) -> Any:
         """Keep fields of inputs and outputs of each run: `error = d.retain("flight.tracking.error.sigma_BR")`.
 
-        Returns a Variable for each, for check().
+        Returns a Variable for each, for check(). Where a message was never written, its fields are NaN; raw: the zeros
+        that its memory holds.
         """
         if not paths:
             raise SetupError('d.retain: name at least one field, as in d.retain("flight.tracking.error.sigma_BR")')
-        variable = [self._retain(path) for path in paths]
+        variable = [self._retain(path, raw) for path in paths]
+        for one in variable:
+            one.hidden = False
         return variable[0] if len(variable) == 1 else variable
 
-    def _retain(self, path):
+    def _retain(self, path, raw):
         target = FieldPath(self.simulation, path)
         if target.port is None:
             raise SetupError(f"{path} is no field of an input or output, and only these are retained; "
                              f"{_core.path(target.owner)} has "
                              + listed(names_of(_core.struct(target.owner), ("in", "out"))))
-        if target.path not in self.retained:
+        key = target.path + " raw" * raw
+        if key not in self.retained:
             self._plan.retain(self.simulation.kernel, target.port, target.offset + target.width * target.elements[0],
-                              len(target.elements), target.field)
-            self.retained[target.path] = Variable(target, lambda: self._duration)
-        return self.retained[target.path]
+                              len(target.elements), target.field, raw)
+            self.retained[key] = Variable(target, key, lambda: self._duration)
+        return self.retained[key]
 
     def check(self, requirement: Requirement, message: str = "") -> None:
-        """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`."""
+        """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`.
+
+        It has also failed if the message was not good at any sample of that time, unless the variable is raw.
+        """
         if not isinstance(requirement, Requirement):
             raise SetupError("d.check: expected a comparison of something retained with a constant, as in "
                              f"error.norm().final < 1e-3; found {requirement!r}")
         requirement.message = message
+        variable = requirement.variable
+        if not variable.raw and variable.field_path.offset >= QUALITY_END and not variable.field_path.of_mode:
+            requirement.quality = self._retain(f"{variable.field_path.port}.head.quality", False)
         self.requirements.append(requirement)
 
     # --- sweeps ---
@@ -430,7 +449,7 @@ class Dispersions:
     def measures(self) -> list[Variable]:
         """A number over time for each retained variable and for each requirement."""
         found: dict[str, Variable] = {}
-        for one in [*(variable.summary for variable in self.retained.values()),
+        for one in [*(variable.summary for variable in self.shown),
                     *(requirement.variable for requirement in self.requirements)]:
             found.setdefault(one.measure_text, one)
         return list(found.values())
@@ -460,7 +479,7 @@ class Dispersions:
     def __repr__(self):
         lines = ["dispersions" + (f", {self.duration:g} s" if self._duration else "")]
         lines += [f"  {path} = {draw!r}" for path, draw in self.draws.items()]
-        lines += [f"  retain {path}" for path in self.retained]
+        lines += [f"  retain {one.path}" for one in self.shown]
         lines += [f"  check {requirement!r}" for requirement in self.requirements]
         return "\n".join(lines)
 

@@ -386,7 +386,8 @@ class Flown:
     """Retained values as if two runs had given them."""
     ns = np.arange(6) * 4 * 10**9
     retained = {"flight.tracking.error.sigma_BR": np.array(
-        [[[0, 3, 4]] * 3 + [[1, 2, 2]] * 2 + [[0, 0, 1]], [[0, 0, 1]] * 5 + [[0, np.nan, 0]]], float)}
+        [[[0, 3, 4]] * 3 + [[1, 2, 2]] * 2 + [[0, 0, 1]], [[0, 0, 1]] * 5 + [[0, np.nan, 0]]], float),
+        "flight.tracking.error.head.quality": np.full((2, 6), 3.0)}
 
 
 def test_requirements_hold_at_every_sample_of_their_time(d):

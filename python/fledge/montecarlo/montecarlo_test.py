@@ -439,7 +439,7 @@ def test_percentiles_from_counts_do_not_depend_on_the_shares(campaign, result, t
     assert not one.exact and one.failures == two.failures == result.failures and one.unhealthy() == two.unhealthy()
     for path, values in result.draws.items():
         assert (one.draws[path] == values).all() and (two.draws[path] == values).all()
-    for variable in campaign.dispersions.retained.values():
+    for variable in campaign.dispersions.shown:
         for panel in variable.panels:
             bands = one.bands(panel, (5, 50, 95))
             assert (bands == two.bands(panel, (5, 50, 95))).all()

@@ -44,7 +44,7 @@ def figures(result: Result) -> list[Figure]:
         return []
     with matplotlib.style.context(STYLE):
         return [*_axes(result),
-                *(_bands(result, variable) for variable in result.campaign.dispersions.retained.values()),
+                *(_bands(result, variable) for variable in result.campaign.dispersions.shown),
                 *_requirements(result),
                 *_histograms(result, "final", "at the end", [(_axis_label(one), result.final(one)[result.complete])
                                                              for one in result.campaign.dispersions.measures()]),
@@ -144,7 +144,7 @@ def _band_panel(axis: Axes, variable: Variable, result: Result, factor: float) -
         axis.plot(time, curves["50"], color=MEDIAN, label="median")
     n = len(result.failures)
     failed = [run for run in result.runs_of(variable, list(islice(result.failures, 2 * LINES_MAX))).values()
-              if np.isfinite(run[0])]
+              if np.isfinite(run).any()]
     for k, run in enumerate(failed[:LINES_MAX]):
         axis.plot(time, run, color=FAILED, linewidth=0.6, alpha=0.8,
                   label=None if k else _count(min(len(failed), LINES_MAX), n, "failed run"))
@@ -183,7 +183,10 @@ def _requirements(result: Result) -> list[Figure]:
         values, _, holds = result.reached(one)
         used = result.complete & np.isfinite(values)
         if not used.any():
-            axis.set_visible(False)
+            axis.text(0.5, 0.5, "no good data", transform=axis.transAxes, ha="center", va="center", color="0.45")
+            axis.set_title(f"{_shown(one.variable)} {one.variable.when}")
+            axis.set_xticks([])
+            axis.set_yticks([])
             continue
         good, bad = values[used & holds], values[used & ~holds]
         reach = np.append(values[used], one.limit)

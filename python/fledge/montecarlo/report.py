@@ -59,8 +59,9 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     low, high = confidence(passed, flown)
 
     def describe(values):
-        shown = percentiles(int(complete.sum()))
-        return {str(p): float(x) for p, x in zip(shown, np.percentile(values[complete], shown))} if shown else {}
+        values = values[complete & ~np.isnan(values)]
+        shown = percentiles(len(values))
+        return {str(p): float(x) for p, x in zip(shown, np.percentile(values, shown))} if shown else {}
 
     depends = []
     for variable, when, reached, _ in judged(result):
@@ -71,10 +72,13 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         values, times, holds = result.reached(one)
         row = {"requirement": repr(one), "message": one.message, "unit": one.variable.unit, "limit": one.limit,
                "held": int(holds[complete].sum()), "of": int(complete.sum())}
-        if complete.any():
-            key = np.where(np.isnan(values), np.inf, values if one.comparison in ("<", "<=") else -values)
+        if (n := int(np.isnan(values[complete]).sum())):
+            row.update(not_judged=n)
+        if (complete & ~np.isnan(values)).any():
+            key = np.where(np.isnan(values), -np.inf, values if one.comparison in ("<", "<=") else -values)
             i = int(np.flatnonzero(complete)[np.argmax(key[complete])])
-            row.update(worst=float(values[i]), worst_run=i, worst_time=float(times[i]))
+            row.update(worst=float(values[i]), shown=one._shown(values[i], '.4g'), worst_run=i,
+                       worst_time=float(times[i]))
         requirements.append(row)
     draws, nominal = [], campaign.drawn(campaign.nominal)
     for path, values in result.draws.items():
@@ -92,6 +96,8 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "requirements": requirements,
         "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": describe(result.final(one))}
                   for one in d.measures()],
+        "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
+                   "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
         "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
         "health": [{"kind": one.kind, "path": one.path, "runs": n, "run": first, "text": one.text}
                    for one, n, first in result.unhealthy()],
@@ -122,15 +128,21 @@ def text(data: dict, failures: int | None = None) -> str:
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
     if data["requirements"]:
         rows = [(one["requirement"], f"{one['held']} of {one['of']}",
-                 f"worst {one['worst']:.4g} {one['unit']}".rstrip() + f" in run {one['worst_run']}"
-                 if "worst" in one else "")
+                 ", ".join([*([f"worst {one['shown']} in run {one['worst_run']}"]
+                              if "worst" in one else []),
+                            *([f"no good data in {one['not_judged']}"] if "not_judged" in one else [])]))
                 for one in data["requirements"]]
         lines += ["", "required", *columns(rows, indent="  ")]
+    if data["modes"]:
+        rows = [(one["mode"], f"begun in {one['runs']} of {one['of']}",
+                 "first at " + ", ".join(f"{t:.4g} s ({p} %)" for p, t in one["first"].items())
+                 if one["first"] else "") for one in data["modes"]]
+        lines += ["", "modes", *columns(rows, indent="  ")]
     if any(one["percentiles"] for one in data["final"]):
-        shown = list(data["final"][0]["percentiles"])
+        shown = list(next(one["percentiles"] for one in data["final"] if one["percentiles"]))
         ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
-        ends += [(one["measure"], one["unit"], *(f"{x:.3g}" for x in one["percentiles"].values()))
-                 for one in data["final"]]
+        ends += [(one["measure"], one["unit"], *(f"{one['percentiles'][p]:.3g}" if p in one["percentiles"] else "-"
+                                                 for p in shown)) for one in data["final"]]
         left = [p for p in PERCENTILES if str(p) not in shown]
         table = columns(ends, range(2, 2 + len(shown)), "  ")
         lines += ["", table[0][2:], *table[1:]]
@@ -193,7 +205,7 @@ def _csv(result: Result) -> str:
     reached = {repr(r.variable): (result.reached(r)[0], r.variable.unit) for r in d.requirements}
     final = {repr(one.final): (result.final(one), one.unit) for one in d.measures()}
     draws = [*result.draws.values()]
-    columns = {**final, **reached}
+    columns = {**{name: (result.entered(name), "s") for name in d.modes}, **final, **reached}
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["run", "outcome", *(head(p, u) for p, u in d.columns.items()),
@@ -220,6 +232,9 @@ def _hdf5(result: Result) -> bytes:
         for path, values in result.draws.items():
             out[f"draws/{path}"] = values
             out[f"draws/{path}"].attrs["unit"] = d.columns[path] or "-"
+        for name in d.modes:
+            out[f"entered/{name}"] = result.entered(name)
+            out[f"entered/{name}"].attrs["unit"] = "s"
         for path, values in result.retained.items():
             out[f"retained/{path}"] = values
             field = d.retained[path].field_path.field

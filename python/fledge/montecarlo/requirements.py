@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from fledge.montecarlo.shares import Series
 
 
+GOOD, QUALITY_END = 3, 16   # of a Head, and the bytes that it has
+
+
 class Variable(Measured):
     """A retained variable over time, or a number made of it, for checks and plots.
 
@@ -32,9 +35,11 @@ class Variable(Measured):
     every sample of that time.
     """
 
-    def __init__(self, field_path: FieldPath, duration: Callable[[], int | None]) -> None:
-        self.field_path, self._duration = field_path, duration
-        self._path, self._field, self._shape = field_path.path, field_path.field, field_path.shape
+    def __init__(self, field_path: FieldPath, path: str, duration: Callable[[], int | None]) -> None:
+        self.field_path, self.path, self._duration = field_path, path, duration
+        self.raw = path != field_path.path  # with what messages hold that were never written
+        self.hidden = True                  # until it is retained by name
+        self._path, self._field, self._shape = path, field_path.field, field_path.shape
         self._start: int | None = 0     # None: the end alone
         self._end: int | None = None    # None: until the end
 
@@ -74,11 +79,6 @@ class Variable(Measured):
     __hash__ = object.__hash__
 
     # --- values ---
-
-    @property
-    def path(self) -> str:
-        """The variable's path, as it was retained."""
-        return self.field_path.path
 
     @property
     def unit(self) -> str:
@@ -141,24 +141,33 @@ class Requirement:
 
     def __init__(self, variable: Variable, comparison: str, limit: float) -> None:
         self.variable, self.comparison, self.limit, self.message = variable, comparison, limit, ""
+        self.quality: Variable | None = None    # of its messages; None: they need not be good
 
     def __bool__(self):
         raise TypeError(f"{self!r} is only known when the campaign has flown; hand it to d.check()")
 
     def worst(self, result: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(values, times [s], whether they hold): of each run, the sample closest to the limit or furthest beyond it.
-        NaN, and not held, for runs that were not flown to their end."""
+        """(values, times [s], whether they hold): of each run, the sample closest to the limit or furthest beyond it,
+        of those that exist. NaN, and not held, for runs that were not flown to their end, and where no sample is good;
+        the time is then NaN if none exists."""
         import numpy as np
 
         part = self.variable.samples(result.ns)
         values = self.variable.values(result)[:, part]
-        # argmin and argmax take the first NaN there is, and no NaN holds.
+        there = np.ones(values.shape, bool)
+        good = there[:, 0]
+        if self.quality:
+            quality = self.quality.values(result)[:, part]
+            there, good = ~(quality == 0), (quality == GOOD).any(axis=1) | np.isnan(quality).any(axis=1)
         if self.comparison in ("==", "!="):
-            at = np.argmax((values != self.limit) == (self.comparison == "=="), axis=1)
+            badness = ((values != self.limit) == (self.comparison == "==")).astype(float)
         else:
-            at = np.argmax(values, axis=1) if self.comparison in ("<", "<=") else np.argmin(values, axis=1)
-        worst = values[np.arange(len(values)), at]
-        return worst, result.ns[part][at] / 1e9, self.holds(worst)
+            badness = values if self.comparison in ("<", "<=") else -values
+        # argmax takes the first NaN there is, and no NaN holds.
+        at = np.argmax(np.where(there, badness, -np.inf), axis=1)
+        rows = np.arange(len(values))
+        worst = np.where(good & there[rows, at], values[rows, at], np.nan)
+        return worst, np.where(there[rows, at], result.ns[part][at] / 1e9, np.nan), self.holds(worst)
 
     def holds(self, values: Any) -> Any:
         """Whether values fulfil it; what is not a number does not."""
@@ -169,6 +178,10 @@ class Requirement:
 
     def failure(self, value: float, time: float) -> str:
         """The text for a run that does not fulfil it."""
+        if math.isnan(value):
+            text = f"{self!r} cannot be judged: {self.variable.field_path.port} was never " + (
+                "written" if math.isnan(time) else "good") + (f" {self.variable.when}" if self.variable.when else "")
+            return f"{self.message}: {text}" if self.message else text
         text = (f"{self.variable.measure_text} is {self._shown(value, '.4g')} at {time:g} s, "
                 f"not {self.comparison} {self._shown(self.limit)}")
         return f"{self.message}: {text}" if self.message else text

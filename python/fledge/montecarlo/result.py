@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,10 @@ class Result:
         """(runs,) a measure at the end of each run."""
         return self.store.column(repr(measure.final))
 
+    def entered(self, mode: str) -> np.ndarray:
+        """(runs,) [s] when a mode, "flight.mode.SAFE", first began; NaN where it did not."""
+        return self.store.column(mode)
+
     # --- over time ---
 
     @property
@@ -90,20 +95,29 @@ class Result:
 
         if not self.exact:
             return self._counts(variable).percentiles(percentiles)
-        return np.percentile(variable.values(self.store.series())[self.complete], percentiles, axis=0)
+        values = variable.values(self.store.series())[self.complete]
+        if not np.isnan(values).any():
+            return np.percentile(values, percentiles, axis=0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)     # of times at which no run has a value
+            return np.nanpercentile(values, percentiles, axis=0)
 
     def least_positive(self, variable: Variable) -> float:
         """The least number above 0 at any time in the complete runs."""
+        import numpy as np
+
         if not self.exact:
             return self._counts(variable).least_positive()
         values = variable.values(self.store.series())[self.complete]
-        return float(values[values > 0].min())
+        return float(values[values > 0].min(initial=np.inf))
 
     def is_zero(self, variable: Variable) -> bool:
         """Whether it is 0 at all times in all complete runs."""
+        import numpy as np
+
         if not self.exact:
             return self._counts(variable).only_zero()
-        return not variable.values(self.store.series())[self.complete].any()
+        return not np.nan_to_num(variable.values(self.store.series())[self.complete]).any()
 
     def runs_of(self, variable: Variable, wanted: Sequence[int]) -> dict[int, np.ndarray]:
         """Index -> (samples,) of those of the runs that are kept."""

@@ -27,20 +27,22 @@ class Share:
     """The results of the runs first, first + 1, ...
 
     flown: whether a run came to its end, or failed; errors: "" of a run that came to its end; health: rows of Findings;
-    draws: (runs, dispersed numbers); retained: (runs, samples, elements) of each variable; NaN where not flown, and
-    after an error.
+    draws: (runs, dispersed numbers); entered: (runs, modes) [s] when each mode first
+    began; retained: (runs, samples, elements) of each variable; NaN where not flown, and after an error.
     """
     first: int
     flown: list[bool]
     errors: list[str]
     health: list[list[tuple]]
     draws: np.ndarray
+    entered: np.ndarray
     retained: list[np.ndarray]
 
     @classmethod
     def of(cls, first: int, result: Any) -> Share:
         """What the kernel gives."""
-        return cls(first, result.flown, result.failures, result.health, result.draws, result.retained)
+        return cls(first, result.flown, result.failures, result.health, result.draws, result.entered,
+                   result.retained)
 
     @classmethod
     def joined(cls, shares: Sequence[Share]) -> Share:
@@ -49,6 +51,7 @@ class Share:
 
         return cls(shares[0].first, [x for one in shares for x in one.flown], [x for one in shares for x in one.errors],
                    [x for one in shares for x in one.health], np.concatenate([one.draws for one in shares]),
+                   np.concatenate([one.entered for one in shares]),
                    [np.concatenate(values) for values in zip(*(one.retained for one in shares))])
 
     @classmethod
@@ -58,6 +61,7 @@ class Share:
 
         d = campaign.dispersions
         return cls(index, [True], [error], [[]], np.full((1, len(d.columns)), np.nan),
+                   np.full((1, len(d.modes)), np.nan),
                    [np.full((1, len(d.ns), len(one.field_path.elements)), np.nan) for one in d.retained.values()])
 
 

@@ -51,10 +51,10 @@ class Store:
 
         d = campaign.dispersions
         self.campaign, self.runs, self.strict = campaign, runs, strict
-        self.names = ["outcome", "findings", *d.columns, *(repr(one.final) for one in d.measures()),
+        self.names = ["outcome", "findings", *d.columns, *d.modes, *(repr(one.final) for one in d.measures()),
                       *(text for i in range(len(d.requirements)) for text in (f"worst {i}", f"time {i}"))]
         self.exact = runs * numbers_of_run(campaign) <= EXACT
-        self.panels = [] if self.exact else [one for variable in d.retained.values() for one in variable.panels]
+        self.panels = [] if self.exact else [one for variable in d.shown for one in variable.panels]
         self.counts = [Counts(len(d.ns)) for _ in self.panels]
         self.errors: dict[int, str] = {}
         self.health: dict[int, list[Finding]] = {}      # of each run with findings, if exact
@@ -134,7 +134,8 @@ class Store:
         health = [[Finding(*row) for row in rows] for rows, chosen in zip(share.health, new) if chosen]
         complete = np.array([not error for error in errors])
         good = complete & ~np.array([self.strict and bool(found) for found in health])
-        columns = [np.where(complete, _COMPLETE, _ERROR), [len(found) for found in health], *share.draws[new].T,
+        columns = [np.where(complete, _COMPLETE, _ERROR), [len(found) for found in health],
+                   *share.draws[new].T, *share.entered[new].T,
                    *(one.values(series)[:, -1] for one in d.measures())]
         for requirement in d.requirements:
             worst, times, holds = requirement.worst(series)

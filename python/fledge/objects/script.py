@@ -78,6 +78,12 @@ def python_text(obj: Any) -> str:
     return function_text(functions[0]) if functions else ""
 
 
+def short_function_text(function: Any) -> str:
+    """ "slew()" """
+    name = getattr(function, "__name__", type(function).__name__)
+    return "a Python function" if name == "<lambda>" else f"{name}()"
+
+
 def function_text(function: Any) -> str:
     """ "slew(), flight.py, line 12" """
     code = getattr(function, "__code__", None)

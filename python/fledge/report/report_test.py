@@ -163,8 +163,8 @@ def test_it_says_all_of_the_run(here):
     for part in ("looker, good", "passed", "A title with <i>markup</i> & an ampersand.", "What it is about.",
                  '<b>nothing</b> & "more".', "A second paragraph.", "seed 7", "times real time", "run.mcap, ",
                  # tasks, modes and events
-                 "flight fast 1 s tracking", "world dynamics 1 s craft, nav 101", "cold fast began in it",
-                 "warm slow, fast ended in it", "max_abs(flight.tracking.error.omega_RN_B) < 1", "enter warm",
+                 "flight fast 1 s tracking", "world dynamics 1 s craft, nav 101", "cold fast t = 0 s began in it",
+                 "warm slow, fast t = 4 s ended in it", "max_abs(flight.tracking.error.omega_RN_B) < 1", "enter warm",
                  "t >= 4 s", "call <script>alert(1)</script>()",
                  # parameters: an angle in degrees too, one that changed, defaults, what Python adds
                  "rates [0, 0, 1.570796] = [0, 0, 90] deg/s rad/s their constant rates",

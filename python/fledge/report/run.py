@@ -18,15 +18,17 @@ import jinja2
 from markupsafe import Markup
 
 from fledge import __version__, objects, scene, wiring_picture
+from fledge.activity import happenings
 from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
 from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation
-from fledge.mission.wiring import Wiring, action_text, condition_text, event_name
+from fledge.mission.wiring import Wiring, action_text, event_name
 from fledge.report.numbers import duration, number, unit, value
 from fledge.scene import bundle, page
 
+HAPPENINGS = 200    # in the table of a page
 QUALITIES = ("none", "stale", "degraded", "good")
 
 
@@ -103,20 +105,25 @@ class Report:
              task.priority, Markup(", ").join(map(Markup("<code>{}</code>").format, task.run)),
              _updates(process, task, self._simulation.time_ns)]
             for process in wiring.processes for task in process.tasks]
-        yield "Modes", ["process", "mode", "tasks", "when"], [
-            [process.name, name, tasks,
+        yield "Modes", ["process", "mode", "tasks", "began", "when"], [
+            [process.name, name, tasks, _began(*self._simulation.process(process.name).entered[name]),
              ", ".join((["began in it"] if name == self._modes[process.name] else [])
                        + (["ended in it"] if name == process.mode else []))]
             for process in wiring.processes for name, tasks in process.modes]
-        yield "Events", ["process", "event", "when", "held for", "does", "repeats", "happened last"], [
+        yield "Events", ["process", "event", "when", "held for", "does", "repeats", "fired", "happened last"], [
             [process.name, event_name(event),
-             Markup("<code>{}</code>").format(condition_text(event)) + (
+             Markup("<code>{}</code>").format(event.text) + (
                  f" in {' or '.join(event.modes)}" if event.modes else ""),
              " and ".join(([duration(event.hold / 1e9)] if event.hold else [])
                           + ([f"{event.count} instants"] if event.count > 1 else [])), action_text(event),
              "once" if event.once else f"after {event.until!r}" if event.until is not None else "each time",
+             f"{event.fired[0]} times" if event.fired[0] != 1 else "once",
              "never" if event.fired_at is None else Markup("t = {}").format(duration(event.fired_at))]
             for process in wiring.processes for event in process.handles]
+        happened = happenings(self._simulation.activity)
+        yield "What happened" + (f", the first {HAPPENINGS}" if len(happened) > HAPPENINGS else ""), [
+            "#t", "process", "what", "name", "why"], [
+            [f"{one.t:g} s", one.process, one.kind, one.name, one.text] for one in happened[:HAPPENINGS]]
 
     def _changes(self, path: str, instance: objects.Module | objects.Model) -> list[_Value]:
         """The parameters as the run began, each with its value now."""
@@ -187,7 +194,7 @@ def _rows(owner, field, given: bool) -> list[_Value]:
 
 
 def _final(log) -> tuple:
-    """(log, time [ns], quality, rows) of its last sample."""
+    """(log, time [ns], quality, rows) of its last sample; no rows if its message was never written."""
     import numpy as np
 
     sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
@@ -200,7 +207,8 @@ def _final(log) -> tuple:
 
     quality = dict(enumerate(QUALITIES)).get(read("head.quality"), read("head.quality"))
     return log, read("head.t"), quality, [_Value(name, read(name), field.unit, field.doc)
-                                          for name, field, _ in leaves(log.struct) if not name.startswith("head.")]
+                                          for name, field, _ in leaves(log.struct)
+                                          if quality != QUALITIES[0] and not name.startswith("head.")]
 
 
 # --- words -----------------------------------------------------------------------------------------
@@ -209,6 +217,11 @@ def _used(titles: list[str], rows: list[list]) -> tuple[list[str], list[list]]:
     """A table without its empty columns."""
     used = [i for i in range(len(titles)) if any(row[i] for row in rows)]
     return [titles[i] for i in used], [[row[i] or "" for i in used] for row in rows]
+
+
+def _began(times: int, first: float | None) -> str:
+    """How often a mode began, and when first."""
+    return "never" if first is None else f"t = {first:g} s" + (f", {times} times" if times > 1 else "")
 
 
 def _updates(process, task, now: int) -> str:

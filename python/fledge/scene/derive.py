@@ -6,11 +6,13 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from fledge.activity import happenings, modes
 from fledge.errors import SetupError
 from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, Scene
 from fledge.scene.tracks import Motion, Signal, Turning
 from fledge.series import HEAD, Records, element_names
 
+HAPPENINGS = 500    # on the time line
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
 SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
 
@@ -42,14 +44,17 @@ def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
     if not plots_only:
         found.add_flight()
     found.add_plots()
+    found.scene.modes = modes(records)
+    found.scene.happened = [one for one in happenings(records) if one.kind != "mode"][:HAPPENINGS]
     return found.scene
 
 
 class _Derivation:
     def __init__(self, records, facts):
         self._records, self._facts = records, facts
+        said = [port.name for port in records.executives()]
         self._ports = {port.name: port for port in records._ports()
-                       if port.names and len(records._time(port))}
+                       if port.names and port.name not in said and len(records._time(port))}
         self.scene = Scene(facts.title, facts.about)
 
     def add_plots(self):
@@ -82,22 +87,30 @@ class _Derivation:
         """The names of recorded ports with messages of some types."""
         return [name for name, port in self._ports.items() if port.type in types]
 
-    def _values(self, name, *fields):
-        """(times [s], values of each field) of a port's messages that were written, the last one of each instant."""
+    def _values(self, name, *fields, gaps=False):
+        """(times [s], values of each field) of a port's messages that were written, the last one of each instant.
+
+        gaps: with NaN for those that were not written and follow one that was
+        """
         import numpy as np
 
         port = self._ports[name]
         time, table = self._records._time(port), self._records._values(port)
-        good = (table["head"]["quality"] > 0) & np.append(np.diff(time) > 0, True)
+        last = np.append(np.diff(time) > 0, True)
+        good = (table["head"]["quality"] > 0) & last
         for one in fields:
             good &= np.isfinite(table[one].reshape(len(table), -1)).all(axis=1)
-        return time[good], *(np.ascontiguousarray(table[one][good], dtype=float) for one in fields)
+        kept = last & np.logical_or.accumulate(good) if gaps else good
+        found = [np.array(table[one][kept], dtype=float) for one in fields]
+        for one in found:
+            one[~good[kept]] = np.nan
+        return time[kept], *found
 
     def _signal(self, name, one, element=None):
         """The Signal of a field or of an element of it; None if the port was not recorded."""
         if name not in self._ports:
             return None
-        time, values = self._values(name, one)
+        time, values = self._values(name, one, gaps=True)
         if not len(time):
             return None
         values = values.reshape(len(time), -1)
@@ -184,13 +197,13 @@ class _Derivation:
                 part.length = 4 * craft.extent
         for name in self._of("NavAttitude"):
             if self._home(name.partition(".")[0]) is craft and name.rpartition(".")[0] != craft.path:
-                time, sigma = self._values(name, "sigma_BN")
+                time, sigma = self._values(name, "sigma_BN", gaps=True)
                 if len(time):
                     craft.poses.append(Pose("estimate", name, Turning.of_mrp(time, sigma),
                                             self._estimated_motion(name.partition(".")[0])))
         for name in self._of("AttReference"):
             if self._home(name.partition(".")[0]) is craft:
-                time, sigma = self._values(name, "sigma_RN")
+                time, sigma = self._values(name, "sigma_RN", gaps=True)
                 if len(time):
                     craft.poses.append(Pose("reference", name, Turning.of_mrp(time, sigma)))
         for name in self._of("AttError"):
@@ -203,13 +216,13 @@ class _Derivation:
     def _angle(self, name):
         import numpy as np
 
-        time, sigma = self._values(name, "sigma_BR")
+        time, sigma = self._values(name, "sigma_BR", gaps=True)
         return Signal(time, 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True)))
 
     def _unit(self, name, one):
         import numpy as np
 
-        time, values = self._values(name, one)
+        time, values = self._values(name, one, gaps=True)
         size = np.linalg.norm(values, axis=1, keepdims=True)
         return Signal(time, values / np.where(size > 0, size, 1))
 
@@ -239,7 +252,7 @@ class _Derivation:
             at = (self._count(path, "r_WB_B") or [[0, 0, 0]] * len(axes))[k]
             full = limits[k] if limits else 0
             if not full and level:
-                full = float(np.abs(self._signal(f"{path}.speeds", "Omega").values[:, :len(axes)]).max())
+                full = float(np.nanmax(np.abs(self._signal(f"{path}.speeds", "Omega").values[:, :len(axes)])))
             craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis), level=level,
                                     full=full))
         self._advise(f"{path}.speeds", "the wheels stand still")
@@ -395,15 +408,13 @@ class _Derivation:
         """A Plot of each numeric field of a port; of long arrays the elements up to the last that is ever not 0."""
         import numpy as np
 
-        time, table = self._records._time(port), self._records._values(port)
+        time = self._records._time(port)
         for name, about in port.fields.items():
-            values = table
-            for one in name.split("."):
-                values = values[one]
+            values = self._records._field(port, name)
             if name.startswith(HEAD) or values.dtype.kind not in "fiub":
                 continue
             flat = values.reshape(len(time), -1).astype(float)
-            used = max((k for k in range(flat.shape[1]) if flat[:, k].any()), default=0) + 1
+            used = max((k for k in range(flat.shape[1]) if np.nan_to_num(flat[:, k]).any()), default=0) + 1
             used = flat.shape[1] if flat.shape[1] <= 3 else min(used, 16)
             labels = element_names(port.parts[name])[:used]
             meaning = about.meaning if hasattr(about, "meaning") else about.doc

@@ -241,7 +241,8 @@ def messages(scene: Scene) -> Iterator[tuple[float, str, dict[str, Any]]]:
         stamp = _time(t)
         yield t, "/scene/transforms", {"transforms": [
             {"timestamp": stamp, "parent_frame_id": parent, "child_frame_id": child,
-             "translation": _xyz(r[i]), "rotation": _xyzw(q[i])} for parent, child, r, q in frames]}
+             "translation": _xyz(r[i]), "rotation": _xyzw(q[i])} for parent, child, r, q in frames
+            if np.isfinite(r[i]).all() and np.isfinite(q[i]).all()]}
         now = np.array([share[i] > 0.002 for *_, share in plumes], bool)
         if now.any() or burning.any():
             yield t, "/scene/entities", _plumes(plumes, now, burning, i, stamp)

@@ -71,6 +71,9 @@ def pack(scene: Scene) -> bytes:
         "planets": [{"name": one.name, "radius": one.radius, "motion": arrays.motion(one.motion),
                      "turning": arrays.turning(one.turning)} for one in scene.planets],
         "crafts": [_craft(one, arrays) for one in scene.crafts],
+        "modes": [{"process": name, "began": list(began)} for name, began in scene.modes.items()],
+        "happened": [{"t": one.t, "text": f"{one.process}: {one.kind} {one.name}" + f", {one.text}" * bool(one.text)}
+                     for one in scene.happened],
         "plots": [{"name": one.name, "unit": one.unit, "meaning": one.meaning, "labels": one.labels,
                    "signal": arrays.signal(one.signal)} for one in scene.plots],
     }

@@ -30,6 +30,7 @@ from fledge.objects.si import to_number, to_vector
 if TYPE_CHECKING:
     import numpy as np
 
+    from fledge.activity import Happening
     from fledge.scene.tracks import Motion, Signal, Turning
 
 LENGTH, ANGLE, NUMBER = (1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0, 0, 1), (0,) * 8
@@ -207,6 +208,8 @@ class Scene:
     sun_N: np.ndarray | None = None
     plots: list[Plot] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    modes: dict[str, list[tuple[float, str]]] = field(default_factory=dict)     # process -> (t [s], mode) as they began
+    happened: list[Happening] = field(default_factory=list)     # events, commands and resets
 
     def craft(self, name: str | None = None) -> Craft:
         """The spacecraft of a process; without a name, the only one. Raises SetupError that lists them."""

@@ -3,6 +3,8 @@
 
 A picture interpolates between the samples that are kept: positions by cubics (Hermite), attitudes along the shortest
 turn, signals by lines. A sample is left out only where that interpolation is within the bound of it.
+
+Before its first sample, and from a sample that is NaN until the next one, a track has no value: at() gives NaN there.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ class Motion:
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """The positions [m] (m, 3) at some times [s] (m,)."""
-        return _hermite(self.time, self.r, self.v, t)
+        return _begun(self.time, _hermite(self.time, self.r, self.v, t), t)
 
     def thinned(self) -> Motion:
         kept = keep(self.time, lambda some: _norm(_hermite(self.time[some], self.r[some], self.v[some], self.time)
@@ -62,17 +64,18 @@ class Turning:
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """The quaternions (m, 4) at some times [s] (m,)."""
-        return _slerp(self.time, self.q, t)
+        return _begun(self.time, _slerp(self.time, self.q, t), t)
 
     def thinned(self) -> Turning:
         import numpy as np
 
-        def off(some):
-            found = _slerp(self.time[some], self.q[some], self.time)
-            return 2 * np.minimum(_norm(found - self.q), _norm(found + self.q))
+        def kept(time, q):
+            def off(some):
+                found = _slerp(time[some], q[some], time)
+                return 2 * np.minimum(_norm(found - q), _norm(found + q))
+            return keep(time, off, ATTITUDE)
 
-        kept = keep(self.time, off, ATTITUDE)
-        return Turning(self.time[kept], self.q[kept])
+        return Turning(*_by_pieces(self.time, self.q, kept))
 
 
 @dataclass
@@ -83,21 +86,46 @@ class Signal:
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """The values (m, k) at some times [s] (m,)."""
-        return _linear(self.time, self.values, t)
+        return _begun(self.time, _linear(self.time, self.values, t), t)
 
     def thinned(self) -> Signal:
         import numpy as np
 
         good = np.isfinite(self.values).all(axis=1)
-        time, values = self.time[good], self.values[good]
-        if not len(time):
-            return Signal(time, values)
-        size = np.ptp(values, axis=0)
-        scaled = values / np.where(size > 0, size, 1)
-        kept = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1), SHARE)
-        if len(kept) > POINTS:
-            kept = _extremes(values, POINTS // (2 * values.shape[1]))
-        return Signal(time[kept], values[kept])
+        if not good.any():
+            return Signal(self.time[:0], self.values[:0])
+        size = np.ptp(self.values[good], axis=0)
+        size = np.where(size > 0, size, 1)
+
+        def kept(time, values):
+            scaled = values / size
+            found = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1), SHARE)
+            most = max(2, POINTS * len(time) // len(good))
+            return found if len(found) <= most else _extremes(values, max(1, most // (2 * values.shape[1])))
+
+        return Signal(*_by_pieces(self.time, self.values, kept))
+
+
+def _begun(time, found, t):
+    """What was found at times t; NaN before the first sample."""
+    found[t < time[0]] = float("nan")
+    return found
+
+
+def _by_pieces(time, values, kept):
+    """(times, values) of the samples that kept(times, values) chooses of each piece without NaN, and of one NaN after
+    it where others follow."""
+    import numpy as np
+
+    good = np.isfinite(values).all(axis=1)
+    turns = np.flatnonzero(np.diff(good, prepend=False, append=False))
+    found = []
+    for begin, end in zip(turns[::2], turns[1::2]):
+        found += [begin + kept(time[begin:end], values[begin:end]), [end]]
+    some = np.concatenate(found[:-1] if not len(turns) or turns[-1] == len(time) else found)
+    rows = values[some]
+    rows[~good[some]] = np.nan
+    return time[some], rows
 
 
 def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float) -> np.ndarray:
@@ -138,6 +166,14 @@ def _span(time, t):
     return i, np.clip((t - time[i]) / h, 0, 1)[:, None], h[:, None]
 
 
+def _after(values, i):
+    """The sample after each; a value that ends is held until then."""
+    import numpy as np
+
+    after = values[(i + 1).clip(max=len(values) - 1)]
+    return np.where(np.isnan(after), values[i], after)
+
+
 def _hermite(time, r, v, t):
     i, x, h = _span(time, t)
     j = (i + 1).clip(max=len(time) - 1)
@@ -147,14 +183,14 @@ def _hermite(time, r, v, t):
 
 def _linear(time, values, t):
     i, x, _ = _span(time, t)
-    return (1 - x) * values[i] + x * values[(i + 1).clip(max=len(time) - 1)]
+    return (1 - x) * values[i] + x * _after(values, i)
 
 
 def _slerp(time, q, t):
     import numpy as np
 
     i, x, _ = _span(time, t)
-    a, b = q[i], q[(i + 1).clip(max=len(time) - 1)]
+    a, b = q[i], _after(q, i)
     dot = (a * b).sum(axis=1, keepdims=True)
     b, dot = np.where(dot < 0, -b, b), np.abs(dot)
     angle = np.arctan2(_norm(b - dot * a)[:, None], dot)

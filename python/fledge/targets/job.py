@@ -18,6 +18,7 @@ from fledge.targets import build
 from fledge.targets.rehearsal import rehearse
 
 if TYPE_CHECKING:
+    from fledge.archive import Archive
     from fledge.export.read import Mission
     from registers.description import Board
     import numpy as np
@@ -47,6 +48,11 @@ class Part:
             raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
                           f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
                           "\"commands\"")
+
+    def compared(self, *records: Archive) -> list[str]:
+        """The topics to compare: the outputs, and what the executive said in any of the records."""
+        said = [f"/{self.process}/{name}" for name in ("mode", "activity")]
+        return self.outputs + [one for one in said if any(one in record.topics for record in records)]
 
     @cached_property
     def written(self) -> list[Path]:

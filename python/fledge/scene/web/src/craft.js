@@ -144,7 +144,7 @@ function panel(part, extent) {
     hinge.add(wing);
     const axis = new THREE.Vector3(...(part.hinge_axis ?? [1, 0, 0]));
     hinge.update = (t) => {
-        if (part.level) hinge.quaternion.setFromAxisAngle(axis, level(part.level, t));
+        if (part.level) hinge.quaternion.setFromAxisAngle(axis, level(part.level, t) || 0);
     };
     return hinge;
 }
@@ -163,7 +163,7 @@ function wheel(part, extent) {
     const slow = new THREE.Color("#5aa9ff"), fast = new THREE.Color("#ff6a4d"), none = new THREE.Color("#000000");
     let angle = 0;
     group.update = (t, since) => {
-        const speed = level(part.level, t), share = Math.min(1, Math.abs(speed) / (part.full || 1));
+        const speed = level(part.level, t) || 0, share = Math.min(1, Math.abs(speed) / (part.full || 1));
         angle += Math.sign(speed) * share * 7 * since;  // slow enough to be seen
         disc.rotation.y = angle;
         rim.emissive.copy(none).lerp(speed < 0 ? slow : fast, share);
@@ -220,7 +220,7 @@ function thruster(part, extent, strongest) {
     group.quaternion.setFromUnitVectors(UP, new THREE.Vector3(...part.axis));
     group.position.set(...part.at);
     group.update = (t) => {
-        const share = Math.max(0, Math.min(1, level(part.level, t) / (part.full || 1)));
+        const share = Math.max(0, Math.min(1, (level(part.level, t) || 0) / (part.full || 1)));
         flame.uniforms.share.value = share > 0.002 ? 0.35 + 0.65 * share : 0;
         holder.visible = share > 0.002;
         holder.scale.y = 0.35 + 0.65 * share;
@@ -238,7 +238,7 @@ function rod(part, extent) {
     bar.position.set(...part.at).addScaledVector(side.normalize(), 0.3 * extent);
     const plus = new THREE.Color("#ff8a4d"), minus = new THREE.Color("#57c2ff");
     bar.update = (t) => {
-        const dipole = level(part.level, t);
+        const dipole = level(part.level, t) || 0;
         material.emissive.set(0).lerp(dipole < 0 ? minus : plus, Math.min(1, Math.abs(dipole) / (part.full || 1)));
     };
     return bar;

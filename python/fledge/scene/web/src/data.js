@@ -47,6 +47,17 @@ function span(track, t) {
     return found;
 }
 
+/** Whether a track has a value at a time: it has none before its first sample, and from one that is NaN. */
+export function known(track, t, values = track?.values ?? track?.q) {
+    if (!track?.time.n || t < track.time.data[0]) return false;
+    return !values || !Number.isNaN(values.data[values.k * span(track, t).before]);
+}
+
+/** The mode of a process at a time: the last of `began`, [t, name], until then; "" before the first. */
+export function modeAt({began}, t) {
+    return began.findLast(([start]) => start <= t + 1e-9)?.[1] ?? "";
+}
+
 /** [m] Where a motion is at a time, in double precision. */
 export function position(motion, t, out = [0, 0, 0]) {
     if (!motion) return out.fill(0);
@@ -69,19 +80,21 @@ export function velocity(motion, t, out = [0, 0, 0]) {
     return out;
 }
 
-/** The quaternion of a turning, as three.js has it, into `out`. */
+/** The quaternion of a turning that is known, as three.js has it, into `out`. */
 export function attitude(turning, t, out, spare) {
     if (!turning) return out.identity();
     const {before, after, share} = span(turning, t), quaternions = turning.q.data;
     out.fromArray(quaternions, 4 * before);
+    if (Number.isNaN(quaternions[4 * after])) return out;
     return out.slerp(spare.fromArray(quaternions, 4 * after), share);
 }
 
-/** An element of a signal. */
+/** An element of a signal; NaN where it has no value. */
 export function level(signal, t, k = 0) {
-    if (!signal || !signal.time.n) return 0;
+    if (!known(signal, t)) return NaN;
     const {before, after, share} = span(signal, t), {data, k: elements} = signal.values;
-    return (1 - share) * data[elements * before + k] + share * data[elements * after + k];
+    const first = data[elements * before + k], next = data[elements * after + k];
+    return Number.isNaN(next) ? first : (1 - share) * first + share * next;
 }
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

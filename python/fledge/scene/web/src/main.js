@@ -5,10 +5,11 @@ import "./view.css";
 
 import * as THREE from "three";
 
-import {level, load, norm, position, primary, sub, sunlight, velocity} from "./data.js";
-import {clock, Plots} from "./plots.js";
+import {known, level, load, modeAt, norm, position, primary, sub, sunlight, velocity} from "./data.js";
+import {clock, number, Plots} from "./plots.js";
 import {LAYERS, PRESETS, Stage} from "./stage.js";
 
+const MODES = ["#5b8fc7", "#d98e4a", "#62b06f", "#a878c4", "#c9a93a", "#4fb3ad", "#cc6478", "#8a97a3"];
 const SPEEDS = [0.1, 1, 5, 10, 30, 60, 120, 300, 600, 1800, 3600];
 const WHOLE_RUN = 75;  // [s] that it takes at the speed which is chosen at first
 const TURN = 0.006;  // [rad] of the camera, by a pixel of the pointer's way
@@ -138,7 +139,9 @@ class Viewer {
         Object.assign(this.slider, {type: "range", min: 0, max: 1, step: "any"});
         this.slider.setAttribute("aria-label", "time");
         this.slider.oninput = () => this.seek(this.data.begin + this.slider.value * (this.data.end - this.data.begin));
-        track.append(this.shadow, this.slider);
+        this.strip = make("canvas", "modes");
+        this.strip.onpointermove = (event) => this.tellModes(event);
+        track.append(this.strip, this.shadow, this.slider);
         this.cameras = make("select");
         this.cameras.title = "Camera (1 to 6)";
         for (const [key, name] of Object.entries(PRESETS)) this.cameras.add(new Option(name, key));
@@ -316,6 +319,7 @@ class Viewer {
         this.stage.setTheme(theme);
         this.plots.setTheme(theme);
         this.drawShadow();
+        this.drawModes();
         this.dirty = true;
     }
 
@@ -324,7 +328,38 @@ class Viewer {
         if (!clientWidth || !clientHeight) return;
         this.stage.resize(clientWidth, clientHeight);
         this.drawShadow();
+        this.drawModes();
         this.dirty = true;
+    }
+
+    /** Modes, above the slider, and marks for what happened. */
+    drawModes() {
+        const {strip, data} = this, width = Math.max(1, strip.clientWidth), row = 7, span = data.end - data.begin || 1;
+        const brush = strip.getContext("2d"), colour = getComputedStyle(this.root), at = (t) => (t - data.begin) / span;
+        strip.width = width;
+        strip.height = Math.max(1, row * data.modes.length + (data.happened.length ? 4 : 0));
+        strip.style.height = `${strip.height}px`;
+        data.modes.forEach(({began}, k) => {
+            const names = [...new Set(began.map(([, name]) => name))];
+            began.forEach(([t, name], i) => {
+                const end = began[i + 1]?.[0] ?? data.end;
+                brush.fillStyle = MODES[names.indexOf(name) % MODES.length];
+                brush.fillRect(width * at(t), row * k, Math.max(1, width * (at(end) - at(t))), row - 1);
+            });
+        });
+        brush.fillStyle = colour.getPropertyValue("--accent");
+        for (const {t} of data.happened) brush.fillRect(width * at(t) - 0.5, strip.height - 4, 1.5, 4);
+    }
+
+    /** What the strip shows at a place of the pointer. */
+    tellModes(event) {
+        const {data, strip} = this, share = event.offsetX / Math.max(1, strip.clientWidth);
+        const t = data.begin + share * (data.end - data.begin), near = (data.end - data.begin) / 100;
+        strip.title = [
+            ...data.modes.map((one) => `${one.process}: ${modeAt(one, t) || "\u2013"}`),
+            ...data.happened.filter((one) => Math.abs(one.t - t) < near)
+                .slice(0, 6).map((one) => `${clock(one.t)} ${one.text}`)
+        ].join("\n");
     }
 
     /** The times in shadow, below the slider. */
@@ -439,24 +474,29 @@ class Viewer {
                 ["altitude", `${((norm(away) - centre.radius) / 1e3).toFixed(2)} km`],
                 ["speed", `${(norm(speed) / 1e3).toFixed(4)} km/s`]);
         }
+        for (const mode of data.modes) rows.push([`${mode.process} mode`, modeAt(mode, t) || "\u2013"]);
         const {rate, ...others} = one.craft.signals;
         if (rate)
             rows.push(
-                ["body rate", `${degrees(Math.hypot(...[0, 1, 2].map((k) => level(rate, t, k)))).toFixed(4)} °/s`]);
+                ["body rate", number(degrees(Math.hypot(...[0, 1, 2].map((k) => level(rate, t, k)))),
+                                     (turn) => `${turn.toFixed(4)} °/s`)]);
         for (const [name, signal] of Object.entries(others))
-            rows.push([name, `${degrees(level(signal, t)).toPrecision(4)}°`]);
+            rows.push([name, number(degrees(level(signal, t)), (turn) => `${turn.toPrecision(4)}°`)]);
         if (data.sun || data.sun_N) rows.push(["sunlight", `${(100 * one.sunlight).toFixed(0)} %`]);
         const estimate = one.ghosts.find(({pose}) => pose.kind === "estimate");
         if (estimate && stage.exaggerate === 1 && stage.shown.estimate)
-            rows.push(["estimate off by", angle(degrees(one.body.quaternion.angleTo(estimate.ghost.quaternion)))]);
+            rows.push(["estimate off by", known(estimate.pose.turning, t) ?
+                angle(degrees(one.body.quaternion.angleTo(estimate.ghost.quaternion))) : "\u2013"]);
         const wheels = one.craft.parts.filter((part) => part.kind === "wheel" && part.level);
         if (wheels.length)
             rows.push([
-                "wheels", wheels.map((part) => Math.round((level(part.level, t) * 30) / Math.PI)).join("  ") + " rpm"
+                "wheels",
+                wheels.map((part) => number((level(part.level, t) * 30) / Math.PI, Math.round)).join("  ") + " rpm"
             ]);
         const thrust = one.craft.parts.filter((part) => part.kind === "thruster" && part.level);
         if (thrust.length)
-            rows.push(["thrust", `${thrust.reduce((sum, part) => sum + level(part.level, t), 0).toFixed(3)} N`]);
+            rows.push(["thrust", number(thrust.reduce((sum, part) => sum + level(part.level, t), 0),
+                                        (sum) => `${sum.toFixed(3)} N`)]);
         data.crafts.forEach((craft, k) => {
             if (k !== stage.focus && data.crafts.length < 5)
                 rows.push([`to ${craft.name}`, `${(norm(sub(stage.crafts[k].place, one.place)) / 1e3).toFixed(3)} km`]);

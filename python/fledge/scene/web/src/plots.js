@@ -63,7 +63,7 @@ export class Plots {
                 (_, k) => {
                     const column = new Float64Array(rows);
                     for (let i = 0; i < rows; i++) column[i] = signal.values.data[n * i + k];
-                    return column;
+                    return column.some(Number.isNaN) ? Array.from(column, (y) => (Number.isNaN(y) ? null : y)) : column;
                 })
         ];
         const holder = document.createElement("div");
@@ -74,7 +74,8 @@ export class Plots {
             {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}, font: "11px system-ui"};
         const [, field] = plot.name.match(/([^.]+\.[^.]+)$/) ?? [0, plot.name];
         const chart = new uPlot({
-            width: 320, height: 170, title: `${field}${plot.unit && plot.unit !== "-" ? `  [${plot.unit}]` : ""}`,
+            width: 320, height: 170,
+            title: `${field}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}${rows ? "" : ", never written"}`,
             scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [4, 12, 0, 0],
             axes: [{ ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map(clock) },
                 { ...axis, size: 58, values: (_, ticks) => ticks.map((one) => short(one)) }],
@@ -134,7 +135,8 @@ export class Plots {
             if (chart.cursor.left >= 0) continue;  // else it has what the pointer is at
             const said = chart.root.querySelectorAll(".u-value");
             said[0].textContent = clock(Math.round(10 * t) / 10);
-            for (let k = 1; k < said.length; k++) said[k].textContent = level(plot.signal, t, k - 1).toPrecision(5);
+            for (let k = 1; k < said.length; k++)
+                said[k].textContent = number(level(plot.signal, t, k - 1), (y) => y.toPrecision(5));
         }
     }
 
@@ -145,6 +147,9 @@ export class Plots {
         for (const plot of open) this.add(plot);
     }
 }
+
+/** A number in words; a dash where there is none. */
+export const number = (value, words) => (Number.isNaN(value) ? "\u2013" : words(value));
 
 /** 3723.5 -> "1:02:03.5" */
 export function clock(t) {

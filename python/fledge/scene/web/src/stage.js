@@ -3,7 +3,9 @@
 import * as THREE from "three";
 
 import {COLOURS, makeArrow, makeCraft, makeFrame, makeGhost} from "./craft.js";
-import {attitude, cross, dot, level, norm, position, primary, sub, sunlight, toSun, unit, velocity} from "./data.js";
+import {
+    attitude, cross, dot, known, level, norm, position, primary, sub, sunlight, toSun, unit, velocity
+} from "./data.js";
 import {makePath} from "./path.js";
 import {makePlanet, makeStars, makeSun} from "./planet.js";
 
@@ -287,7 +289,8 @@ export class Stage {
         const ways = [
             toSun(data, place, t), centre && unit(sub(position(centre.motion, t), place)),
             norm(speed) > 0 ? unit(sub(speed, velocity(centre?.motion, t))) : null,
-            ...craft.directions.map(({signal}) => [0, 1, 2].map((k) => level(signal, t, k)))
+            ...craft.directions.map(
+                ({signal}) => (known(signal, t) ? [0, 1, 2].map((k) => level(signal, t, k)) : null))
         ];
         one.arrows.forEach(({arrow, label}, k) => {
             arrow.visible = Boolean(shown.directions && ways[k] && close && !cone);
@@ -303,7 +306,8 @@ export class Stage {
         one.inertial.visible = shown.inertial && close && !cone;
         one.inertial.position.set(...near);
         for (const {pose, ghost, shown: chosen} of one.ghosts) {
-            ghost.visible = shown[pose.kind] && chosen && close && !cone;
+            ghost.visible = shown[pose.kind] && chosen && close && !cone && known(pose.turning, t) &&
+                (!pose.motion || known(pose.motion, t));
             if (!ghost.visible) continue;
             attitude(pose.turning, t, ghost.quaternion, spare);
             let away = pose.motion ? sub(position(pose.motion, t), place) : [0, 0, 0];

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in the processes of a run, from any record: modes that began, events that fired, commands and their
+answers, resets.
+
+    happenings(log), happenings(Archive("run.mcap"))
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from fledge.commands import Code, Reason
+from fledge.series import ACTIVITY, MODE, Records
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+
+EVENT, ACCEPTED, EXECUTED, RESET = 1, 2, 3, 4   # ActivityKind
+
+
+class Happening(NamedTuple):
+    """t: [s]; kind: "mode", "event", "command" or "reset"; name: of the mode or event, or the function of the command;
+    text: what fired the event, or the answer to the command"""
+    t: float
+    process: str
+    kind: str
+    name: str
+    text: str
+
+
+def happenings(records: Records) -> list[Happening]:
+    """All that is recorded, by time."""
+    found = [one for port in records.executives() for one in _of_port(records, port)]
+    return sorted(found, key=lambda one: one.t)
+
+
+def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
+    """Process -> (t [s], mode) of each mode that began."""
+    found: dict[str, list[tuple[float, str]]] = {}
+    for one in happenings(records):
+        if one.kind == "mode":
+            found.setdefault(one.process, []).append((one.t, one.name))
+    return found
+
+
+def _of_port(records, port):
+    process = port.name.rpartition(".")[0]
+    for row in records._values(port):
+        t = row["head"]["t"] / 1e9
+        if port.type == MODE:
+            yield Happening(t, process, "mode", row["name"].decode(), "")
+        elif row["kind"] == EVENT:
+            yield Happening(t, process, "event", row["name"].decode(), row["cause"].decode())
+        elif row["kind"] == RESET:
+            yield Happening(t, process, "reset", "computer", f"for the {row['index']}. time")
+        else:
+            reason, later = Reason(row["reason"]), row["kind"] == EXECUTED
+            answer = ("executed" if later else "accepted") if reason == Reason.OK else (
+                f"refused {'at its execution' if later else 'at its arrival'}: {reason.name.lower().replace('_', ' ')}")
+            yield Happening(t, process, "command", f"{_function(row['code'])}, sequence {row['index']}", answer)
+
+
+def _function(code: int) -> str:
+    return Code(code).name.lower().replace("_", " ") if code in Code._value2member_map_ else f"function {code}"
+
+
+def facts(simulation: Simulation) -> dict[str, Any]:
+    """What happened in each process of a run that had modes, events, commands or resets, as plain data."""
+    found: dict[str, Any] = {}
+    said = happenings(simulation.activity)
+    for process in simulation.processes:
+        own = [one for one in said if one.process == process.name]
+        rows: dict[str, Any] = {
+            "mode": process.active_mode,
+            "modes": {name: {"entered": n, "first": first} for name, (n, first) in process.entered.items()},
+            "events": {name: {"fired": one.fired[0], "first": one.fired[1], "when": one.text}
+                       for name, one in process.events.items()},
+            "commands": [{"t": one.t, "command": one.name, "answer": one.text} for one in own if one.kind == "command"],
+            "resets": [one.t for one in own if one.kind == "reset"]}
+        if rows := {key: value for key, value in rows.items() if value}:
+            found[process.name] = rows
+    return found
