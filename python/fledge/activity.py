@@ -29,9 +29,9 @@ class Happening(NamedTuple):
 
 
 def happenings(records: Records) -> list[Happening]:
-    """All that is recorded, by time."""
+    """All that is recorded, by time; of one instant the mode first."""
     found = [one for port in records.executives() for one in _of_port(records, port)]
-    return sorted(found, key=lambda one: one.t)
+    return sorted(found, key=lambda one: (one.t, one.kind != "mode"))
 
 
 def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
