@@ -64,10 +64,11 @@ void Executive::forget()
     std::ranges::fill(memory(), std::byte{});
 }
 
-template <class Say> void Executive::say(std::shared_ptr<Log> &log, const FledgeField &output, Ns t, const Say &write)
+template <class Say> void Executive::say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Say &write)
 {
     if (instance_) {
-        log = log ? log : recorder_.follow(instance_, output);
+        // By its own type: of another extension's copy of this file, the type above is empty.
+        log = log ? log : recorder_.follow(instance_, instance_->type().fields[output]);
         write(*reinterpret_cast<Messages *>(instance_->memory()));
         recorder_.written(*log, std::max<Ns>(t, 0));
     }
@@ -81,25 +82,25 @@ void Executive::mode(Ns t, int index, const std::string &name)
     }
     const ProcessMode &last = reinterpret_cast<const Messages *>(instance_->memory())->mode;
     if (!head_written(last.head) || last.index != number) {
-        say(modes_, type.fields[0], t, [&](Messages &m) { activity_mode(&m.mode, t, number, name.c_str()); });
+        say(modes_, 0, t, [&](Messages &m) { activity_mode(&m.mode, t, number, name.c_str()); });
     }
 }
 
 void Executive::event(Ns t, std::size_t index, const std::string &name, const std::string &cause)
 {
-    say(happenings_, type.fields[1], t, [&](Messages &m) {
+    say(happenings_, 1, t, [&](Messages &m) {
         activity_event(&m.activity, t, static_cast<std::uint32_t>(index), name.c_str(), cause.c_str());
     });
 }
 
 void Executive::command(const CommandReport &report)
 {
-    say(happenings_, type.fields[1], report.t, [&](Messages &m) { activity_command(&m.activity, &report); });
+    say(happenings_, 1, report.t, [&](Messages &m) { activity_command(&m.activity, &report); });
 }
 
 void Executive::reset(Ns t, std::uint32_t count)
 {
-    say(happenings_, type.fields[1], t, [&](Messages &m) { activity_reset(&m.activity, t, count); });
+    say(happenings_, 1, t, [&](Messages &m) { activity_reset(&m.activity, t, count); });
 }
 
 } // namespace fledge::sim

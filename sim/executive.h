@@ -40,7 +40,7 @@ private:
         ProcessMode mode;
         Activity activity;
     };
-    template <class Say> void say(std::shared_ptr<Log> &log, const FledgeField &output, Ns t, const Say &write);
+    template <class Say> void say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Say &write);
 
     Recorder &recorder_;
     std::shared_ptr<Instance> instance_;
