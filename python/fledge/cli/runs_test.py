@@ -67,6 +67,7 @@ SCENARIOS = '''
         """As long as the file `wait` is there."""
         sim.record(sim.flight.tracking, sim.world.craft)
         sim.run(4000)
+        Path("flown").touch()
         while Path("wait").exists():
             time.sleep(0.01)
         sim.run(60)
@@ -86,15 +87,15 @@ def here(tmp_path, monkeypatch):
 class Waiting:
     """A run in a program of its own that has flown 4000 s, and waits."""
 
-    def __init__(self, here, *arguments, folder="runs/looker/waiting"):
+    def __init__(self, here, *arguments):
         self.file = here / "wait"
         self.file.touch()
+        (here / "flown").unlink(missing_ok=True)
         self.process = subprocess.Popen([sys.executable, "-m", "fledge.cli", "run", "looker", "waiting", *arguments],
                                         env=ENVIRONMENT, cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         text=True)
-        part = here / folder / "run.mcap.part"
         until = time.monotonic() + 60
-        while not part.exists() or part.stat().st_size < 1 << 20:
+        while not (here / "flown").exists():
             assert self.process.poll() is None and time.monotonic() < until, self.process.communicate()[0]
             time.sleep(0.01)
 
@@ -264,7 +265,7 @@ def test_a_name_is_taken_once_unless_it_is_replaced(here, capsys):
     assert (here / "runs/kept/mine/run.mcap").read_bytes() == before
     assert cli.main(["run", "looker", "short", "--as", "mine", "--seed", "4", "--replace"]) == 0
     assert Archive(here / "runs/kept/mine/run.mcap").metadata["run"]["seed"] == "4"
-    waiting = Waiting(here, "--as", "other", folder="runs/kept/other")
+    waiting = Waiting(here, "--as", "other")
     assert cli.main(["run", "looker", "short", "--as", "other", "--replace"]) == 2
     assert "another fledge command writes into runs/kept/other now" in capsys.readouterr().err
     waiting.kill()
