@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What executives say, on a target as on the desktop."""
+
+import fledge
+from fledge import cli
+from fledge.activity import happenings, modes
+from fledge.activity_test import here
+from fledge.archive.compare import compare
+
+__all__ = ["here"]
+
+
+def test_a_target_records_the_same(here):
+    assert cli.main(["fly", "modal", "--on", "linux"]) == 0
+    desktop, linux = (fledge.Archive(here / "runs" / "modal" / "fly" / f"{one}.mcap") for one in ("desktop", "linux"))
+    assert compare(desktop, linux) == [] and modes(linux) == {"flight": [(0.0, "coast"), (61.0, "point")]}
+    assert [one for one in happenings(linux)] == [one for one in happenings(desktop) if one.process == "flight"]
