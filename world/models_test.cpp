@@ -115,7 +115,9 @@ struct World {
     static std::shared_ptr<sim::Instance> add(sim::Process &world, const char *name, const char *type)
     {
         auto instance = std::make_shared<sim::Instance>(type_of(type));
-        instance->given.assign(instance->type().n, true);
+        for (std::size_t i = 0; i < instance->type().n; i++) {
+            instance->given[i] = instance->type().fields[i].group == FLEDGE_PAR;
+        }
         world.add(name, instance);
         return instance;
     }
