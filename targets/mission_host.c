@@ -87,58 +87,57 @@ McapStatus mission_record_open(MissionRecord *r, const MissionHost *host, McapWr
             r->first = channel; /* the ids of the other channels follow */
         }
     }
-    const char *const topics[] = {host->executive->mode_topic, host->executive->activity_topic};
-    for (uint32_t i = host->commands->n_modes > 0u ? 0u : 1u; i < 2u && status == MCAP_OK; i++) {
-        const MissionDefinition *d = &host->executive->definitions[i];
-        uint16_t schema, channel;
-        status = mcap_add_schema(&r->writer, d->name, d->text, &schema);
-        if (status == MCAP_OK) {
-            status = mcap_add_channel(&r->writer, topics[i], schema, MCAP_ORDER_NATIVE, 0, 0u, &channel);
-        }
-        if (status == MCAP_OK && r->first == 0u) {
-            r->first = channel;
-        }
-    }
     return status;
 }
 
-static McapStatus take_activity(MissionRecord *r, uint16_t channel)
+/* A message of the executive, kind 0: the mode, 1: its activity. Its topic begins with the first one. */
+static McapStatus take_said(MissionRecord *r, const MissionHost *host, uint32_t kind, const void *message, size_t n)
 {
-    return mcap_message(&r->writer, channel, r->activity.head.t, r->activity.head.sequence, &r->activity,
-                        sizeof r->activity);
+    const MissionExecutive *e = host->executive;
+    McapStatus status = MCAP_OK;
+    Head head;
+    uint16_t schema;
+    memcpy(&head, message, sizeof head);
+    if (r->said[kind] == 0u) {
+        status = mcap_add_schema(&r->writer, e->definitions[kind].name, e->definitions[kind].text, &schema);
+        if (status == MCAP_OK) {
+            status = mcap_add_channel(&r->writer, kind == 0u ? e->mode_topic : e->activity_topic, schema,
+                                      MCAP_ORDER_NATIVE, 0, 0u, &r->said[kind]);
+        }
+    }
+    return status == MCAP_OK ? mcap_message(&r->writer, r->said[kind], head.t, head.sequence, message, n) : status;
 }
 
 /* What the executive did since the last instant, in the order of the desktop (sim/runtime.cpp): a reset, commands,
  * events, the mode. */
-static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int64_t t, uint16_t channel)
+static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int64_t t)
 {
     const MissionExecutive *e = host->executive;
     const CommandState *s = host->state;
-    const uint16_t modes = channel, activity = (uint16_t)(channel + (host->commands->n_modes > 0u ? 1u : 0u));
     McapStatus status = MCAP_OK;
     if (host->start->resets != r->resets) {
         r->resets = host->start->resets;
         r->reported = 0u;
         activity_reset(&r->activity, t, r->resets);
-        status = take_activity(r, activity);
+        status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
     }
     if (s->reported - r->reported > (uint32_t)COMMAND_RECENT) {
         r->reported = s->reported < r->reported ? 0u : s->reported - (uint32_t)COMMAND_RECENT;
     }
     for (; r->reported < s->reported && status == MCAP_OK; r->reported++) {
         activity_command(&r->activity, &s->recent[r->reported % (uint32_t)COMMAND_RECENT]);
-        status = take_activity(r, activity);
+        status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
     }
     for (uint16_t i = 0u; i < host->commands->n_events && status == MCAP_OK; i++) {
         if (e->event(host->mission, i)->fired_at == t) {
             activity_event(&r->activity, t, i, e->events[i].name, e->events[i].when);
-            status = take_activity(r, activity);
+            status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
         }
     }
     const uint16_t mode = host->commands->n_modes > 0u ? e->mode(host->mission) : 0u;
     if (host->commands->n_modes > 0u && status == MCAP_OK && (!head_written(r->mode.head) || r->mode.index != mode)) {
         activity_mode(&r->mode, t, mode, e->modes[mode]);
-        status = mcap_message(&r->writer, modes, t, r->mode.head.sequence, &r->mode, sizeof r->mode);
+        status = take_said(r, host, 0u, &r->mode, sizeof r->mode);
     }
     return status;
 }
@@ -156,7 +155,7 @@ McapStatus mission_record_take(MissionRecord *r, const MissionHost *host, int64_
             status = mcap_message(&r->writer, channel++, t, head.sequence, message, m->size);
         }
     }
-    return status == MCAP_OK ? take_executive(r, host, t, channel) : status;
+    return status == MCAP_OK ? take_executive(r, host, t) : status;
 }
 
 McapStatus mission_record_close(MissionRecord *r)

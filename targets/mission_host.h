@@ -106,7 +106,9 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
 /** Records every output of flight at every tick, and what its executive does, as MCAP, without a heap. */
 typedef struct MissionRecord {
     McapWriter writer;
-    uint16_t first; ///< the first channel; the others follow
+    uint16_t first;   ///< the first channel; the others follow
+    uint16_t said[2]; ///< the channels of the modes and of the activity; 0: none yet
+    uint16_t spare;
     uint16_t open;
     uint32_t reported; ///< how many of the reports of the commands are recorded
     uint32_t resets;   ///< how many of the computer are

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A crash of a user's module is told: which module, in which task, when, and how to look into it."""
 
+import os
 import re
 import shlex
 import shutil
@@ -131,7 +132,9 @@ def own(tmp_path_factory):
 
 def flown(own, *arguments):
     """(the negative signal or exit code, what stderr says) of a command. Other tests may build meanwhile."""
-    done = subprocess.run([ROOT / "fledge", *map(str, arguments)], cwd=own, capture_output=True, text=True)
+    environment = {name: value for name, value in os.environ.items() if name != "FLEDGE_PROJECT"}
+    done = subprocess.run([ROOT / "fledge", *map(str, arguments)], cwd=own, capture_output=True, text=True,
+                          env=environment)
     return done.returncode, re.sub(r"^fledge: waiting for another fledge.*\n", "", done.stderr, flags=re.MULTILINE)
 
 

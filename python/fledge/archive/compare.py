@@ -67,7 +67,8 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
             tolerance: float = 0.0, times: Times | None = None) -> list[Difference]:
     """The Differences between two Archives, the earliest of each field, by time; [] if they have the same bits.
 
-    topics: names or endings of those to compare; None: all of both
+    topics: names or endings of those to compare; None: all of both but the activity of executives, whose commands
+        come at other instants in other programs
     ignore: endings of field names that do not count, as "head.sequence"
     tolerance: differences of numbers up to this do not count
     times: a function that selects from an array of times [ns]; None: all
@@ -127,7 +128,7 @@ def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[
     """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
-        return names
+        return [n for n in names if not any(n in one.topics and one.topics[n].type == ACTIVITY for one in (a, b))]
     wanted = []
     for topic in topics:
         dotted = topic.replace("/", ".").strip(".")

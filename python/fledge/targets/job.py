@@ -50,9 +50,9 @@ class Part:
                           "\"commands\"")
 
     def compared(self, *records: Archive) -> list[str]:
-        """The topics to compare: the outputs, and what the executive said in any of the records."""
-        said = [f"/{self.process}/{name}" for name in ("mode", "activity")]
-        return self.outputs + [one for one in said if any(one in record.topics for record in records)]
+        """The topics to compare: the outputs, and the modes if any of the records has them."""
+        modes = f"/{self.process}/mode"
+        return self.outputs + [modes] * any(modes in record.topics for record in records)
 
     @cached_property
     def written(self) -> list[Path]:
