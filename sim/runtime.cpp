@@ -302,7 +302,7 @@ void Runtime::reset(Ns after)
         process.process->executive().forget();
         process.counted = -1;
         process.entered.assign(process.process->modes().size(), {});
-        process.resets = 0;
+        process.resets = process.restarts = 0;
         process.outages.clear();
         if (process.commands) {
             process.commands->begin();
@@ -431,7 +431,7 @@ bool Runtime::is_down(RunProcess &process, Ns t)
     if (process.commands) {
         process.commands->forget();
     }
-    process.process->executive().reset(t, static_cast<std::uint32_t>(process.outages.size()));
+    process.process->executive().reset(t, ++process.restarts);
     return false;
 }
 
@@ -1010,6 +1010,7 @@ void Runtime::visit_state(const std::function<void(void *, std::size_t)> &block)
         }
         if (process.reset) {
             value(process.resets);
+            value(process.restarts);
             value(process.down_until);
             block(process.parameters.data(), process.parameters.size());
         }

@@ -55,6 +55,7 @@ struct RunProcess {
     // Of a process whose computer can be reset.
     const std::byte *reset = nullptr;  ///< the ComputerReset; null: it cannot be reset
     std::uint32_t resets = 0;          ///< the last count seen
+    std::uint32_t restarts = 0;        ///< how often it began anew
     Ns down_until = -1;                ///< -1: it runs
     std::vector<std::byte> parameters; ///< of all its instances, as the run began
     std::vector<std::pair<Ns, Ns>> outages;
