@@ -303,6 +303,7 @@ void Runtime::reset(Ns after)
         process.counted = -1;
         process.entered.assign(process.process->modes().size(), {});
         process.resets = process.restarts = 0;
+        process.changed_at = -1;
         process.outages.clear();
         if (process.commands) {
             process.commands->begin();
@@ -374,9 +375,7 @@ void Runtime::restart(RunProcess &process, Ns t)
         }
     }
     begin(process, t);
-    if (process.mode >= 0) {
-        say_mode(process, t);
-    }
+    process.changed_at = t;
     for (Configuration &module : configuration_) {
         if (module.process == &process) {
             publish(module, t);
@@ -629,7 +628,8 @@ void Runtime::make_changes(RunProcess &process, Ns t)
         return;
     }
     process.mode = process.asked;
-    say_mode(process, t);
+    process.changed_at = t;
+    modes_begin_ = true;
     for (RunTask &task : tasks_) {
         if (task.process == &process &&
             exec_switch(&task.state, task.runs_in[static_cast<std::size_t>(process.mode)], task.rate, t)) {
@@ -872,7 +872,7 @@ void Runtime::instant()
     }
     now = t;
     if (modes_begin_) {
-        say_first_modes(t);
+        say_modes(t);
     }
     if (has_events_) {
         run_events(t);
@@ -893,12 +893,12 @@ void Runtime::say_mode(RunProcess &process, Ns t)
     process.process->executive().mode(t, process.mode, process.process->modes()[mode].name);
 }
 
-/// Processes that began say in which mode, at their first instant.
-void Runtime::say_first_modes(Ns t)
+/// At the end of an instant: processes that began, or whose mode changed, say in which they are.
+void Runtime::say_modes(Ns t)
 {
     modes_begin_ = false;
     for (RunProcess &process : processes_) {
-        if (process.mode >= 0 && process.ran == t) {
+        if (process.mode >= 0 && (process.ran == t || process.changed_at == t)) {
             say_mode(process, t);
         }
         modes_begin_ = modes_begin_ || (process.mode >= 0 && process.ran < 0);

@@ -56,6 +56,7 @@ struct RunProcess {
     const std::byte *reset = nullptr;  ///< the ComputerReset; null: it cannot be reset
     std::uint32_t resets = 0;          ///< the last count seen
     std::uint32_t restarts = 0;        ///< how often it began anew
+    Ns changed_at = -1;                ///< when its mode changed last, or it began anew
     Ns down_until = -1;                ///< -1: it runs
     std::vector<std::byte> parameters; ///< of all its instances, as the run began
     std::vector<std::pair<Ns, Ns>> outages;
@@ -172,7 +173,7 @@ private:
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
     void say_mode(RunProcess &process, Ns t);
-    void say_first_modes(Ns t);
+    void say_modes(Ns t);
     void see_parameters(const RunProcess &process);
     void begin(RunProcess &process, Ns t);
     bool is_down(RunProcess &process, Ns t);

@@ -86,7 +86,7 @@ enum {
     COMMAND_DATA = 16,      ///< [bytes] in front of parameters, bytecode and text
     COMMAND_DATA_MAX = 512, ///< [bytes] of them in one command or report
     COMMAND_MAX = COMMAND_DATA + COMMAND_DATA_MAX,
-    COMMAND_RECENT = 32, ///< reports that the state keeps for records
+    COMMAND_RECENT = 16, ///< reports that the state keeps for records
     COMMAND_ALL = 0xFFFF
 };
 
