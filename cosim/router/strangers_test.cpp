@@ -318,15 +318,17 @@ TEST(Strangers, AProgramThatGreetsAndHangsUpTakesNoPlace)
                 const auto liar = std::make_unique<Played>(address);
                 liar->connect();
                 liar->link.send({1, Tock{}}); // a reply to nothing, or to another request
+                EXPECT_TRUE(
+                    run.reported("b: it sent Tock 1; expected Initialized 1; another program may take its place"));
                 const auto babbler = std::make_unique<Played>(address);
                 babbler->connect();
                 babbler->link.socket().send(zmq::str_buffer("garbage"), zmq::send_flags::none);
+                EXPECT_TRUE(
+                    run.reported("b: it sent no frame: this is no frame of a co-simulation; another program may"));
             }
         };
         come_and_go();
         EXPECT_TRUE(run.reported("b: its connection is gone; another program may take its place"));
-        EXPECT_TRUE(run.reported("b: it sent Tock 1; expected Initialized 1; another program may take its place"));
-        EXPECT_TRUE(run.reported("b: it sent no frame: this is no frame of a co-simulation; another program may"));
         {
             const auto b = std::make_unique<Played>(address);
             b->connect();
