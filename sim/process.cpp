@@ -326,6 +326,10 @@ void Process::set_script(std::vector<ScriptedCommand> script)
 {
     script_ = std::move(script);
     if (owner_->runtime_) {
+        if (owner_->runtime_->time() < 0) {
+            owner_->runtime_->set_commands(*this, dictionary_);
+            executive_.forget();
+        }
         owner_->runtime_->find_places();
     }
 }

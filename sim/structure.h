@@ -267,6 +267,7 @@ public:
     /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
     CommandReason command(const std::vector<std::uint8_t> &packet);
     /// Commands for later, in the order of time: each is accepted before the first instant after its time.
+    /// Before the first run they replace the commands that wait.
     void set_script(std::vector<ScriptedCommand> script);
     const std::vector<ScriptedCommand> &script() const { return script_; }
     void set_procedure_host(ProcedureHost host) { procedure_host_ = std::move(host); }

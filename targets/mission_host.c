@@ -22,12 +22,11 @@ static void send_report(void *user, const CommandReport *report, const uint8_t *
     telemetry_report(link->host->telemetry, report, data, send_packet, user);
 }
 
-static void begin(const MissionHost *host, const RegisterWindow *w, int64_t t)
+static void begin(const MissionHost *host, int64_t t)
 {
     host->restart(t);
     command_begin(host->state);
     telemetry_begin(host->telemetry);
-    *host->start = (MissionStart){1u, register_clock_resets(&w[mission_io_clock(host->io)])};
 }
 
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts)
@@ -36,15 +35,15 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
     const MissionIo *io = host->io;
     uint32_t n;
     if (t < 0) {
-        begin(host, w, 0);
+        begin(host, 0);
+        (void)mission_io_restarted(io, w, host->start);
         mission_io_forget(io, w);
         while (mission_io_receive(io, w, io->commands, io->packet, io->room, counts) != 0u) {
         } /* commands of the last run */
     } else {
-        if (host->start->begun == 0u || host->start->resets != register_clock_resets(&w[mission_io_clock(io)])) {
+        if (mission_io_restarted(io, w, host->start)) {
             host->init();
-            begin(host, w, t);
-            mission_io_forget(io, NULL);
+            begin(host, t);
         }
         while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
             (void)command_accept(host->state, host->commands, &host->state->ground, io->packet, n, send_report, &link);

@@ -35,12 +35,6 @@ typedef struct MissionTopic {
     uint8_t optional;    ///< of an input: 1 if flight runs without it
 } MissionTopic;
 
-/** What a program remembers of its start; all zero after power-on. */
-typedef struct MissionStart {
-    uint32_t begun;  ///< 1: flight has begun
-    uint32_t resets; ///< of the computer, as the clock counts them, then
-} MissionStart;
-
 /** An event, for records. */
 typedef struct MissionEvent {
     const char *name; ///< as in flight.py

@@ -116,6 +116,17 @@ uint32_t mission_io_clock(const MissionIo *io)
     return i;
 }
 
+int mission_io_restarted(const MissionIo *io, const RegisterWindow *w, MissionStart *start)
+{
+    const uint32_t resets = register_clock_resets(&w[mission_io_clock(io)]);
+    const int restarted = start->begun == 0u || start->resets != resets;
+    *start = (MissionStart){1u, resets};
+    if (restarted) {
+        mission_io_forget(io, NULL);
+    }
+    return restarted;
+}
+
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts)
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {

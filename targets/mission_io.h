@@ -116,6 +116,16 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
 /** Flight, at a reset: forget the packets that wait to be read; w NULL: those that it holds, while the lanes stay. */
 void mission_io_forget(const MissionIo *io, const RegisterWindow *w);
 
+/** What a program remembers of its start; all zero after power-on. */
+typedef struct MissionStart {
+    uint32_t begun;  ///< 1: flight has begun
+    uint32_t resets; ///< of the computer, as the clock counts them, then
+} MissionStart;
+
+/** Flight: whether the computer was reset since the last call, or this is the first one. Then the packets that it
+ *  holds are forgotten. */
+int mission_io_restarted(const MissionIo *io, const RegisterWindow *w, MissionStart *start);
+
 /** How many packets of messages were lost in the lanes so far: refused, or overwritten before they were read. */
 uint32_t mission_io_lost(const MissionIo *io, const RegisterWindow *w);
 

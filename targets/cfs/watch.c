@@ -29,7 +29,7 @@ static int64_t processor_time(void)
     return (int64_t)t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
 }
 
-static void start(const void *mission, CommandState *commands)
+static void begin(const void *mission, CommandState *commands, MissionStart *start)
 {
     const char *path = getenv("FLEDGE_RECORD");
     char name[256];
@@ -41,6 +41,7 @@ static void start(const void *mission, CommandState *commands)
     watch.host = fledge_mission;
     watch.host.mission = (void *)(uintptr_t)mission;
     watch.host.state = commands;
+    watch.host.start = start;
     watch.before = processor_time();
     watch.failed = path == NULL || file_sink_open(&watch.sink, path) != 0;
     watch.open = !watch.failed;
@@ -76,14 +77,15 @@ static void finish(const MissionIoCounts *counts)
     }
 }
 
-void fledge_watch(const void *mission, CommandState *commands, int64_t t, const MissionIoCounts *counts)
+void fledge_watch(const void *mission, CommandState *commands, MissionStart *start, int64_t t,
+                  const MissionIoCounts *counts)
 {
     if (t < 0) {
         t < -1 ? leave() : finish(counts);
         return;
     }
     if (watch.ticks == 0u) {
-        start(mission, commands);
+        begin(mission, commands, start);
     }
     watch.ticks++;
     if (!watch.failed && mission_record_take(&watch.record, &watch.host, t) != MCAP_OK) {

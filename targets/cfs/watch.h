@@ -11,6 +11,7 @@
  *  writes all outputs into the file $FLEDGE_RECORD, or, if that exists, into one with a number behind its name; at the
  *  end of the run it prints its counters. If $FLEDGE_END is set, it then ends the process, because a core continues
  *  without apps. */
-void fledge_watch(const void *mission, CommandState *commands, int64_t t, const MissionIoCounts *counts);
+void fledge_watch(const void *mission, CommandState *commands, MissionStart *start, int64_t t,
+                  const MissionIoCounts *counts);
 
 #endif

@@ -45,8 +45,7 @@ class Desktop(Target):
             flight = sim.process(part.process)
             sim.record(*(getattr(getattr(flight, one), port) for one, port in
                          (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
-            # What comes before the first run waits already.
-            flight.commands.script([one for one in part.script if one.t >= 0])
+            flight.commands.script(part.script)     # what comes before the first run, too, as a target has it
         record = flown.new_record(job.folder, self.name)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()

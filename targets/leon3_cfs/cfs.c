@@ -45,10 +45,12 @@ void FSW_Detach(bool keep)
 
 /* ---- the record, and the end */
 
-void fledge_watch(const void *mission, CommandState *commands, int64_t t, const MissionIoCounts *counts)
+void fledge_watch(const void *mission, CommandState *commands, MissionStart *start, int64_t t,
+                  const MissionIoCounts *counts)
 {
     host.mission = (void *)(uintptr_t)mission;
     host.state = commands;
+    host.start = start;
     if (t >= 0) {
         recorder_take(&host, t, "leon3-cfs");
     } else if (t == -1) {

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.archive import ArchiveError
 from fledge.errors import listed
-from fledge.series import ACTIVITY, MODE, part
+from fledge.series import part
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
@@ -67,8 +67,7 @@ def compare(a: Archive, b: Archive, topics: Iterable[str] | None = None, ignore:
             tolerance: float = 0.0, times: Times | None = None) -> list[Difference]:
     """The Differences between two Archives, the earliest of each field, by time; [] if they have the same bits.
 
-    topics: names or endings of those to compare; None: all of both but the activity of executives, whose commands
-        come at other instants in other programs
+    topics: names or endings of those to compare; None: all of both
     ignore: endings of field names that do not count, as "head.sequence"
     tolerance: differences of numbers up to this do not count
     times: a function that selects from an array of times [ns]; None: all
@@ -128,7 +127,7 @@ def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[
     """The topics of two Archives with these names or endings, or of a process or instance by its name; None: all."""
     names = list(dict.fromkeys([*a.topics, *b.topics]))
     if topics is None:
-        return [n for n in names if not any(n in one.topics and one.topics[n].type == ACTIVITY for one in (a, b))]
+        return names
     wanted = []
     for topic in topics:
         dotted = topic.replace("/", ".").strip(".")
@@ -151,10 +150,8 @@ def _topic(a, b, topic, ignore, tolerance, times):
     name = topic.strip("/").replace("/", ".")
     for here, there in ((a, b), (b, a)):
         if topic not in here.topics:
-            n = there.topics[topic].count
-            if not n and there.topics[topic].type in (MODE, ACTIVITY):
-                return      # where nothing happens, the desktop has no topic
-            yield Difference(STRUCTURE, name, "", None, None, f"only in {there.path}, {n} messages")
+            yield Difference(STRUCTURE, name, "", None, None,
+                             f"only in {there.path}, {there.topics[topic].count} messages")
             return
     one, two = a.topics[topic], b.topics[topic]
     text = _definitions_differ(one, two)

@@ -148,7 +148,8 @@ class Commands:
         return self._send([packet])
 
     def script(self, packets: Iterable[tuple[int, bytes]]) -> None:
-        """Send packets at times [ns], which rise: each before the first instant after its time."""
+        """Send packets at times [ns], which rise: each before the first instant after its time. Before the first
+        run they replace the commands that wait."""
         self._core.set_script(list(packets))
 
     # --- what became of them ---

@@ -50,9 +50,9 @@ class Part:
                           "\"commands\"")
 
     def compared(self, *records: Archive) -> list[str]:
-        """The topics to compare: the outputs, and the modes if any of the records has them."""
-        modes = f"/{self.process}/mode"
-        return self.outputs + [modes] * any(modes in record.topics for record in records)
+        """The topics to compare: the outputs, and the modes and activity if any of the records has them."""
+        own = (f"/{self.process}/{name}" for name in ("mode", "activity"))
+        return self.outputs + [topic for topic in own if any(topic in record.topics for record in records)]
 
     @cached_property
     def written(self) -> list[Path]:
