@@ -25,9 +25,13 @@ constexpr int draws_max = 10'000; ///< tries to draw between the bounds of a nor
 constexpr double none = std::numeric_limits<double>::quiet_NaN();
 constexpr double far = 8.0; ///< standard deviations; practically no draw is farther from the mean
 
+/// By its path; by the name of a process alone its executive, whose mode is "flight.mode".
 std::shared_ptr<Instance> find_instance(const Simulation &simulation, std::string_view path)
 {
     for (const auto &process : simulation.processes()) {
+        if (process->name == path) {
+            return process->executive().instance();
+        }
         for (const auto &instance : process->instances()) {
             if (instance->path == path) {
                 return instance;
@@ -97,20 +101,15 @@ struct Place {
 /// What a path "process.instance.field" or "process.instance.field[1].inner" names; throws SetupError.
 Place find_path(const Simulation &simulation, const std::string &path)
 {
-    const auto dot = path.find('.', path.find('.') + 1);
-    const std::string owner = path.substr(0, dot == std::string::npos ? 0 : dot);
+    const auto first = path.find('.'), second = path.find('.', first + 1);
+    const std::string owner = path.substr(0, second == std::string::npos ? first : second);
     Place place{find_instance(simulation, owner)};
-    for (const auto &process : simulation.processes()) { // what its executive says: "flight.mode"
-        if (owner.empty() && path.starts_with(process->name + ".")) {
-            place.instance = process->executive().instance();
-        }
-    }
     if (!place.instance) {
-        throw SetupError(path + ": there is no instance " + (owner.empty() ? path : owner) + "; there are " +
-                         format_list(instance_paths(simulation)));
+        throw SetupError(path + ": there is no instance " + (second == std::string::npos ? path : owner) +
+                         "; there are " + format_list(instance_paths(simulation)));
     }
     const FledgeStruct *type = &place.instance->type();
-    std::string_view rest = std::string_view(path).substr((owner.empty() ? path.find('.') : dot) + 1);
+    std::string_view rest = std::string_view(path).substr(std::min(owner.size() + 1, path.size()));
     while (!rest.empty()) {
         std::string_view name = rest.substr(0, rest.find('.'));
         rest.remove_prefix(std::min(rest.size(), name.size() + 1));

@@ -80,8 +80,7 @@ void Executive::mode(Ns t, int index, const std::string &name)
     if (!instance_) {
         return;
     }
-    const ProcessMode &last = reinterpret_cast<const Messages *>(instance_->memory())->mode;
-    if (!head_written(last.head) || last.index != number) {
+    if (activity_mode_began(&reinterpret_cast<const Messages *>(instance_->memory())->mode, number)) {
         say(modes_, 0, t, [&](Messages &m) { activity_mode(&m.mode, t, number, name.c_str()); });
     }
 }

@@ -73,7 +73,6 @@ std::shared_ptr<Log> Recorder::follow(std::shared_ptr<Instance> instance, const 
     auto log = std::make_shared<Log>();
     log->instance = std::move(instance);
     log->field = &field;
-    log->followed = true;
     followed_.push_back(log);
     if (archive_) {
         declare(*log, *archive_);

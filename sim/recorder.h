@@ -19,12 +19,10 @@ namespace fledge::sim {
 struct Log {
     std::shared_ptr<Instance> instance;
     const FledgeField *field = nullptr;
-    Ns every = 0;         ///< 0: at each instant
-    bool keep = true;     ///< in memory
-    bool changes = false; ///< only samples that differ from the one before
-    /// Samples come when the message is written (Recorder::written), the first `most` of them into memory.
-    bool followed = false;
-    static constexpr std::size_t most = 100'000;
+    Ns every = 0;                                ///< 0: at each instant
+    bool keep = true;                            ///< in memory
+    bool changes = false;                        ///< only samples that differ from the one before
+    static constexpr std::size_t most = 100'000; ///< samples in memory, of what Recorder::written() brings
 
     std::vector<Ns> times;
     std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes

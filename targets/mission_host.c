@@ -120,8 +120,11 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         activity_reset(&r->activity, t, r->resets);
         status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
     }
-    if (s->reported - r->reported > (uint32_t)COMMAND_RECENT) {
-        r->reported = s->reported < r->reported ? 0u : s->reported - (uint32_t)COMMAND_RECENT;
+    if (s->reported < r->reported) { /* the commands have begun anew */
+        r->reported = 0u;
+    }
+    if (s->reported - r->reported > (uint32_t)COMMAND_RECENT) { /* the state keeps no more */
+        r->reported = s->reported - (uint32_t)COMMAND_RECENT;
     }
     for (; r->reported < s->reported && status == MCAP_OK; r->reported++) {
         activity_command(&r->activity, &s->recent[r->reported % (uint32_t)COMMAND_RECENT]);
@@ -134,7 +137,7 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         }
     }
     const uint16_t mode = host->commands->n_modes > 0u ? e->mode(host->mission) : 0u;
-    if (host->commands->n_modes > 0u && status == MCAP_OK && (!head_written(r->mode.head) || r->mode.index != mode)) {
+    if (host->commands->n_modes > 0u && status == MCAP_OK && activity_mode_began(&r->mode, mode)) {
         activity_mode(&r->mode, t, mode, e->modes[mode]);
         status = take_said(r, host, 0u, &r->mode, sizeof r->mode);
     }

@@ -46,6 +46,12 @@ static inline void activity_text(char *to, uint32_t room, const char *text)
     }
 }
 
+/** Whether a mode is another one than that of the last message. */
+static inline int activity_mode_began(const ProcessMode *last, uint32_t index)
+{
+    return !head_written(last->head) || last->index != index;
+}
+
 /** A mode began at t. */
 static inline void activity_mode(ProcessMode *m, int64_t t, uint32_t index, const char *name)
 {
@@ -54,14 +60,22 @@ static inline void activity_mode(ProcessMode *m, int64_t t, uint32_t index, cons
     activity_text(m->name, sizeof m->name, name);
 }
 
-/** An event fired at t. */
-static inline void activity_event(Activity *a, int64_t t, uint32_t index, const char *name, const char *cause)
+/** Something happened at t that has neither a command nor a text. */
+static inline void activity_begin(Activity *a, int64_t t, ActivityKind kind, uint32_t index)
 {
     a->head = head_next(a->head, t, QUALITY_GOOD);
-    a->kind = ACTIVITY_EVENT;
+    a->kind = kind;
     a->index = index;
     a->code = COMMAND_NOOP;
     a->reason = COMMAND_OK;
+    activity_text(a->name, sizeof a->name, "");
+    activity_text(a->cause, sizeof a->cause, "");
+}
+
+/** An event fired at t. */
+static inline void activity_event(Activity *a, int64_t t, uint32_t index, const char *name, const char *cause)
+{
+    activity_begin(a, t, ACTIVITY_EVENT, index);
     activity_text(a->name, sizeof a->name, name);
     activity_text(a->cause, sizeof a->cause, cause);
 }
@@ -69,25 +83,16 @@ static inline void activity_event(Activity *a, int64_t t, uint32_t index, const 
 /** What became of a command. */
 static inline void activity_command(Activity *a, const CommandReport *report)
 {
-    a->head = head_next(a->head, report->t < 0 ? 0 : report->t, QUALITY_GOOD);
-    a->kind = report->executed != 0u ? ACTIVITY_EXECUTED : ACTIVITY_ACCEPTED;
-    a->index = report->sequence;
+    activity_begin(a, report->t < 0 ? 0 : report->t, report->executed != 0u ? ACTIVITY_EXECUTED : ACTIVITY_ACCEPTED,
+                   report->sequence);
     a->code = (CommandCode)report->code;
     a->reason = (CommandReason)report->reason;
-    activity_text(a->name, sizeof a->name, "");
-    activity_text(a->cause, sizeof a->cause, "");
 }
 
 /** The computer began anew at t, for the count-th time. */
 static inline void activity_reset(Activity *a, int64_t t, uint32_t count)
 {
-    a->head = head_next(a->head, t, QUALITY_GOOD);
-    a->kind = ACTIVITY_RESET;
-    a->index = count;
-    a->code = COMMAND_NOOP;
-    a->reason = COMMAND_OK;
-    activity_text(a->name, sizeof a->name, "");
-    activity_text(a->cause, sizeof a->cause, "");
+    activity_begin(a, t, ACTIVITY_RESET, count);
 }
 
 #endif

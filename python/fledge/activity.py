@@ -36,11 +36,8 @@ def happenings(records: Records) -> list[Happening]:
 
 def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
     """Process -> (t [s], mode) of each mode that began."""
-    found: dict[str, list[tuple[float, str]]] = {}
-    for one in happenings(records):
-        if one.kind == "mode":
-            found.setdefault(one.process, []).append((one.t, one.name))
-    return found
+    return {port.name.rpartition(".")[0]: [(one.t, one.name) for one in _of_port(records, port)]
+            for port in records.executives() if port.type == MODE and len(records._time(port))}
 
 
 def _of_port(records, port):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from fledge.display import shown_by_pyplot
 from fledge.activity import modes
 from fledge.errors import SetupError
+from fledge.series import GOOD, NONE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -230,7 +231,7 @@ def _shade(axis: Axes, one: Series, factor: float) -> None:
 
     if one.quality is None or not len(one.time):
         return
-    poor = np.append((one.quality > 0) & (one.quality < 3), False)
+    poor = np.append((one.quality > NONE) & (one.quality < GOOD), False)
     ends = np.append(one.time, one.time[-1]) / factor
     turns = np.flatnonzero(np.diff(poor, prepend=False))
     for begin, end in zip(turns[::2], turns[1::2]):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
 MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
+NONE, GOOD = 0, 3                              # of Quality: never written; with nothing to say against it
 HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
 
@@ -162,7 +163,7 @@ class Records:
     def _missing(self, port):
         """The indices of the messages that were never written."""
         quality = self._quality(port)
-        return [] if self._raw or quality is None else (quality == 0).nonzero()[0]
+        return [] if self._raw or quality is None else (quality == NONE).nonzero()[0]
 
     def _field(self, port, name):
         """The values of a field; NaN where its message was never written. Of heads and whole messages their bytes."""

@@ -227,8 +227,12 @@ def _fly(options, job, runs, bounds, lacking):
                 raise Failure("; ".join(dict.fromkeys(lacks)))
             desktop_target: Any = TARGETS["desktop"]
             flown = fly(job, on, name, PATIENCE if options.gdb else 60.0) if on else desktop_target.fly(job)
-            records[name] = {part.process: archives.setdefault(path, archives.get(path) or Archive(path))
-                             for part in job.parts for path in (flown[part.process].record,)}
+            records[name] = {}
+            for part in job.parts:
+                path = flown[part.process].record
+                if path not in archives:
+                    archives[path] = Archive(path)
+                records[name][part.process] = archives[path]
         except (Failure, SetupError, RunError, ArchiveError, OSError, KeyboardInterrupt) as error:
             code = 130 if isinstance(error, KeyboardInterrupt) else code
             print(f"  {name}: {'interrupted' if code == 130 else error}", file=sys.stderr)

@@ -8,6 +8,7 @@ are wrong; 130 Ctrl-C, with a report on the finished runs.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -241,8 +242,8 @@ def _one(campaign, options, folder):
         for requirement in d.requirements:
             values, times, holds = result.reached(requirement)
             unit = f" {requirement.variable.unit}" if requirement.variable.unit else ""
-            reached = f"{values[0]:.4g}{unit} at {times[0]:g} s" if values[0] == values[0] else \
-                requirement.failure(values[0], times[0])
+            reached = requirement.failure(values[0], times[0]) if math.isnan(values[0]) else \
+                f"{values[0]:.4g}{unit} at {times[0]:g} s"
             say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {reached}")
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1

@@ -121,11 +121,9 @@ void add_orbit(sim::CampaignPlan &plan, const sim::Simulation &nominal, const st
 }
 
 void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const std::string &port,
-                  std::uint32_t offset, std::size_t elements, const py::object &field, bool raw)
+                  std::uint32_t offset, std::size_t elements, const FledgeField &field, bool raw)
 {
-    const bool of_header = py::isinstance<FledgeField>(field); // the index of a mode is none
-    sim::Retained variable{port, offset, elements, of_header ? field.cast<const FledgeField &>().type : FLEDGE_U32,
-                           raw};
+    sim::Retained variable{port, offset, elements, field.type, raw};
     sim::check_retained(nominal, variable);
     plan.retained.push_back(std::move(variable));
 }
@@ -134,6 +132,14 @@ void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const
 py::array view(py::handle owner, std::vector<double> &values, const std::vector<std::size_t> &shape)
 {
     return py::array_t<double>(shape, values.data(), owner);
+}
+
+/// A member of a result that has a row for each run.
+template <std::vector<double> sim::CampaignResult::*member> py::array_t<double> rows(const py::object &self)
+{
+    auto &r = self.cast<sim::CampaignResult &>();
+    const std::size_t runs = r.flown.size();
+    return view(self, r.*member, {runs, (r.*member).size() / runs});
 }
 
 std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
@@ -197,22 +203,8 @@ void bind_campaign(py::module_ &m)
                                [](const sim::CampaignResult &r) {
                                    return list_of(r.flown, [](std::uint8_t flown) { return flown != 0; });
                                })
-        .def_property_readonly(
-            "draws",
-            [](const py::object &self) {
-                auto &r = self.cast<sim::CampaignResult &>();
-                const std::size_t runs = r.flown.size();
-                return view(self, r.draws, {runs, r.draws.size() / runs});
-            },
-            "(runs, elements)")
-        .def_property_readonly(
-            "entered",
-            [](const py::object &self) {
-                auto &r = self.cast<sim::CampaignResult &>();
-                const std::size_t runs = r.flown.size();
-                return view(self, r.entered, {runs, r.entered.size() / runs});
-            },
-            "(runs, modes) [s]")
+        .def_property_readonly("draws", rows<&sim::CampaignResult::draws>, "(runs, elements)")
+        .def_property_readonly("entered", rows<&sim::CampaignResult::entered>, "(runs, modes) [s]")
         .def_property_readonly(
             "retained",
             [](const py::object &self) {

@@ -8,10 +8,11 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from fledge import _core
+from fledge import _core, flight
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.measured import flat_index
+from fledge.series import HEAD
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -22,7 +23,8 @@ class FieldPath:
 
     owner: the module or model; holder: it, or the struct in it that has the field; port: the input or output that has
     the field, or None; offset: of the field in the port [bytes]; elements: flat indices; shape: of the elements
-    together; full: the path without them.
+    together; full: the path without them; field: its declaration; stored: that of the number in memory, which differs
+    for a mode alone.
     """
 
     def __init__(self, simulation: Simulation, path: str) -> None:
@@ -68,7 +70,7 @@ class FieldPath:
             raise SetupError(f"{path}: {at} is a number or array, and has no '{names[i][0]}'")
         if self.field.type == "char":
             raise SetupError(f"{path} is a text; a path here names numbers")
-        self.full = at
+        self.full, self.stored = at, self.field
         self.elements, self.shape = self._select(indices)
 
     def _of_mode(self, process):
@@ -78,7 +80,8 @@ class FieldPath:
         self.of_mode = True
         self.field = ModeField([(name, i) for i, (name, _) in enumerate(process.modes)])
         self.owner = self.holder = process
-        self.port, self.offset, self.group, self.full = self.path, 16, "out", self.path
+        self.stored = _member(_core.struct(flight.ProcessMode), "index", self.path, self.path)
+        self.port, self.offset, self.group, self.full = self.path, self.stored.offset, "out", self.path
         self.elements, self.shape = [0], ()
 
     def _row(self, indices, at):
@@ -120,7 +123,12 @@ class FieldPath:
     @property
     def width(self) -> int:
         """[bytes] of an element."""
-        return ELEMENTS[self.field.type].size
+        return ELEMENTS[self.stored.type].size
+
+    @property
+    def has_quality(self) -> bool:
+        """Whether the quality of a message is that of the number: not of its head, nor of a mode."""
+        return self.port is not None and not self.of_mode and not self.full.startswith(f"{self.port}.{HEAD}")
 
     def names(self) -> list[str]:
         """The path of each element: "world.craft.I_B[0, 1]"."""

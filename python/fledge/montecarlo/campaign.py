@@ -168,7 +168,7 @@ class Campaign:
     @staticmethod
     def _entered(log, name):
         """[s] when a mode first began in the simulation of a log; NaN: it did not."""
-        process, _, mode = name.split(".")
+        process, _, mode = name.split(".", 2)
         first = log.simulation.process(process).entered[mode][1]
         return math.nan if first is None else first
 

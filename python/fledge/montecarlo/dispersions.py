@@ -31,7 +31,7 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
-from fledge.montecarlo.requirements import QUALITY_END, Requirement, Variable
+from fledge.montecarlo.requirements import Requirement, Variable
 from fledge.world.attributes import given_orbit
 from fledge.world.bodies import ANGLE, LENGTH
 
@@ -386,7 +386,7 @@ class Dispersions:
         key = target.path + " raw" * raw
         if key not in self.retained:
             self._plan.retain(self.simulation.kernel, target.port, target.offset + target.width * target.elements[0],
-                              len(target.elements), target.field, raw)
+                              len(target.elements), target.stored, raw)
             self.retained[key] = Variable(target, key, lambda: self._duration)
         return self.retained[key]
 
@@ -400,7 +400,7 @@ class Dispersions:
                              f"error.norm().final < 1e-3; found {requirement!r}")
         requirement.message = message
         variable = requirement.variable
-        if not variable.raw and variable.field_path.offset >= QUALITY_END and not variable.field_path.of_mode:
+        if not variable.raw and variable.field_path.has_quality:
             requirement.quality = self._retain(f"{variable.field_path.port}.head.quality", False)
         self.requirements.append(requirement)
 

@@ -16,15 +16,13 @@ from fledge.errors import SetupError
 from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import short_name, time_ns
+from fledge.series import GOOD, NONE
 
 if TYPE_CHECKING:
     import numpy as np
 
     from fledge.mission.simulation import Simulation
     from fledge.montecarlo.shares import Series
-
-
-GOOD, QUALITY_END = 3, 16   # of a Head, and the bytes that it has
 
 
 class Variable(Measured):
@@ -158,7 +156,7 @@ class Requirement:
         good = there[:, 0]
         if self.quality:
             quality = self.quality.values(result)[:, part]
-            there, good = ~(quality == 0), (quality == GOOD).any(axis=1) | np.isnan(quality).any(axis=1)
+            there, good = ~(quality == NONE), (quality == GOOD).any(axis=1) | np.isnan(quality).any(axis=1)
         if self.comparison in ("==", "!="):
             badness = ((values != self.limit) == (self.comparison == "==")).astype(float)
         else:

@@ -10,7 +10,7 @@ from fledge.activity import happenings, modes
 from fledge.errors import SetupError
 from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, Scene
 from fledge.scene.tracks import Motion, Signal, Turning
-from fledge.series import HEAD, Records, element_names
+from fledge.series import HEAD, NONE, Records, element_names
 
 HAPPENINGS = 500    # on the time line
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
@@ -97,7 +97,7 @@ class _Derivation:
         port = self._ports[name]
         time, table = self._records._time(port), self._records._values(port)
         last = np.append(np.diff(time) > 0, True)
-        good = (table["head"]["quality"] > 0) & last
+        good = (table["head"]["quality"] != NONE) & last
         for one in fields:
             good &= np.isfinite(table[one].reshape(len(table), -1)).all(axis=1)
         kept = last & np.logical_or.accumulate(good) if gaps else good
