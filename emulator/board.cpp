@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "emulator/bus/bus.h"
+#include "emulator/devices/debug_unit.h"
 #include "emulator/devices/gptimer.h"
 #include "emulator/devices/plug_and_play.h"
 
@@ -24,16 +25,17 @@ struct Kind {
     std::vector<std::string> keys; ///< besides kind, name and address
 };
 
-const std::array<Kind, 8> &kinds()
+const std::array<Kind, device_kinds> &kinds()
 {
-    static const std::array<Kind, 8> all{{{"irqmp", {}},
-                                          {"gptimer", {"interrupt", "timers", "watchdog"}},
-                                          {"apbuart", {"interrupt", "timed"}},
-                                          {"ahbstat", {"interrupt"}},
-                                          {"ftmctrl", {}},
-                                          {"scrubber", {"period"}},
-                                          {"protection", {}},
-                                          {"registers", {"size", "tick", "interrupt", "lines"}}}};
+    static const std::array<Kind, device_kinds> all{{{"irqmp", {}},
+                                                     {"gptimer", {"interrupt", "timers", "watchdog"}},
+                                                     {"apbuart", {"interrupt", "timed"}},
+                                                     {"ahbstat", {"interrupt"}},
+                                                     {"ftmctrl", {}},
+                                                     {"scrubber", {"period"}},
+                                                     {"protection", {}},
+                                                     {"registers", {"size", "tick", "interrupt", "lines"}},
+                                                     {"dsu", {}}}};
     return all;
 }
 
@@ -266,6 +268,7 @@ private:
         case DeviceKind::ahbstat: d.interrupt = interrupt(t, "interrupt", {}); break;
         case DeviceKind::scrubber: d.period = number(t, "period", 0, 0xFFFFFFFF, 0); break;
         case DeviceKind::registers: registers(t, d); break;
+        case DeviceKind::dsu: d.size = DebugUnit::size; break;
         default: break;
         }
         return d;
@@ -343,7 +346,7 @@ private:
             add("[rom]", table_.get("rom")->source().begin.line, b.rom.base, b.rom.size);
         }
         std::vector<std::string> names;
-        std::array<unsigned, 8> count{};
+        std::array<unsigned, device_kinds> count{};
         for (const DeviceDescription &d : b.devices) {
             const auto line = static_cast<std::uint32_t>(d.line);
             add("device `" + d.name + "`", line, d.address, d.size);

@@ -18,7 +18,18 @@ struct MemoryDescription {
     bool kept = true;                 ///< over a reset of the board; else all bytes are 0 then
 };
 
-enum class DeviceKind : std::uint8_t { irqmp, gptimer, apbuart, ahbstat, ftmctrl, scrubber, protection, registers };
+enum class DeviceKind : std::uint8_t {
+    irqmp,
+    gptimer,
+    apbuart,
+    ahbstat,
+    ftmctrl,
+    scrubber,
+    protection,
+    registers,
+    dsu
+};
+inline constexpr std::size_t device_kinds = static_cast<std::size_t>(DeviceKind::dsu) + 1;
 
 struct DeviceDescription {
     DeviceKind kind = DeviceKind::irqmp;

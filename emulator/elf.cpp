@@ -2,6 +2,7 @@
 #include "emulator/elf.h"
 
 #include <algorithm>
+#include <charconv>
 #include <elf.h>
 #include <fstream>
 #include <iterator>
@@ -74,11 +75,78 @@ Program Program::read(const std::string &path)
 
 Program::Program(std::span<const std::byte> file, std::string path) : path_(std::move(path))
 {
-    const Reader r(file, path_);
-    static constexpr char magic[] = {0x7F, 'E', 'L', 'F'};
-    if (file.size() < sizeof magic || !std::ranges::equal(file.first(sizeof magic), std::as_bytes(std::span(magic)))) {
-        r.fail("is not an ELF file");
+    const std::string_view text(reinterpret_cast<const char *>(file.data()), file.size());
+    if (text.starts_with("\177ELF")) {
+        read_elf(file);
+    } else if (path_.ends_with(".bin") && !file.empty()) {
+        segments_.push_back({0, static_cast<std::uint32_t>(file.size()), {file.begin(), file.end()}});
+    } else if (text.size() > 1 && text[0] == 'S' && text[1] >= '0' && text[1] <= '9') {
+        read_records(text);
+    } else {
+        throw Error(path_ + ": is not an ELF file, nor has it S-records; the bytes of a PROM from address 0 have the "
+                            "name *.bin");
     }
+}
+
+/// S-records: of each line the type, then bytes: their number, an address, data, the complement of the sum.
+void Program::read_records(std::string_view text)
+{
+    std::size_t line = 0;
+    bool entered = false;
+    for (std::size_t at = 0; at < text.size();) {
+        const std::size_t end = std::min(text.find('\n', at), text.size());
+        std::string_view record = text.substr(at, end - at);
+        at = end + 1;
+        line++;
+        record = record.substr(0, record.find_last_not_of("\r ") + 1);
+        if (record.empty()) {
+            continue;
+        }
+        std::vector<std::byte> bytes;
+        bool whole = record.size() % 2 == 0;
+        for (std::size_t i = 2; i + 1 < record.size(); i += 2) {
+            unsigned byte = 0;
+            const char *const after = record.data() + i + 2;
+            whole = whole && std::from_chars(record.data() + i, after, byte, 16).ptr == after;
+            bytes.push_back(static_cast<std::byte>(byte));
+        }
+        unsigned sum = 0;
+        for (const std::byte b : bytes) {
+            sum += std::to_integer<unsigned>(b);
+        }
+        static constexpr std::size_t widths[] = {2, 2, 3, 4, 0, 2, 3, 4, 3, 2}; // of the address, by type
+        const unsigned type = record.size() > 1 ? static_cast<unsigned>(record[1] - '0') : 10;
+        const std::size_t width = record[0] == 'S' && type < 10 ? widths[type] : 0;
+        if (width == 0 || !whole || bytes.size() < width + 2 ||
+            std::to_integer<std::size_t>(bytes[0]) != bytes.size() - 1 || (sum & 255) != 255) {
+            throw Error(path_ + ":" + std::to_string(line) + ": is no S-record, or a damaged one");
+        }
+        std::uint32_t address = 0;
+        for (std::size_t i = 1; i <= width; i++) {
+            address = address << 8 | std::to_integer<std::uint32_t>(bytes[i]);
+        }
+        if (type >= 7) {
+            entry_ = address;
+            entered = true;
+        } else if (type >= 1 && type <= 3) {
+            const auto data = std::span(bytes).subspan(width + 1, bytes.size() - width - 2);
+            if (segments_.empty() || segments_.back().address + segments_.back().memory_size != address) {
+                segments_.push_back({address, 0, {}});
+            }
+            Segment &s = segments_.back();
+            s.bytes.insert(s.bytes.end(), data.begin(), data.end());
+            s.memory_size = static_cast<std::uint32_t>(s.bytes.size());
+        }
+    }
+    if (segments_.empty()) {
+        throw Error(path_ + ": has nothing to load");
+    }
+    entry_ = entered ? entry_ : segments_.front().address;
+}
+
+void Program::read_elf(std::span<const std::byte> file)
+{
+    const Reader r(file, path_);
     const auto ident = r.bytes(0, EI_NIDENT, "the head");
     const std::uint32_t machine = std::to_integer<int>(ident[EI_DATA]) == ELFDATA2LSB
                                       ? __builtin_bswap32(r.half(18, "the head")) >> 16

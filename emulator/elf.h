@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program for the machine: an ELF file with 32 bits, big-endian, for SPARC.
+// A program for the machine: an ELF file with 32 bits, big-endian, for SPARC; S-records; or the bytes of a PROM, *.bin.
 #pragma once
 
 #include <cstddef>
@@ -42,6 +42,9 @@ public:
     std::string place(std::uint32_t address) const;
 
 private:
+    void read_elf(std::span<const std::byte> file);
+    void read_records(std::string_view text);
+
     std::string path_;
     std::uint32_t entry_ = 0;
     std::vector<Segment> segments_;

@@ -50,6 +50,34 @@ TEST(Elf, segments_and_symbols_are_read)
     EXPECT_EQ(p.place(base + 200), "") << "beyond what is loaded, no label reaches";
 }
 
+TEST(Elf, s_records_are_read)
+{
+    const auto read = [](const std::string &text) { return Program(std::as_bytes(std::span(text)), "p.srec"); };
+    const std::string text = "S00600004844521B\r\nS3094000001011223344FC\nS3094000001455667788E8\nS10500209ABC84\n";
+    const Program p = read(text + "S70540000014A6\n");
+    EXPECT_EQ(p.entry(), base + 0x14);
+    ASSERT_EQ(p.segments().size(), 2u);
+    EXPECT_EQ(p.segments()[0].address, base + 0x10);
+    EXPECT_EQ(p.segments()[0].memory_size, 8u) << "records that follow one another are one segment";
+    EXPECT_EQ(p.segments()[0].bytes[4], std::byte{0x55});
+    EXPECT_EQ(p.segments()[1].address, 0x20u);
+    EXPECT_EQ(read(text).entry(), base + 0x10) << "the first address, if no record names another";
+    for (std::size_t at : {std::size_t{1}, text.find("55667788"), text.size() - 2}) {
+        std::string damaged = text;
+        damaged[at] = 'x';
+        EXPECT_THROW((void)read(damaged), Error) << at;
+    }
+    EXPECT_THROW((void)read(text.substr(0, 30)), Error);
+}
+
+TEST(Elf, bytes_of_a_prom_are_read)
+{
+    const std::string text = "S0me bytes";
+    const Program p(std::as_bytes(std::span(text)), "p.bin");
+    EXPECT_EQ(p.entry(), 0u);
+    EXPECT_EQ(p.segments().at(0).memory_size, 10u);
+}
+
 TEST(Elf, files_for_others_say_what_they_are)
 {
     const auto changed = [](std::size_t at, int value) {
@@ -57,7 +85,7 @@ TEST(Elf, files_for_others_say_what_they_are)
         file[at] = static_cast<std::byte>(value);
         return mistake(file);
     };
-    EXPECT_EQ(changed(0, 'x'), "p.elf: is not an ELF file");
+    EXPECT_THAT(changed(0, 'x'), HasSubstr("p.elf: is not an ELF file, nor has it S-records"));
     EXPECT_EQ(changed(19, 18),
               "p.elf: is for SPARC V8+, which needs a 64-bit processor; needed is a program for 32-bit SPARC (V8), "
               "big-endian");

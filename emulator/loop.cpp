@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "emulator/cpu/step.h"
 #include "emulator/devices/register_space.h"
 #include "emulator/error.h"
+#include "emulator/report.h"
 
 namespace fledge::emulator {
 
@@ -117,19 +117,13 @@ void FlightLoop::finish_tick(Ns limit)
 bool FlightLoop::finish()
 {
     int status = 0;
+    std::string why;
     // The watchdog must not start a program again that has ended.
     const auto on_error = std::exchange(machine_.on_error, [this] { machine_.stop(); });
     space_.tick();
     run_until(machine_.now() + 60 * second);
     machine_.on_error = on_error;
-    return program_ended(machine_, status) && status == 0;
-}
-
-bool program_ended(Machine &machine, int &status)
-{
-    CpuState &s = machine.core().state;
-    status = static_cast<int>(Banks(s)[8]);
-    return s.mode == Mode::error && s.trap_type == trap::instruction;
+    return program_ended(machine_, nullptr, status, why) && status == 0;
 }
 
 } // namespace fledge::emulator

@@ -62,7 +62,4 @@ private:
     bool waits_ = false; ///< for flight's answer
 };
 
-/// Whether the program has ended by itself: `ta 0` with traps disabled, and its status in %o0.
-bool program_ended(Machine &machine, int &status);
-
 } // namespace fledge::emulator

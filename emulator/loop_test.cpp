@@ -5,6 +5,7 @@
 
 #include "emulator/devices/register_space.h"
 #include "emulator/error.h"
+#include "emulator/report.h"
 #include "emulator/testing/board.h"
 #include "emulator/testing/program.h"
 #include "emulator/testing/register_boards.h"
@@ -239,7 +240,8 @@ TEST(FlightLoop, the_program_ends_with_the_run)
     EXPECT_TRUE(good.backend->loop.finish());
     EXPECT_FALSE(bad.backend->loop.finish());
     int status = 0;
-    EXPECT_TRUE(program_ended(bad.m, status));
+    std::string why;
+    EXPECT_TRUE(program_ended(bad.m, nullptr, status, why));
     EXPECT_EQ(status, 3);
     Bench never_ends;
     never_ends.tick(-1, 0);

@@ -6,8 +6,10 @@
 #include <cstring>
 
 #include "emulator/board.h"
+#include "emulator/cpu/step.h"
 #include "emulator/debug/observer.h"
 #include "emulator/devices/apbuart.h"
+#include "emulator/devices/debug_unit.h"
 #include "emulator/devices/gptimer.h"
 #include "emulator/devices/irqmp.h"
 #include "emulator/devices/memory_controller.h"
@@ -101,6 +103,7 @@ struct Machine::Impl final : DeviceHost {
         case DeviceKind::scrubber: device = std::make_unique<Scrubber>(d.name, *this, bus, d.period); break;
         case DeviceKind::protection: device = std::make_unique<WriteProtection>(d.name, bus); break;
         case DeviceKind::registers: device = std::make_unique<RegisterSpace>(d.name, *this, d.registers); break;
+        case DeviceKind::dsu: device = std::make_unique<DebugUnit>(d.name, core.state); break;
         }
         bus.add_device(d.address, d.size, *device);
         devices.push_back(std::move(device));
@@ -121,6 +124,7 @@ struct Machine::Impl final : DeviceHost {
                 ahb->add_slave(entry);
             }
         }
+        bus.add_bridge(PlugAndPlay::apb_base, PlugAndPlay::apb_size);
         bus.add_device(PlugAndPlay::ahb_address, PlugAndPlay::table_size, *ahb);
         bus.add_device(PlugAndPlay::apb_address, PlugAndPlay::table_size, *apb);
         devices.push_back(std::move(ahb));
@@ -153,7 +157,7 @@ struct Machine::Impl final : DeviceHost {
     {
         CpuState &s = core.state;
         CpuState fresh;
-        fresh.cycles = s.cycles;
+        fresh.cycles = fresh.counts_from = s.cycles;
         fresh.instructions = s.instructions;
         fresh.traps = s.traps;
         s = fresh;
@@ -290,9 +294,10 @@ struct Machine::Impl final : DeviceHost {
             for (const std::byte b : bus.memory(pc, 4)) {
                 word = word << 8 | static_cast<std::uint32_t>(b);
             }
+            const std::uint32_t address = effective_address(core.state, decode(word));
             const Exit exit = engine->run(core, begun + 1, step_over);
             if (s.instructions != instructions || s.traps != traps) {
-                observer->executed({pc, word, begun, s.traps != traps, s});
+                observer->executed({pc, word, begun, address, s.traps != traps, s});
             }
             if (exit != Exit::time || s.cycles >= until) {
                 return exit;
@@ -569,6 +574,16 @@ void Machine::set_breakpoint(std::uint32_t address, bool on)
 
 void Machine::set_watchpoint(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on)
 {
+    if (impl_->bus.memory(address, size).empty() || (!on_read && !on_write)) {
+        char text[160];
+        std::snprintf(text, sizeof text,
+                      "watchpoint: expected reads or writes of bytes of RAM or ROM; found %s of %u bytes at 0x%08x",
+                      on_read    ? "reads"
+                      : on_write ? "writes"
+                                 : "neither",
+                      size, address);
+        throw Error(text);
+    }
     impl_->bus.watch(address, size, on_read, on_write, on);
 }
 

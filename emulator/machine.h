@@ -85,6 +85,7 @@ public:
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
 
     void set_breakpoint(std::uint32_t address, bool on);
+    /// Throws Error if these bytes are not in memory: a device cannot be watched.
     void set_watchpoint(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on);
 
     /// PC, symbol, registers and backtrace, for a person.

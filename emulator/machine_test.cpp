@@ -100,6 +100,44 @@ TEST_P(OnMachine, an_access_to_nothing_traps_and_is_recorded)
     EXPECT_EQ(address, 0x60000000u);
 }
 
+TEST_P(OnMachine, a_hole_of_the_apb_answers)
+{
+    start(set(g(1), 0x80000500) + Words{mov(g(4), 7), ld(g(4), g(1), 0), st(g(1), g(1), 0), ba(0), nop});
+    m.run_until(100'000);
+    EXPECT_EQ(r(g(6)), 0u);
+    EXPECT_EQ(r(g(4)), 0u);
+}
+
+TEST_P(OnMachine, ancillary_registers_count_cycles_since_the_reset)
+{
+    constexpr std::uint32_t rdasr = 0x28;
+    start({with_number(2, 0x30, 22, 0, 0), with_register(2, rdasr, g(4), 22, 0), with_register(2, rdasr, g(5), 23, 0),
+           nop, nop, with_register(2, rdasr, l(0), 23, 0), ba(0), nop});
+    m.run_until(100'000);
+    const std::uint32_t first = r(g(5));
+    EXPECT_EQ(r(g(4)), 0u);
+    EXPECT_EQ(r(l(0)), first + 3);
+    m.reset();
+    m.run_until(200'000);
+    EXPECT_EQ(r(g(5)), first);
+}
+
+TEST_P(OnMachine, a_store_beside_code_leaves_it_and_one_into_it_changes_it)
+{
+    // The loop counts in %g4, stores %g4 into the word behind itself, and, when %g5 is set, a nop into itself.
+    const std::uint32_t at = code + 4 * 7;
+    start({call(1), nop, add(g(4), g(4), 1), st(g(4), o(7), 4 * 11), subcc(g(0), g(5), 0), branch(2, 1, false, -3), nop,
+           sethi(g(1), nop), st(g(1), o(7), 4 * 2), ba(-7), nop, 0});
+    m.run_until(100'000);
+    const std::uint32_t count = r(g(4));
+    EXPECT_GT(count, 10u);
+    EXPECT_LE(count - word(at + 4 * 11), 1u);
+    Banks(m.core().state)[g(5)] = 1;
+    m.run_until(200'000);
+    EXPECT_LE(r(g(4)), count + 1) << "the addition has become a nop";
+    EXPECT_EQ(word(at + 4 * 2), nop);
+}
+
 TEST_P(OnMachine, a_snapshot_is_the_same_point_again)
 {
     start(counter);

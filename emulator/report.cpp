@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdio>
 
+#include "emulator/board.h"
 #include "emulator/cpu/step.h"
 #include "emulator/elf.h"
 #include "emulator/machine.h"
@@ -32,6 +33,12 @@ bool peek_word(const Machine &machine, std::uint32_t address, std::uint32_t &wor
         word = word << 8 | std::to_integer<std::uint32_t>(b);
     }
     return true;
+}
+
+std::string place_of(std::uint32_t address, const Program *program)
+{
+    const std::string name = program ? program->place(address) : "";
+    return format("0x%08x", address) + (name.empty() ? "" : " " + name);
 }
 
 /// Whether the function of pc has not yet entered a window of its own: no `save` stands before pc.
@@ -112,18 +119,70 @@ std::string trap_name(std::uint32_t type)
     return format("%s (0x%02x)", name, type);
 }
 
+std::vector<DeviceWords> device_words(const Machine &machine)
+{
+    std::vector<DeviceWords> all;
+    for (std::size_t i = 0; i < machine.board().devices.size(); i++) {
+        DeviceWords &device = all.emplace_back();
+        device.name = machine.board().devices[i].name;
+        for (const DeviceRegister &r : machine.devices()[i]->registers()) {
+            const std::uint32_t address = machine.board().devices[i].address + r.offset;
+            std::uint32_t value = 0;
+            (void)peek_word(machine, address, value);
+            device.words.push_back({r.name, address, value});
+        }
+    }
+    std::erase_if(all, [](const DeviceWords &device) { return device.words.empty(); });
+    return all;
+}
+
+bool program_ended(const Machine &machine, const Program *program, int &status, std::string &why)
+{
+    CpuState s = machine.core().state;
+    Banks r(s);
+    status = static_cast<int>(r[8]);
+    if (s.mode != Mode::error || s.trap_type != trap::instruction) {
+        return false;
+    }
+    const std::uint32_t handled = s.tbr >> 4 & 0xFF; // the trap whose handler ended the program, if one did
+    const bool in_table = s.pc - s.tbr < 16;         // its entry of the trap table is `ta 0`
+    if (handled != trap::instruction && in_table) {
+        why = "the program has no handler of " + trap_name(handled) + ", which came at " + place_of(r[17], program);
+    } else if (in_table) {
+        status = static_cast<int>(r[24]);                           // %o0 of the window that trapped
+    } else if (handled == trap::instruction && s.globals[1] == 1) { // RTEMS: %g2 is the source, %g3 the code
+        static constexpr const char *sources[] = {"the core",
+                                                  "the classic API",
+                                                  "POSIX",
+                                                  "bdbuf",
+                                                  "the application",
+                                                  "exit",
+                                                  "the BSP",
+                                                  "an assertion",
+                                                  "the stack checker",
+                                                  "an exception",
+                                                  "SMP",
+                                                  "panic()",
+                                                  "free() of a wrong address"};
+        constexpr std::uint32_t by_exit = 5;
+        const std::uint32_t source = s.globals[2], code = s.globals[3];
+        if (source != by_exit) {
+            why = format("RTEMS has stopped; the source is %u (%s), the code 0x%x", source,
+                         source < std::size(sources) ? sources[source] : "unknown", code);
+        }
+        status = static_cast<int>(code);
+    }
+    return why.empty();
+}
+
 std::string describe(const Machine &machine, const Core &core, const Program *program)
 {
     CpuState s = core.state;
     Banks r(s);
-    const auto place = [&](std::uint32_t address) {
-        const std::string name = program ? program->place(address) : "";
-        return format("0x%08x", address) + (name.empty() ? "" : " " + name);
-    };
     const char *mode = s.mode == Mode::error        ? "the processor is in its error mode"
                        : s.mode == Mode::power_down ? "the processor waits for an interrupt"
                                                     : "the processor runs";
-    std::string text = std::string(mode) + ", at " + place(s.pc) + "\n";
+    std::string text = std::string(mode) + ", at " + place_of(s.pc, program) + "\n";
     if (s.mode == Mode::error) {
         text += "  " + trap_name(s.trap_type) + " while traps are disabled";
         std::uint32_t word;
@@ -154,7 +213,7 @@ std::string describe(const Machine &machine, const Core &core, const Program *pr
     text += "  backtrace\n";
     std::size_t n = 0;
     for (const Frame &frame : backtrace(machine, program)) {
-        text += format("    #%-2zu ", n++) + place(frame.pc) + format("  sp 0x%08x\n", frame.sp);
+        text += format("    #%-2zu ", n++) + place_of(frame.pc, program) + format("  sp 0x%08x\n", frame.sp);
     }
     return text;
 }

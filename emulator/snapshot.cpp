@@ -11,7 +11,7 @@ namespace fledge::emulator {
 
 namespace {
 
-constexpr char magic[16] = "FLEDGE LEON3 1\n"; // the number is the version
+constexpr char magic[16] = "FLEDGE LEON3 2\n"; // the number is the version
 
 class Writer {
 public:

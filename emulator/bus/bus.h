@@ -10,7 +10,7 @@ namespace fledge::emulator {
 
 /// Why an access to a page of memory takes the slow way.
 enum PageFlags : std::uint8_t {
-    page_code = 1 << 0,        ///< instructions of it are decoded or translated: a write invalidates them
+    page_code = 1 << 0,        ///< instructions of it are decoded or translated: Memory::code says which
     page_protected = 1 << 1,   ///< a write traps
     page_watch_write = 1 << 2, ///< a debugger watches it
     page_watch_read = 1 << 3,
@@ -28,6 +28,9 @@ struct Memory {
     std::uint32_t base = 0, size = 0; ///< [bytes]
     std::byte *bytes = nullptr;
     std::uint8_t *flags = nullptr; ///< PageFlags of each page
+    /// Of each word, whether it was decoded: a write invalidates it. Where page_code alone is set, and these are 0, an
+    /// engine may write directly.
+    std::uint8_t *code = nullptr;
     /// How often a flag of page_slow_read has changed in any page; nullptr: this is not counted.
     const std::uint64_t *read_flag_changes = nullptr;
 };
@@ -54,7 +57,7 @@ public:
     /// An instruction.
     virtual Access fetch(std::uint32_t address, std::uint32_t &word) = 0;
 
-    /// The page, which is in memory, has decoded instructions from now on; the engine is called when it is written.
+    /// The word, which is in memory, is decoded from now on; the engine is called when it is written.
     virtual void mark_code(std::uint32_t address) = 0;
 };
 

@@ -42,14 +42,19 @@ void UnmapBytes::operator()(std::byte *bytes) const
 void SystemBus::add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac)
 {
     // Pages that are never written cost nothing, so a machine is made in microseconds.
-    void *p = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (p == MAP_FAILED) {
-        throw std::bad_alloc();
-    }
+    const auto zeros = [](std::size_t n) {
+        void *p = mmap(nullptr, n, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+        if (p == MAP_FAILED) {
+            throw std::bad_alloc();
+        }
+        return std::unique_ptr<std::byte, UnmapBytes>(static_cast<std::byte *>(p), UnmapBytes{n});
+    };
     Region r;
-    r.bytes = std::unique_ptr<std::byte, UnmapBytes>(static_cast<std::byte *>(p), UnmapBytes{size});
+    r.bytes = zeros(size);
+    r.code = zeros(size / 4);
     r.flags.resize(size / page_size, page_unchanged);
-    r.memory = {base, size, r.bytes.get(), r.flags.data(), &read_flag_changes_};
+    r.memory = {
+        base, size, r.bytes.get(), r.flags.data(), reinterpret_cast<std::uint8_t *>(r.code.get()), &read_flag_changes_};
     r.writable = writable;
     r.edac = edac;
     r.first_page = pages_;
@@ -83,6 +88,14 @@ const SystemBus::Slave *SystemBus::slave(std::uint32_t address) const
     return nullptr;
 }
 
+Access SystemBus::answer_hole(std::uint32_t address, unsigned size, bool write)
+{
+    if (std::ranges::any_of(bridges_, [&](const Slave &b) { return address - b.base < b.size; })) {
+        return Access::done;
+    }
+    return refuse(address, size, write);
+}
+
 Access SystemBus::refuse(std::uint32_t address, unsigned size, bool write)
 {
     if (error) {
@@ -98,7 +111,8 @@ Access SystemBus::read(std::uint32_t address, unsigned size, std::uint64_t &valu
     const Region *r = region(address);
     if (!r) {
         const Slave *s = slave(address);
-        return s ? read_device(*s, address, size, value) : refuse(address, size, false);
+        value = 0;
+        return s ? read_device(*s, address, size, value) : answer_hole(address, size, false);
     }
     const std::uint32_t offset = address - r->memory.base;
     const std::uint8_t flags = r->flags[offset / page_size];
@@ -115,7 +129,7 @@ Access SystemBus::write(std::uint32_t address, unsigned size, std::uint64_t valu
     if (!r) {
         const Slave *s = slave(address);
         if (!s) {
-            return refuse(address, size, true);
+            return answer_hole(address, size, true);
         }
         write_device(*s, address, size, value);
         return Access::done;
@@ -153,6 +167,7 @@ void SystemBus::mark_code(std::uint32_t address)
 {
     if (Region *r = region(address)) {
         r->flags[(address - r->memory.base) / page_size] |= page_code;
+        r->memory.code[(address - r->memory.base) / 4] = 1;
     }
 }
 
@@ -210,9 +225,24 @@ void SystemBus::note_write(Region &r, std::uint32_t address, unsigned size)
         r.flags[page] = static_cast<std::uint8_t>(r.flags[page] & ~page_unchanged);
         changed_.push_back(r.first_page + page);
     }
-    if ((r.flags[page] & page_code) && code_changed) {
-        code_changed(address, size);
+    if (r.flags[page] & page_code) {
+        const std::span words(r.memory.code + (address - r.memory.base) / 4, (address % 4 + size + 3) / 4);
+        if (std::ranges::find(words, 1) != words.end()) {
+            std::ranges::fill(words, std::uint8_t{0});
+            if (code_changed) {
+                code_changed(address, size);
+            }
+        }
     }
+}
+
+/// Whether a debugger may read the word of a device.
+bool SystemBus::shows(const Slave &s, std::uint32_t address)
+{
+    const auto registers = s.device->registers();
+    return s.device->is_memory() || std::ranges::any_of(registers, [&](const DeviceRegister &r) {
+               return r.offset == word_of(address - s.base);
+           });
 }
 
 bool SystemBus::peek(std::uint32_t address, std::span<std::byte> bytes) const
@@ -223,7 +253,7 @@ bool SystemBus::peek(std::uint32_t address, std::span<std::byte> bytes) const
     }
     for (std::byte &byte : bytes) {
         const Slave *s = slave(address);
-        if (!s || !s->device->is_memory()) {
+        if (!s || !shows(*s, address)) {
             return false;
         }
         const std::uint32_t offset = address++ - s->base;
@@ -235,6 +265,10 @@ bool SystemBus::peek(std::uint32_t address, std::span<std::byte> bytes) const
 bool SystemBus::poke(std::uint32_t address, std::span<const std::byte> bytes)
 {
     const std::span<std::byte> to = memory(address, bytes.size());
+    if (const Slave *s = slave(address); s && shows(*s, address) && bytes.size() == 4 && address % 4 == 0) {
+        s->device->write(address - s->base, static_cast<std::uint32_t>(load(bytes.data(), 4)));
+        return true;
+    }
     if (bytes.empty() || to.empty()) {
         return bytes.empty();
     }
@@ -291,8 +325,11 @@ void SystemBus::all_unchanged()
 void SystemBus::forget_code()
 {
     for (Region &r : regions_) {
-        for (std::uint8_t &flags : r.flags) {
-            flags = static_cast<std::uint8_t>(flags & ~page_code);
+        for (std::size_t page = 0; page < r.flags.size(); page++) {
+            if (r.flags[page] & page_code) {
+                r.flags[page] = static_cast<std::uint8_t>(r.flags[page] & ~page_code);
+                std::fill_n(r.memory.code + page * (page_size / 4), page_size / 4, std::uint8_t{0});
+            }
         }
     }
 }

@@ -43,6 +43,8 @@ public:
     /// Memory must be added before it is used; RAM first. Sizes and bases are multiples of page_size.
     void add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac);
     void add_device(std::uint32_t base, std::uint32_t size, Device &device);
+    /// Addresses that a bridge answers where no device is, as an APB's does; elsewhere the access is an error.
+    void add_bridge(std::uint32_t base, std::uint32_t size) { bridges_.push_back({base, size, nullptr}); }
 
     const Memory &ram() const override { return regions_.front().memory; }
     Access read(std::uint32_t address, unsigned size, std::uint64_t &value) override;
@@ -56,9 +58,10 @@ public:
 
     /// The bytes of memory that hold these addresses; empty if they are not all in one memory.
     std::span<std::byte> memory(std::uint32_t address, std::size_t size) const;
-    /// Read bytes without side effects: of memory, and of devices that are memory. False: neither is there.
+    /// Read bytes without side effects: of memory, and of devices' registers. False: neither is there.
     bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
-    /// Write bytes without protection and without side effects but those on snapshots and code. False: no memory.
+    /// Write bytes without protection and without side effects but those on snapshots and code; or a word of a device,
+    /// as the program does. False: neither is there.
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
     /// All memories one behind the other, by pages: their number, and where one is.
     std::uint32_t pages() const { return pages_; }
@@ -95,7 +98,7 @@ private:
         Memory memory;
         bool writable = false, edac = false;
         std::uint32_t first_page = 0;
-        std::unique_ptr<std::byte, UnmapBytes> bytes;
+        std::unique_ptr<std::byte, UnmapBytes> bytes, code;
         std::vector<std::uint8_t> flags;
     };
     struct Slave {
@@ -111,6 +114,8 @@ private:
     Region *region(std::uint32_t address);
     const Region *region_of_page(std::uint32_t index) const;
     const Slave *slave(std::uint32_t address) const;
+    static bool shows(const Slave &s, std::uint32_t address);
+    Access answer_hole(std::uint32_t address, unsigned size, bool write);
     Access refuse(std::uint32_t address, unsigned size, bool write);
     bool watched(std::uint32_t address, unsigned size, bool write);
     Access read_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t &value);
@@ -124,7 +129,7 @@ private:
     void mark_pages(std::uint8_t flag, const std::vector<ProtectedRange> &ranges);
 
     std::vector<Region> regions_;
-    std::vector<Slave> slaves_;
+    std::vector<Slave> slaves_, bridges_;
     std::vector<Watch> watches_;
     std::vector<ProtectedRange> protected_;
     std::vector<std::uint32_t> changed_;

@@ -70,6 +70,19 @@ TEST(SystemBus, rom_is_read_only_and_nothing_is_elsewhere)
     EXPECT_FALSE(b.bus.poke(ram + ram_size - 2, word));
 }
 
+TEST(SystemBus, a_bridge_answers_where_no_device_is)
+{
+    Bench b;
+    b.bus.add_bridge(0x80000000, 0x100000);
+    b.apb.words[0] = 7;
+    EXPECT_EQ(b.read(0x80000000, 4), 7u);
+    EXPECT_EQ(b.read(0x80000500, 8), 0u);
+    EXPECT_EQ(b.bus.write(0x800FFFFC, 4, 1), Access::done);
+    b.read(0x80100000, 4, Access::fault);
+    EXPECT_EQ(b.bus.write(0x7FFFFFFC, 4, 1), Access::fault);
+    EXPECT_EQ(b.errors.size(), 2u);
+}
+
 TEST(SystemBus, bytes_of_devices)
 {
     Bench b;
@@ -103,11 +116,17 @@ TEST(SystemBus, a_debugger_sees_memory_and_devices_that_are_memory)
 TEST(SystemBus, writes_to_code_are_noticed)
 {
     Bench b;
-    b.bus.mark_code(ram + page_size);
-    b.bus.write(ram + page_size + 16, 8, 1);
+    b.bus.mark_code(ram + page_size + 20);
+    b.bus.write(ram + page_size + 8, 8, 1);
+    b.bus.write(ram + page_size + 24, 4, 1);
     b.bus.write(ram, 4, 1);
+    EXPECT_TRUE(b.code.empty()) << "beside code, and where none is";
+    b.bus.write(ram + page_size + 16, 8, 1);
     ASSERT_EQ(b.code.size(), 1u);
     EXPECT_EQ(b.code[0], std::pair(ram + page_size + 16, 8u));
+    b.bus.write(ram + page_size + 23, 1, 1);
+    ASSERT_EQ(b.code.size(), 1u) << "it is forgotten already";
+    b.bus.mark_code(ram + page_size + 20);
     std::vector<std::byte> bytes(2 * page_size);
     b.bus.poke(ram + 8, bytes);
     ASSERT_EQ(b.code.size(), 2u) << "one page of three has code";
@@ -157,7 +176,7 @@ TEST(SystemBus, without_edac_a_flip_stays)
     b.bus.flip(ram + 4, {9, 0});
     EXPECT_EQ(b.read(ram + 4, 4), 1u);
     EXPECT_TRUE(b.errors.empty());
-    b.bus.mark_code(ram);
+    b.bus.mark_code(ram + 4);
     b.bus.flip(ram + 4, {1, 0});
     EXPECT_EQ(b.code.size(), 1u) << "code may have changed";
 }

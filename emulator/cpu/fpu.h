@@ -10,10 +10,10 @@
 namespace fledge::emulator {
 
 /// Execute a floating-point operation, without pc and cycles. Returns the trap type fp_exception with the reason in
-/// fsr.ftt, or trap::none. Traps are precise: there is no queue of deferred operations.
+/// fsr.ftt, or trap::none; the interpreter defers the trap of a GRFPU.
 std::uint32_t execute_fpop(CpuState &s, FpuPersonality fpu, const Instruction &i);
 
-/// stdfq, where there is no queue: a sequence error.
+/// stdfq with an empty queue: a sequence error.
 std::uint32_t no_queue(CpuState &s);
 
 /// The field ver of the FSR, in its place.

@@ -48,6 +48,7 @@ protected:
         c.s.floats[0] = a;
         c.s.floats[1] = b;
         c.s.floats[2] = untouched;
+        c.s.fp_queue = {};
         c.write(SmallComputer::start, {fpop(compare ? 0x35 : 0x34, opf, 4, 0, 2), with_number(3, 0x25, 0, g(1), 0)});
         c.engine->invalidate(SmallComputer::start, 8);
         c.go(SmallComputer::start);
@@ -403,6 +404,51 @@ TEST_P(Fpu, WhatTheFpuDoesNotHaveTraps)
     c.steps(1);
     EXPECT_EQ(c.s.trap_type, trap::fp_exception) << "std %fq";
     EXPECT_EQ(ftt(), fsr::sequence_error);
+}
+
+TEST_P(Fpu, TheGrfpuDefersATrapToItsNextInstruction)
+{
+    c.core.fpu = FpuPersonality::grfpu;
+    const std::uint32_t stdfq = with_number(3, 0x26, 0, g(1), 16), stfsr = with_number(3, 0x25, 0, g(1), 0);
+    const std::uint32_t division = fpop(0x34, 0x4E, 4, 0, 2), sum = fpop(0x34, 0x42, 6, 0, 0);
+    constexpr std::uint32_t start = SmallComputer::start;
+    std::uint32_t at = start;
+    const auto step = [&](std::uint32_t word) {
+        c.write(at, {word});
+        c.engine->invalidate(at, 4);
+        c.go(at);
+        at += 4;
+        const std::uint64_t traps = c.s.traps;
+        c.steps(1);
+        if (c.s.traps == traps) {
+            return trap::none;
+        }
+        c.s.psr = (c.s.psr & ~psr::cwp) | psr::enable_traps | 4;
+        return c.s.trap_type;
+    };
+    c.s.fsr = dz << fsr::tem_shift;
+    c.s.floats[0] = bits(1.0);
+    c.s.floats[1] = 0;
+    c.s.floats[2] = untouched;
+    EXPECT_EQ(step(division), trap::none);
+    EXPECT_EQ(step(nop), trap::none) << "only the FPU takes the trap";
+    EXPECT_EQ(step(with_number(3, 0x24, 0, g(1), 2)), trap::mem_address_not_aligned) << "has priority";
+    EXPECT_EQ(step(branch(6, 8, false, 2)), trap::fp_exception);
+    EXPECT_EQ(ftt(), fsr::ieee_exception);
+    EXPECT_EQ(result(), untouched);
+    EXPECT_EQ(step(stfsr), trap::none) << "stores execute now";
+    EXPECT_EQ(c.bus.load(SmallComputer::data) & 1u << 13, 1u << 13) << "the queue is not empty";
+    EXPECT_EQ(step(sum), trap::fp_exception);
+    EXPECT_EQ(ftt(), fsr::sequence_error);
+    EXPECT_EQ(step(stdfq), trap::none);
+    EXPECT_EQ(c.bus.load(SmallComputer::data + 16), start);
+    EXPECT_EQ(c.bus.load(SmallComputer::data + 20), division);
+    EXPECT_EQ(step(stfsr), trap::none);
+    EXPECT_EQ(c.bus.load(SmallComputer::data) & 1u << 13, 0u);
+    EXPECT_EQ(step(sum), trap::none);
+    EXPECT_EQ(c.s.floats[3], bits(2.0));
+    EXPECT_EQ(step(stdfq), trap::fp_exception);
+    EXPECT_EQ(ftt(), fsr::sequence_error) << "there is nothing in it";
 }
 
 TEST_P(Fpu, MovesTakeAnyBits)

@@ -232,25 +232,34 @@ private:
 
     // ---- state registers
 
+    // As GRLIB's iu3.vhd has them: no read traps; a register that is not there reads as Y, 19 and 21 as 17. stbar is a
+    // read of 15 into %g0.
     std::uint32_t read_asr()
     {
+        const std::uint64_t count = s_.cycles - s_.counts_from;
         switch (i_.rs1) {
-        case 15: return trap::none; // stbar: stores are never late
-        case 17: return logic(s_.asr17, false);
-        default: return trap::illegal_instruction;
+        case 17:
+        case 19:
+        case 21: return logic(s_.asr17, false);
+        case 22: return logic(s_.asr22 | (static_cast<std::uint32_t>(count >> 32) & ~asr::counter_off), false);
+        case 23: return logic(static_cast<std::uint32_t>(count), false);
+        default: return logic(s_.y, false);
         }
     }
 
     std::uint32_t write_asr()
     {
-        if (!supervisor()) {
+        if (i_.rd >= 16 && i_.rd != 18 && !supervisor()) {
             return trap::privileged_instruction;
         }
+        const std::uint32_t value = rs1() ^ operand2();
         switch (i_.rd) {
-        case 17: return trap::none; // what it configures on a LEON3 does not exist here
-        case 19: s_.mode = Mode::power_down; return trap::none;
-        default: return trap::illegal_instruction;
+        case 17: s_.asr17 = (s_.asr17 & ~asr::no_store_errors) | (value & asr::no_store_errors); break;
+        case 19: s_.mode = Mode::power_down; break;
+        case 22: s_.asr22 = value & asr::counter_off; break;
+        default: break;
         }
+        return trap::none;
     }
 
     std::uint32_t write_psr()
@@ -282,36 +291,44 @@ private:
             if (i_.immediate || pair) {
                 return trap::illegal_instruction;
             }
-            switch (i_.asi) {
-            case 0x01: // memory, past the cache
-            case 0x08:
-            case 0x09:
-            case 0x0A:
-            case 0x0B: // memory: instructions and data of user and supervisor
-            case 0x1C: // memory, past the MMU
-                break;
+        }
+        if ((p.address & (size - 1)) != 0) {
+            return trap::mem_address_not_aligned;
+        }
+        if (alternate) {
+            switch (asi()) {
+            case 0x14:
+            case 0x15: return trap::data_access_exception; // contexts of an MMU, which this LEON3 does not have
+            case 0x0E:                                     // tags of the data cache, by words
+                if (size != 4) {
+                    return trap::data_access_exception;
+                }
+                [[fallthrough]];
             case 0x02: // control registers of the caches
             case 0x0C:
             case 0x0D:
-            case 0x0E:
             case 0x0F: // what the caches hold
             case 0x10:
-            case 0x11:
+            case 0x11: // flush
+            case 0x03:
+            case 0x04:
             case 0x13:
             case 0x18:
-            case 0x19: // flush; the MMU, which this LEON3 does not have
-                p.control = true;
-                break;
-            default: return trap::data_access_exception;
+            case 0x19:
+            case 0x1D:
+            case 0x1E: p.control = true; break; // the MMU
+            default: break;                     // memory
             }
         }
-        return (p.address & (size - 1)) != 0 ? trap::mem_address_not_aligned : trap::none;
+        return trap::none;
     }
+
+    std::uint32_t asi() const { return i_.asi & 31u; } ///< the cache looks at five bits (mmu_dcache.vhd)
 
     std::uint32_t read(const Place &p, unsigned size, std::uint64_t &value)
     {
         if (p.control) {
-            value = i_.asi == 0x02 && p.address == 0 ? s_.cache_control : 0;
+            value = asi() == 0x02 && p.address == 0 ? s_.cache_control : 0;
             return trap::none;
         }
         const Access access = core_.bus->read(p.address, size, value);
@@ -322,7 +339,7 @@ private:
     std::uint32_t write(const Place &p, unsigned size, std::uint64_t value)
     {
         if (p.control) {
-            if (i_.asi == 0x02 && p.address == 0) {
+            if (asi() == 0x02 && p.address == 0) {
                 constexpr std::uint32_t flush_now = 3u << 21; // a cache without contents has been flushed at once
                 s_.cache_control = static_cast<std::uint32_t>(value) & ~flush_now;
             }
@@ -330,7 +347,8 @@ private:
         }
         const Access access = core_.bus->write(p.address, size, value);
         watched_ |= access == Access::watched;
-        return access == Access::fault ? trap::data_store_error : trap::none;
+        const bool traps = access == Access::fault && (s_.asr17 & asr::no_store_errors) == 0;
+        return traps ? trap::data_store_error : trap::none;
     }
 
     std::uint32_t load(unsigned size, bool is_signed, bool alternate)
@@ -412,11 +430,64 @@ private:
 
     bool fpu_on() const { return (s_.psr & psr::enable_fpu) != 0; }
 
+    /// The trap of an operation that waits in the queue: the next instruction of the FPU takes it. From then on until
+    /// STDFQ has emptied the queue, only stores execute.
+    std::uint32_t deferred_trap(bool is_store)
+    {
+        FpQueue &q = s_.fp_queue;
+        if (q.word == 0 || (q.trapped != 0 && is_store)) {
+            return trap::none;
+        }
+        if (q.trapped != 0) {
+            s_.fsr = (s_.fsr & ~fsr::ftt) | fsr::sequence_error;
+        }
+        q.trapped = 1;
+        return trap::fp_exception;
+    }
+
+    std::uint32_t before_operation() { return fpu_on() ? deferred_trap(false) : trap::fp_disabled; }
+
+    std::uint32_t operate()
+    {
+        std::uint32_t t = before_operation();
+        if (t == trap::none) {
+            t = execute_fpop(s_, core_.fpu, i_);
+            if (t == trap::fp_exception && core_.fpu == FpuPersonality::grfpu) {
+                std::uint32_t word = 0;
+                (void)core_.bus->fetch(s_.pc, word);
+                s_.fp_queue = {.pc = s_.pc, .word = word};
+                t = trap::none;
+            }
+        }
+        return t;
+    }
+
+    std::uint32_t store_queue()
+    {
+        Place p;
+        std::uint32_t t = !supervisor() ? trap::privileged_instruction
+                          : fpu_on()    ? place(p, 8, false)
+                                        : trap::fp_disabled;
+        if (t == trap::none) {
+            t = s_.fp_queue.word != 0 ? deferred_trap(true) : no_queue(s_);
+        }
+        if (t == trap::none) {
+            t = write(p, 8, std::uint64_t{s_.fp_queue.pc} << 32 | s_.fp_queue.word);
+        }
+        if (t == trap::none) {
+            s_.fp_queue = {};
+        }
+        return t;
+    }
+
     std::uint32_t load_float(unsigned size)
     {
         Place p;
         std::uint64_t value = 0;
         std::uint32_t t = fpu_on() ? place(p, size, false) : trap::fp_disabled;
+        if (t == trap::none) {
+            t = deferred_trap(false);
+        }
         if (t == trap::none) {
             t = read(p, size, value);
         }
@@ -437,11 +508,15 @@ private:
     {
         Place p;
         std::uint32_t t = fpu_on() ? place(p, size, false) : trap::fp_disabled;
+        if (t == trap::none) {
+            t = deferred_trap(true);
+        }
         if (t != trap::none) {
             return t;
         }
         if (i_.op == Op::stfsr) {
-            return write(p, size, s_.fsr | fsr_version(core_.fpu));
+            const std::uint32_t queue = s_.fp_queue.word != 0 ? fsr::queue_not_empty : 0;
+            return write(p, size, s_.fsr | fsr_version(core_.fpu) | queue);
         }
         return write(p, size, size == 8 ? s_.floats[i_.rd / 2] : single(s_, i_.rd));
     }
@@ -469,7 +544,10 @@ std::uint32_t Execution::perform()
         return trap::none;
     case Op::bicc: return branch(condition_holds(i_.condition, s_.psr >> 20), i_.condition == 8);
     case Op::fbfcc:
-        return fpu_on() ? branch(fp_condition_holds(i_.condition, s_.fsr >> 10), i_.condition == 8) : trap::fp_disabled;
+        if (const std::uint32_t t = before_operation(); t != trap::none) {
+            return t;
+        }
+        return branch(fp_condition_holds(i_.condition, s_.fsr >> 10), i_.condition == 8);
     case Op::jmpl: return jump_and_link();
     case Op::rett: return return_from_trap();
     case Op::ticc:
@@ -577,12 +655,8 @@ std::uint32_t Execution::perform()
     case Op::stf:
     case Op::stfsr: return store_float(4);
     case Op::stdf: return store_float(8);
-    case Op::stdfq:
-        if (!supervisor()) {
-            return trap::privileged_instruction;
-        }
-        return fpu_on() ? no_queue(s_) : trap::fp_disabled;
-    default: return fpu_on() ? execute_fpop(s_, core_.fpu, i_) : trap::fp_disabled;
+    case Op::stdfq: return store_queue();
+    default: return operate();
     }
 }
 
@@ -627,6 +701,13 @@ bool execute(Core &core, const Instruction &instruction)
         take_trap(core, trap_type);
     }
     return execution.watched();
+}
+
+std::uint32_t effective_address(const CpuState &state, const Instruction &i)
+{
+    const Banks r(const_cast<CpuState &>(state));
+    const auto value = [&r](std::uint32_t n) { return r.bank[n >> 3][n & 7]; };
+    return value(i.rs1) + (i.op == Op::casa ? 0 : i.immediate ? static_cast<std::uint32_t>(i.imm) : value(i.rs2));
 }
 
 bool fetch_and_execute(Core &core)

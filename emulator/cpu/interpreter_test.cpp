@@ -238,9 +238,10 @@ TEST_P(Cpu, TrapsHaveTheirCausesAndPriorities)
     EXPECT_EQ(trap_of(0xC1800000), trap::cp_disabled);
     EXPECT_EQ(trap_of(rett(g(3), 0)), trap::illegal_instruction) << "traps are enabled";
     EXPECT_EQ(trap_of(with_number(2, 0x31, 0, g(0), 8)), trap::illegal_instruction) << "window 8";
-    EXPECT_EQ(trap_of(with_register(2, 0x28, g(4), 16, 0)), trap::illegal_instruction) << "%asr16";
     EXPECT_EQ(trap_of(with_number(3, 0x10, g(4), g(3), 0)), trap::illegal_instruction) << "lda with a number";
-    EXPECT_EQ(trap_of(with_register(3, 0x10, g(4), g(3), 0, 0x77)), trap::data_access_exception) << "ASI 0x77";
+    EXPECT_EQ(trap_of(with_register(3, 0x10, g(4), g(3), 0, 0x74)), trap::data_access_exception) << "of an MMU";
+    EXPECT_EQ(trap_of(with_register(3, 0x11, g(4), g(3), 0, 0x0E)), trap::data_access_exception) << "a byte of a tag";
+    EXPECT_EQ(trap_of(with_register(3, 0x10, g(4), g(2), 0, 0x77)), trap::data_access_exception) << "memory";
     EXPECT_EQ(trap_of(with_register(3, 0x13, g(5), g(3), 0, 0x0A)), trap::illegal_instruction) << "ldda into %g5";
     EXPECT_EQ(c.r(g(4)), 0u) << "no trap changed the destination";
     c.go(0x10000000);
@@ -265,6 +266,45 @@ TEST_P(Cpu, TrapsHaveTheirCausesAndPriorities)
     EXPECT_EQ(trap_of(with_number(2, 0x30, 19, g(0), 0)), trap::privileged_instruction) << "power-down";
     EXPECT_EQ(trap_of(with_register(2, 0x28, g(4), 17, 0)), trap::none);
     EXPECT_EQ(trap_of(with_number(2, 0x30, 0, g(0), 0)), trap::none) << "%y";
+}
+
+TEST_P(Cpu, ReadsOfAncillaryRegistersNeverTrap)
+{
+    c.s.y = 0x12345678;
+    for (const std::uint32_t mode : {psr::supervisor, 0u}) {
+        c.s.psr = (c.s.psr & ~psr::supervisor) | mode;
+        for (std::uint32_t n = 1; n < 32; n++) {
+            c.s.cycles = 0x3'0000'0010;
+            c.s.counts_from = 0x1'0000'0004;
+            EXPECT_EQ(trap_of(with_register(2, 0x28, g(4), n, 0)), trap::none) << n;
+            const bool configuration = n == 17 || n == 19 || n == 21;
+            EXPECT_EQ(c.r(g(4)), configuration ? 0x507u : n == 22 ? 0x80000002u : n == 23 ? 0xCu : 0x12345678u) << n;
+        }
+    }
+}
+
+TEST_P(Cpu, WritesOfAncillaryRegistersTrapWhereTheHardwareDoes)
+{
+    c.r(g(1)) = 0xFFFFFFFF;
+    for (const std::uint32_t mode : {psr::supervisor, 0u}) {
+        c.s.psr = (c.s.psr & ~psr::supervisor) | mode;
+        for (std::uint32_t n = 1; n < 32; n++) {
+            const bool refused = mode == 0 && n >= 16 && n != 18;
+            EXPECT_EQ(trap_of(with_number(2, 0x30, n, g(1), 0)), refused ? trap::privileged_instruction : trap::none)
+                << n;
+            EXPECT_EQ(c.s.mode, n == 19 && !refused ? Mode::power_down : Mode::running);
+            c.s.mode = Mode::running;
+        }
+    }
+    EXPECT_EQ(c.s.y, 0u);
+    c.s.psr |= psr::supervisor;
+    EXPECT_EQ(c.s.asr17, 0x4507u) << "one bit can be written";
+    c.r(g(2)) = 0x10000000;
+    EXPECT_EQ(trap_of(st(g(1), g(2), 0)), trap::none) << "it keeps stores from trapping";
+    EXPECT_EQ(trap_of(ld(g(1), g(2), 0)), trap::data_access_exception);
+    EXPECT_EQ(c.s.asr22, 0x80000000u);
+    EXPECT_EQ(trap_of(with_number(2, 0x30, 22, g(0), 0)), trap::none);
+    EXPECT_EQ(c.s.asr22, 0u);
 }
 
 TEST_P(Cpu, ATrapInATrapHandlerOfRettIsTheEnd)

@@ -30,10 +30,24 @@ inline constexpr std::uint32_t cexc = 31, aexc_shift = 5, tem_shift = 23;
 inline constexpr std::uint32_t fcc = 3u << 10, fcc_shift = 10, ftt = 7u << 14;
 inline constexpr std::uint32_t ieee_exception = 1u << 14, unfinished = 2u << 14, unimplemented = 3u << 14;
 inline constexpr std::uint32_t sequence_error = 4u << 14; ///< these four are values of ftt
+inline constexpr std::uint32_t queue_not_empty = 1u << 13;
 inline constexpr std::uint32_t version_shift = 17, nonstandard = 1u << 22;
 inline constexpr std::uint32_t rounding_shift = 30; ///< 0 to nearest, 1 to zero, 2 up, 3 down
 inline constexpr std::uint32_t writable = 0xCFC00FFF;
 } // namespace fsr
+
+/// Bits of ancillary state registers.
+namespace asr {
+inline constexpr std::uint32_t no_store_errors = 1u << 14; ///< %asr17: a store that fails does not trap
+inline constexpr std::uint32_t counter_off = 1u << 31;     ///< %asr22: this processor does not need the counter
+} // namespace asr
+
+/// The deferred floating-point trap of a GRFPU: an operation that it could not complete, until STDFQ takes it.
+struct FpQueue {
+    std::uint32_t pc = 0, word = 0; ///< of the operation; word 0: the queue is empty
+    std::uint32_t trapped = 0;      ///< its trap was taken
+    bool operator==(const FpQueue &) const = default;
+};
 
 /// Where the processor stands.
 enum class Mode : std::uint32_t {
@@ -53,14 +67,17 @@ struct CpuState {
     std::uint32_t pc = 0, npc = 4; ///< an annulled instruction is skipped at once: no state says so
     std::uint32_t psr = psr::version | psr::supervisor;
     std::uint32_t wim = 0, tbr = 0, y = 0;
-    std::uint32_t fsr = 0; ///< the version of the FPU is added when a program reads it
+    std::uint32_t fsr = 0; ///< the version of the FPU, and qne, are added when a program reads it
+    FpQueue fp_queue;
     /// The LEON3's configuration: its index, FPU (GRFPU), multiplier and divider, windows - 1.
     std::uint32_t asr17 = 1u << 10 | 1u << 8 | (window_count - 1);
-    std::uint32_t cache_control = 0; ///< ASI 2, address 0: what was written; there are no caches
+    std::uint32_t asr22 = asr::counter_off; ///< its highest bit; the others, and %asr23, count
+    std::uint32_t cache_control = 0;        ///< ASI 2, address 0: what was written; there are no caches
     Mode mode = Mode::running;
     std::uint32_t trap_type = 0; ///< of the last trap, also of that which led to the error mode
 
     std::uint64_t cycles = 0;       ///< of the processor's clock since the machine was made; goes on over resets
+    std::uint64_t counts_from = 0;  ///< the cycle of the last reset: %asr22, %asr23 and the debug unit count from there
     std::uint64_t instructions = 0; ///< executed: neither annulled ones, nor those that trapped
     std::uint64_t traps = 0;        ///< taken, interrupts too
 

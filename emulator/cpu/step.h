@@ -36,4 +36,7 @@ bool fetch_and_execute(Core &core);
 enum class Boundary : std::uint8_t { execute, stepped, exit };
 Boundary at_boundary(Core &core, std::uint64_t until, bool watched, bool step_over, Exit &exit);
 
+/// Where an instruction of memory reads or writes; of others without meaning.
+std::uint32_t effective_address(const CpuState &state, const Instruction &instruction);
+
 } // namespace fledge::emulator

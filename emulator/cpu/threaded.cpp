@@ -421,14 +421,14 @@ bool Threaded::burst(Core &core, std::uint64_t until, const void *const **labels
     std::uint32_t overflow = (s.psr & psr::overflow) != 0 ? sign : 0; // the sign
     std::uint32_t carry = (s.psr & psr::carry) != 0 ? 1 : 0;
     std::uint32_t fcc = (s.fsr & fsr::fcc) >> fsr::fcc_shift;
-    const bool fpu_on = (s.psr & psr::enable_fpu) != 0;
+    const bool fpu_on = (s.psr & psr::enable_fpu) != 0 && s.fp_queue.word == 0; // else the reference decides
     const bool fpu_fast = fpu_on && (s.fsr & fsr::cexc << fsr::tem_shift) == 0;
     const SmallNumbers small(core.fpu);
     std::uint64_t *const f = s.floats.data();
     const Memory &memory = core.bus->ram();
     const std::uint32_t ram_base = memory.base, ram_size = memory.size;
     std::byte *const ram = memory.bytes;
-    const std::uint8_t *const flags = memory.flags;
+    const std::uint8_t *const flags = memory.flags, *const decoded = memory.code; // a store beside code is direct
 
     Record *d = lookup(s.pc), *n = s.npc == s.pc + 4 ? d + 1 : lookup(s.npc);
     const auto chunk = static_cast<std::int64_t>(std::min(until - s.cycles, longest_burst));
@@ -699,8 +699,13 @@ rdy:
 
 #define PLACE(size, slow)                                                                                              \
     const std::uint32_t address = a + b, offset = address - ram_base;                                                  \
-    if (offset >= ram_size || (address & ((size)-1)) != 0 || (flags[offset / page_size] & (slow)) != 0) [[unlikely]] { \
+    if (offset >= ram_size || (address & ((size)-1)) != 0) [[unlikely]] {                                              \
         goto reference;                                                                                                \
+    }                                                                                                                  \
+    if (const std::uint8_t flag = flags[offset / page_size] & (slow); flag != 0) [[unlikely]] {                        \
+        if (flag != page_code || decoded[offset / 4] != 0 || decoded[(offset + (size)-1) / 4] != 0) {                  \
+            goto reference;                                                                                            \
+        }                                                                                                              \
     }
 #define LOAD(type, to)                                                                                                 \
     PLACE(sizeof(type), page_slow_read)                                                                                \

@@ -1,17 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // What needs no compiler for the machine; python/fledge/emulator has the tests with gdb and with programs.
 #include "emulator/board.h"
+#include "emulator/cpu/instruction.h"
 #include "emulator/debug/history.h"
 #include "emulator/debug/observer.h"
 #include "emulator/debug/trace.h"
+#include "emulator/report.h"
 
+#include <fstream>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <random>
+#include <unistd.h>
 
 namespace fledge::emulator {
 namespace {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
 
 constexpr std::uint32_t begin = 0x40000000, data = 0x40001000;
 constexpr std::uint32_t loop[] = {
@@ -140,6 +146,63 @@ TEST_F(Debug, AnObserverSeesEachStep)
     const std::size_t n = seen.lines.size();
     machine.run_until(10'000);
     EXPECT_EQ(seen.lines.size(), n);
+}
+
+TEST_F(Debug, ATraceShowsAddressesResultsAndTraps)
+{
+    const std::string path = ::testing::TempDir() + "debug_trace_" + std::to_string(getpid());
+    constexpr std::string_view records = "S3094000000001000000B5\n"; // a nop
+    const Program none(std::as_bytes(std::span(records)), "none");
+    {
+        Trace trace(path, none, 0, 1000);
+        machine.observe(&trace);
+        machine.run_until(2000);
+        state.pc = 3;
+        machine.run_until(3000);
+        machine.observe(nullptr);
+    }
+    std::ifstream file(path);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    std::remove(path.c_str());
+    EXPECT_THAT(text, HasSubstr("add %g1, 1, %g1  %g1=00000001\n"));
+    EXPECT_THAT(text, HasSubstr("st %g1, [%g2]  [40001000]  %g1=00000001\n"));
+    EXPECT_THAT(text, HasSubstr("traps: instruction_access_exception (0x01)\n"));
+}
+
+TEST_F(Debug, WhatTheProcessorHasIsNeverAWord)
+{
+    EXPECT_EQ(disassemble(0, 0x87444000), "rd %asr17, %g3");
+    EXPECT_EQ(disassemble(0, 0xC2808163), "lda [%g2 + %g3] 0x0b, %g1");
+    std::mt19937 random(1);
+    for (int n = 0; n < 200'000; n++) {
+        const auto word = static_cast<std::uint32_t>(random());
+        const Op op = decode(word).op;
+        if (op != Op::illegal && op != Op::cpop && op != Op::cbccc && op != Op::fpop_unimplemented) {
+            ASSERT_FALSE(disassemble(0, word).starts_with(".word")) << std::hex << word;
+        }
+    }
+}
+
+TEST_F(Debug, WhatCannotBeWatchedIsRefused)
+{
+    EXPECT_THROW(machine.set_watchpoint(0x80000200, 4, true, true, true), Error) << "a device";
+    EXPECT_THROW(machine.set_watchpoint(data, 0, true, true, true), Error);
+    EXPECT_THROW(machine.set_watchpoint(data, 4, false, false, true), Error);
+    EXPECT_THROW(machine.set_watchpoint(0x4000FFFE, 4, true, true, true), Error) << "half of it is there";
+}
+
+TEST_F(Debug, RegistersOfDevicesAreReadAndWritten)
+{
+    EXPECT_EQ(word(0x80000240), 0u);
+    const std::byte mask[4] = {std::byte{0}, std::byte{0}, std::byte{1}, std::byte{0x40}};
+    EXPECT_TRUE(machine.poke(0x80000240, mask));
+    EXPECT_EQ(word(0x80000240), 0x140u);
+    EXPECT_FALSE(machine.poke(0x80000244, mask)) << "no register";
+    const auto found = device_words(machine);
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_EQ(found[0].name, "irqmp");
+    EXPECT_EQ(found[0].words.at(3).name, "mask");
+    EXPECT_EQ(found[0].words.at(3).value, 0x140u);
 }
 
 } // namespace

@@ -3,6 +3,7 @@
 #include "emulator/debug/gdb_server.h"
 
 #include "emulator/debug/registers.h"
+#include "emulator/report.h"
 
 #include <algorithm>
 #include <arpa/inet.h>
@@ -93,8 +94,7 @@ void visit_windows(CpuState &state, const std::function<void(std::uint32_t, std:
     }
 }
 
-GdbServer::GdbServer(Machine &machine, std::string_view address, const Program *program)
-    : machine_(machine), program_(program), history_(machine)
+int listen_at(std::string_view address, const std::string &what, std::uint16_t &listens_at)
 {
     const auto colon = address.rfind(':');
     const std::string host(colon == address.npos || colon == 0 ? "127.0.0.1" : address.substr(0, colon));
@@ -102,21 +102,26 @@ GdbServer::GdbServer(Machine &machine, std::string_view address, const Program *
     sockaddr_in at{};
     at.sin_family = AF_INET;
     if (!port || *port > 65535 || inet_pton(AF_INET, host.c_str(), &at.sin_addr) != 1) {
-        throw Error("gdb: expected [ADDRESS:]PORT with an IPv4 address, as in 127.0.0.1:1234; found '" +
+        throw Error(what + ": expected [ADDRESS:]PORT with an IPv4 address, as in 127.0.0.1:1234; found '" +
                     std::string(address) + "'");
     }
     at.sin_port = htons(static_cast<std::uint16_t>(*port));
-    listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const int one = 1;
-    setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    const int listener = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), one = 1;
+    setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
     socklen_t size = sizeof at;
-    if (listener_ < 0 || bind(listener_, reinterpret_cast<sockaddr *>(&at), size) != 0 || listen(listener_, 1) != 0 ||
-        getsockname(listener_, reinterpret_cast<sockaddr *>(&at), &size) != 0) {
+    if (listener < 0 || bind(listener, reinterpret_cast<sockaddr *>(&at), size) != 0 || listen(listener, 1) != 0 ||
+        getsockname(listener, reinterpret_cast<sockaddr *>(&at), &size) != 0) {
         const std::string why = std::strerror(errno);
-        close(listener_);
-        throw Error("gdb cannot be served at " + std::string(address) + ": " + why);
+        close(listener);
+        throw Error(what + " cannot be served at " + std::string(address) + ": " + why);
     }
-    port_ = ntohs(at.sin_port);
+    listens_at = ntohs(at.sin_port);
+    return listener;
+}
+
+GdbServer::GdbServer(Machine &machine, std::string_view address, const Program *program)
+    : machine_(machine), program_(program), history_(machine), listener_(listen_at(address, "gdb", port_))
+{
 }
 
 GdbServer::~GdbServer()
@@ -457,7 +462,11 @@ std::string GdbServer::set_point(const std::string &packet)
         machine_.set_breakpoint(*address, on);
         return "OK";
     }
-    machine_.set_watchpoint(*address, *size, kind != '2', kind != '3', on);
+    try {
+        machine_.set_watchpoint(*address, *size, kind != '2', kind != '3', on);
+    } catch (const Error &) {
+        return "E01";
+    }
     const auto same = [&](const Watch &w) { return w.address == *address && w.size == *size && w.kind == kind; };
     watches_.erase(std::remove_if(watches_.begin(), watches_.end(), same), watches_.end());
     if (on) {
@@ -531,6 +540,18 @@ std::string GdbServer::monitor(const std::string &command)
             return error.what();
         }
     }
+    if (what == "devices" && words.size() <= 2) {
+        std::string text;
+        for (const DeviceWords &device : device_words(machine_)) {
+            for (const auto &[word, at, value] : device.words) {
+                if (name.empty() || name == device.name) {
+                    text += (text.empty() ? "0x" : "\n0x") + hex(big_endian(at)) + " " + device.name + " " + word +
+                            " 0x" + hex(big_endian(value));
+                }
+            }
+        }
+        return text.empty() ? "there is no device " + name + " with registers; monitor devices lists all" : text;
+    }
     if (what == "report" && words.size() == 1) {
         return machine_.report(program_);
     }
@@ -539,6 +560,7 @@ std::string GdbServer::monitor(const std::string &command)
            "monitor restore [NAME]     go back, or on, to it\n"
            "monitor flip ADDRESS BIT   invert a bit of the byte there, 0 (lowest) to 7\n"
            "monitor flip %REG BIT      of a register: %l3, %f2, %psr; 0 (lowest) to 31\n"
+           "monitor devices [NAME]     registers of the devices; set {int}ADDRESS = VALUE writes one\n"
            "monitor report             registers and backtrace";
 }
 

@@ -14,6 +14,10 @@
 
 namespace fledge::emulator {
 
+/// A socket that listens at "[ADDRESS:]PORT"; `port` gets the one that it has. Throws Error, in which `what` is the
+/// purpose.
+int listen_at(std::string_view address, const std::string &what, std::uint16_t &port);
+
 class GdbServer {
 public:
     /// Listen at "[ADDRESS:]PORT"; without an address at 127.0.0.1, and PORT 0 takes a free one. Throws Error.
@@ -69,8 +73,8 @@ private:
         char kind; ///< '2' write, '3' read, '4' both
     };
     std::vector<Watch> watches_;
-    int listener_ = -1, client_ = -1;
     std::uint16_t port_ = 0;
+    int listener_ = -1, client_ = -1;
     bool acknowledge_ = true;
     bool stands_ = false; ///< gdb has stopped the machine
     StopReason reason_ = StopReason::time;

@@ -11,6 +11,7 @@ namespace fledge::emulator {
 struct Executed {
     std::uint32_t pc, word; ///< the instruction
     std::uint64_t begun;    ///< [cycles] when it began
+    std::uint32_t address;  ///< of an instruction of memory: where it reads or writes
     bool trapped;           ///< it trapped, or an interrupt came in front of it: it was not executed
     const CpuState &state;  ///< behind it
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes each instruction in words: cycles, address, symbol, disassembly.
+// Writes each instruction in words: cycles, address, symbol, disassembly, effective address, result.
 #pragma once
 
 #include <cstdio>

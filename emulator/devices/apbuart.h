@@ -24,10 +24,16 @@ public:
     void act() override;
     void reset() override;
     std::span<std::byte> state() override { return bytes_of(state_); }
+    std::vector<DeviceRegister> registers() const override
+    {
+        return {{"status", 0x4}, {"control", 0x8}, {"scaler", 0xC}};
+    }
 
     /// Gets each byte that the program sends.
     std::function<void(std::uint8_t)> transmit;
 
+    /// How many bytes the program may be given now; those that it has not read wait.
+    std::size_t room() const { return (state_.control & 1) != 0 ? input_room - state_.n_in : 0; }
     /// Bytes for the program to receive; returns how many there was room for.
     std::size_t receive(std::span<const std::uint8_t> bytes);
 

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace fledge::emulator {
 
@@ -27,6 +28,12 @@ struct Identity {
     std::uint32_t vendor = 0, device = 0, version = 0;
 };
 
+/// A word of a device for debuggers; to read it changes nothing.
+struct DeviceRegister {
+    std::string name;
+    std::uint32_t offset = 0;
+};
+
 class Device {
 public:
     explicit Device(std::string name) : name_(std::move(name)) {}
@@ -45,6 +52,7 @@ public:
     virtual void reset() = 0;
     virtual std::span<std::byte> state() = 0; ///< all of it; a snapshot copies it
     virtual void restored() {}                ///< the bytes of state() are those of a snapshot
+    virtual std::vector<DeviceRegister> registers() const { return {}; }
 
 private:
     std::string name_;

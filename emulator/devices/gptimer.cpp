@@ -17,6 +17,18 @@ Gptimer::Gptimer(std::string name, DeviceHost &host, const Settings &settings)
     reset();
 }
 
+std::vector<DeviceRegister> Gptimer::registers() const
+{
+    std::vector<DeviceRegister> all{{"scaler", 0x0}, {"scaler_reload", 0x4}, {"config", 0x8}};
+    for (std::uint32_t n = 1; n <= settings_.timers; n++) {
+        const std::string number = "_" + std::to_string(n);
+        all.push_back({"counter" + number, 16 * n});
+        all.push_back({"reload" + number, 16 * n + 4});
+        all.push_back({"control" + number, 16 * n + 8});
+    }
+    return all;
+}
+
 void Gptimer::reset()
 {
     const std::uint64_t resets = state_.watchdog_resets;

@@ -30,6 +30,7 @@ public:
     void act() override { bring_up(); }
     void reset() override;
     std::span<std::byte> state() override { return bytes_of(state_); }
+    std::vector<DeviceRegister> registers() const override;
 
     /// How often the watchdog has reset the board.
     std::uint64_t watchdog_resets() const { return state_.watchdog_resets; }

@@ -12,7 +12,7 @@ constexpr std::uint32_t lines = 0xFFFE;
 
 std::uint32_t Irqmp::requests() const
 {
-    return ((state_.pending | state_.stuck_on) & ~state_.stuck_off & state_.mask) | state_.force;
+    return (((state_.pending | state_.stuck_on) & ~state_.stuck_off) | state_.force) & state_.mask;
 }
 
 void Irqmp::update()

@@ -21,6 +21,10 @@ public:
     void write(std::uint32_t offset, std::uint32_t value) override;
     void reset() override;
     std::span<std::byte> state() override { return bytes_of(state_); }
+    std::vector<DeviceRegister> registers() const override
+    {
+        return {{"level", 0x0}, {"pending", 0x4}, {"force", 0x8}, {"mask", 0x40}};
+    }
     void restored() override { update(); }
 
     void raise(std::uint32_t line);

@@ -69,6 +69,16 @@ TEST(Irqmp, a_forced_line_is_acknowledged_by_itself)
     EXPECT_EQ(b.irqmp.read(0x80), 1u << 6);
 }
 
+TEST(Irqmp, a_forced_line_that_is_masked_waits)
+{
+    Bench b;
+    b.irqmp.write(0x08, 1u << 5);
+    b.irqmp.write(0x80, 1u << 9);
+    EXPECT_EQ(b.shown, 0u);
+    b.irqmp.write(0x40, 1u << 5);
+    EXPECT_EQ(b.shown, 5u);
+}
+
 TEST(Irqmp, a_stuck_line_comes_again_and_a_silent_one_never)
 {
     Bench b;

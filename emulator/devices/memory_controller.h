@@ -23,6 +23,7 @@ public:
     void write(std::uint32_t offset, std::uint32_t value) override;
     void reset() override;
     std::span<std::byte> state() override { return bytes_of(state_); }
+    std::vector<DeviceRegister> registers() const override { return {{"mcfg1", 0x0}, {"mcfg2", 0x4}, {"mcfg3", 0x8}}; }
     void restored() override { bus_.enable_edac(state_.edac != 0); }
 
 private:
@@ -48,6 +49,10 @@ public:
     void write(std::uint32_t offset, std::uint32_t value) override;
     void reset() override { state_ = {}; }
     std::span<std::byte> state() override { return bytes_of(state_); }
+    std::vector<DeviceRegister> registers() const override
+    {
+        return {{"status", 0x0}, {"address", 0x4}, {"corrected", 0x8}, {"failed", 0xC}};
+    }
 
     void note(const BusError &error);
 

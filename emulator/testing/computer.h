@@ -16,6 +16,9 @@ struct Computer {
     {
         std::memcpy(bus.bytes().data(), stream.image.data(), stream.size);
         bus.engine = engine.get();
+        bus.on_device_read = [this](std::uint32_t offset) {
+            return offset ^ static_cast<std::uint32_t>(core.state.cycles);
+        };
         core.bus = &bus;
         core.fpu = fpu;
         core.timing = leon3_timing();

@@ -34,6 +34,12 @@ inline std::string differences(const CpuState &a, const CpuState &b)
     check("tbr", a.tbr, b.tbr);
     check("y", a.y, b.y);
     check("fsr", a.fsr, b.fsr);
+    check("fp queue", std::uint64_t{a.fp_queue.pc} << 32 | a.fp_queue.word,
+          std::uint64_t{b.fp_queue.pc} << 32 | b.fp_queue.word);
+    check("fp queue trapped", a.fp_queue.trapped, b.fp_queue.trapped);
+    check("asr17", a.asr17, b.asr17);
+    check("asr22", a.asr22, b.asr22);
+    check("cache control", a.cache_control, b.cache_control);
     check("mode", static_cast<std::uint64_t>(a.mode), static_cast<std::uint64_t>(b.mode));
     check("trap type", a.trap_type, b.trap_type);
     check("cycles", a.cycles, b.cycles);

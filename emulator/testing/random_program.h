@@ -28,6 +28,9 @@ public:
             const std::uint32_t handler = ram_base + entry * 16;
             if (entry == 5 || entry == 6) { // a window moves: all become valid
                 c.write(handler, {with_number(2, 0x32, 0, 0, 0), nop, jmpl(0, l(1), 0), rett(l(2), 0)});
+            } else if (entry == 8 && c.core.fpu == FpuPersonality::grfpu) {
+                c.write(handler, {sethi(l(3), data), with_number(3, 0x26, 0, l(3), 0), // std %fq,[%l3]
+                                  jmpl(0, l(2), 0), rett(l(2), 4)});
             } else {
                 c.write(handler, {nop, jmpl(0, l(interrupt ? 1 : 2), 0), rett(l(2), interrupt ? 0 : 4), nop});
             }
@@ -53,6 +56,7 @@ public:
         s.tbr = ram_base;
         s.wim = chance(70) ? 1u << below(window_count) : 0;
         s.y = word();
+        s.fp_queue = {};
         s.fsr = below(4) << 30 | (chance(20) ? below(32) << fsr::tem_shift : 0) | below(1024) |
                 (chance(5) ? fsr::nonstandard : 0);
         for (std::uint32_t &r : s.windows) {
@@ -92,11 +96,12 @@ public:
         case 3:
         case 4:
         case 5: return memory(rd, rs2);
-        case 6: { // state registers; never %asr19, which would wait
+        case 6: { // state registers, the ancillary ones too
             constexpr std::uint32_t op3[] = {0x28, 0x29, 0x2A, 0x2B, 0x30, 0x31, 0x32, 0x3B};
             const std::uint32_t which = op3[below(8)];
-            return which == 0x28 ? with_register(2, which, rd, chance(50) ? 0 : 17, 0)
-                                 : with_number(2, which, which == 0x30 ? 0 : rd, which == 0x32 ? 0 : rs1, 0);
+            return which == 0x28
+                       ? with_register(2, which, rd, chance(30) ? 0 : rs1, 0)
+                       : with_number(2, which, which == 0x30 && chance(30) ? 0 : rd, which == 0x32 ? 0 : rs1, 0);
         }
         case 7:
         case 8:
@@ -153,7 +158,7 @@ private:
         constexpr std::uint32_t alternate[] = {0x10, 0x11, 0x12, 0x13, 0x14, 0x15, 0x16, 0x17, 0x19, 0x1A, 0x1D, 0x1F};
         const std::uint32_t rs1 = chance(90) ? 1 + below(3) : below(32);
         if (chance(8)) {
-            const std::uint32_t asi = chance(90) ? 0x0A : below(256);
+            const std::uint32_t asi = chance(60) ? 0x0A : below(256);
             return with_register(3, chance(30) ? 0x3C : alternate[below(12)], rd, rs1, chance(50) ? 0 : rs2, asi);
         }
         const std::uint32_t op3 = plain[below(std::size(plain))];

@@ -19,9 +19,9 @@ inline constexpr std::uint32_t ram_base = 0x40000000, ram_size = 64 * page_size,
 /// Memory at ram_base, and a device of a page at device_base; nothing elsewhere.
 class SmallBus : public Bus {
 public:
-    explicit SmallBus(std::uint32_t size = ram_size) : bytes_(size), flags_(size / page_size)
+    explicit SmallBus(std::uint32_t size = ram_size) : bytes_(size), flags_(size / page_size), code_(size / 4)
     {
-        ram_ = {.base = ram_base, .size = size, .bytes = bytes_.data(), .flags = flags_.data()};
+        ram_ = {.base = ram_base, .size = size, .bytes = bytes_.data(), .flags = flags_.data(), .code = code_.data()};
     }
 
     const Memory &ram() const override { return ram_; }
@@ -56,8 +56,10 @@ public:
         for (unsigned k = 0; k < size; k++) {
             bytes_[address - ram_base + k] = static_cast<std::byte>(value >> (8 * (size - 1 - k)));
         }
-        if (flag(address, page_code) && engine != nullptr) {
+        std::uint8_t *const words = &code_[(address - ram_base) / 4];
+        if (engine != nullptr && (words[0] != 0 || (size == 8 && words[1] != 0))) {
             engine->invalidate(address, size);
+            words[0] = words[size / 8] = 0;
         }
         return flag(address, page_watch_write) ? Access::watched : Access::done;
     }
@@ -71,7 +73,11 @@ public:
         return Access::done;
     }
 
-    void mark_code(std::uint32_t address) override { flags_[(address - ram_base) / page_size] |= page_code; }
+    void mark_code(std::uint32_t address) override
+    {
+        flags_[(address - ram_base) / page_size] |= page_code;
+        code_[(address - ram_base) / 4] = 1;
+    }
 
     /// Without effects, as a test sees memory.
     std::uint32_t load(std::uint32_t address) const
@@ -96,7 +102,7 @@ private:
     bool flag(std::uint32_t address, PageFlags f) { return (flags_of(address) & f) != 0; }
 
     std::vector<std::byte> bytes_;
-    std::vector<std::uint8_t> flags_;
+    std::vector<std::uint8_t> flags_, code_;
     Memory ram_;
 };
 

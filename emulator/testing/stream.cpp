@@ -131,14 +131,20 @@ constexpr std::int32_t at(std::size_t member)
     return static_cast<std::int32_t>(member);
 }
 
+// Into %psr; %g2 changes.
+void write_psr(Code &c, std::uint32_t value)
+{
+    c.set(value, g2);
+    c.op(alu::wrpsr, g2, g0, 0);
+    for (int i = 0; i < 3; ++i)
+        c.word(nop);
+}
+
 // What surrounds the blocks. A trap may use the locals of its window; all else keeps its value.
 void write_runtime(Code &c)
 {
     c.place("start");
-    c.set(0x00001F80, g2); // EF, PIL 15, S
-    c.op(alu::wrpsr, g2, g0, 0);
-    for (int i = 0; i < 3; ++i)
-        c.word(nop);
+    write_psr(c, 0x00001F80); // EF, PIL 15, S
     c.op(alu::wrwim, g0, g0, 0);
     c.set(ram_base, g2);
     c.op(alu::wrtbr, g2, g0, 0);
@@ -185,18 +191,19 @@ void write_runtime(Code &c)
     for (std::uint32_t r = 1; r < 8; ++r)
         c.memory(mem::st, r, l3, left + at(offsetof(Record, globals) + 4 * (r - 1)));
     c.op(alu::or_, l3, g0, g1);
-    c.set(0x00001F80, g2);
-    c.op(alu::wrpsr, g2, g0, 0);
-    for (int i = 0; i < 3; ++i)
-        c.word(nop);
-    c.memory(mem::stfsr, 0, g1, left + at(offsetof(Record, fsr)));
-    for (std::uint32_t f = 0; f < 32; f += 2)
-        c.memory(mem::stdf, f, g1, left + at(offsetof(Record, floats) + 4 * f));
+    write_psr(c, 0x00001F80);
     for (std::uint32_t w = 0; w < 8; ++w) {
         for (std::uint32_t r = 0; r < 16; ++r)
             c.memory(mem::st, l0 + r, g1, left + at(offsetof(Record, windows) + 64 * w + 4 * r));
         c.op(alu::restore, g0, g0, g0);
     }
+    write_psr(c, 0x00001FA0); // a branch that is never taken takes a trap that the FPU has deferred
+    c.word(condition::never << 25 | 6u << 22 | 2);
+    c.word(nop);
+    write_psr(c, 0x00001F80);
+    c.memory(mem::stfsr, 0, g1, left + at(offsetof(Record, fsr)));
+    for (std::uint32_t f = 0; f < 32; f += 2)
+        c.memory(mem::stdf, f, g1, left + at(offsetof(Record, floats) + 4 * f));
     c.opi(alu::add, g1, sizeof(Block), g1);
     c.set(variables, g2);
     c.memory(mem::st, g1, g2, 0);
@@ -476,7 +483,8 @@ private:
         if (kind.op3 < 0x20 && chance(8)) { // of an alternate space, data of the supervisor or of the user
             if (kind.size == 8 && o_.for_qemu)
                 rd &= ~1u;
-            c.word(format3(3, rd, kind.op3 | 0x10, base_, (o_.for_qemu || chance(50) ? 0x0Bu : 0x0Au) << 5));
+            const std::uint32_t asi = o_.for_qemu || chance(50) ? 0x0Bu : bits() & 0xFF;
+            c.word(format3(3, rd, kind.op3 | 0x10, base_, asi << 5));
             return;
         }
         if (chance(4)) { // casa: compares with %rs2; in the user's space
@@ -568,7 +576,9 @@ private:
     void status(Code &c)
     {
         const std::uint32_t r = other(0), q = other(r);
-        switch (below(8)) {
+        switch (below(10)) {
+        case 8: c.op(alu::rdy, ancillary(false), g0, reg()); break;
+        case 9: c.word(format3(2, ancillary(true), alu::wry, reg(), second())); break;
         case 0: c.op(alu::rdy, g0, g0, reg()); break;
         case 1: c.word(format3(2, 0, alu::wry, reg(), second())); break;
         case 2: c.op(alu::rdpsr, g0, g0, reg()); break;
@@ -592,6 +602,18 @@ private:
             for (int i = 0; i < 3; ++i)
                 c.word(nop);
             break;
+        }
+    }
+
+    // An ancillary state register. Stock QEMU has none but 17, lets users write all, and reads the others as Y.
+    std::uint32_t ancillary(bool write)
+    {
+        for (;;) {
+            const std::uint32_t n = 1 + below(31);
+            const bool special = n == 17 || n == 19 || (n >= 21 && n <= 23), privileged = n >= 16 && n != 18;
+            const bool sleeps = write && n == 19;
+            if (o_.for_qemu ? !(write ? privileged : special) : !sleeps)
+                return n;
         }
     }
 
@@ -632,9 +654,13 @@ private:
         else if (kind < 94) {
             point(c);
             c.opi(alu::flush, base_, 0, 0);
-        } else if (kind < 95 && !o_.for_qemu) {
-            c.set(0x20000000 + (bits() & 0xFFFFF8), base_ = other(0));
+        } else if (kind < 95 && !o_.for_qemu) { // nothing, the interrupt controller, a hole of the APB
+            const std::uint32_t device = one_of({0x80000200u, 0x80000208u, 0x80000280u, 0x80000500u});
+            c.set(chance(50) ? 0x20000000 + (bits() & 0xFFFFF8) : device, base_ = other(0));
             access(c);
+        } else if (kind < 96 && !o_.for_qemu && chance(50)) { // of timers only reads, so that they go on
+            c.set(0x80000300 + 4 * below(20), base_ = other(0));
+            c.memory(mem::ld, reg(), base_, 0);
         } else if (kind < 96 && !o_.for_qemu)
             modify(c);
         else if (kind < 97 && o_.sleep)

@@ -6,18 +6,25 @@
 #include "emulator/devices/register_space.h"
 #include "emulator/elf.h"
 #include "emulator/loop.h"
+#include "emulator/report.h"
 #include "flight/exec/task.h"
 #include "options/options.h"
 #include "registers/shared_file.h"
 #include "targets/mission_host.h"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <dlfcn.h>
 #include <memory>
+#include <optional>
+#include <poll.h>
+#include <sys/socket.h>
 #include <thread>
+#include <unistd.h>
 
 namespace {
 
@@ -27,7 +34,7 @@ using namespace fledge::emulator;
 constexpr Ns second = 1'000'000'000;
 
 struct Settings {
-    std::string board, program, tables, registers, engine = "translator", timing, console, record;
+    std::string board, program, tables, registers, engine = "translator", timing, console, record, input;
     std::string gdb, trace, coverage, profile;
     double duration = 0, wait = 10;
     std::pair<double, double> traced = {0, 9e9};
@@ -49,7 +56,7 @@ Settings parse(int argc, char **argv)
         return options.text(name, to, type, help);
     };
     text("BOARD", o.board, "the file of the board").required();
-    text("PROGRAM", o.program, "an ELF file for SPARC V8").required();
+    text("PROGRAM", o.program, "an ELF file for SPARC V8, S-records, or a PROM's bytes, *.bin").required();
     text("--registers", o.registers, "the register file, or /dev/fd/N; needs --tables");
     text("--tables", o.tables, "the mission and its boards: a shared object, as ./fledge fly builds it")
         .needs("--registers");
@@ -58,6 +65,9 @@ Settings parse(int argc, char **argv)
     text("--timing", o.timing, "plain or leon3: another one than the board's file says").one_of({"plain", "leon3"});
     text("--console", o.console, "a file for what the first UART sends; else the standard output");
     text("--record", o.record, "a file for what the last UART sends");
+    text("--input", o.input,
+         "for the first UART: - is the standard input; at a port a client, who gets the output, too",
+         "-|[ADDRESS:]PORT");
     options.number("--for", o.duration, 0, 1e9, "SECONDS", "end after so many seconds of the board's time");
     options.number("--wait", o.wait, 0, 1e6, "SECONDS", "for the register file to be there; default: 10");
     text("--gdb", o.gdb, "wait there for gdb-multiarch; the board stands until gdb lets it run", "[ADDRESS:]PORT");
@@ -70,6 +80,9 @@ Settings parse(int argc, char **argv)
     options.parse(argc, argv);
     if (o.tables.empty() != o.registers.empty()) {
         options.refuse("--registers needs --tables");
+    }
+    if (!o.input.empty() && !o.tables.empty()) {
+        options.refuse("--input is for programs without --tables");
     }
     return o;
 }
@@ -105,6 +118,81 @@ private:
     std::string part() const { return path_ + ".part"; }
     std::string path_;
     std::FILE *file_;
+};
+
+/// What the first UART receives from a terminal, a pipe, or a client of a port.
+class Input {
+public:
+    Input(const std::string &from, Apbuart &uart) : uart_(uart)
+    {
+        if (from == "-") {
+            from_ = 0;
+        } else {
+            std::uint16_t port = 0;
+            listener_ = listen_at(from, "--input", port);
+            std::fprintf(stderr, "fledge_leon3: the first UART waits at port %u\n", port);
+        }
+    }
+    ~Input()
+    {
+        leave();
+        close(listener_);
+    }
+    Input(const Input &) = delete;
+    Input &operator=(const Input &) = delete;
+
+    bool may_come() const { return from_ >= 0 || listener_ >= 0; }
+
+    void send(std::uint8_t byte)
+    {
+        if (listener_ >= 0 && from_ >= 0 && ::send(from_, &byte, 1, MSG_NOSIGNAL) != 1) {
+            leave();
+        }
+    }
+
+    /// Wait until the clock of the host has reached a time of the board, and pass on what comes until then.
+    void wait(Ns until)
+    {
+        for (;;) {
+            const Ns left = until - (std::chrono::steady_clock::now() - begun_).count();
+            const int timeout = static_cast<int>(std::clamp<Ns>(left / 1'000'000, 0, 1000));
+            const std::size_t room = uart_.room();
+            pollfd from{from_ < 0 ? listener_ : room > 0 ? from_ : -1, POLLIN, 0};
+            if (poll(&from, 1, timeout) > 0) {
+                take(room);
+            } else if (left < 1'000'000 || stopped) {
+                return;
+            }
+        }
+    }
+
+private:
+    void take(std::size_t room)
+    {
+        if (from_ < 0) {
+            from_ = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+            return;
+        }
+        std::array<std::uint8_t, 1024> bytes;
+        const ssize_t n = read(from_, bytes.data(), std::min(room, bytes.size()));
+        if (n > 0) {
+            uart_.receive({bytes.data(), static_cast<std::size_t>(n)});
+        } else {
+            leave();
+        }
+    }
+    /// The input has ended; a port waits for the next client.
+    void leave()
+    {
+        if (listener_ >= 0 && from_ >= 0) {
+            close(from_);
+        }
+        from_ = -1;
+    }
+
+    Apbuart &uart_;
+    int listener_ = -1, from_ = -1;
+    std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
 };
 
 const MissionHost &load_tables(const std::string &path)
@@ -217,15 +305,20 @@ void observe(Tools &tools, const Settings &o)
 }
 
 /// Run a program that is no mission. Returns the exit code.
-int run_alone(Machine &machine, Tools &tools, const Program &program, const Settings &o)
+int run_alone(Machine &machine, Tools &tools, const Program &program, const Settings &o, Input *input)
 {
+    constexpr Ns look = second / 100; // how often for input
     const Ns end = o.duration > 0 ? static_cast<Ns>(o.duration * 1e9) : std::numeric_limits<Ns>::max();
     constexpr Ns hour = 3600 * second;
     StopReason reason = StopReason::time;
     std::uint64_t instructions = 0;
     Ns awake = 0; // when it last executed an instruction
     while (!stopped && reason == StopReason::time && machine.now() < end) {
-        reason = tools.run_until(std::min(end, machine.now() + second));
+        const bool interactive = input && input->may_come();
+        if (interactive) {
+            input->wait(machine.now());
+        }
+        reason = tools.run_until(std::min(end, machine.now() + (interactive ? look : second)));
         awake = std::exchange(instructions, machine.instructions()) != instructions ? machine.now() : awake;
         if (machine.now() - awake >= hour) {
             std::fflush(stdout);
@@ -235,9 +328,11 @@ int run_alone(Machine &machine, Tools &tools, const Program &program, const Sett
         }
     }
     int status = 0;
-    if (reason == StopReason::error && !program_ended(machine, status)) {
+    std::string why;
+    if (reason == StopReason::error && !program_ended(machine, &program, status, why)) {
         std::fflush(stdout);
-        std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
+        std::fprintf(stderr, "fledge_leon3: %s%s%s", why.c_str(), why.empty() ? "" : "\n",
+                     machine.report(&program).c_str());
         return 1;
     }
     return status;
@@ -256,6 +351,7 @@ int run(const Settings &o)
     machine.load(program);
 
     std::unique_ptr<Output> console, record;
+    std::optional<Input> input;
     Apbuart *first = machine.device_of<Apbuart>(), *last = first;
     for (std::size_t n = 1; Apbuart *other = machine.device_of<Apbuart>(n); n++) {
         last = other;
@@ -271,14 +367,26 @@ int run(const Settings &o)
         last->transmit = [&](std::uint8_t byte) { record->put(byte); };
     }
     if (first) {
-        first->transmit = [&](std::uint8_t byte) { console ? console->put(byte) : void(std::putchar(byte)); };
+        first->transmit = [&](std::uint8_t byte) {
+            console ? console->put(byte) : void(std::putchar(byte));
+            if (input) {
+                input->send(byte);
+                std::fflush(stdout);
+            }
+        };
+    }
+    if (!o.input.empty()) {
+        if (!first) {
+            throw Error(o.board + ": --input needs a device of the kind `apbuart`");
+        }
+        input.emplace(o.input, *first);
     }
 
     Tools tools(machine, program);
     observe(tools, o);
     int result = 0;
     if (o.tables.empty()) {
-        result = run_alone(machine, tools, program, o);
+        result = run_alone(machine, tools, program, o, input ? &*input : nullptr);
         if (o.figures) {
             print_figures(machine, nullptr);
         }

@@ -23,6 +23,7 @@ struct Context {
     std::uint32_t *outs = nullptr;            ///< of the present window; its locals follow
     std::uint32_t *ins = nullptr;             ///< of the present window
     const std::uint8_t *page_flags = nullptr; ///< of the RAM
+    const std::uint8_t *code_words = nullptr; ///< of the RAM: Memory::code
     std::uintptr_t ram = 0;                   ///< where address 0 would be
     const Target *targets = nullptr;
     std::uint32_t icc = 0;      ///< as `lahf; seto al` leave them: AH holds sign, zero and carry, AL overflow

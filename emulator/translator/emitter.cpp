@@ -297,6 +297,7 @@ void Emitter::emit(const TranslatedTrace &trace, Block &block, std::uint32_t ind
     regs_ = {};
     departures_.clear();
     small_results_.clear();
+    stores_beside_code_.clear();
     unlinked_.clear();
     block_pc_ = block.pc;
     block.entry = getSize();
@@ -351,6 +352,23 @@ void Emitter::emit(const TranslatedTrace &trace, Block &block, std::uint32_t ind
         jp(*small.leave, T_NEAR);
         je(small.back, T_NEAR);
         jmp(*small.leave, T_NEAR);
+    }
+    for (StoreBesideCode &store : stores_beside_code_) { // rdx + rcx: the flags of the page
+        L(store.label);
+        movzx(edx, byte[rdx + rcx]);
+        and_(edx, page_slow_write);
+        cmp(edx, page_code);
+        jne(*store.leave, T_NEAR);
+        mov(rdx, qword[IN_CONTEXT(code_words)]);
+        lea(ecx, ptr[store.offset]);
+        shr(ecx, 2);
+        if (store.size == 8) {
+            cmp(word[rdx + rcx], 0);
+        } else {
+            cmp(byte[rdx + rcx], 0);
+        }
+        jne(*store.leave, T_NEAR);
+        jmp(store.back, T_NEAR);
     }
     for (Departure &departure : departures_) {
         L(departure.label);
@@ -763,20 +781,21 @@ void Emitter::address_in_eax(const Instruction &i)
     }
 }
 
-/// Where the aligned datum stands in the host's memory; leaves if that is not RAM, or if its page has one of the flags.
+/// Where the aligned datum stands in the host's memory; leaves if that is not RAM, or if its page has one of the flags,
+/// but for stores beside the code of a page.
 Xbyak::RegExp Emitter::checked_address(const Instruction &i, unsigned size, std::uint8_t flags)
 {
     const int k = log2_of(size);
-    Xbyak::RegExp place = r13 + rax;
+    Xbyak::RegExp place = r13 + rax, in_ram = rax - static_cast<std::int32_t>(ram_base_);
     if (i.rs1 != 0 && (i.immediate || i.rs2 == 0) && sums_stay_) {
         const std::int32_t offset = i.immediate ? i.imm : 0;
         const Xbyak::Reg64 base = source(i.rs1).cvt64();
-        lea(ecx, ptr[base + (offset - static_cast<std::int32_t>(ram_base_))]);
+        in_ram = base + (offset - static_cast<std::int32_t>(ram_base_));
         place = r13 + base + offset;
     } else {
         address_in_eax(i);
-        lea(ecx, ptr[rax - static_cast<std::int32_t>(ram_base_)]);
     }
+    lea(ecx, ptr[in_ram]);
     if (k != 0) {
         ror(ecx, k); // the low bits, which must be 0, become the high ones
     }
@@ -787,7 +806,17 @@ Xbyak::RegExp Emitter::checked_address(const Instruction &i, unsigned size, std:
         shr(ecx, 12 - k);
         mov(rdx, qword[IN_CONTEXT(page_flags)]);
         test(byte[rdx + rcx], flags);
-        jnz(leave, T_NEAR);
+        if (flags == page_slow_write) {
+            stores_beside_code_.emplace_back();
+            StoreBesideCode &s = stores_beside_code_.back();
+            s.leave = &leave;
+            s.offset = in_ram;
+            s.size = size;
+            jnz(s.label, T_NEAR);
+            L(s.back);
+        } else {
+            jnz(leave, T_NEAR);
+        }
     }
     return place;
 }

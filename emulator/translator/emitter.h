@@ -91,6 +91,14 @@ private:
         bool is_single = false;
     };
 
+    /// Code behind the block: looks whether a store into a page with code meets the code.
+    struct StoreBesideCode {
+        Xbyak::Label label, back;
+        Xbyak::Label *leave = nullptr;
+        Xbyak::RegExp offset; ///< in the RAM
+        unsigned size = 0;
+    };
+
     Xbyak::Reg32 int_register(int slot) const;
     Xbyak::Xmm float_register(int slot) const { return Xbyak::Xmm(slot + 1); }
     Xbyak::Address in_memory(int guest) const;
@@ -158,6 +166,7 @@ private:
     Registers regs_;
     std::deque<Departure> departures_;
     std::deque<SmallResult> small_results_;
+    std::deque<StoreBesideCode> stores_beside_code_;
     std::deque<std::pair<std::uint32_t, Xbyak::Label>> unlinked_;
     std::size_t entry_ = 0; ///< where the block begins to count
     std::uint32_t block_pc_ = 0;

@@ -99,6 +99,7 @@ void Translator::meet(Core &core)
     ram_ = core.bus->ram();
     emitter_ = std::make_unique<Emitter>(memory_, core, ram_);
     context_.page_flags = ram_.flags;
+    context_.code_words = ram_.code;
     context_.ram = reinterpret_cast<std::uintptr_t>(ram_.bytes) - ram_.base;
     context_.targets = targets_.data();
     forget_all();
@@ -206,11 +207,11 @@ std::optional<std::uint32_t> Translator::block_at(Core &core, std::uint32_t pc)
     block.pc = pc;
     for (const Item &item : trace->items) {
         block.words.push_back(item.pc);
+        core.bus->mark_code(item.pc);
         const std::uint32_t page = item.pc / page_size;
         std::vector<std::uint32_t> &of_page = blocks_of_page_[page];
         if (of_page.empty() || of_page.back() != index) {
             of_page.push_back(index);
-            core.bus->mark_code(item.pc);
         }
     }
     emitter_->emit(*trace, block, index);
@@ -277,7 +278,7 @@ std::uint64_t Translator::enter(Core &core, std::uint64_t until, const Block &bl
     c.fcc = s.fsr >> fsr::fcc_shift & 3;
     // With the nonstandard mode, too, the reference decides about subnormal numbers.
     constexpr std::uint32_t modes = 3u << fsr::rounding_shift | fsr::cexc << fsr::tem_shift;
-    c.fp_ready = (s.psr & psr::enable_fpu) != 0 && (s.fsr & modes) == 0;
+    c.fp_ready = (s.psr & psr::enable_fpu) != 0 && (s.fsr & modes) == 0 && s.fp_queue.word == 0;
     c.guest_mxcsr = mxcsr_defaults;
     const std::uint64_t end = std::min(until, s.cycles + longest_run);
     c.remaining = static_cast<std::int64_t>(end - s.cycles);

@@ -225,6 +225,10 @@ void fill(SmallComputer &c, std::uint64_t seed)
     c.r(g(6)) = SmallComputer::data;
     c.r(g(7)) = SmallComputer::data + 0x100;
     c.core.fpu = dice.one_in(2) ? FpuPersonality::grfpu : FpuPersonality::qemu;
+    if (c.core.fpu == FpuPersonality::grfpu) { // the handler of fp_exception: std %fq,[%l3]
+        c.write(ram_base + 16 * 8,
+                {sethi(l(3), SmallComputer::data), with_number(3, 0x26, 0, l(3), 0), jmpl(0, l(2), 0), rett(l(2), 4)});
+    }
     if (dice.one_in(8)) {
         c.s.psr &= ~psr::enable_fpu;
     }

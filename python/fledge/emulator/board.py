@@ -62,6 +62,22 @@ class Board:
         """All registers of the present window, by their names: "%l3", "%f0", "%psr"; f registers as their bits."""
         return self.core.registers()
 
+    @property
+    def devices(self) -> dict[str, dict[str, int]]:
+        """The registers of the devices, by the names of both; to read them changes nothing."""
+        return {device: {name: value for name, (_, value) in words.items()}
+                for device, words in self.core.devices().items()}
+
+    def write_device(self, device: str, register: str, value: int) -> None:
+        """Write a register of a device, as the program does. Raises SetupError if there is none."""
+        found = self.core.devices()
+        names = found.get(device, {})
+        if register not in names:
+            there = list(names or found)
+            raise SetupError(f"write_device: there is no '{register if names else device}'; there are "
+                             + ", ".join(there))
+        self.core.poke(names[register][0], (value & 0xFFFFFFFF).to_bytes(4, "big"))
+
     def peek(self, place: int | str, n: int) -> bytes:
         """n bytes at an address, or at a symbol."""
         return self.core.peek(self.address(place), n)
@@ -104,6 +120,11 @@ class Board:
         """What the program has printed."""
         return self.core.console
 
+    def send(self, data: bytes | str, uart: int = 0) -> None:
+        """Bytes that a UART of the board receives: the first one is the console. The program reads them while the
+        computer runs. Raises SetupError if they are more than there is room for (1024 that wait)."""
+        self.core.send(data.encode() if isinstance(data, str) else bytes(data), uart)
+
     def snapshot(self) -> Any:
         """The whole state of the computer, and of the simulation that it flies in."""
         return (self.core.snapshot(), self._link and self._link.save(), self.sim and self.sim.snapshot())
@@ -144,6 +165,10 @@ class Board:
 
     def stick_interrupts(self, on: Iterable[int] = (), off: Iterable[int] = ()) -> None:
         """From now on these lines are always pending, or never; without any, the lines work again."""
+        on, off = list(on), list(off)
+        for line in (*on, *off):
+            if not 1 <= line <= 15:
+                raise SetupError(f"stick_interrupts: the lines are 1 to 15; found {line}")
         self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
 
     @property

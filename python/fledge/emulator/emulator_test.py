@@ -221,7 +221,7 @@ def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
                "print/x &m->par.K", "monitor flip %f2 3", "set var m->par.K = 7.5", "print m->par.K",
                "monitor restore here", "maintenance flush register-cache", "print m->par.K", "stepi", "reverse-stepi",
                "delete", "watch -l m->mem.newest", "continue",
-               "monitor nonsense", "detach")
+               "monitor devices irqmp", "print/x *(int *)0x80000240", "monitor nonsense", "detach")
     assert in_order(said, "Breakpoint 1 at 0x4", r"Breakpoint 1, mrp_feedback_update \(m=0x4", r"\$1 = 2.531",
                     "#0  mrp_feedback_update", "#1 .* in run_gnc", "#2 .* nadir_spin_tick", "#.* main", r"psr +0xf3",
                     "snapshot here taken",
@@ -230,7 +230,7 @@ def test_gdb_stops_in_flight_reads_flips_and_goes_back(board, program):
                     r"\$4 = 2.531",
                     r"0x40.*\d+\s+{", "Breakpoint 1, mrp_feedback_update",
                     "Hardware watchpoint 2: -location m->mem.newest", "Old value = 0", "New value = ",
-                    r"monitor snapshot \[NAME\]", "detached"), said
+                    r"0x80000240 irqmp mask 0x0000\w+", r"\$5 = 0x\w+", r"monitor snapshot \[NAME\]", "detached"), said
     desktop = fledge.load("nadir_spin")
     desktop.run(3)
     assert objects.memory(board.sim.flight.motor.command) == objects.memory(desktop.flight.motor.command)
@@ -243,9 +243,9 @@ def test_a_trace_shows_each_instruction_in_words(board, tmp_path):
     board.sim.run(0.5)
     board.finish()
     lines = (tmp_path / "trace.txt").read_text().splitlines()
-    assert len([one for one in lines if " traps, " not in one]) == board.core.instructions - before[0]
+    assert len([one for one in lines if " traps: " not in one]) == board.core.instructions - before[0]
     entry = next(i for i, one in enumerate(lines) if re.search(
-        r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp$", one))
+        r" mrp_feedback_update +save %sp, -0x[0-9a-f]+, %sp  %o6=[0-9a-f]{8}$", one))
     assert re.search(r" (nadir_spin_tick|run_gnc)\S* +(call|nop|mov|std|ldd|st|ld|add|or)", lines[entry - 1])
     cycles = [int(one.split()[0]) for one in lines]
     assert cycles == sorted(cycles) and cycles[0] < cycles[-1]
@@ -310,8 +310,44 @@ def test_wrong_files_and_addresses_are_refused(board, tmp_path):
     refused(lambda: board.flip("%q3", 1), "there is no register %q3; there are %g0")
     refused(lambda: board.flip(4, 8), "flip: there is no bit 8")
     refused(lambda: board.peek(0x30000000, 4), "no memory there")
+    refused(lambda: board.interrupt(16), "interrupt: the lines are 1 to 15; found 16")
+    refused(lambda: board.stick_interrupts(on=[0]), "stick_interrupts: the lines are 1 to 15; found 0")
+    refused(lambda: board.watchpoint(0x80000240), "watchpoint: expected reads or writes of bytes of RAM or ROM; found "
+                                                  "writes of 4 bytes at 0x80000240")
+    refused(lambda: board.write_device("irqmp", "masks", 1), "there is no 'masks'; there are level, pending, force, ")
+    refused(lambda: board.write_device("irq", "mask", 1), "there is no 'irq'; there are ftmctrl, console, irqmp, ")
+    refused(lambda: board.send("a", uart=2), "the board has no UART 2")
+    refused(lambda: board.send(bytes(1025)), "send: the UART has room for 1024 bytes")
     board.sim.run(1)
     refused(lambda: board.fly(board.sim, "tables.so"), "fly: nadir_spin has run until 1 s")
+
+
+ECHO = """
+#include <stdint.h>
+int main(void)
+{
+    volatile uint32_t *const uart = (volatile uint32_t *)0x80000100;
+    for (;;) {
+        while ((uart[1] & 1) == 0) {
+        }
+        uart[0] = uart[0] + 1;
+    }
+}
+"""
+
+
+def test_python_talks_to_a_uart_and_to_devices(folder):
+    (folder / "echo.c").write_text(ECHO)
+    board = emulator.Board(BOARD, leon3_program(folder / "echo", "echo", [folder / "echo.c"], []))
+    board.run_until(0.01)
+    assert not board.devices["console"]["status"] & 1
+    board.send("HAL")
+    assert board.devices["console"]["status"] & 1       # and to look takes nothing away
+    board.run_until(0.02)
+    assert board.console == "IBM"
+    board.write_device("irqmp", "mask", 0x140)
+    assert board.devices["irqmp"]["mask"] == 0x140
+    assert board.devices["dsu"]["time_tag"] == board.core.cycles
 
 
 COUNTER = """

@@ -402,6 +402,18 @@ PYBIND11_MODULE(_emulator, m)
                      throw Error("the board has no memory there: " + std::to_string(address));
                  }
              })
+        .def("devices",
+             [](Computer &c) {
+                 py::dict found;
+                 for (const DeviceWords &device : device_words(c.machine)) {
+                     py::dict words;
+                     for (const auto &[name, address, value] : device.words) {
+                         words[py::str(name)] = py::make_tuple(address, value);
+                     }
+                     found[py::str(device.name)] = words;
+                 }
+                 return found;
+             })
         .def("symbol",
              [](const Computer &c, const std::string &name) -> py::object {
                  const Program::Symbol *found = c.program.named(name);
@@ -419,6 +431,17 @@ PYBIND11_MODULE(_emulator, m)
         .def_property_readonly("entry", [](const Computer &c) { return c.program.entry(); })
         .def("report", [](const Computer &c) { return c.machine.report(&c.program); })
         .def_readonly("console", &Computer::console)
+        .def("send",
+             [](Computer &c, const py::bytes &bytes, std::size_t n) {
+                 auto *uart = c.machine.device_of<Apbuart>(n);
+                 const auto from = from_python(bytes);
+                 if (!uart || uart->room() < from.size()) {
+                     throw Error(!uart ? c.machine.board().file + ": the board has no UART " + std::to_string(n)
+                                       : "send: the UART has room for " + std::to_string(uart->room()) +
+                                             " bytes; run the program, so that it reads what waits");
+                 }
+                 uart->receive({reinterpret_cast<const std::uint8_t *>(from.data()), from.size()});
+             })
         .def("snapshot", [](Computer &c) { return std::const_pointer_cast<Snapshot>(c.machine.snapshot()); })
         .def("restore",
              [](Computer &c, const Snapshot &s) {
@@ -458,7 +481,13 @@ PYBIND11_MODULE(_emulator, m)
                  c.planned = Computer::Plan{instruction, std::move(place), bit};
              })
         .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
-        .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
+        .def("raise_interrupt",
+             [](Computer &c, std::int64_t line) {
+                 if (line < 1 || line > 15) {
+                     throw Error("interrupt: the lines are 1 to 15; found " + std::to_string(line));
+                 }
+                 interrupts_of(c).raise(static_cast<std::uint32_t>(line));
+             })
         .def("stick_interrupts",
              [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
         .def("enable_edac",
