@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast the emulated LEON3 executes instructions, beside stock QEMU in the same run.
 
-The engines of the emulator and QEMU take turns with the same program, whose code and data share no page; CPU time
-counts. The emulator counts the instructions. All must print the same checksum.
+The engines of the emulator and QEMU take turns with the same program, whose code and data share no page, but for
+`stores_beside_code`: it does what `stores` does, on the page of its code. CPU time counts. The emulator counts the
+instructions. All must print the same checksum.
 """
 from __future__ import annotations
 
@@ -36,6 +37,8 @@ PROGRAMS = {
     "covariance": Program(80, [], ["-O2"]),
     "flight_loop": Program(50, [*(build.ROOT / f"flight/{name}.c" for name in MODULES), *build.math_sources()], []),
     "integers": Program(90, [], ["-O2"]),
+    "stores": Program(10, [], ["-O2"]),
+    "stores_beside_code": Program(10, [], ["-O2"]),
 }
 ENGINES = ["interpreter", "threaded", "translator"]
 SHORT = 30      # the interpreter has a part of the work
