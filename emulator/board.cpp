@@ -35,7 +35,8 @@ const std::array<Kind, device_kinds> &kinds()
                                                      {"scrubber", {"period"}},
                                                      {"protection", {}},
                                                      {"registers", {"size", "tick", "interrupt", "lines"}},
-                                                     {"dsu", {}}}};
+                                                     {"dsu", {}},
+                                                     {"report", {}}}};
     return all;
 }
 

@@ -27,9 +27,10 @@ enum class DeviceKind : std::uint8_t {
     scrubber,
     protection,
     registers,
-    dsu
+    dsu,
+    report
 };
-inline constexpr std::size_t device_kinds = static_cast<std::size_t>(DeviceKind::dsu) + 1;
+inline constexpr std::size_t device_kinds = static_cast<std::size_t>(DeviceKind::report) + 1;
 
 struct DeviceDescription {
     DeviceKind kind = DeviceKind::irqmp;

@@ -15,6 +15,7 @@
 #include "emulator/devices/memory_controller.h"
 #include "emulator/devices/plug_and_play.h"
 #include "emulator/devices/register_space.h"
+#include "emulator/devices/test_report.h"
 #include "emulator/elf.h"
 #include "emulator/report.h"
 #include "emulator/snapshot.h"
@@ -103,6 +104,7 @@ struct Machine::Impl final : DeviceHost {
         case DeviceKind::scrubber: device = std::make_unique<Scrubber>(d.name, *this, bus, d.period); break;
         case DeviceKind::protection: device = std::make_unique<WriteProtection>(d.name, bus); break;
         case DeviceKind::registers: device = std::make_unique<RegisterSpace>(d.name, *this, d.registers); break;
+        case DeviceKind::report: device = std::make_unique<TestReport>(d.name); break;
         case DeviceKind::dsu: device = std::make_unique<DebugUnit>(d.name, core.state); break;
         }
         bus.add_device(d.address, d.size, *device);
@@ -164,6 +166,9 @@ struct Machine::Impl final : DeviceHost {
         s.pc = boot ? boot->entry : board.rom.size > 0 ? board.rom.base : board.ram.base;
         s.npc = s.pc + 4;
         s.wim = 2;
+        if (s.pc != board.rom.base) {
+            s.cache_control = 0x0081000F; // on, with snooping: RTEMS for several processors looks for it
+        }
         Banks r(s);
         r[14] = (board.ram.base + board.ram.size - 96) & ~7u;
         at_breakpoint = false;

@@ -58,10 +58,10 @@ std::uint32_t Apbuart::read(std::uint32_t offset)
     }
     case status: {
         const std::uint32_t in = std::min(state_.n_in, fifo), out = state_.n_out;
-        // The shift register holds one byte, the FIFO the others.
-        const std::uint32_t queued = out > 0 ? out - 1 : 0;
+        // While bytes leave, the shift register holds one, the FIFO the others.
+        const std::uint32_t shifting = out > 0 && sends() ? 1 : 0, queued = out - shifting;
         const auto flag = [](bool set, std::uint32_t bit) { return set ? bit : 0; };
-        return flag(in > 0, data_ready) | flag(out == 0, shifted_out) | flag(queued == 0, fifo_empty) |
+        return flag(in > 0, data_ready) | flag(shifting == 0, shifted_out) | flag(queued == 0, fifo_empty) |
                flag(queued < fifo / 2, fifo_half_empty) | flag(in >= fifo / 2, input_half_full) |
                flag(out == fifo, fifo_full) | flag(in == fifo, input_full) | state_.errors | queued << 20 | in << 26;
     }
@@ -76,7 +76,14 @@ void Apbuart::write(std::uint32_t offset, std::uint32_t value)
     switch (offset) {
     case data: send(static_cast<std::uint8_t>(value)); break;
     case status: state_.errors &= value; break;
-    case control: state_.control = value & ~fifo_available; break;
+    case control: {
+        const bool sent_before = sends();
+        state_.control = value & ~fifo_available;
+        if (!sent_before && sends()) {
+            begin_to_send();
+        }
+        break;
+    }
     case scaler: state_.scaler = value & 0xFFF; break;
     default: break;
     }
@@ -84,13 +91,22 @@ void Apbuart::write(std::uint32_t offset, std::uint32_t value)
 
 void Apbuart::send(std::uint8_t byte)
 {
-    if (!(state_.control & transmitter) || state_.n_out == fifo) {
+    if (state_.n_out == fifo) {
         return;
     }
     state_.out[state_.n_out++] = byte;
-    if (!settings_.baud) {
+    if (sends() && (!settings_.baud || state_.n_out == 1)) {
+        begin_to_send();
+    }
+}
+
+/// The bytes that wait leave, now that the transmitter is on and idle.
+void Apbuart::begin_to_send()
+{
+    while (!settings_.baud && state_.n_out > 0) {
         sent();
-    } else if (state_.n_out == 1) {
+    }
+    if (state_.n_out > 0) {
         state_.sent_at = host_.cycles() + byte_time();
         host_.changed();
     }

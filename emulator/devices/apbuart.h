@@ -20,7 +20,7 @@ public:
     Identity identity() const override { return {0x01, 0x00C, 1}; }
     std::uint32_t read(std::uint32_t offset) override;
     void write(std::uint32_t offset, std::uint32_t value) override;
-    std::uint64_t next_event() const override { return state_.n_out > 0 ? state_.sent_at : never; }
+    std::uint64_t next_event() const override { return state_.n_out > 0 && sends() ? state_.sent_at : never; }
     void act() override;
     void reset() override;
     std::span<std::byte> state() override { return bytes_of(state_); }
@@ -50,7 +50,9 @@ private:
     };
 
     std::uint64_t byte_time() const;
+    bool sends() const { return (state_.control & 2) != 0; }
     void send(std::uint8_t byte);
+    void begin_to_send();
     void sent();
 
     DeviceHost &host_;

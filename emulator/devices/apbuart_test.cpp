@@ -95,5 +95,21 @@ TEST(Apbuart, loops_back_and_interrupts_when_a_byte_has_left)
     EXPECT_EQ(b.sent, "z");
 }
 
+TEST(Apbuart, a_transmitter_that_is_off_keeps_the_bytes)
+{
+    for (const bool timed : {false, true}) {
+        Bench b(timed);
+        b.uart.write(0x08, 1);
+        b.send(std::string(40, 'a'));
+        EXPECT_EQ(b.uart.read(0x04) >> 20 & 63, 32u);
+        EXPECT_EQ(b.uart.read(0x04) & 0x206, 0x202u) << "full; the shift register is empty, the FIFO is not";
+        EXPECT_EQ(b.uart.next_event(), never);
+        b.uart.write(0x08, 2);
+        b.host.run(b.uart, 1'000'000);
+        EXPECT_EQ(b.sent, std::string(32, 'a'));
+        EXPECT_EQ(b.uart.read(0x04) & 6, 6u);
+    }
+}
+
 } // namespace
 } // namespace fledge::emulator

@@ -4,6 +4,7 @@
 #include "emulator/debug/tools.h"
 #include "emulator/devices/apbuart.h"
 #include "emulator/devices/register_space.h"
+#include "emulator/devices/test_report.h"
 #include "emulator/elf.h"
 #include "emulator/loop.h"
 #include "emulator/report.h"
@@ -374,6 +375,9 @@ int run(const Settings &o)
                 std::fflush(stdout);
             }
         };
+    }
+    if (auto *port = machine.device_of<TestReport>()) {
+        port->say = [](const std::string &line) { std::fputs(line.c_str(), stdout); };
     }
     if (!o.input.empty()) {
         if (!first) {
