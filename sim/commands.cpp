@@ -103,7 +103,7 @@ void Commands::execute(Ns t)
 
 // --- procedures ------------------------------------------------------------------------------------
 
-CommandReason Commands::start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t)
+CommandReason Commands::start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t turns)
 {
     auto &me = *static_cast<Commands *>(context->mission);
     const std::uint8_t *code = me.slots_.data() + slot * slot_room;
@@ -111,7 +111,7 @@ CommandReason Commands::start(const CommandContext *context, std::uint16_t slot,
         return me.runs_ ? COMMAND_RUNNING : COMMAND_ABSENT;
     }
     const auto reason =
-        static_cast<CommandReason>(me.process_.procedure_host().start({code, code + n}, context->sequence));
+        static_cast<CommandReason>(me.process_.procedure_host().start({code, code + n}, context->sequence, turns));
     me.context_ = *context;
     me.slot_ = slot;
     me.runs_ = reason == COMMAND_OK;

@@ -161,8 +161,8 @@ struct Dictionary {
 struct ProcedureHost {
     enum Turn { GOES_ON, ENDED, FAILED };
 
-    /// Begin a procedure; COMMAND_OK, or why not.
-    std::function<int(const std::vector<std::uint8_t> &bytecode, std::uint16_t sequence)> start;
+    /// Begin a procedure, which may take so many turns in one instant; COMMAND_OK, or why not.
+    std::function<int(const std::vector<std::uint8_t> &bytecode, std::uint16_t sequence, std::uint32_t turns)> start;
     /// At an instant of the process: a Turn. What it changed in the modules is taken back if it failed.
     std::function<int(Ns t)> turn;
     /// It has ended otherwise: killed, because of a change that is refused, or stopped.

@@ -98,10 +98,10 @@ void *arena_take(size_t n)
 
 void arena_give(void *block)
 {
-    if (!block) {
+    Arena *arena = arena_in_use;
+    if (!block || arena->keeps || arena->locked) {
         return;
     }
-    Arena *arena = arena_in_use;
     Block *b = (Block *)block - 1;
     count(arena, size_of(b), 0u);
     b->size = size_of(b);
@@ -127,6 +127,9 @@ void *arena_resize(void *block, size_t n)
     if (size == 0u || (size > old && arena->locked)) {
         arena->wanted = n;
         return NULL;
+    }
+    if (size <= old && (arena->keeps || arena->locked)) {
+        return block;
     }
     if (size <= old) {
         cut(arena, b, size);

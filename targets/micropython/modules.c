@@ -76,9 +76,21 @@ static mp_obj_t inert_named(mp_obj_t name)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(inert_named_object, inert_named);
 
+/* What the export has computed, in place of the world's function. */
+static mp_obj_t world_named(mp_obj_t name)
+{
+    mp_obj_t found[2] = {MP_OBJ_NULL, MP_OBJ_NULL};
+    if (fledge_script.computed) {
+        const mp_obj_t module = mp_import_name(MP_QSTR_fledge_computed, mp_const_none, MP_OBJ_NEW_SMALL_INT(0));
+        mp_load_method_maybe(module, mp_obj_str_get_qstr(name), found);
+    }
+    return found[0] != MP_OBJ_NULL ? found[0] : MP_OBJ_FROM_PTR(&script_inert);
+}
+static MP_DEFINE_CONST_FUN_OBJ_1(world_named_object, world_named);
+
 static const mp_rom_map_elem_t world_table[] = {
     {MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_world)},
-    {MP_ROM_QSTR(MP_QSTR___getattr__), MP_ROM_PTR(&inert_named_object)},
+    {MP_ROM_QSTR(MP_QSTR___getattr__), MP_ROM_PTR(&world_named_object)},
 };
 static MP_DEFINE_CONST_DICT(world_globals, world_table);
 static const mp_obj_module_t world_module = {.base = {&mp_type_module}, .globals = (mp_obj_dict_t *)&world_globals};

@@ -49,6 +49,8 @@ typedef long mp_off_t;
 #define MICROPY_OPT_MAP_LOOKUP_CACHE 1
 extern uint32_t script_turns;
 void script_turned(void);
+void script_step(void); /* a turn of a loop or recursion in C (toolchain.py) */
+_Noreturn void script_broken(void);
 #define MICROPY_VM_HOOK_LOOP                                                                                           \
     if (__builtin_expect(--script_turns == 0u, 0)) {                                                                   \
         script_turned();                                                                                               \

@@ -2,6 +2,7 @@
 #include "targets/micropython/procedure.h"
 
 #include "flight/exec/event.h"
+#include "targets/micropython/bytecode.h"
 #include "targets/micropython/executive.h"
 #include "targets/micropython/objects.h"
 #include "targets/micropython/process.h"
@@ -9,9 +10,7 @@
 #include "targets/micropython/units.h"
 
 #include <py/objgenerator.h>
-#include <py/persistentcode.h>
 #include <py/runtime.h>
-#include <py/smallint.h>
 #include <string.h>
 
 enum {
@@ -19,8 +18,7 @@ enum {
     ROOM = 2048,           /* [bytes] of a slot; PROCEDURE_MAX in python/fledge/commands.py */
     HEAP = 16 * 1024,      /* [bytes] of a procedure */
     TEXT_HEAP = 48 * 1024, /* [bytes] of a text, with its compilation */
-    NAMES = 24,            /* in the first table of new names */
-    DEPTH = 8              /* of nested functions and constants in bytecode */
+    NAMES = 24             /* in the first table of new names */
 };
 
 /* --- an interpreter apart -------------------------------------------------------------------------- */
@@ -451,99 +449,6 @@ void procedure_end(void)
     }
 }
 
-/* --- bytecode that is whole ------------------------------------------------------------------------ */
-
-/* The interpreter's loader trusts its input. This follows the same structure and sees that all of it is there. */
-typedef struct Reading {
-    const uint8_t *bytes;
-    uint32_t n, at;
-    int wrong;
-} Reading;
-
-static uint32_t read_number(Reading *r)
-{
-    uint32_t x = 0u;
-    for (;;) {
-        if (r->at >= r->n || x >> 24 != 0u) {
-            r->wrong = 1;
-            return 0u;
-        }
-        const uint8_t byte = r->bytes[r->at++];
-        x = x << 7 | (byte & 0x7Fu);
-        if (byte < 0x80u) {
-            return x;
-        }
-    }
-}
-
-static void skip(Reading *r, uint32_t n)
-{
-    if (n > r->n - r->at) {
-        r->wrong = 1;
-    } else {
-        r->at += n;
-    }
-}
-
-static void skip_constant(Reading *r, uint32_t depth)
-{
-    const uint32_t kind = read_number(r);
-    if (kind >= MP_PERSISTENT_OBJ_NONE && kind <= MP_PERSISTENT_OBJ_ELLIPSIS) {
-        return;
-    }
-    if (kind < MP_PERSISTENT_OBJ_STR || kind > MP_PERSISTENT_OBJ_TUPLE || kind == MP_PERSISTENT_OBJ_COMPLEX ||
-        depth == 0u) {
-        r->wrong = 1;
-        return;
-    }
-    const uint32_t n = read_number(r);
-    if (kind != MP_PERSISTENT_OBJ_TUPLE) {
-        skip(r, n + (kind <= MP_PERSISTENT_OBJ_BYTES ? 1u : 0u));
-    }
-    for (uint32_t i = 0u; kind == MP_PERSISTENT_OBJ_TUPLE && i < n && !r->wrong; i++) {
-        skip_constant(r, depth - 1u);
-    }
-}
-
-static void skip_function(Reading *r, uint32_t depth)
-{
-    const uint32_t kind = read_number(r);
-    if ((kind & 3u) != 0u || kind >> 3 < 4u || depth == 0u) { /* machine code, or no room for a function */
-        r->wrong = 1;
-        return;
-    }
-    skip(r, kind >> 3);
-    const uint32_t n = (kind & 4u) != 0u && !r->wrong ? read_number(r) : 0u;
-    for (uint32_t i = 0u; i < n && !r->wrong; i++) {
-        skip_function(r, depth - 1u);
-    }
-}
-
-static int is_whole(const uint8_t *bytes, uint32_t n)
-{
-    Reading r = {bytes, n, 4u, 0};
-    if (n < 4u || bytes[0] != 'M' || bytes[1] != MPY_VERSION || MPY_FEATURE_DECODE_ARCH(bytes[2]) != 0 ||
-        bytes[3] > MP_SMALL_INT_BITS) {
-        return 0;
-    }
-    const uint32_t names = read_number(&r), constants = read_number(&r);
-    for (uint32_t i = 0u; i < names && !r.wrong; i++) {
-        const uint32_t name = read_number(&r);
-        if ((name & 1u) == 0u) {
-            skip(&r, (name >> 1) + 1u);
-        } else if (name >> 1 >= MP_QSTRnumber_of) {
-            r.wrong = 1;
-        }
-    }
-    for (uint32_t i = 0u; i < constants && !r.wrong; i++) {
-        skip_constant(&r, DEPTH);
-    }
-    if (!r.wrong) {
-        skip_function(&r, DEPTH);
-    }
-    return !r.wrong && r.at == n;
-}
-
 /* --- commands -------------------------------------------------------------------------------------- */
 
 static void begin_apart(Apart *a, const CommandContext *context, void *heap, size_t size, uint32_t turns)
@@ -554,6 +459,7 @@ static void begin_apart(Apart *a, const CommandContext *context, void *heap, siz
     a->state = mp_state_ctx.vm;
     a->program = MP_OBJ_NULL;
     arena_begin(&a->arena, heap, size);
+    a->arena.keeps = 1;
 }
 
 static CommandReason start(const CommandContext *context, uint16_t slot, uint32_t n, uint32_t turns)
@@ -565,7 +471,7 @@ static CommandReason start(const CommandContext *context, uint16_t slot, uint32_
     if (procedure.runs) {
         return COMMAND_RUNNING;
     }
-    if (!is_whole(slots[slot], n)) {
+    if (!bytecode_is_sound(slots[slot], n, heap, sizeof heap)) {
         return COMMAND_BYTECODE;
     }
     begin_apart(&procedure, context, heap, sizeof heap, turns);

@@ -17,6 +17,7 @@
 enum {
     FRAMES = 6144,     /* [bytes] of the stack of frames: some 40 calls deep */
     STACK = 48 * 1024, /* [bytes] of the C stack that the interpreter may use */
+    EXPLANATION = 500, /* [turns] to print why a script failed */
     NOTHING_LEFT = 1   /* a script over its limit may do so much more: nothing */
 };
 
@@ -86,6 +87,23 @@ static void explain(mp_obj_t exception)
     }
 }
 
+/* An object in the exception may hold itself, or print itself by a method of the script: so its text has a limit of its
+ * own, where it ends. */
+static void explain_within_limit(mp_obj_t exception)
+{
+    const uint32_t left = script_turns, most = limit;
+    nlr_buf_t here;
+    if (nlr_push(&here) == 0) {
+        guard = &here;
+        limit = most != 0u ? most : EXPLANATION;
+        script_turns = EXPLANATION;
+        explain(exception);
+        nlr_pop();
+    }
+    limit = most;
+    script_turns = left;
+}
+
 const char *script_error(void)
 {
     return failure;
@@ -111,6 +129,9 @@ mp_obj_t script_guard(mp_obj_t (*run)(void *), void *context)
     mp_obj_dict_t *const globals = mp_globals_get(), *const locals = mp_locals_get();
     mp_obj_t result = MP_OBJ_NULL;
     nlr_buf_t here;
+    if (outer == NULL) {
+        mp_cstack_init_with_sp_here(STACK);
+    }
     if (nlr_push(&here) == 0) {
         guard = &here;
         result = run(context);
@@ -118,7 +139,7 @@ mp_obj_t script_guard(mp_obj_t (*run)(void *), void *context)
     } else {
         mp_globals_set(globals);
         mp_locals_set(locals);
-        explain(MP_OBJ_FROM_PTR(here.ret_val));
+        explain_within_limit(MP_OBJ_FROM_PTR(here.ret_val));
     }
     guard = outer;
     return result;
@@ -233,6 +254,12 @@ void script_turned(void)
     nlr_jump(&over_limit); /* at first as any exception, so that it gets its place */
 }
 
+void script_step(void)
+{
+    MICROPY_VM_HOOK_LOOP
+    mp_cstack_check();
+}
+
 /* ---- start, and what the interpreter asks of its port */
 
 void script_start(Arena *arena)
@@ -261,6 +288,11 @@ mp_lexer_t *mp_lexer_new_from_file(qstr name)
     mp_raise_OSError(MP_ENOENT);
 }
 #endif
+
+_Noreturn void script_broken(void)
+{
+    mp_raise_msg(&mp_type_RuntimeError, MP_ERROR_TEXT("an object is of the wrong type here, or changed while in use"));
+}
 
 /* An exception without a guard is a fault of the C code around the interpreter. */
 void nlr_jump_fail(void *exception)

@@ -114,6 +114,7 @@ typedef struct ScriptMission {
     const char *process;          ///< the name of the flight process: "flight"
     const char *const *processes; ///< those of all processes of the mission, NULL at the end
     int whole;                    ///< 1: the module's build(sim) builds all processes; 0: build(f)
+    int computed;                 ///< 1: the module fledge_computed has functions of fledge.world
     const CommandTable *commands; ///< whose blocks have the rules of the parameters
     void *memory;
     uint32_t size;      ///< [bytes] of it

@@ -32,14 +32,13 @@ KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 PORT = ROOT / "targets/micropython"
 PARTS = ("py/", "mpy-cross/", "extmod/", "shared/", "tools/mpy-tool.py")   # of the source; the rest is for other ports
 
-# The representation of objects with 64 bits is made for machines of 32: corrections for others. Iteration in C counts
-# for a budget, too. Decimals are exact (decimal.h). file -> (what is there once, what takes its place)
+# The representation of objects with 64 bits is made for machines of 32: corrections for others. Decimals are exact
+# (decimal.h). file -> (what is there once, what takes its place)
 EDITS: dict[str, list[tuple[str, str]]] = {
     "py/obj.h": [("const void *lo, *hi;", "FLEDGE_ROM_OBJ"), ("{.lo = (p), .hi = NULL}", "{.lo = (p)}")],
     "py/parse.c": [("sizeof(mp_parse_node_struct_t) + sizeof(mp_obj_t));",
                     "sizeof(mp_parse_node_struct_t) + 2 * sizeof(mp_parse_node_t));")],
     "py/objint.c": [("8 * sizeof(uintptr_t) + MP_FLOAT_EXP_BIAS", "MP_SMALL_INT_BITS + 1 + MP_FLOAT_EXP_BIAS")],
-    "py/runtime.c": [("mp_cstack_check(); // enumerate", "MICROPY_VM_HOOK_LOOP mp_cstack_check(); // enumerate")],
     "py/objfloat.c": [("const int precision = 16;", "const int precision = DECIMAL_SHORTEST;"),
                       ("MICROPY_FLOAT_C_FUN(pow)(lhs_val, rhs_val)", "script_pow(lhs_val, rhs_val)")],
     "py/modbuiltins.c": [("MICROPY_FLOAT_C_FUN(pow)(10, (mp_float_t)num_dig)", "script_pow(10, (mp_float_t)num_dig)")],
@@ -54,13 +53,123 @@ EDITS: dict[str, list[tuple[str, str]]] = {
     "tools/mpy-tool.py": [('n = struct.unpack("<I", struct.pack("<f", obj))[0]', "n = 0"),     # large floats fail there
                           ("n += 0x8004000000000000", "n = (n + 0x8004000000000000) % 2**64")],
 }
+
+# The interpreter trusts what a script does; flight does not. Loops and recursion in C count for a budget and have a
+# limit of depth (script_step). What a script keeps in an object may change while C looks at it: a class's methods are
+# called, so C checks again. An absent object is as None, not a NULL pointer. No bytes become an object's address.
+INSTANCE = "assert(mp_obj_is_instance_type(mp_obj_get_type(%s)));"
+CONTAINED: dict[str, list[tuple[str, str]]] = {
+    "py/obj.h": [
+        ("return (((uint64_t)(o)) & 0xffff000000000000) == 0x0000000000000000;",
+         "return (uint64_t)(o) - 1 < 0x0000ffffffffffff;"),
+        ("    return num.r + 0x8004000000000000;",      # a NaN that would be read as another object
+         "    num.r += 0x8004000000000000; return num.r >> 50 ? num.r : 0xfffc000000000000;"),
+        ("mp_obj_cell_t *self = (mp_obj_cell_t *)MP_OBJ_TO_PTR(self_in);\n    return",
+         "if (!mp_obj_is_exact_type(self_in, &mp_type_cell)) { script_broken(); }\n"
+         "    mp_obj_cell_t *self = (mp_obj_cell_t *)MP_OBJ_TO_PTR(self_in);\n    return"),
+        ("mp_obj_cell_t *self = (mp_obj_cell_t *)MP_OBJ_TO_PTR(self_in);\n    self",
+         "if (!mp_obj_is_exact_type(self_in, &mp_type_cell)) { script_broken(); }\n"
+         "    mp_obj_cell_t *self = (mp_obj_cell_t *)MP_OBJ_TO_PTR(self_in);\n    self"),
+        ("extern const mp_obj_type_t mp_type_fun_bc;", "extern const mp_obj_type_t mp_type_fun_bc, mp_type_cell;")],
+    "py/objcell.c": [("static MP_DEFINE_CONST_OBJ_TYPE(", "MP_DEFINE_CONST_OBJ_TYPE(")],
+    "py/obj.c": [
+        ("        return o->type;\n    }\n\n    #endif\n}",
+         "        return o ? o->type : &mp_type_NoneType;\n    }\n\n    #endif\n}"),
+        ("or just recursive\n    mp_cstack_check();", "or just recursive\n    script_step();"),
+        ("    // generic type, call binary_op(MP_BINARY_OP_EQUAL)", "    mp_cstack_check();")],
+    "py/sequence.c": [(f"        if (mp_obj_equal({what}", f"        script_step();\n        if (mp_obj_equal({what}")
+                      for what in ("items1[i], items2[i])", "items[i], value)) {\n            //",
+                                   "items[i], value)) {\n            count")],
+    "py/objtuple.c": [("hash += MP_OBJ", "script_step();\n                hash += MP_OBJ")],
+    "py/objdict.c": [("mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next",
+                      "script_step();\n                    mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next")],
+    "py/objstr.c": [("if (memcmp(&haystack[str_index]", "script_step();\n            if (memcmp(&haystack[str_index]")],
+    "py/runtime.c": [
+        ("mp_cstack_check(); // enumerate", "script_step(); // enumerate"),
+        ("    // get the type\n    const mp_obj_type_t *type = mp_obj_get_type(fun_in);",
+         "    mp_cstack_check();\n    const mp_obj_type_t *type = mp_obj_get_type(fun_in);"),
+        ("mp_obj_t len = mp_obj_len_maybe(args[i]);",
+         "mp_obj_t len = mp_obj_is_instance_type(mp_obj_get_type(args[i])) ? MP_OBJ_NULL : mp_obj_len_maybe(args[i]);"),
+        ("assert(args2_len + len <= args2_alloc);",      # an iterator before it may have been longer than announced
+         "if (args2_len + len + n_args > args2_alloc) {\n"
+         "                        args2_alloc = args2_len + len + n_args;\n"
+         "                        args2 = mp_nonlocal_realloc(args2, 0, args2_alloc * sizeof(mp_obj_t));\n"
+         "                    }"),
+        ("mp_map_t *map = &mp_obj_module_get_globals(module)->map;",
+         "assert(mp_obj_is_type(module, &mp_type_module));\n"
+         "    mp_map_t *map = &mp_obj_module_get_globals(module)->map;")],
+    "py/vm.c": [        # the compiler leaves no place on the stack for the second of both
+        ("PUSH((mp_obj_t)(mp_uint_t)(*ip));", "obj_shared = *ip;"),
+        ("mp_uint_t unum = (mp_uint_t)POP();", "mp_uint_t unum = obj_shared;"),
+        ("PUSH((mp_obj_t)cause);", "obj_shared = (mp_obj_t)cause;")],
+    "py/objfun.c": [("    mp_obj_fun_bc_t *o = mp_obj_malloc_var(mp_obj_fun_bc_t, extra_args, mp_obj_t, n_extra_args, "
+                     "&mp_type_fun_bc);\n    o->bytecode = code;",
+                     "    const byte *ip = code;\n    MP_BC_PRELUDE_SIG_DECODE(ip);\n"
+                     "    assert(n_def_pos_args == n_def_args"
+                     " && !(scope_flags & MP_SCOPE_FLAG_DEFKWARGS) == (def_kw_args == MP_OBJ_NULL));\n"
+                     "    mp_obj_fun_bc_t *o = mp_obj_malloc_var(mp_obj_fun_bc_t, extra_args, mp_obj_t, n_extra_args, "
+                     "&mp_type_fun_bc);\n    o->bytecode = code;")],
+    "py/map.c": [
+        ("mp_obj_equal(slot->key, index)", "({ bool same = mp_obj_equal(slot->key, index);"
+         " assert(slot == &map->table[pos]); same; })"),
+        ("mp_obj_equal(elem, index)", "({ mp_obj_t *table = set->table; bool same = mp_obj_equal(elem, index);"
+         " assert(set->table == table); same; })"),
+        ("index));\n    }\n\n    size_t pos", "index));\n        assert(map->alloc != 0);\n    }\n\n    size_t pos"),
+        ("index));\n    size_t pos", "index));\n    assert(set->alloc != 0);\n    size_t pos"),
+        ("    set->alloc = get_hash_alloc_greater_or_equal_to(set->alloc + 1);\n    set->used = 0;\n"
+         "    set->table = m_new0(mp_obj_t, set->alloc);",      # without memory, the set stays as it is
+         "    size_t new_alloc = get_hash_alloc_greater_or_equal_to(set->alloc + 1);\n"
+         "    set->table = m_new0(mp_obj_t, new_alloc);\n    set->alloc = new_alloc;\n    set->used = 0;")],
+    "py/objarray.c": [
+        ("    o->items = m_new(byte, typecode_size * o->len);",
+         "    assert(n < SIZE_MAX / 8);\n    o->items = m_new(byte, typecode_size * o->len);"),
+        ("        if (len == 0) {\n            array_append", "        if (i >= len) {\n            array_append")],
+    "py/binary.c": [("                case 'P':\n                case 'O':\n                case 'S':\n"
+                     "                    align = alignof(void *);\n                    size = sizeof(void *);\n"
+                     "                    break;\n", "")],
+    "py/objexcept.c": [("        return MP_OBJ_TO_PTR(((mp_obj_instance_t *)MP_OBJ_TO_PTR(self_in))->subobj[0]);",
+                        "        mp_obj_t native = ((mp_obj_instance_t *)MP_OBJ_TO_PTR(self_in))->subobj[0];\n"
+                        "        if (!mp_obj_is_native_exception_instance(native)) {\n"
+                        "            mp_raise_TypeError(MP_ERROR_TEXT(\"call super().__init__() first\"));\n        }\n"
+                        "        return MP_OBJ_TO_PTR(native);")],
+    "py/objproperty.c": [(f"{name}) {{\n    mp_obj_property_t *p2", f"{name}) {{\n"
+                          "    assert(mp_obj_is_type(self_in, &mp_type_property));\n    mp_obj_property_t *p2")
+                         for name in ("getter", "setter", "deleter")],
+    "py/objint.c": [("    bool overflow;\n\n    mp_int_t dlen",
+                     "    bool overflow;\n    assert(mp_obj_is_int(args[0]));\n    mp_int_t dlen")],
+    "py/objtype.c": [
+        ("    mp_obj_instance_t *self = MP_OBJ_TO_PTR(args[0]);\n    const",
+         f"    {INSTANCE % 'args[0]'}\n    mp_obj_instance_t *self = MP_OBJ_TO_PTR(args[0]);\n    const"),
+        ("(self->base.type, &native_base);", "(self->base.type, &native_base);\n    assert(native_base != NULL);"),
+        ("                count += instance", "                script_step();\n                count += instance"),
+        ("                mp_obj_class_lookup(lookup, bt);",
+         "                script_step();\n                mp_obj_class_lookup(lookup, bt);"),
+        ("                if (mp_obj_is_subclass_fast(*item", "                script_step();\n"
+         "                if (mp_obj_is_subclass_fast(*item"),
+        ("obj_obj = obj->subobj[0];", f"{INSTANCE % 'MP_OBJ_FROM_PTR(obj)'}\n"
+         "                        obj_obj = obj->subobj[0];"),
+        ("mp_load_method_maybe(lookup->obj->subobj[0]", f"{INSTANCE % 'MP_OBJ_FROM_PTR(lookup->obj)'}\n"
+         "            mp_load_method_maybe(lookup->obj->subobj[0]"),
+        ("    mp_obj_type_t *type = MP_OBJ_TO_PTR(self->type);\n", "    assert(mp_obj_is_obj(self->obj));\n"
+         "    mp_obj_type_t *type = MP_OBJ_TO_PTR(self->type);\n"),
+        ("    mp_obj_super_t super = {{&mp_type_super}, dest[1], dest[2]};",
+         "    mp_obj_t type = MP_OBJ_FROM_PTR(mp_obj_get_type(dest[2]));\n"
+         "    assert(mp_obj_is_subclass(type == MP_OBJ_FROM_PTR(&mp_type_type) ? dest[2] : type, dest[1]) == "
+         "mp_const_true);\n    mp_obj_super_t super = {{&mp_type_super}, dest[1], dest[2]};"),
+        ("        return self->subobj[0];\n    }\n}",
+         "        return self->subobj[0] == MP_OBJ_FROM_PTR(&native_base_init_wrapper_obj) ? MP_OBJ_NULL"
+         " : self->subobj[0];\n    }\n}"),
+        # An index that is a number alone changes no list while the list looks for it.
+        ("    [MP_UNARY_OP_INT_MAYBE] = MP_QSTR___int__,\n", ""),
+        ("    [MP_UNARY_OP_FLOAT_MAYBE] = MP_QSTR___float__,\n", "")],
+}
 LEFT_OUT = {"objint_longlong.c", "formatfloat.c"}   # longint.c and decimal.c take their places
 
 WORDS = ["-std=gnu99", "-Os", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffunction-sections",
          "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DNDEBUG"]
 OURS = ["-Wall", "-Wextra", "-Wno-unused-parameter"]
 DECIMAL = ["-Dmp_format_float=decimal_format", "-include", "targets/micropython/decimal.h"]
-SEVERAL = {"vm.c": ["-O2"],     # -Os doubles the time of a loop
+SEVERAL = {"vm.c": ["-O2", "-DBYTECODE_IS_SOUND"],      # -Os doubles the time of a loop
            # what would cut an integer to fewer bits
            "objrange.c": ["-Dmp_obj_get_int=script_range_int"],
            **{name: ["-Dmp_obj_get_int_maybe=script_times"] for name in ("objlist.c", "objtuple.c", "objstr.c")},
@@ -102,7 +211,7 @@ def library(machine: str = "host", development: bool = False) -> Library:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name not in LEFT_OUT]
             port = sorted(PORT.glob("*.c"))
             _headers(folder, source, [compiler, *WORDS, *flags], [*core, *port])
-            _ninja(folder, "libmicropython.a", compiler, [*WORDS, *flags],
+            _ninja(folder, "libmicropython.a", compiler, [*WORDS, f"-I{PORT}/interpreter", *flags],
                    [*((path, ["-w", *SEVERAL.get(path.name, [])]) for path in core), *((path, OURS) for path in port)])
     return Library(folder / "libmicropython.a", compiler, flags)
 
@@ -119,6 +228,7 @@ def cross_compiler() -> Path:
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
             words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
+                     "-Dscript_step()=", "-Dscript_broken()=__builtin_trap()",
                      f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)
             _ninja(folder, "mpy-cross", "gcc", words, [(path, []) for path in [*core, *others]], ["-lm"])
@@ -192,6 +302,7 @@ def _source() -> Path:
                     if member.isreg() and member.name.startswith(PARTS):
                         packed.extract(member, unpacked, set_attrs=False)
             _edit(unpacked, EDITS)
+            _edit(unpacked, CONTAINED)
     return unpacked
 
 

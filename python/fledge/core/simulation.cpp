@@ -479,7 +479,7 @@ void bind_process(py::module_ &m)
                decltype(sim::ProcedureHost::end) end) {
                 p.set_procedure_host({std::move(start), std::move(turn), std::move(end)});
             },
-            "What runs procedures: start(bytecode as numbers, sequence), turn(t), end(t, killed, why).")
+            "What runs procedures: start(bytecode as numbers, sequence, turns), turn(t), end(t, killed, why).")
         .def("command_mode",
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")

@@ -29,6 +29,7 @@ from fledge import folders
 from fledge.errors import SetupError
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
+from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_read
 from fledge.units import Quantity
 
@@ -52,6 +53,7 @@ class Mission:
         self.name = folder.name
         self.scenarios: dict[str, Any] = {}
         self.parameters: dict[str, Any] = {}
+        self.computed: list[Computed] = []     # for flight, by its scripts
 
     @property
     def several(self) -> bool:
@@ -111,7 +113,7 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
     simulation = Simulation(mission.name, seed, empty=mission.several)
     simulation.mission = mission
     mission.parameters = dict(parameters)
-    with MissionFiles(mission) as files:
+    with recorded() as mission.computed, MissionFiles(mission) as files:
         builds: list[tuple[Any, list[Any]]]
         if mission.several:
             for name in ("flight", "world"):

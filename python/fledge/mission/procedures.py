@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Procedures on the desktop: CPython runs their source, as MicroPython their bytecode on board
-(targets/micropython/procedure.h). There is no limit of turns or memory here."""
+(targets/micropython/procedure.h). Turns of loops and returns have the limit of the command; memory, and loops within a
+function of CPython's own, as sum(range(10**12)), have none here."""
 from __future__ import annotations
 
+import ast
 import math
 import weakref
 from collections.abc import Callable
@@ -33,19 +35,21 @@ class Procedures:
         self.sequence = 0
         self.t = self.wake = -1
         self.waits: _Wait | None = None
+        self.turns = self.left = 0      # in one instant
         self.code: Any = None           # before its first turn
         self.main: Any = None           # the generator
         core.set_procedure_host(self.start, self.turn, self.end)
 
     # --- what the kernel calls ---
 
-    def start(self, bytecode: list[int], sequence: int) -> int:
+    def start(self, bytecode: list[int], sequence: int, turns: int) -> int:
         """At the command."""
         known = SOURCES.get(bytes(bytecode))
         if known is None:
             return Reason.BYTECODE
-        self.sequence, self.wake, self.main = sequence, -1, None
-        self.code = compile(known[0], known[1], "exec")
+        self.sequence, self.wake, self.main, self.turns = sequence, -1, None, turns
+        tree = ast.fix_missing_locations(_Counted().visit(ast.parse(known[0], known[1])))
+        self.code = compile(tree, known[1], "exec")
         return Reason.OK
 
     def turn(self, t: int) -> int:
@@ -53,8 +57,14 @@ class Procedures:
         if t < self.wake:
             return GOES_ON
         self.t, self.waits = t, None
+        self.left = self.turns
         try:
             goes_on = self._run()
+            if self.left < 0:           # it has caught that
+                self._turn()
+        except _OverLimit as error:
+            self._say(Kind.PROCEDURE_KILLED, str(error), _line(error, self.code))
+            return FAILED
         except Exception as error:      # any of the procedure's
             self._say(Kind.PROCEDURE_KILLED, f"{type(error).__name__}: {error}", _line(error, self.code))
             return FAILED
@@ -73,7 +83,7 @@ class Procedures:
         if self.main is None:
             self._say(Kind.PROCEDURE_STARTED)
             names = {"wait": self._wait, "norm": _norm, "max_abs": _max_abs, "print": self._print,
-                     "__name__": "procedure"}
+                     "__turn__": self._turn, "__name__": "procedure"}
             exec(self.code, names)
             if "main" not in names:
                 raise SetupError("a procedure defines main(f)")
@@ -90,6 +100,12 @@ class Procedures:
             raise SetupError("a procedure yields nothing, or wait(time)")
         return True
 
+    def _turn(self) -> bool:
+        self.left -= 1
+        if self.left < 0:
+            raise _OverLimit(f"it takes more than {self.turns} turns of loops and returns")
+        return True
+
     def _wait(self, time: Any) -> _Wait:
         ns = time_ns(time, "wait")
         if ns < 0:
@@ -103,6 +119,25 @@ class Procedures:
 
     def _say(self, kind: Kind, text: str = "", line: int = 0) -> None:
         self.texts.append(Text(self.t, kind, self.sequence, line, text, 0))
+
+
+class _OverLimit(BaseException):
+    """No Exception: a procedure does not go on after it."""
+
+
+class _Counted(ast.NodeTransformer):
+    """Lets each turn of a loop and each call of a function call __turn__ first."""
+
+    def visit(self, node: ast.AST) -> Any:
+        self.generic_visit(node)
+        turn = ast.Call(ast.Name("__turn__", ast.Load()), [], [])
+        if isinstance(node, (ast.For, ast.While, ast.FunctionDef)):
+            node.body.insert(0, ast.copy_location(ast.Expr(turn), node))
+        elif isinstance(node, ast.comprehension):
+            node.ifs.insert(0, ast.copy_location(turn, node.target))
+        elif isinstance(node, ast.Lambda):
+            node.body = ast.copy_location(ast.BoolOp(ast.And(), [turn, node.body]), node)
+        return node
 
 
 class _Seen:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from fledge.errors import SetupError
+from fledge.objects.computed import for_flight
 from fledge.objects.si import time_ns, to_number
 from fledge.world.bodies import LENGTH, Body
 from fledge.world.sky import Sky
@@ -13,6 +14,7 @@ from fledge.world.sky import Sky
 SEGMENTS, TERMS = 8, 16  # as flight/msg/ephemeris.h
 
 
+@for_flight
 def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: Any, start: Any = 0,
                   center: Body | str | int | None = None) -> dict[str, Any]:
     """The parameters of a ChebyshevEphemeris that holds the position of a body within a bound.

@@ -15,7 +15,7 @@ from fledge.export.board import emit_board
 from fledge.export.c_source import emit as emit_c
 from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
-from fledge.targets.micropython.export.script import Scripts, read_scripts
+from fledge.targets.micropython.export.script import COMPUTED, Scripts, read_scripts
 from fledge.targets.micropython.export.tables import emit_tables
 from fledge.export.read import ExportError
 
@@ -46,5 +46,6 @@ def compose(sim: Any, mission: Mission, own: Mission | None = None, boards: Sequ
     mission = replace(mission, form="micropython", changed=[
         one for one in mission.modules if one.memory != left[one.name]])
     files = (emit_c(mission) | emit_board(mission, boards, outputs) | emit_commands(mission) | emit_host(mission)
-             | emit_tables(own, scripts.module, scripts.whole, [process.name for process in sim.processes]))
+             | emit_tables(own, scripts.module, scripts.whole, [process.name for process in sim.processes],
+                           COMPUTED in scripts.files))
     return Composed(mission, files, scripts)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from typing import Any
 from fledge.errors import listed
 from fledge.export.read import ExportError
 from fledge.objects import project
+from fledge.objects.computed import Computed
 
 # What the interpreter has, and of Fledge.
 MODULES = {"array", "fledge", "math"}
@@ -30,6 +31,9 @@ INSTEAD = {
                     "a flight computer has no files; write the numbers into the script"),
     **dict.fromkeys(("time", "datetime"), "flight's time is the t of a tick; durations have units"),
 }
+
+
+COMPUTED = "fledge_computed.py"     # functions of fledge.world, with the results that they had here
 
 
 @dataclass
@@ -55,7 +59,26 @@ def read_scripts(sim: Any) -> Scripts:
         found.module = f"{package}.given"
         found.files[f"{package}/given.py"] = (
             f"from .{entry} import build as _build\n\n\ndef build(it):\n    _build(it, {given})\n")
+    files = {str(path) for path in found.files.values() if isinstance(path, Path)}
+    if results := [one for one in mission.computed if one.file in files]:
+        found.files[COMPUTED] = _computed(results)
     return found
+
+
+def _computed(results: Sequence[Computed]) -> str:
+    """The Python of functions that give these results, one at each call."""
+    functions: dict[str, list[str]] = {}
+    for one in results:
+        functions.setdefault(one.function, []).append(_literal(one.result))
+    return "def _in_turn(*results):\n    left = iter(results)\n    return lambda *_, **__: next(left)\n\n\n" + "".join(
+        f"{name} = _in_turn({', '.join(literals)})\n" for name, literals in functions.items())
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key!r}: {_literal(one)}' for key, one in value.items())}}}"
+    value = value.tolist() if hasattr(value, "tolist") else value
+    return f"({''.join(f'{_literal(one)}, ' for one in value)})" if isinstance(value, (list, tuple)) else repr(value)
 
 
 def _given(mission: Any, file: Path | str) -> str:

@@ -24,9 +24,10 @@ GROUPS = {"": "NONE", "in": "IN", "out": "OUT", "par": "PAR", "mem": "MEM"}
 HEAP = 64 * 1024     # [bytes] of the interpreter
 
 
-def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str]) -> dict[str, str]:
+def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str], computed: bool = False
+                ) -> dict[str, str]:
     """File name -> text. module: what the program imports, "nadir_spin.flight"; whole: its build(sim) builds all
-    processes, or else its build(f) this one; processes: their names.
+    processes, or else its build(f) this one; processes: their names; computed: it has COMPUTED of script.py.
 
     The file defines `MISSION_memory`, the mission's struct, besides fledge_script.
     """
@@ -83,7 +84,8 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
               "const ScriptMission fledge_script = {"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("module", quoted(module)), ("process", quoted(mission.process)), ("processes", process_names),
-        ("whole", int(whole)), ("commands", f"&{name}_commands"), ("memory", f"&{name}_memory"),
+        ("whole", int(whole)), ("computed", int(computed)), ("commands",
+                                                             f"&{name}_commands"), ("memory", f"&{name}_memory"),
         ("size", f"sizeof {name}_memory"), ("heap_size", "sizeof heap"), ("heap", "heap"),
         ("names", "names"), ("field_units", "field_units"), ("enums", "enums"), ("types", "types"),
         ("places", places), ("inputs", inputs), ("constants", shapes),
