@@ -55,6 +55,20 @@ def test_the_same_mission_gives_the_same_bytes(small, tmp_path, capsys):
     assert ours == {path.name: path.read_bytes() for path in (tmp_path / "out/c").iterdir()} and len(ours) > 10
 
 
+@pytest.mark.parametrize("target", ["micropython", LEON3])
+def test_what_the_script_computes_of_the_world_is_frozen(tmp_path, capsys, target):
+    text = FLIGHT.replace("import flight as fsw\n", "import flight as fsw, world\n").replace(
+        "import s", "import day, hour, km, s").replace("    f.task", """
+    sky = world.Sky("2015-03-02T12:00:00", world.EARTH)
+    f.moon = fsw.ChebyshevEphemeris(**world.fit_ephemeris(sky, world.MOON, within=1 * km, duration=8 * day))
+    f.sun = fsw.ChebyshevEphemeris(**world.fit_ephemeris(sky, world.SUN, within=1 * km, start=1 * hour,
+                                                         duration=9 * day))
+    f.task""", 1).replace("[f.rest]", "[f.rest, f.moon, f.sun]")
+    folder = mission(tmp_path, text)
+    assert cli.main(["fly", str(folder), "--on", target, "--for", "5s", "--out", str(tmp_path / "out")]) == 0
+    assert f"passed   desktop, {target}" in capsys.readouterr().out
+
+
 def test_the_program_composes_and_flies_by_itself(small):
     _, _, built = small
     done = subprocess.run([built, "--clock", "--priority", "0", "--for", "0.01"], capture_output=True, text=True)
