@@ -655,11 +655,11 @@ private:
             point(c);
             c.opi(alu::flush, base_, 0, 0);
         } else if (kind < 95 && !o_.for_qemu) { // nothing, the interrupt controller, a hole of the APB
-            const std::uint32_t device = one_of({0x80000200u, 0x80000208u, 0x80000280u, 0x80000500u});
+            const std::uint32_t device = one_of({0x80000208u, 0x80000280u, 0x80000500u});
             c.set(chance(50) ? 0x20000000 + (bits() & 0xFFFFF8) : device, base_ = other(0));
             access(c);
-        } else if (kind < 96 && !o_.for_qemu && chance(50)) { // of timers only reads, so that they go on
-            c.set(0x80000300 + 4 * below(20), base_ = other(0));
+        } else if (kind < 96 && !o_.for_qemu && chance(50)) { // only reads, so that interrupts go on
+            c.set(one_of({0x80000200u, 0x80000300u}) + 4 * below(20), base_ = other(0));
             c.memory(mem::ld, reg(), base_, 0);
         } else if (kind < 96 && !o_.for_qemu)
             modify(c);
