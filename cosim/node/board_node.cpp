@@ -13,8 +13,39 @@ namespace fledge::cosim {
 static_assert(static_cast<int>(Latency::next_instant) == MISSION_NEXT_INSTANT &&
               static_cast<int>(Latency::next_exchange) == MISSION_NEXT_EXCHANGE);
 
+namespace {
+
+constexpr std::size_t commands_max = 1000; ///< that wait for their lane; a program that sends more loses them
+
+/// How long a packet is that begins here, by its header; at most n.
+std::size_t length_of(const std::byte *packet, std::size_t n)
+{
+    return n < 6 ? n
+                 : std::min<std::size_t>(n, std::to_integer<std::size_t>(packet[4]) * 256 +
+                                                std::to_integer<std::size_t>(packet[5]) + 7);
+}
+
+} // namespace
+
+/// A message has room for all packets of the lane.
+BoardNode::Link::Link(const MissionHost &mission, MissionQueue queue, const char *name)
+{
+    if (queue.board == MISSION_NO_BOARD || !mission.executive) {
+        return;
+    }
+    const RegisterLane &lane = mission.io->boards[queue.board]->lanes[queue.lane];
+    const std::string mode = mission.executive->mode_topic,
+                      room = std::to_string((lane.capacity * lane.depth + 3u) / 4u * 4u);
+    topic = mode.substr(0, mode.rfind('/') + 1) + name;
+    schema = make_schema("Packets" + room, "uint32 n  # n [byte] of the packets\nuint8[" + room +
+                                               "] bytes  # bytes [-] CCSDS packets, one after another\n");
+    fields = parse_schema(schema.text);
+    held.resize(schema.size);
+}
+
 BoardNode::BoardNode(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply_timeout)
-    : mission_(mission), backend_(backend), outside_(backend), reply_timeout_(reply_timeout)
+    : mission_(mission), backend_(backend), outside_(backend), reply_timeout_(reply_timeout),
+      commands_(mission, mission.io->commands, "commands"), telemetry_(mission, mission.io->telemetry, "telemetry")
 {
     const MissionIo &io = *mission.io;
     for (std::uint32_t id = 0; id < io.n_messages; id++) {
@@ -57,6 +88,9 @@ Initialized BoardNode::initialize(const Initialize &request)
     }
     reached_ = -1;
     sent_ = 0;
+    waiting_.clear();
+    found_.clear();
+    published_ = 0;
     exchange(-1);
     Initialized answer;
     for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
@@ -75,6 +109,9 @@ std::vector<Subscription> BoardNode::desired()
                 {messages_[id].topic, static_cast<Latency>(topic.latency), topic.optional != 0, messages_[id].schema});
         }
     }
+    if (!commands_.topic.empty()) {
+        subscriptions.push_back({commands_.topic, Latency::next_instant, true, commands_.schema});
+    }
     return subscriptions;
 }
 
@@ -82,7 +119,12 @@ std::vector<Publication> BoardNode::match(const std::vector<Channel> &asked)
 {
     std::vector<Publication> publications;
     outbox_.clear();
+    telemetry_.channel.reset();
     for (const Channel &channel : asked) {
+        if (!telemetry_.topic.empty() && channel.topic == telemetry_.topic) {
+            telemetry_.channel = channel.channel;
+            publications.push_back({channel.channel, telemetry_.schema, make_payload(telemetry_.held)});
+        }
         for (std::uint32_t id = 0; id < messages_.size(); id++) {
             const Message &message = messages_[id];
             if (!message.to_flight && message.carried && message.topic == channel.topic) {
@@ -98,7 +140,12 @@ void BoardNode::start(const std::vector<Channel> &wired)
 {
     inbox_.open(wired);
     inputs_.clear();
+    commands_.channel.reset();
     for (const Channel &channel : wired) {
+        if (!commands_.topic.empty() && channel.topic == commands_.topic) {
+            commands_.channel = channel.channel;
+            continue;
+        }
         const auto found = std::find_if(messages_.begin(), messages_.end(),
                                         [&](const Message &m) { return m.topic == channel.topic; });
         if (found == messages_.end()) {
@@ -115,6 +162,10 @@ Tock BoardNode::tick(const Tick &tick)
     tock.reached = tick.until;
     for (Ns t = next_after(reached_); t <= tick.until; t = next_after(t)) {
         inbox_.see(t, [this](const Record &record) {
+            if (record.channel == commands_.channel) {
+                take_commands(record);
+                return;
+            }
             const std::uint32_t id = inputs_.at(record.channel);
             read_payload(record.payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
@@ -123,6 +174,7 @@ Tock BoardNode::tick(const Tick &tick)
             send_commands(t);
             exchange(t);
             outbox_.collect(t, tock.records);
+            put_telemetry(t, tock.records);
         }
         reached_ = t;
     }
@@ -154,7 +206,42 @@ bool BoardNode::is_down(Ns t)
     return outside_.is_down(t, line.count, mission_.down);
 }
 
-/// Put the commands of the script before t into their lane.
+/// The packets of a message. What is no whole packet goes to flight, too, which refuses and reports it.
+void BoardNode::take_commands(const Record &record)
+{
+    read_payload(record.payload, commands_.fields, commands_.held);
+    std::uint32_t n;
+    std::memcpy(&n, commands_.held.data(), sizeof n);
+    const std::byte *at = commands_.held.data() + sizeof n;
+    for (const std::byte *end = at + std::min(n, commands_.room()); at < end;) {
+        const std::size_t size = length_of(at, static_cast<std::size_t>(end - at));
+        if (size > COMMAND_MAX || waiting_.size() == commands_max) {
+            counts_.refused++;
+        } else {
+            const auto *bytes = reinterpret_cast<const std::uint8_t *>(at);
+            waiting_.emplace_back(bytes, bytes + size);
+        }
+        at += size;
+    }
+}
+
+/// Publish the packets that flight sent in the instant t, and earlier ones that had no room.
+void BoardNode::put_telemetry(Ns t, std::vector<Record> &records)
+{
+    if (!telemetry_.channel || found_.empty()) {
+        return;
+    }
+    std::fill(telemetry_.held.begin(), telemetry_.held.end(), std::byte{});
+    std::uint32_t n = 0;
+    for (; !found_.empty() && n + found_.front().size() <= telemetry_.room(); found_.pop_front()) {
+        std::memcpy(telemetry_.held.data() + sizeof n + n, found_.front().data(), found_.front().size());
+        n += static_cast<std::uint32_t>(found_.front().size());
+    }
+    std::memcpy(telemetry_.held.data(), &n, sizeof n);
+    records.push_back({*telemetry_.channel, ++published_, t, make_payload(telemetry_.held)});
+}
+
+/// Put the commands of the script before t into their lane, then those of other programs, as far as it has room.
 void BoardNode::send_commands(Ns t)
 {
     const MissionIo &io = *mission_.io;
@@ -164,6 +251,13 @@ void BoardNode::send_commands(Ns t)
                              static_cast<std::uint32_t>(one.packet.size()), &counts_)) {
             throw registers::Error("the snorkel of commands has no room for those of " + sim::format_time(one.after) +
                                    ": it needs a longer queue or a larger capacity");
+        }
+    }
+    for (; !waiting_.empty(); waiting_.pop_front()) {
+        MissionIoCounts full{}; // it waits for the next instant
+        if (!mission_io_send(&io, backend_.windows().data(), io.commands, waiting_.front().data(),
+                             static_cast<std::uint32_t>(waiting_.front().size()), &full)) {
+            break;
         }
     }
 }
@@ -192,6 +286,9 @@ void BoardNode::exchange(Ns t)
     for (std::uint32_t n = receive(); n != 0; n = receive()) {
         if (telemetry) {
             telemetry(t, {packet_.data(), n});
+        }
+        if (telemetry_.channel && t >= 0) {
+            found_.emplace_back(packet_.data(), packet_.data() + n);
         }
     }
 }

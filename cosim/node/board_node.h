@@ -2,6 +2,9 @@
 // An exported mission's flight as a node, for a target that knows only the registers of its boards. The node puts
 // messages of other nodes into the lanes, ticks the clock at flight's instants, and publishes what flight wrote. Other
 // nodes see flight as a process of a simulation: the same topics, latencies and rates. Messages age in flight.
+//
+// Two topics more are the link to the ground: commands, which other programs write, and telemetry, as packets one after
+// another in a message.
 #pragma once
 
 #include "cosim/node/delegate.h"
@@ -10,8 +13,10 @@
 #include "registers/outside.h"
 #include "targets/mission_host.h"
 
+#include <deque>
 #include <functional>
 #include <map>
+#include <optional>
 #include <span>
 
 namespace fledge::cosim {
@@ -49,8 +54,22 @@ private:
         bool to_flight = false, carried = false;
     };
 
+    /// Packets as a topic: their number of bytes, and the bytes.
+    struct Link {
+        Link(const MissionHost &mission, MissionQueue queue, const char *name);
+        std::uint32_t room() const { return static_cast<std::uint32_t>(held.size() - sizeof(std::uint32_t)); }
+
+        std::string topic; ///< "": no lane carries such packets
+        Schema schema;
+        std::vector<SchemaField> fields;
+        Bytes held;
+        std::optional<std::uint32_t> channel;
+    };
+
     Ns next_after(Ns t) const;
     bool is_down(Ns t);
+    void take_commands(const Record &record);
+    void put_telemetry(Ns t, std::vector<Record> &records);
     void send_commands(Ns t);
     void exchange(Ns t);
 
@@ -68,6 +87,10 @@ private:
     };
     std::vector<Command> script_;
     std::size_t sent_ = 0;
+    Link commands_, telemetry_;
+    std::deque<std::vector<std::uint8_t>> waiting_,
+        found_;                        ///< commands of others; telemetry that was not published yet
+    std::uint32_t published_ = 0;      ///< messages of telemetry
     std::vector<std::uint8_t> packet_; ///< room for a packet of telemetry
     MissionIoCounts counts_{};
     Ns reached_ = -1;

@@ -98,7 +98,7 @@ const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, nullptr, {0, 3}, {0, 4}, 
 // Two parameters of flight: x and y of `inner`.
 const ExecRun NUMBERS[] = {{8, 2}};
 const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};
-std::uint8_t staged[16], waiting[64], packet[TELEMETRY_REPORT_MAX];
+std::uint8_t staged[16], waiting[128], packet[TELEMETRY_REPORT_MAX];
 TelemetryRate rates[3];
 const CommandTable COMMANDS = {
     0x1880,
@@ -128,6 +128,7 @@ const MissionTopic TOPICS[] = {{"/world/m/a", 0, 0, 0},
                                {"/flight/n/inner", 0, 0, 0}};
 const MissionDefinition DEFINITIONS[] = {{"Number", "fledge/msg/Number", TEXT}};
 const ExecRate RATES[] = {{30, 10}, {50, 0}};
+const MissionExecutive EXECUTIVE = {"/flight/mode", "/flight/activity", nullptr, nullptr, nullptr, nullptr, nullptr};
 
 MissionHost host(std::uint16_t reset)
 {
@@ -150,6 +151,7 @@ MissionHost host(std::uint16_t reset)
     h.down = 100;
     h.commands = &COMMANDS;
     h.telemetry = &TELEMETRY;
+    h.executive = &EXECUTIVE;
     h.state = &state;
     return h;
 }
@@ -202,8 +204,13 @@ TEST_F(BoardNodeTest, SaysWhatFlightWouldSay)
     EXPECT_EQ(answer.rates, (std::vector<Rate>{{30, 10}, {50, 0}}));
     EXPECT_FALSE(answer.any_time || answer.saves);
     const Schema schema = make_schema("Number", TEXT);
-    EXPECT_EQ(node_.desired(), (std::vector<Subscription>{{"/world/m/a", Latency::same_instant, false, schema},
-                                                          {"/world/m/b", Latency::next_exchange, true, schema}}));
+    auto desired = node_.desired();
+    ASSERT_EQ(desired.size(), 3u);
+    EXPECT_EQ(desired.back().topic, "/flight/commands");
+    EXPECT_TRUE(desired.back().optional);
+    desired.pop_back();
+    EXPECT_EQ(desired, (std::vector<Subscription>{{"/world/m/a", Latency::same_instant, false, schema},
+                                                  {"/world/m/b", Latency::next_exchange, true, schema}}));
     // What the board does not carry is not offered, nor what flight only reads.
     const auto publications =
         node_.match({{7, "/flight/n/out", {}}, {8, "/flight/n/inner", {}}, {9, "/world/m/a", {}}});
@@ -323,6 +330,75 @@ TEST_F(BoardNodeTest, ACommandOfTheScriptCountsFromTheNextInstantOnAndOnce)
         }
         EXPECT_EQ(state.counters.executed, 4u);
     }
+}
+
+/// A message with these bytes, and n as said.
+Payload link_message(const Schema &schema, std::span<const std::uint8_t> bytes, std::uint32_t n)
+{
+    Bytes held(schema.size);
+    std::memcpy(held.data(), &n, sizeof n);
+    std::memcpy(held.data() + sizeof n, bytes.data(), bytes.size());
+    return make_payload(held);
+}
+
+TEST_F(BoardNodeTest, OtherProgramsCommandFlightAndReadItsTelemetryAsTopics)
+{
+    node_.initialize({});
+    const Schema commands = node_.desired().back().schema;
+    const auto publications = node_.match({{5, "/flight/telemetry", {}}});
+    ASSERT_EQ(publications.size(), 1u);
+    const auto fields = parse_schema(publications[0].schema.text);
+    node_.start({{3, "/flight/commands", {}}});
+    std::uint32_t count = 0;
+    std::vector<std::pair<Ns, std::vector<std::uint16_t>>> reports; // sequence, reason of each
+    const auto run = [&](Ns until, const std::vector<std::uint8_t> &bytes, std::uint32_t n) {
+        cosim::Tick tick{until, {}};
+        if (n) {
+            tick.records.push_back({3, ++count, until - 10, link_message(commands, bytes, n)});
+        }
+        for (const Record &record : node_.tick(tick).records) {
+            Bytes held(publications[0].schema.size);
+            read_payload(record.payload, fields, held);
+            const auto *p = reinterpret_cast<const std::uint8_t *>(held.data());
+            std::uint32_t size;
+            std::memcpy(&size, p, sizeof size);
+            reports.emplace_back(record.t, std::vector<std::uint16_t>{});
+            for (std::uint32_t at = 4; at < size + 4; at += p[at + 4] * 256u + p[at + 5] + 7u) {
+                CommandReport report;
+                std::memcpy(&report, p + at + TELEMETRY_HEADER, sizeof report);
+                reports.back().second.insert(reports.back().second.end(), {report.sequence, report.reason});
+            }
+        }
+    };
+    std::vector<std::uint8_t> two = write_x(1), more = write_x(2);
+    two.insert(two.end(), more.begin(), more.end());
+    run(10, two, static_cast<std::uint32_t>(two.size())); // written at 0, as packets of one message
+    EXPECT_EQ(flight.inner.x, 2);
+    run(40, write_x(3), 10); // cut: flight refuses it
+    run(50, {}, 0);          // nothing happens, nothing is sent
+    run(70, std::vector<std::uint8_t>(commands.size - 4, 0xFF),
+        0xFFFFFFFFu); // longer than a packet, and than the message
+    EXPECT_EQ(flight.inner.x, 2);
+    EXPECT_EQ(reports,
+              (std::vector<std::pair<Ns, std::vector<std::uint16_t>>>{
+                  {0, {1, COMMAND_OK, 2, COMMAND_OK, 1, COMMAND_OK, 2, COMMAND_OK}}, {40, {3, COMMAND_LENGTH}}}));
+    EXPECT_GE(node_.counts().refused, 1u);
+}
+
+TEST_F(BoardNodeTest, AProgramThatSendsMoreThanTheQueueTakesIsHeardLater)
+{
+    node_.initialize({});
+    const Schema commands = node_.desired().back().schema;
+    node_.match({});
+    node_.start({{3, "/flight/commands", {}}});
+    std::vector<Record> records;
+    for (std::uint32_t i = 1; i <= 20; i++) {
+        const auto p = write_x(i);
+        records.push_back({3, i, static_cast<Ns>(i), link_message(commands, p, static_cast<std::uint32_t>(p.size()))});
+    }
+    node_.tick({1000, records});
+    EXPECT_EQ(flight.inner.x, 20);
+    EXPECT_EQ(state.counters.executed, 20u);
 }
 
 TEST_F(BoardNodeTest, AScriptThatFillsTheQueueIsAnErrorThatSaysWhen)

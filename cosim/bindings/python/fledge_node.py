@@ -26,8 +26,9 @@ own or within a script:
             observer.write("/ground/heater", {"on": 1})
 
 Messages are dicts from the true names of their fields (nested ones with dots) to numbers, or lists
-of numbers in memory order. A field that is an enumeration or holds a text accepts a str; an enumeration's value
-has its name as `.name`, and text() makes a str of an array of characters.
+of numbers in memory order. A field that is an enumeration or holds a text accepts a str, and an array of numbers of a
+byte accepts bytes; both may be shorter. An enumeration's value has its name as `.name`, and text() makes a str of an
+array of characters.
 
 Only one side needs to give a definition: a topic without one here takes that of the partner when the run begins,
 so a node knows all messages of a mission. Where a message begins with a Fledge head, the node fills in its time,
@@ -162,7 +163,7 @@ class Schema:
         numbers = []
         for name, n, array in self.fields:
             value = values.get(name, [0] * n if array else 0)
-            if isinstance(value, str):
+            if isinstance(value, (str, bytes)):
                 value = self._numbers(name, n, array, value)
             value = list(value) if array else [value]
             if len(value) != n:
@@ -180,13 +181,13 @@ class Schema:
         return values
 
     def _numbers(self, name, n, array, text):
-        """The numbers for a text, or for the name of a value."""
+        """The numbers for a text or bytes, or for the name of a value."""
         if not array:
             if text not in self.choices.get(name, {}):
                 raise NodeError(f"{self.name}.{name} has no value {text}; it has "
                                 f"{', '.join(self.choices.get(name, [])) or 'only numbers'}")
             return self.choices[name][text]
-        data = text.encode()
+        data = text if isinstance(text, bytes) else text.encode()
         if len(data) > n:
             raise NodeError(f"{self.name}.{name} takes {n} bytes of text, found {len(data)}")
         return data.ljust(n, b"\0")

@@ -79,8 +79,10 @@ def _plan(options, description):
                           "of a node")
         if not given.exists():
             raise Failure(f"up: there is no file {given}")
+        from fledge.targets import TARGETS
+
         try:
-            plan = description.read(given)
+            plan = description.read(given, TARGETS)
         except description.SimError as error:
             raise Failure(f"up: the simulation cannot be started\n{error}") from None
     else:

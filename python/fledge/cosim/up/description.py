@@ -13,9 +13,10 @@ import secrets
 import shlex
 import shutil
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 from registers.location import line_of
@@ -28,7 +29,7 @@ SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _TAKEN = ("controller", "all", "exchange")      # by Fledge's own logs and records
-_OF_MISSION = ("process", "scenario", "free", "parameters")
+_OF_MISSION = ("process", "scenario", "free", "parameters", "target", "board")
 
 
 class SimError(Exception):
@@ -51,6 +52,8 @@ class Program:
     scenario: str | None = _key("text")
     free: bool = _key("flag", False)
     parameters: dict = _key("table", dict)
+    target: str | None = _key("text", of="node")        # flies the process, as `fledge fly --on` does
+    board: list[str] = _key("words", list, of="node")   # files of the target's boards
     command: list[str] | None = _key("words")           # None: a process of a mission, or started by hand
     by_hand: bool = _key("flag", False)
     directory: str = _key("text", ".")                  # on the host if there is one
@@ -136,13 +139,13 @@ def own_address(host: str) -> str:
     return f"[{own}]" if family == socket.AF_INET6 else own
 
 
-def read(path: Path) -> Plan:
-    """The simulation of a file. Raises SimError with all mistakes."""
+def read(path: Path, targets: Mapping[str, Any] | None = None) -> Plan:
+    """The simulation of a file. targets: those that may fly its processes. Raises SimError with all mistakes."""
     try:
         data, lines = parse(text_of(path), path)
     except TomlError as error:
         raise SimError(str(error)) from None
-    reader = _Reader(path, lines)
+    reader = _Reader(path, lines, targets or {})
     for place, text in _texts(data, ()):
         if "\0" in text:   # no program, file or variable takes it
             reader.refuse(place, "no text holds the character U+0000", f"it is {shown(text)}", "leave it out")
@@ -170,8 +173,9 @@ def _texts(value, path: tuple) -> Iterator[tuple[tuple, str]]:
 class _Reader(Tables):
     """The tables of a simulation."""
 
-    def __init__(self, path: Path, lines: dict):
+    def __init__(self, path: Path, lines: dict, targets: Mapping[str, Any]):
         super().__init__(str(path), lines)
+        self.targets = targets
         self.folder, self.stem = path.resolve().parent, path.stem
         self.names: dict[str, tuple] = {}
         self.written: dict[str, list[str]] = {}     # the topics that a process of a mission writes, by program
@@ -361,7 +365,10 @@ class _Reader(Tables):
                         f"{table['mission']} has no `{process}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
             return
-        writes, reads = processes[process]
+        writes, reads, flies = processes[process]
+        if p.target or p.board:
+            self.target(path, p, flies)
+            writes, reads = [*writes, f"/{process}/telemetry"], [*reads, f"/{process}/commands"]
         self.written[p.name] = writes
         known = [*writes, *reads]
         for topic in p.topics:
@@ -376,6 +383,26 @@ class _Reader(Tables):
                 self.refuse((*path, "topics"), "topics stay apart", f"{other} and {topic} of {process} both become "
                             f"{p.named(topic)}", "choose another name")
                 break
+
+    def target(self, path: tuple, p: Program, flies: bool) -> None:
+        names = [name for name in self.targets if name != "desktop"]
+        p.board = [str(self.folder / file) for file in p.board]
+        if not p.target:
+            self.refuse((*path, "board"), "`board` is of a `target`", f"{p.name} has none", 'write target = "linux"')
+        elif p.target not in names:
+            near = difflib.get_close_matches(p.target, names, 1)
+            self.refuse((*path, "target"), "the target is one of Fledge or of this project",
+                        f"there is no `{p.target}`",
+                        f"did you mean `{near[0]}`?" if near else f"choose {', '.join(names)}")
+        elif not flies:
+            self.refuse((*path, "target"), "a target flies a flight process", f"{p.process} is none", "leave it out")
+        elif missing := self.targets[p.target].missing():
+            self.refuse((*path, "target"), "the target is installed", f"{p.target} needs {', '.join(missing)}",
+                        f"./fledge setup --on {p.target}")
+        for file in p.board:
+            if not Path(file).is_file():
+                self.refuse((*path, "board"), "the files of boards are there", f"there is no {file}",
+                            "it is relative to the file's folder")
 
     # ---- values
 
@@ -472,8 +499,9 @@ class _Reader(Tables):
         return env
 
 
-def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list[str]]]:
-    """(topics that it writes, that it reads of others) of a mission's processes, by name. Raises SetupError."""
+def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list[str], bool]]:
+    """(topics that it writes, that it reads of others, whether it is flight) of a mission's processes, by name. Raises
+    SetupError."""
     from fledge import objects
     from fledge.mission import load
     from fledge.mission.crossing import crossing_wires
@@ -482,7 +510,8 @@ def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list
     crossing = crossing_wires(sim)
     return {p.name: ([f"/{p.name}/{name}/{f.name}" for name, one in p.instances.items()
                       for f in objects.struct(one).fields if f.group == "out"],
-                     list(dict.fromkeys(wire.topic for wire in crossing if wire.port.startswith(p.name + "."))))
+                     list(dict.fromkeys(wire.topic for wire in crossing if wire.port.startswith(p.name + "."))),
+                     p in sim.flights)
             for p in sim.processes}
 
 

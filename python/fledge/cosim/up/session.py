@@ -261,9 +261,14 @@ class Session:
             places = "{(" + "|".join(values) + ")}"
             return [re.sub(places, lambda found: values[str(found[1])], word) for word in p.command]
         record = f"runs/{self.plan.simulation}" if p.host else folder
-        return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name,
-                *(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
-                *["--free"] * p.free, *["--record", record] * self.plan.record]
+        given = [*(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
+                 *["--free"] * p.free]
+        if p.target:
+            boards = [word for file in p.board for word in ("--board", f"{p.process}={file}")]
+            return [*fledge, "fly", str(p.mission), *filter(None, [p.scenario]), "--on", f"{p.process}={p.target}",
+                    *given, *boards, "--out", f"{record}/{p.name}", "--join", self._address]
+        return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name, *given,
+                *["--record", record] * self.plan.record]
 
     def _by_hand(self, r: _Running) -> str:
         """The variables for a program that the user starts, as a shell takes them."""
