@@ -69,6 +69,18 @@ static void send_texts(const TelemetryTable *table, int64_t t, TelemetrySink sin
     table->texts->used = 0u;
 }
 
+void telemetry_repeat(const TelemetryTable *table)
+{
+    for (uint32_t i = 0u; i < table->n_outputs; i++) {
+        TelemetryRate *rate = &table->rates[(uint32_t)OUTPUTS + i];
+        if (rate->on != 0u && rate->sequence == rate->repeated) {
+            rate->seen = 0u;
+            rate->writings = (uint16_t)(rate->every - 1u);
+        }
+        rate->repeated = rate->sequence;
+    }
+}
+
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
                     TelemetrySink sink, void *user)
 {

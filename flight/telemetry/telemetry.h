@@ -48,6 +48,7 @@ typedef struct TelemetryRate {
     uint16_t every;    ///< every how many writings
     uint16_t writings; ///< since it was sent, or turned on
     uint16_t sequence; ///< of its next packet
+    uint16_t repeated; ///< that sequence, at the last telemetry_repeat
 } TelemetryRate;
 
 /** What a text is about. Operators read these numbers: append, do not renumber. */
@@ -100,6 +101,9 @@ void telemetry_begin(const TelemetryTable *table);
 
 /** COMMAND_TELEMETRY. The place n_outputs is that of housekeeping, whose writings are flight's instants. */
 void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16_t every);
+
+/** What was not sent since the last call is sent again after the next instant, if it was written at all. */
+void telemetry_repeat(const TelemetryTable *table);
 
 /** After flight's instant t: send what is due. */
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,

@@ -40,7 +40,7 @@ static const char usage[] = "usage: %s [--root DIR] [--script FILE] [--quiet] [-
                             "  --script FILE   default: /cf/cfe_es_startup.scr\n"
                             "  --quiet         print no events\n"
                             "  --ground        read and print packets as lines of hex digits; the line `restart NAME`\n"
-                            "                  restarts an app\n"
+                            "                  restarts an app, `met SECONDS` sets the mission elapsed time\n"
                             "  --listen IDS    print packets of these ids: 0x08C0,0x08C1 or a range 0x08C0-0x08C9\n"
                             "  --hold          let the apps continue after their start-up only after the line `go`\n";
 
@@ -138,6 +138,8 @@ static int read_ground(int *go)
             *go = 1;
         } else if (strncmp(text, "restart ", 8) == 0) {
             (void)pocket_restart_app(text + 8);
+        } else if (strncmp(text, "met ", 4) == 0) {
+            pocket_set_met((uint32)strtoul(text + 4, NULL, 10));
         } else {
             command(text);
         }

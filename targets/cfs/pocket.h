@@ -55,6 +55,9 @@ bool pocket_operational(uint32 timeout_ms);
 uint32 pocket_running(void);
 /** Restart an app: its next call of RunLoop returns false, and the pocket starts it again when it has ended. */
 CFE_Status_t pocket_restart_app(const char *name);
+
+/** Set the mission elapsed time. */
+void pocket_set_met(uint32 seconds);
 /** End all apps: their next call of RunLoop returns false. False: timeout. */
 bool pocket_stop(uint32 timeout_ms);
 

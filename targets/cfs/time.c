@@ -10,19 +10,29 @@ CFE_TIME_SysTime_t CFE_TIME_GetMET(void)
     return t;
 }
 
-CFE_TIME_SysTime_t CFE_TIME_GetTime(void)
+void pocket_set_met(uint32 seconds)
 {
-    return CFE_TIME_GetMET();
+    pocket_core.start_ns = port_now() - (int64)seconds * 1000000000;
 }
 
+/* As in cFE's default configuration: TAI, a million seconds and the mission elapsed time after its epoch. */
 CFE_TIME_SysTime_t CFE_TIME_GetTAI(void)
 {
-    return CFE_TIME_GetMET();
+    CFE_TIME_SysTime_t t = CFE_TIME_GetMET();
+    t.Seconds += 1000000;
+    return t;
+}
+
+CFE_TIME_SysTime_t CFE_TIME_GetTime(void)
+{
+    return CFE_TIME_GetTAI();
 }
 
 CFE_TIME_SysTime_t CFE_TIME_GetUTC(void)
 {
-    return CFE_TIME_GetMET();
+    CFE_TIME_SysTime_t t = CFE_TIME_GetTAI();
+    t.Seconds -= 37; /* leap seconds */
+    return t;
 }
 
 static uint64 whole(CFE_TIME_SysTime_t t)

@@ -34,8 +34,8 @@ def add(command: Callable) -> None:
     one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
     one.add_argument("--topic", metavar="N", default=None, help="cfs: the number of the app's first message "
                      "id, which is 0x1800 + N for commands and 0x0800 + N for telemetry; default: 0xC0")
-    one.add_argument("--wakeup", metavar="ID", help="cfs: the message of a scheduler that wakes the app, as in 0x18D0; "
-                     "default: a topic of the app's")
+    one.add_argument("--wakeup", metavar="ID", help="cfs: the message of a scheduler that wakes the app, as in 0x18D0, "
+                     "or own: the app wakes itself; default: a topic of the app's")
     one.add_argument("--input", metavar="PATH=ID", action="append", default=[], help="cfs: the message id of an input, "
                      "as in world.nav.attitude=0x08D3; default: a topic of the app's")
     one.add_argument("--keep", metavar="NAMES", help="cfs: what outlives the app, in a critical data store: "
@@ -130,7 +130,8 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
     wires = {path.strip(): number(f"--input {path}", mid) for path, _, mid in
              (one.partition("=") for one in options.input)}
     app = cfs.App(options.app, number("--topic", options.topic or "0xC0"), options.order or "little",
-                  number("--wakeup", options.wakeup) if options.wakeup else None,
+                  None if options.wakeup in (None, "own") else number("--wakeup", options.wakeup),
+                  options.wakeup == "own",
                   listed(options.keep), wires)
     ours = project.folder()
     files = () if options.outputs and options.board is None else options.board   # --outputs: of a board

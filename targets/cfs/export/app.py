@@ -12,8 +12,8 @@ from introspect.keywords import C
 
 CMD, TLM, HIGHEST = 0x1800, 0x0800, 0x7FF
 ORDERS = ("little", "big")
-TAKEN = ((0x00, 0x1F, "the core's services"), (0x80, 0x9F, "the apps that come with cFS: ci_lab, to_lab, sch_lab, "
-                                               "sample_app"))
+TAKEN = ((0x00, 0x1F, "the core's services"), (0x60, 0x63, "the core's time service"),
+         (0x80, 0xBF, "the apps that come with cFS: the labs, CF, CS, DS, FM, HK, HS, LC, MD, MM, SC"))
 # What targets of a cFS build are called already.
 MODULES = frozenset("""cfe core_api core_private config es evs fs msg resourceid sb sbr tbl time psp osal osal_bsp
     elf2cfetbl tblcrctool cfs_core core mission arch ci_lab to_lab sch_lab sample_app sample_lib test ut_assert
@@ -29,6 +29,7 @@ class App:
     topic: int = 0xC0
     order: str = "little"            # of the target's processor, for .tbl files
     wakeup: int | None = None        # message id of the scheduler; None: a topic of its own
+    timer: bool = False              # it wakes itself
     keep: Sequence[str] = ()         # in a critical data store: "parameters", or paths of modules
     wires: Mapping[str, int] = field(default_factory=dict)  # path of an input -> message id of another app's packets
 
@@ -74,14 +75,18 @@ class App:
         for low, high, what in TAKEN:
             if self.topic <= high and last >= low:
                 raise ExportError(f"--topic {self.topic:#x}: {mission.title} needs the topics {self.topic:#x} to "
-                                  f"{last:#x}, and {low:#x} to {high:#x} are of {what}; choose from 0xa0 or 0xc0 on")
+                                  f"{last:#x}, and {low:#x} to {high:#x} are of {what}; choose from 0xc0 on")
         unknown = [path for path in self.wires if path not in [m.path for m in mission.inputs]]
         if unknown:
             raise ExportError(f"--input {unknown[0]}: {mission.title} has no such input from outside; it has "
                               f"{', '.join(m.path for m in mission.inputs) or 'none'}")
         for what, mid in (("--wakeup", self.wakeup), *((f"--input {path}", mid) for path, mid in self.wires.items())):
-            if mid is not None and not 0 < mid <= CMD + HIGHEST:
-                raise ExportError(f"{what}: a message id is 1 to {CMD + HIGHEST:#x}; found {mid:#x}")
+            if mid is None:
+                continue
+            base, kind = (CMD, "command") if what == "--wakeup" else (TLM, "telemetry")
+            if not base <= mid <= base + HIGHEST:
+                raise ExportError(f"{what}: the message id of a {kind} is {base:#06x} to {base + HIGHEST:#06x}; found "
+                                  f"{mid:#06x}")
         by_id: dict[int, str] = {}
         for name, mid in self.ids(mission).items():
             if mid in by_id:
@@ -96,13 +101,13 @@ def check_taken(mission: Mission, app: App, folder: Path | str) -> None:
             if not name.endswith("_IN_MID") and (app.wakeup is None or not name.endswith("_WAKEUP_MID"))}
     folder = Path(folder)
     for header in sorted([*folder.parent.glob("*/fsw/**/*msgids*.h"), *folder.parent.glob("*/config/*msgids*.h"),
-                          *folder.parent.glob("*/config/*topicids*.h")]):
+                          *folder.parent.glob("*/fsw/**/*topicids*.h"), *folder.parent.glob("*/config/*topicids*.h")]):
         if folder.name == header.relative_to(folder.parent).parts[0]:
             continue
         text = header.read_text(encoding="utf-8", errors="replace")
-        for name, value in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+_(?:MID|TOPICID))[ \t]+\(?(0[xX][0-9A-Fa-f]+)",
-                                      text, re.MULTILINE):
-            mid = int(value, 16)
+        for name, value in re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+_(?:MID|TOPICID))[ \t]+"
+                                      r"\(?(0[xX][0-9A-Fa-f]+|\d+)", text, re.MULTILINE):
+            mid = int(value, 0 if "x" in value.lower() else 10)
             if name.endswith("_TOPICID"):
                 mid += TLM if name.endswith("_TLM_TOPICID") else CMD
             if mid in ours and not name.endswith(("_IN_TOPICID", "_IN_MID")):

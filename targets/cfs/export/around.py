@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fledge.export.c_text import wrap
+from fledge.export.c_text import comment, wrap
 from fledge.files import ROOT
 from fledge.targets.cfs.export import joint
 from fledge.targets.cfs.export.app import App
-from fledge.targets.cfs.export.packets import MISSION, PLATFORM, guarded
+from fledge.targets.cfs.export.packets import MISSION, PLATFORM, guarded, housekeeping
 from fledge.targets.cfs.export.tables import HEAD_SIZE, Table
 
 if TYPE_CHECKING:
@@ -80,20 +80,28 @@ def wrappers(app: App) -> dict[str, str]:
             for one in (*MISSION, *PLATFORM)}
 
 
-def schedule(mission: Mission, app: App) -> str:
-    """Entries for sch_lab's table."""
-    ticks = joint.step(mission) / 10_000_000
+# The ticks per second of sch_lab, as each version comes.
+SCHEDULERS = {"caelum": 1, "draco": 100, "7.0.1": 10}
+
+
+def schedule(mission: Mission, app: App, version: str) -> str:
+    """Entries for the table of a version's sch_lab."""
+    rate = SCHEDULERS[version]
+    ticks = joint.step(mission) * rate / 1e9
+    file = "sample_defs/tables" if version == "7.0.1" else "apps/sch_lab/fsw/tables"
+    period = f"every {joint.step(mission) / 1e9:g} s"
     hk, wakeup = f"{app.prefix}_SEND_HK_MID", f"{app.prefix}_WAKEUP_MID"
-    rate = f"{ticks:g}" if ticks == int(ticks) and ticks > 0 else "..."
+    entries = [f"{{CFE_SB_MSGID_WRAP_VALUE({hk}), {4 * rate}, 0}}, /* housekeeping, every 4 s */"]
+    note = [f"{app.prefix} wakes itself, {period}."]
+    if not app.timer and ticks >= 1 and ticks == int(ticks):
+        entries.insert(0, f"{{CFE_SB_MSGID_WRAP_VALUE({wakeup}), {ticks:.0f}, 0}}, /* wake-ups, {period} */")
+        note = []
+    elif not app.timer:
+        note = [f"It cannot wake {app.prefix} {period}: export with --wakeup own."]
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
-                      f"/* For fsw/tables/sch_lab_table.c, of Draco and 7.x: {app.prefix}'s wake-ups, every "
-                      f"{joint.step(mission) / 1e9:g} s, and its housekeeping",
-                      " * every second (TickRate 100). Above:",
-                      " *", f' *     #include "{app.name}_msgids.h"', " */",
-                      f"{{CFE_SB_MSGID_WRAP_VALUE({wakeup}), {rate}, 0}},",
-                      f"{{CFE_SB_MSGID_WRAP_VALUE({hk}), 100, 0}},", "",
-                      "/* Of Caelum, whose rate counts seconds, and whose entries have no function code:", " *",
-                      f" *     {{CFE_SB_MSGID_WRAP_VALUE({hk}), 1}},", " */", ""])
+                      *comment(" ".join([f"For {file}/sch_lab_table.c, whose scheduler ticks "
+                                         f"{'once' if rate == 1 else f'{rate} times'} a second.", *note])),
+                      f'/* #include "{app.name}_msgids.h" */', *entries, ""])
 
 
 def downlink(mission: Mission, app: App) -> str:
@@ -131,6 +139,12 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
                          f"{16 + m.struct.size} |" for m in messages)
 
     command, request, wakeup = (ids[f"{prefix}_{one}_MID"] for one in ("CMD", "SEND_HK", "WAKEUP"))
+    period = f"every {joint.step(mission) / 1e9:g} s"
+    waking = (f"A child task wakes the app, {period}, by the message {wakeup:#06x}." if app.timer else
+              f"The message {wakeup:#06x} wakes the app, {period}.")
+    sizes = {"uint8": 1, "uint16": 2, "uint32": 4, "int64": 8}
+    hk_size = 16 + sum(sizes[kind] * int(count[:-1] or 1) for _, type_, _ in housekeeping(mission)
+                       for kind, _, count in [f"{type_}[1]".replace("][1", "").partition("[")])
     return f"""# {prefix}: {mission.title} as an app of the core Flight System
 
 Written by `fledge export cfs {mission.words} --app {name}`; change the mission instead. The folder needs nothing
@@ -142,8 +156,8 @@ else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
 2. Add the line of `install/targets.cmake` at the end of your `targets.cmake`.
 3. Add the line of `install/cfe_es_startup.scr` to your start-up script, before its `!`. The bundle of 7.0.1 writes its
    script by `generate_startup.cmake`: add the line there, in a `file (APPEND ${{STARTUP_FILE}} "...\\n")`.
-4. Add the entries of `install/sch_lab_table.c` and `install/to_lab_sub.c` to the tables of your scheduler and of your
-   telemetry output. The build finds the app's headers without further include paths.
+4. Add the entries of `install/sch_lab_table.VERSION.c`, of your version, and of `install/to_lab_sub.c` to the tables of
+   your scheduler and of your telemetry output. The build finds the app's headers without further include paths.
 5. `make prep && make install`; in the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another
    configuration. The tables are built with it; without that tool, or for another byte order, copy `cf/*.tbl` to the
    target's `/cf`: they are {app.order}-endian (`--order`).
@@ -152,9 +166,11 @@ Under Linux, `/proc/sys/fs/mqueue/msg_max` limits the depth of pipes; cFE's own 
 
 ## Its surroundings
 
-The message {wakeup:#06x} wakes the app, every {joint.step(mission) / 1e9:g} s. It takes its inputs from packets that it
-subscribes to, flies, and sends its outputs. Flight's time is the mission elapsed time to the nearest step
-(`{prefix}_TIME_FROM_MET`). A mission replaces any header of `config/` by one in its definitions, named without
+{waking}
+It takes its inputs from packets that it subscribes to, flies, and sends its outputs. Flight's time is the mission
+elapsed time to the nearest step (`{prefix}_TIME_FROM_MET`). However many wake-ups are missing, flight takes one step;
+it ignores those that come too often; if that time is set back, it begins anew with its parameters. Each is an event,
+and a count in housekeeping. A mission replaces any header of `config/` by one in its definitions, named without
 `default_`: topics, message ids, depth of the pipe, priorities, marks of performance logs.
 
 | input | | payload | bytes |
@@ -182,9 +198,9 @@ and the first is the version of that dictionary: a command for another version i
 | 9 | read parameters back, into the report | module, offset, count |
 | 10 | telemetry of an output | output, 1 or 0, every how many of its writings |
 
-Each command is reported twice, when it is accepted and when it is executed, at the next wake-up; a refused one is an
-event and a counter too, with its reason. {request:#06x} asks for housekeeping and lets the tables take over what the
-ground loaded.
+Each command is reported twice, when it is accepted and when it is executed, at the next wake-up; without registers, 0,
+1 and 7 are executed at once. A refused one is an event and a counter too, with its reason. {request:#06x} asks for
+housekeeping and lets the tables take over what the ground loaded.
 
 ## Tables
 
@@ -201,13 +217,15 @@ them over, between two ticks. Parameters that a command writes are shown in the 
 
 ## Telemetry
 
-Flight's time is the packets' time. Payloads are in the processor's byte order, without padding
-(`config/default_{name}_msgdefs.h`). An output is sent when it was written anew, at the rate of command 10: from the
-start those that others read (`{prefix}_OUTPUTS_ON`), the rest after a command.
+Packets carry spacecraft time, as the core's own do, and heads of payloads flight's. Payloads are in the processor's
+byte order, without padding (`config/default_{name}_msgdefs.h`). An output is sent when it was written anew, at the rate
+of command 10: from the start those that others read (`{prefix}_OUTPUTS_ON`), the rest after a command. What was not
+sent between two requests for housekeeping is sent again, so that an app that was started alone has the configuration of
+others.
 
 | id | | payload | bytes |
 |---|---|---|---|
-| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | 160 |
+| {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | {hk_size} |
 | {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | 96 |
 | {ids[f"{prefix}_REPORT_TLM_MID"]:#06x} | reports of commands | | 40, and the bytes read |
 {packets(mission.outputs, "TLM")}

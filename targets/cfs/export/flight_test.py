@@ -141,7 +141,7 @@ def test_on_the_bus_alone_it_puts_out_the_same_bits(tmp_path):
                 if raw[12:16] != before.get(message.path, bytes(16))[12:16]:    # written anew: in the order of ids
                     packet = core.telemetry(ids[f"FSW_{message.name.upper()}_TLM_MID"])
                     assert packet[16:] == raw, (t, message.path)
-                    assert struct.unpack(">IH", packet[6:12]) == (t // NS, t % NS * 2**16 // NS)
+                    assert 1_000_000 <= int.from_bytes(packet[6:10], "big") < 1_001_000     # spacecraft time
                 before[message.path] = raw
         assert i == 120
     finally:
@@ -170,5 +170,131 @@ def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path)
         core.send(command(0x18C2, 0))                   # in the same half second: no new instant
         core.send(command(0x18C1, 0))
         assert struct.unpack_from("<q", core.telemetry(ids["FSW_HK_TLM_MID"]), 16)[0] in (t, t + NS // 2)
+    finally:
+        core.kill()
+
+
+HK = "<qBBH37I"
+COUNTERS = {name: 4 + i for i, name in enumerate(
+    "mode accepted executed refused".split())} | {name: 4 + 4 + 18 + i for i, name in enumerate(
+        "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated "
+        "inputs inputs_refused inputs_missing wakeups_early wakeups_missing time_sets".split())} | {"time": 0}
+
+
+@pytest.fixture(scope="module")
+def on_bus(tmp_path_factory):
+    """(mission, app, program) of two apps: one waits for wake-ups, the other wakes itself."""
+    mission = export.read(fledge.load("nadir_spin"))
+    folder = tmp_path_factory.mktemp("bus")
+    found = []
+    for app in (cfs.App("fsw"), cfs.App("own", 0xE0, timer=True)):
+        cfs.write(mission, app, folder / app.name)
+        found.append((mission, app, linked.build([(app, folder / app.name)], folder / f"run_{app.name}",
+                                                 options=["-O1"])))
+    return found
+
+
+class Bus(Core):
+    def __init__(self, mission, app, program):
+        super().__init__(program, listen="0x08C0-0x08FF")
+        self.mission, self.app = mission, app
+        self.ids = app.ids(mission)
+        self.until(f"{app.prefix} flies nadir_spin, version ")
+
+    def housekeeping(self):
+        self.send(command(self.ids[f"{self.app.prefix}_SEND_HK_MID"], 0))
+        values = struct.unpack(HK, self.telemetry(self.ids[f"{self.app.prefix}_HK_TLM_MID"])[16:])
+        return {name: values[i] for name, i in COUNTERS.items()}
+
+    def wake(self, met=None):
+        if met is not None:
+            self.write(f"met {met}")
+        self.send(command(0x18C2, 0))
+
+
+def test_wakeups_that_are_missing_or_too_many_are_told_and_counted(on_bus):
+    core = Bus(*on_bus[0])
+    try:
+        core.wake(met=10)
+        found = core.housekeeping()
+        assert (found["time"], found["ticks"], found["wakeups_missing"]) == (10 * NS, 1, 0)     # it began at 10 s
+        for _ in range(4):
+            core.wake(met=10)
+        core.until("FSW 27: Wake-ups come too often: 1 within a step of 500 ms")
+        core.until("FSW 27: Wake-ups come too often: 4 within")         # at the 1st, 2nd, 4th, 8th
+        core.wake(met=20)
+        core.until("FSW 28: 19 wake-ups are missing before 20 s of mission elapsed time, gap 1")
+        found = core.housekeeping()
+        assert (found["time"], found["ticks"]) == (20 * NS, 2)
+        assert (found["wakeups_early"], found["wakeups_ignored"], found["wakeups_missing"]) == (4, 4, 19)
+    finally:
+        core.kill()
+
+
+def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
+    core = Bus(*on_bus[0])
+    try:
+        core.wake(met=5000)
+        assert core.housekeeping()["time"] == 5000 * NS
+        core.wake(met=100)
+        core.until("FSW 29: The mission elapsed time went back from 5000 s to 100 s: flight begins anew")
+        assert core.housekeeping()["time"] == 100 * NS
+        core.wake(met=101)
+        found = core.housekeeping()
+        assert (found["time"], found["ticks"], found["time_sets"], found["wakeups_missing"]) == (101 * NS, 3, 1, 1)
+    finally:
+        core.kill()
+
+
+def test_a_reset_and_no_operation_need_no_wakeup(on_bus):
+    core = Bus(*on_bus[0])
+    try:
+        version = struct.pack(">H", export.dictionary(core.mission, 0x18C0).version)
+        core.send(command(0x18C0, 0, sequence=5))
+        core.until("FSW 2: Command 0 (no operation), sequence 5, is done; FSW ")
+        core.wake(met=10)
+        core.send(command(0x18C0, 7, version, sequence=6))
+        core.until("FSW 2: Command 7 (reset flight), sequence 6, is done; FSW ")
+        core.send(command(0x18C0, 1, sequence=7))
+        core.until("FSW 2: Command 1 (reset counters), sequence 7, is done; FSW ")
+        core.wake(met=11)
+        assert core.housekeeping()["ticks"] == 2
+    finally:
+        core.kill()
+
+
+def test_inputs_that_never_came_are_told_and_configuration_comes_again(on_bus):
+    core = Bus(*on_bus[0])
+    try:
+        vehicle = core.ids["FSW_VEHICLE_VEHICLE_TLM_MID"]
+        version = export.dictionary(core.mission, 0x18C0).version
+        core.send(command(0x18C0, 10, struct.pack(">4H", version, 0xFFFF, 1, 1)))    # telemetry of all outputs
+        core.wake(met=10)
+        core.telemetry(vehicle)
+        assert core.housekeeping()["inputs_missing"] == 3
+        core.told("FSW 26: 3 inputs never came, the first is world.nav.attitude")
+        core.send(telemetry(core.ids["FSW_NAV_ATTITUDE_IN_MID"], struct.pack("<qiI", 1, 3, 1) + bytes(48)))
+        core.wake(met=11)                               # nothing new of the vehicle
+        assert core.housekeeping()["inputs_missing"] == 2
+        seen = len(core.told_all(vehicle))
+        core.wake(met=12)                               # it was not sent between two requests
+        core.telemetry(vehicle)
+        assert (seen, len(core.told_all(vehicle))) == (1, 2)
+    finally:
+        core.kill()
+
+
+def test_an_app_wakes_itself(on_bus):
+    core = Bus(*on_bus[1])
+    try:
+        first = found = core.housekeeping()
+        while found["ticks"] < first["ticks"] + 4:
+            assert found["time"] % (NS // 2) == 0 or found["time"] == -1
+            found = core.housekeeping()
+        ticks = found["ticks"] - first["ticks"]
+        assert first["time"] < 0 or found["time"] - first["time"] >= ticks * NS // 2
+        assert found["wakeups_early"] == 0
+        core.stop()
+        assert core.process.returncode == 0
     finally:
         core.kill()

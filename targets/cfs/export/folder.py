@@ -42,7 +42,10 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
 
     src: dict[str, str] = {}
     inc: dict[str, str] = {}
+    if registers and app.timer:
+        raise ExportError("--wakeup own: the clock of a board gives flight its time; leave it out")
     left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
+        () if app.timer else ("timer.c",)) + (
         () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
     for template in sorted((HERE / "templates").glob("*.in")):
         what = template.name.removesuffix(".in")
@@ -80,7 +83,8 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
             "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
             f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),
-            "install/sch_lab_table.c": around.schedule(mission, app),
+            **{f"install/sch_lab_table.{version}.c": around.schedule(mission, app, version)
+               for version in around.SCHEDULERS},
             "install/to_lab_sub.c": around.downlink(mission, app)}
     return dict(sorted(out.items()))
 

@@ -52,6 +52,7 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         f"#define {prefix}_INPUTS {len(mission.inputs)}u /* the first of the messages */",
         f"#define {prefix}_STEP_NS INT64_C({step(mission)}) /* between two wake-ups */",
         f"#define {prefix}_BOARDS {len(boards)}",
+        f"#define {prefix}_TIMER {int(app.timer)} /* 1: the app wakes itself */",
         *keeping(mission, app),
         f"#define {prefix}_TABLES {len(found)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",

@@ -59,7 +59,8 @@ def guarded(app: App, file: str, about: str, parts: Sequence[str]) -> str:
 MISSION = ("topicids", "fcncodes", "interface_cfg", "mission_cfg", "msgdefs", "msgstruct", "msg", "tbldefs",
            "tblstruct", "tbl")
 PLATFORM = ("msgids", "internal_cfg", "platform_cfg", "perfids")
-HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */", "uint32 Spare;"]
+HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what follows */",
+        "uint32 Check;  /* 0x10000 and the CRC of what follows, as in PACKETS.json; 0: it is not looked at */"]
 
 
 ARGUMENTS: dict[Code, dict[str, int]] = {
@@ -175,7 +176,11 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
             ("IoRefused", "uint32", "messages that a lane did not take"),
             ("IoCorrupt", "uint32", "messages that were none"),
             ("IoSaturated", "uint32", "numbers beyond the range of their field"),
-            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length")]
+            ("Inputs", "uint32", "packets that are inputs"), ("InputsRefused", "uint32", "of the wrong length"),
+            ("InputsMissing", "uint32", "inputs that never came, when this was asked for"),
+            ("WakeupsEarly", "uint32", "of those ignored: within the step that was flown"),
+            ("WakeupsMissing", "uint32", "steps that flight did not fly, by the mission elapsed time"),
+            ("TimeSets", "uint32", "how often that time went back, and flight began anew")]
 
 
 def payloads(mission: Mission, app: App) -> list[str]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An exported app's folder: whole, clean under what a cFS tree imposes, for every version, beside other apps."""
 
+import binascii
 import re
 import struct
 import subprocess
@@ -107,7 +108,7 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
         for message in messages:
             assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
-    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (160, 120, 40)
+    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (176, 120, 40)
     assert size("WriteCmd") == 16 + 512 and size("ArmCmd") == 14
 
 
@@ -133,9 +134,9 @@ def test_two_apps_are_linked_into_one_core_and_both_run(nadir, tmp_path):
         ready = set()
         core.until(lambda line: ready.update(a.name for a, m in apps if f"flies {m.title}" in line) or len(ready) == 2)
         core.send(command(0x18C0, 0, checksum=1))
-        core.until("NAV 3: Command 0, sequence 0, is refused: checksum")
+        core.until("NAV 3: Command 0 (no operation), sequence 0, is refused: checksum")
         core.send(command(0x18E0, 0, checksum=1))
-        core.until("POINT 3: Command 0, sequence 0, is refused: checksum")
+        core.until("POINT 3: Command 0 (no operation), sequence 0, is refused: checksum")
     finally:
         core.kill()
     # Whatever is seen from outside of an app has its prefix: the linker looked only at what these two have.
@@ -218,8 +219,9 @@ def test_table_files_read_back_as_the_parameters(name, order):
         assert (content_id, subtype) == (b"cFE1", 8)
         assert full == f"NAV.{table.name}" and table.module.path in about and len(table.name) <= 15
         end = "<" if order == "little" else ">"
-        assert struct.unpack(end + "II", content[:8]) == (table.layout, 0)
+        layout, check = struct.unpack(end + "II", content[:8])
         content = content[8:]
+        assert (layout, check) == (table.layout, 0x10000 + binascii.crc_hqx(content, 0xFFFF))
         for field in table.fields:                      # each number by itself, as a ground tool would
             letter = ELEMENTS[field.type].code
             n = field.size // struct.calcsize(letter)
@@ -260,9 +262,14 @@ def test_long_names_are_shortened_and_stay_apart():
     (["--app", "int"], "--app int: a cFS build has this name already"),
     (["--app", "nav", "--topic", "ten"], "--topic must be a number, as 0xC0; found ten"),
     (["--app", "nav", "--topic", "0x1A"], "0x0 to 0x1f are of the core's services"),
-    (["--app", "nav", "--topic", "0x7A"], "0x80 to 0x9f are of the apps that come with cFS"),
+    (["--app", "nav", "--topic", "0x7A"], "0x80 to 0xbf are of the apps that come with cFS"),
     (["--app", "nav", "--wakeup", "soon"], "--wakeup must be a number, as 0xC0; found soon"),
-    (["--app", "nav", "--wakeup", "0x2000"], "--wakeup: a message id is 1 to 0x1fff; found 0x2000"),
+    (["--app", "nav", "--topic", "0x55"], "0x60 to 0x63 are of the core's time service"),
+    (["--app", "nav", "--wakeup", "0x2000"], "--wakeup: the message id of a command is 0x1800 to 0x1fff; found 0x2000"),
+    (["--app", "nav", "--wakeup", "0x08C9"], "--wakeup: the message id of a command is 0x1800 to 0x1fff; found 0x08c9"),
+    (["--app", "nav", "--input", "world.nav.orbit=0x18D0"], "--input world.nav.orbit: the message id of a telemetry is "
+     "0x0800 to 0x0fff; found 0x18d0"),
+    (["--app", "nav", "--wakeup", "own", "--simulated"], "--wakeup own: the clock of a board gives flight its time"),
     (["--app", "nav", "--wakeup", "0x18C0"], "NAV_CMD_MID and NAV_WAKEUP_MID would both be 0x18c0"),
     (["--app", "nav", "--input", "world.nav=0x0890"], "--input world.nav: nadir_spin has no such input from outside; "
      "it has world.nav.attitude, world.nav.orbit, world.wheels.speeds"),
@@ -280,6 +287,14 @@ def test_the_command_writes_nothing_where_it_refuses(arguments, says, tmp_path, 
 def test_ids_that_another_app_of_the_tree_has_are_refused(tmp_path, capsys):
     other = tmp_path / "apps/dish/fsw/platform_inc/dish_msgids.h"
     other.parent.mkdir(parents=True)
+    topics = tmp_path / "apps/lamp/fsw/inc/lamp_topicids.h"            # as 7.x has them
+    topics.parent.mkdir(parents=True)
+    topics.write_text("#define LAMP_MISSION_CMD_TOPICID LAMP_MISSION_TIDVAL(CMD)\n"
+                      "#define DEFAULT_LAMP_MISSION_CMD_TOPICID 224 /* 0xE0 */\n")
+    assert cli.main(["export", "cfs", "nadir_spin", "--app", "nav", "--topic", "0xE0", "--out",
+                     str(tmp_path / "apps/nav")]) == 2
+    assert "NAV_CMD_MID would be 0x18e0, which is DEFAULT_LAMP_MISSION_CMD_TOPICID in" in capsys.readouterr().err
+    topics.unlink()
     other.write_text("#define DISH_CMD_MID      0x18A1\n#define DISH_HK_TLM_MID DISH_TOPIC\n"
                      "#define DISH_X_MID (0x08C4)\n")
     out = tmp_path / "apps/nav"

@@ -2,12 +2,15 @@
 """Parameters as cFE tables, one for each module that has any: what an operator changes, uploads and reads back is
 one module's, and nothing else is touched.
 
-A table is a word that identifies its layout, a spare one, and the module's `par` as it lies in memory. So the app
-recognises a file of another byte order, or of an export before a header changed. `.tbl` files are written here, in
-either byte order: cFE's file header and the table's, big-endian, then the table in the target's order.
+A table is a word that identifies its layout, one with a check of its bytes, and the module's `par` as it lies in
+memory. So the app recognises a file of another byte order, of an export before a header changed, and one that is cut:
+cFE loads it, and the rest of the table keeps what it had. A check of 0 is of no use, as in the sources that a build
+compiles. `.tbl` files are written here, in either byte order: cFE's file header and the table's, big-endian, then the
+table in the target's order.
 """
 from __future__ import annotations
 
+import binascii
 import struct as packing
 import zlib
 from collections.abc import Iterator, Sequence
@@ -79,8 +82,9 @@ def shortened(text: str, longest: int, taken: set[str]) -> str:
 
 def tbl(app: App, table: Table) -> bytes:
     """The bytes of a .tbl file. It holds no time, so that the same parameters give the same bytes."""
-    content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, 0)
-    content += table.content if app.order == "little" else reversed_numbers(table.fields, table.content, table.start)
+    block = table.content if app.order == "little" else reversed_numbers(table.fields, table.content, table.start)
+    check = 0x10000 + binascii.crc_hqx(block, 0xFFFF)
+    content = packing.pack({"little": "<II", "big": ">II"}[app.order], table.layout, check) + block
     header = packing.pack(">4s7I32s", b"cFE1", 8, 64, 0, 0, 0, 0, 0, f"{table.module.path} parameters".encode()[:31])
     return header + packing.pack(">3I40s", 0, 0, len(content), f"{app.prefix}.{table.name}".encode()) + content
 

@@ -120,6 +120,10 @@ class Core:
         """The next packet of an id, as bytes."""
         return bytes.fromhex(self.until(lambda line: line.startswith(f"TLM {mid:04x}"))[4:])
 
+    def told_all(self, mid):
+        """All packets of an id so far, as bytes."""
+        return [bytes.fromhex(line[4:]) for line in self.seen if line.startswith(f"TLM {mid:04x}")]
+
     def stop(self):
         """Ask it to end, and give what it reports."""
         self.process.terminate()

@@ -76,6 +76,7 @@ void CFE_ES_ExitApp(uint32);
 void CFE_ES_WaitForStartupSync(uint32);
 void CFE_ES_PerfLogAdd(uint32, uint32);
 CFE_TIME_SysTime_t CFE_TIME_GetMET(void);
+CFE_TIME_SysTime_t CFE_TIME_GetTime(void);
 int32 CFE_ES_WriteToSysLog(const char *, ...) OS_PRINTF(1, 2);
 int32 CFE_ES_CreateChildTask(CFE_ES_TaskId_t *, const char *, void (*)(void), void *, size_t, uint8, uint32);
 void CFE_ES_ExitChildTask(void);
