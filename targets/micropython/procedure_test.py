@@ -449,6 +449,38 @@ def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path,
             (Kind.PROCEDURE_STARTED, ""), (Kind.PRINTED, "error True science"), (Kind.PROCEDURE_ENDED, "")]
 
 
+HARM = {        # on a target; the desktop, where f has _seen, kills them before
+    "compared": "a, b = [], []; a.append(a); b.append(b)\n    a == b",
+    "raised": "a = []; a.append(a)\n    raise ValueError(a)",
+    "printed": "t = [1]\n    for i in range(45): t = [t, t]\n    print(t)",
+    "hashed": "t = 1,\n    for i in range(45): t = t, t\n    hash(t)",
+    "nested": "t = 1,\n    for i in range(400): t = t,\n    hash(t) / 0",
+    "called": "class C: pass\n    C.__call__ = C()\n    C()()",
+    "doubled": "class C: pass\n    for i in range(30):\n        class C(C, C): pass\n    C().x",
+    "searched": "('a' * 5000 + 'b').find('a' * 2500 + 'c')\n    1 / 0",
+}
+
+
+def test_what_harms_an_interpreter_does_no_harm_to_a_target(tmp_path, capsys):
+    targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
+    mission, out = tmp_path / "mission", tmp_path / "out"
+    mission.mkdir()
+    scenario = "".join(f'    procedure(sim.flight, Path(__file__).with_name("{name}.py"))\n    sim.run(2 * s)\n'
+                       for name in HARM)
+    scenario = SCENARIOS.partition("    sim.run")[0] + scenario
+    for name, text in (("flight", MISSION), ("world", WORLD), ("scenarios", scenario)):
+        (mission / f"{name}.py").write_text(text)
+    for name, text in HARM.items():
+        (mission / f"{name}.py").write_text(
+            f"def main(f):\n    if hasattr(f, '_seen'): raise ValueError\n    {text}\n")
+    assert cli.main(["fly", str(mission), "--on", ",".join(targets), "--out", str(out)]) == 0, capsys.readouterr()
+    found = Dictionary.load(next((out / "c").glob("*_packets.json")))
+    for target in targets:
+        packets = [decoded(found, one.packet) for one in read_script((out / f"{target}.telemetry.txt").read_text())]
+        kinds = [one.content.kind for one in packets if one.path == "texts"]
+        assert kinds.count(Kind.PROCEDURE_STARTED) == kinds.count(Kind.PROCEDURE_KILLED) == len(HARM)
+
+
 def test_a_procedure_that_is_no_file(tmp_path):
     with pytest.raises(SetupError, match="procedure: .*none.py: No such file"):
         procedure(None, tmp_path / "none.py")
