@@ -165,6 +165,10 @@ class C(list):
 
 @__build_class__(lambda: 5, 'C')
 
+@type('C', (list,), {}).pop(f)
+
+@list.__dict__['append'](5, 1)
+
 @property.getter(5, 6)
 
 @int.to_bytes('x', 3, 'big')

@@ -203,6 +203,7 @@ KILLED = {
     "a doubled tuple, hashed": ("t = 1,\n    for i in range(45): t = t, t\n    hash(t)", 4, "turns"),
     "doubled bases": ("class C: pass\n    for i in range(30):\n        class C(C, C): pass\n    C().x", 0, "turns"),
     "a call of itself": ("class C: pass\n    C.__call__ = C()\n    C()()", 4, "RuntimeError"),
+    "a method of another class": ("type('C', (list,), {}).pop(f)", 2, "TypeError"),
     "a set that changes": ("class C:\n        def __hash__(c): s.clear()\n    s = {1}\n    C() in s", 0, ""),
 }
 

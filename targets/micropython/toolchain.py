@@ -84,6 +84,7 @@ CONTAINED: dict[str, list[tuple[str, str]]] = {
     "py/objdict.c": [("mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next",
                       "script_step();\n                    mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next")],
     "py/objstr.c": [("if (memcmp(&haystack[str_index]", "script_step();\n            if (memcmp(&haystack[str_index]")],
+    "py/runtime.h": [("#define mp_check_self(pred)\n", "#define mp_check_self(pred) assert(pred)\n")],
     "py/runtime.c": [
         ("mp_cstack_check(); // enumerate", "script_step(); // enumerate"),
         ("    // get the type\n    const mp_obj_type_t *type = mp_obj_get_type(fun_in);",
@@ -146,6 +147,10 @@ CONTAINED: dict[str, list[tuple[str, str]]] = {
          "                script_step();\n                mp_obj_class_lookup(lookup, bt);"),
         ("                if (mp_obj_is_subclass_fast(*item", "                script_step();\n"
          "                if (mp_obj_is_subclass_fast(*item"),
+        # A method of a native class gets an object of that class alone, also by way of a class derived from it.
+        ("(MP_OBJ_NULL, org_type, elem", "(MP_OBJ_NULL, mp_obj_is_native_type(type) ? type : org_type, elem"),
+        ("                dest[0] = MP_OBJ_FROM_PTR(dict);\n            } else",
+         "                dest[0] = MP_OBJ_FROM_PTR(&mp_const_empty_dict_obj);\n            } else"),
         ("obj_obj = obj->subobj[0];", f"{INSTANCE % 'MP_OBJ_FROM_PTR(obj)'}\n"
          "                        obj_obj = obj->subobj[0];"),
         ("mp_load_method_maybe(lookup->obj->subobj[0]", f"{INSTANCE % 'MP_OBJ_FROM_PTR(lookup->obj)'}\n"
