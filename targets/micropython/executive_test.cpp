@@ -160,6 +160,7 @@ const ScriptMission fledge_script = {
     .process = "flight",
     .processes = processes,
     .whole = 0,
+    .computed = 0,
     .commands = &table,
     .memory = &memory,
     .size = sizeof memory,
@@ -216,7 +217,9 @@ void *arena_take(size_t n)
 const char *process_run()
 {
     std::memset(heap, 0, sizeof heap);
-    arena = {reinterpret_cast<std::uint8_t *>(heap), sizeof heap, 0, 0, 0, 0};
+    arena = {};
+    arena.memory = reinterpret_cast<std::uint8_t *>(heap);
+    arena.size = sizeof heap;
     if (!executive_begin()) {
         return "no room";
     }
