@@ -176,10 +176,17 @@ def fly_processes(folder, mark, on_loss, kills, pace=60):
     process = start(file, mark)
     record = folder / "runs" / simulation / "flight.mcap.part"
     last = None
+
+    def grown():
+        """The number of another file than the last one, once it has grown; a program that goes on replaces it."""
+        try:
+            there = record.stat()
+        except FileNotFoundError:
+            return None
+        return there.st_ino if there.st_ino != last and there.st_size > 20_000 else None
+
     for _ in range(kills):
-        wait_for(record.exists)
-        wait_for(lambda: record.stat().st_ino != last and record.stat().st_size > 20_000)
-        last = record.stat().st_ino
+        last = wait_for(grown)
         time.sleep(1.0)         # so that it has got further, and is not given up
         os.kill(wait_for(lambda: named(mark, r"-P -m fledge\.cli node nadir_spin flight"))[0], signal.SIGKILL)
     out, _ = process.communicate(timeout=120)
