@@ -40,6 +40,8 @@ def add(command: Callable) -> None:
                      "as in world.nav.attitude=0x08D3; default: a topic of the app's")
     one.add_argument("--keep", metavar="NAMES", help="cfs: what outlives the app, in a critical data store: "
                      "parameters, or modules, as in flight.control")
+    one.add_argument("--beside", metavar="DIR", action="append", default=[], help="cfs: the folder of an app of the "
+                     "same core, whose message ids must differ; apps in the same folder are known")
     one.add_argument("--simulated", action="store_true", help="cfs: with registers in a file, for a simulation")
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
@@ -59,7 +61,7 @@ def export(options: argparse.Namespace) -> int:
     tasks = [name.strip() for name in options.tasks.split(",")] if options.tasks is not None else None
     if options.form == "cfs" and not options.app:
         raise Failure("export cfs: name the app, as in --app nav")
-    for name in ("app", "topic", "wakeup", "input", "keep", "simulated", "order"):
+    for name in ("app", "topic", "wakeup", "input", "keep", "beside", "simulated", "order"):
         if options.form != "cfs" and getattr(options, name):
             raise Failure(f"export {options.form}: --{name} is for `export cfs`")
     if options.form != "micropython" and options.development:
@@ -136,7 +138,7 @@ def export_cfs(mission: Mission, options: argparse.Namespace, folder: Path) -> l
     ours = project.folder()
     files = () if options.outputs and options.board is None else options.board   # --outputs: of a board
     return cfs.write(mission, app, folder, files, outputs_of(options.outputs), [ours] if ours else [],
-                     options.simulated)
+                     options.simulated, others=options.beside)
 
 
 def outputs_of(text: str | None) -> list[str] | str:

@@ -100,8 +100,8 @@ def flown_by(mission: Mission, files: Sequence[Path | str], outputs: Sequence[st
 
 def write(mission: Mission, app: App, folder: Path | str, files: Sequence[Path | str] | None = None,
           outputs: Sequence[str] | str = (), roots: Sequence[Path | str] = (), simulated: bool = False,
-          watched: bool = False) -> list[Path]:
-    """Write the folder, whole or not at all; returns the paths."""
+          watched: bool = False, others: Sequence[Path | str] = ()) -> list[Path]:
+    """Write the folder, whole or not at all; returns the paths. others: folders of apps whose ids must differ."""
     texts = emit(mission, app, files, outputs, roots, simulated, watched)
-    check_taken(mission, app, folder)
+    check_taken(mission, app, folder, others)
     return write_files(texts, folder)
