@@ -96,16 +96,15 @@ class App:
 
 
 def check_taken(mission: Mission, app: App, folder: Path | str, others: Sequence[Path | str] = ()) -> None:
-    """Refuse message ids that another app writes or is commanded by, by the ids in its headers. Those beside `folder`
-    count, those of other missions if it is MISSION/cfs/APP, and `others`."""
+    """Refuse message ids that another app writes or is commanded by, by the ids in its headers: apps beside
+    `folder`, and those of the folders `others`."""
     ours = {value: name for name, value in app.ids(mission).items()
             if not name.endswith("_IN_MID") and (app.wakeup is None or not name.endswith("_WAKEUP_MID"))}
     folder = Path(folder).resolve()
     missing = [other for other in others if not Path(other).is_dir()]
     if missing:
         raise ExportError(f"--beside {missing[0]}: there is no such folder; name that of an app")
-    apps = {*folder.parent.glob("*"), *(folder.parents[2].glob("*/cfs/*") if folder.parent.name == "cfs" else ()),
-            *(Path(other).resolve() for other in others)} - {folder}
+    apps = {*folder.parent.glob("*"), *(Path(other).resolve() for other in others)} - {folder}
     for header in sorted(header for other in apps for place in ("fsw/**", "config") for kind in ("msgids", "topicids")
                          for header in other.glob(f"{place}/*{kind}*.h")):
         text = header.read_text(encoding="utf-8", errors="replace")
