@@ -262,6 +262,7 @@ void Recorder::rewind(Ns now)
         const auto kept = std::upper_bound(log.times.begin(), log.times.end(), now) - log.times.begin();
         log.times.resize(static_cast<std::size_t>(kept));
         log.bytes.resize(static_cast<std::size_t>(kept) * log.field->size);
+        log.rewinds++;
         log.due_ = due_after(log.every, now);
         log.last_.clear();
     });

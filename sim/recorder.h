@@ -26,6 +26,7 @@ struct Log {
 
     std::vector<Ns> times;
     std::vector<std::byte> bytes; ///< times.size() samples of field->size bytes
+    std::uint64_t rewinds = 0;    ///< how often samples may have been dropped
 
     std::string topic() const; ///< "/flight/control/torque"
 

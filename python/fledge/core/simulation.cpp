@@ -405,6 +405,7 @@ void bind_log(py::module_ &m)
         .def_property_readonly(
             "struct", [](const sim::Log &log) { return log.field->sub; }, py::return_value_policy::reference)
         .def_readonly("every", &sim::Log::every)
+        .def_readonly("rewinds", &sim::Log::rewinds)
         .def_readwrite("keep", &sim::Log::keep, "whether samples stay in memory")
         .def("__len__", [](const sim::Log &log) { return log.times.size(); })
         .def("times",

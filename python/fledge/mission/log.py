@@ -59,7 +59,7 @@ def leaves(struct: Any, parts: tuple = ()) -> Iterator[tuple[str, Any, tuple]]:
 
 
 class _Samples:
-    """The samples of one port; decoded again only when there are more."""
+    """The samples of one port; decoded again only when there are others."""
 
     def __init__(self, core):
         self.core = core
@@ -69,15 +69,16 @@ class _Samples:
         self.fields = {name: field for name, field, _ in found}
         self.parts = {name: parts for name, _, parts in found}
         self.names = nested_names(self.fields)
-        self._decoded = None
+        self._state: Any = None
 
     def decoded(self):
         """(times in ns, structured array), read-only copies of the present samples."""
-        if self._decoded is None or len(self._decoded[0]) != len(self.core):
+        state = len(self.core), self.core.rewinds
+        if self._state != state:
             import numpy as np
 
-            self._decoded = (np.frombuffer(self.core.times(), np.int64),
-                             np.frombuffer(self.core.bytes(), dtype_of(self.core.struct)))
+            self._state, self._decoded = state, (np.frombuffer(self.core.times(), np.int64),
+                                                 np.frombuffer(self.core.bytes(), dtype_of(self.core.struct)))
         return self._decoded
 
 

@@ -212,6 +212,20 @@ def test_snapshot_and_restore():
         sim.restore(saved[:-8])
 
 
+def test_a_log_has_the_samples_of_the_last_flight():
+    sim = fledge.load("nadir_spin")
+    log = sim.record(sim.world.craft.state, every=1 * s)
+    sim.run(1 * s)
+    saved = sim.snapshot()
+    sim.run(1 * s)
+    first = log["omega_BN_B"]
+    sim.restore(saved)
+    sim.world.craft.I_B = 2 * sim.world.craft.I_B
+    sim.run(1 * s)
+    again = log["omega_BN_B"]
+    assert len(first) == len(again) == 3 and (first[:2] == again[:2]).all() and (first[2] != again[2]).any()
+
+
 def test_a_clone_shares_nothing():
     sim = spinner()
     sim.run(1 * s)
