@@ -22,10 +22,14 @@ def add(command: Callable) -> None:
                      " default: 1000")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of the drawn bits and times; default: 0")
     one.add_argument("--at", default="60s", metavar="TIME", help="where all flights begin; default: 60s")
-    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION", help="the flips come in it, at any "
-                     "instruction of flight; default: 60s")
+    one.add_argument("--for", dest="duration", default="60s", metavar="DURATION",
+                     help="the flips come in it; default: 60s")
     one.add_argument("--after", default="20s", metavar="DURATION", help="how long each flight goes on then, so that a "
                      "watchdog can act; default: 20s")
+    one.add_argument("--bits", type=int, default=1, metavar="N", help="how many neighbouring bits of a word each flip "
+                     "inverts; default: 1")
+    one.add_argument("--rates", type=float, nargs=2, metavar=("REGISTERS", "MEMORY"), help="flips per bit and day; they"
+                     " then come at any time, and effects have a rate; default: each bit as likely, at any instruction")
     one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
                      "both, one campaign after the other with the same flips")
     one.add_argument("--workers", type=int, metavar="W", help="processes; default: one for each processor")
@@ -53,7 +57,8 @@ def flips(options: argparse.Namespace) -> int:
         for edac in {"off": [False], "on": [True], "both": [False, True]}[options.edac]:
             title = "with EDAC" if edac else "without EDAC"
             campaign = campaigns.Campaign(options.mission, options.scenario, at=at, duration=duration, after=after,
-                                          edac=edac, engine=options.engine)
+                                          edac=edac, bits=options.bits, rates=options.rates,
+                                          engine=options.engine)
             begun = time.perf_counter()
             with Bar(title) as bar:
                 def progress(done: int, bar: Bar = bar) -> None:
@@ -65,9 +70,13 @@ def flips(options: argparse.Namespace) -> int:
             results[title] = outcomes
             say(f"{campaign.name}, {title}, {options.count} flips from {at:g} s to {at + duration:g} s, seed "
                 f"{options.seed}, in {wall:.3g} s")
-            for line in campaigns.table(outcomes):
-                say("  " + line)
-            write_files({f"{'edac' if edac else 'plain'}.csv": campaigns.csv(outcomes)}, folder)
+            say(f"  of {campaign.n_registers:,} places in registers and {campaign.n_memory:,} in memory"
+                + (f", {campaign.per_day:.3g} flips per day" if campaign.per_day else ""))
+            for lines in (campaigns.table(outcomes), campaigns.shares(outcomes, campaign.per_day),
+                          campaigns.severity(outcomes, campaign.measures)):
+                for line in ["", *lines] if lines else []:
+                    say(("  " + line).rstrip())
+            write_files({f"{'edac' if edac else 'plain'}.csv": campaigns.csv(outcomes, campaign.measures)}, folder)
         path = campaigns.plot(results, f"{name}: bit flips in the flight computer", folder / "flips.png")
     say(f"  plot     {path}")
     return 0

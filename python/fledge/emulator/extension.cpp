@@ -66,22 +66,25 @@ public:
     /// As the machine's, with the flip that is planned.
     StopReason run_until(Ns t)
     {
-        if (planned && planned->instruction >= machine.instructions()) {
-            const StopReason reason = machine.run_to_instruction(planned->instruction, t);
-            if (reason != StopReason::time) {
-                return reason;
+        if (planned) {
+            const auto &[instruction, time, flips] = *planned;
+            const StopReason reason =
+                instruction ? machine.run_to_instruction(*instruction, t) : tools.run_until(std::min(t, *time));
+            const bool reached = instruction ? machine.instructions() >= *instruction : machine.now() >= *time;
+            if (reason != StopReason::time || !reached) {
+                return reason; // it has stopped, or the time has come, before
             }
-            if (machine.instructions() < planned->instruction) {
-                return reason; // the time has come first
+            for (const auto &[place, bit] : flips) {
+                flip(place, bit);
             }
-            const auto plan = *planned;
             planned.reset();
-            flip(plan.place, plan.bit);
         }
         return tools.run_until(t);
     }
 
-    void flip(const std::variant<std::uint32_t, std::string> &place, unsigned bit)
+    using Place = std::variant<std::uint32_t, std::string>;
+
+    void flip(const Place &place, unsigned bit)
     {
         if (const auto *address = std::get_if<std::uint32_t>(&place)) {
             flip_memory(*address, bit);
@@ -123,9 +126,9 @@ public:
     Tools tools;
     std::string console;
     struct Plan {
-        std::uint64_t instruction;
-        std::variant<std::uint32_t, std::string> place;
-        unsigned bit;
+        std::optional<std::uint64_t> instruction;
+        std::optional<Ns> time; ///< if there is no instruction
+        std::vector<std::pair<Place, unsigned>> flips;
     };
     std::optional<Plan> planned;
 };
@@ -477,8 +480,9 @@ PYBIND11_MODULE(_emulator, m)
         // Faults.
         .def("flip", &Computer::flip)
         .def("plan_flip",
-             [](Computer &c, std::uint64_t instruction, std::variant<std::uint32_t, std::string> place, unsigned bit) {
-                 c.planned = Computer::Plan{instruction, std::move(place), bit};
+             [](Computer &c, std::optional<std::uint64_t> instruction, std::optional<Ns> time,
+                std::vector<std::pair<Computer::Place, unsigned>> flips) {
+                 c.planned = Computer::Plan{instruction, time, std::move(flips)};
              })
         .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
         .def("raise_interrupt",
@@ -517,6 +521,7 @@ PYBIND11_MODULE(_emulator, m)
         .def("lose_ticks", &Link::lose_ticks)
         .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })
         .def_property_readonly("reached", &Link::reached)
+        .def_property_readonly("epoch", [](const Link &link) { return link.state().epoch; })
         .def_property_readonly("missed", [](const Link &link) { return link.state().missed; })
         .def_property_readonly("ticks", [](const Link &link) { return link.state().ticks; })
         .def_property_readonly("cycles", [](const Link &link) { return link.state().cycles; })

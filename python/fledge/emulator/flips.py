@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns of bit flips: in the closed loop, in the middle of a manoeuvre, single bits of the registers and the memory
-of a flight computer are inverted, each in a flight of its own from one snapshot. The outcomes are classified.
+"""Campaigns of bit flips: in the closed loop, in the middle of a manoeuvre, bits of the registers and the memory of a
+flight computer are inverted, each in a flight of its own from one snapshot. The outcomes are classified and measured.
 
     campaign = Campaign("nadir_spin", at=30 * s, duration=30 * s)
     outcomes = campaign.fly(1000, seed=1)
 """
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import random
@@ -18,8 +19,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from fledge import objects
+from fledge.columns import columns
 from fledge.emulator.board import Board, load
 from fledge.errors import Failure, SetupError
+from fledge.mission.field_path import port
+from fledge.montecarlo.campaign import declare
+from fledge.montecarlo.report import confidence
+from fledge.objects.measured import unit_after
 from fledge.objects.si import time_ns
 
 EFFECTS = {
@@ -33,16 +40,32 @@ PLACES = ("integer register", "float register", "control register", "code", "dat
 
 
 class Flip(NamedTuple):
-    """One bit, and when: between two instructions of flight, counted from the snapshot."""
+    """One bit, or several, and when: between two instructions of flight, counted from the snapshot, or at a time."""
     place: str                  # of PLACES
     where: str | int            # "%f3", "window 17" (word of the file of windows), or an address
     bit: int                    # 0, the lowest, to 31; of a byte of memory to 7
-    instruction: int
+    instruction: int | None = None
+    time: int | None = None     # [ns] of the simulation
+    bits: int = 1               # so many from `bit` upwards, all in one word
 
     @property
     def text(self) -> str:
         """In words, for a file."""
         return f"0x{self.where:08x}" if isinstance(self.where, int) else self.where
+
+    @property
+    def single(self) -> list[tuple[str | int, int]]:
+        """(register or address of a byte, bit) of each bit."""
+        if isinstance(self.where, str):
+            return [(self.where, self.bit + i) for i in range(self.bits)]
+        first = 8 * (3 - self.where % 4) + self.bit     # in the word, which is big-endian
+        return [(self.where - self.where % 4 + 3 - k // 8, k % 8) for k in range(first, first + self.bits)]
+
+
+class Measure(NamedTuple):
+    """A recorded field: an outcome says how far it was at most from that of the flight without a flip."""
+    path: str
+    unit: str                   # "deg" of an attitude: the angle between both
 
 
 class Outcome(NamedTuple):
@@ -52,6 +75,7 @@ class Outcome(NamedTuple):
     missed: int                 # instants without an answer
     resets: int                 # of the computer
     corrected: int              # errors that the EDAC corrected
+    deviations: tuple[float, ...]   # for each Measure of the campaign, at any instant; inf: it was no number
 
 
 class Campaign:
@@ -60,16 +84,25 @@ class Campaign:
     may find what has happened.
 
     edac: whether the RAM has check bits, and the memory controller uses them.
+    bits: how many bits, side by side in one word, each flip inverts.
+    rates: flips per bit and day, of registers and of memory. Then flips come at any time, as they do in space, where a
+    computer may sleep most of it. None: each bit of both is as likely, at any instruction.
     """
 
     def __init__(self, mission: str, scenario: str | None = None, *, at: Any = 60.0, duration: Any = 60.0,
-                 after: Any = 20.0, edac: bool = False, engine: str = "translator", **parameters: Any) -> None:
+                 after: Any = 20.0, edac: bool = False, bits: int = 1, rates: Sequence[float] | None = None,
+                 engine: str = "translator", **parameters: Any) -> None:
         self.at = time_ns(at, "flips: at")
         self.middle = self.at + time_ns(duration, "flips: duration")
         self.end = self.middle + time_ns(after, "flips: after")
         if not 0 < self.at < self.middle <= self.end:
             raise SetupError("flips: at and duration must be more than 0 s")
-        self.edac = edac
+        if not 1 <= bits <= 32:
+            raise SetupError(f"flips: a flip inverts 1 to 32 bits of a word; found {bits}")
+        if rates and not (len(rates) == 2 and all(0 <= one < math.inf for one in rates) and any(rates)):
+            raise SetupError("flips: expected the rates of registers and of memory, in flips per bit and day, both at "
+                             f"least 0 and one more; found {', '.join(map(str, rates))}")
+        self.edac, self.bits, self.rates = edac, bits, rates
         from fledge.targets.leon3.board import BOARD
 
         with TemporaryDirectory() as scratch:
@@ -81,42 +114,103 @@ class Campaign:
             file.write_text(text, encoding="utf-8")
             self.board = load(mission, scenario, engine=engine, board=file, folder=scratch, **parameters)
         self.name = self.board.sim.name
+        self.measures = self._record(mission, parameters)
         self.board.sim.run(until=self.at / 1e9, progress=False)
         if edac:
             self.board.core.enable_edac()
-        self.areas = self._areas()
+        self.survey()
         self.start = self.board.snapshot()
-        self.first = self.board.core.instructions
+        self.first, self.epoch = self.board.core.instructions, self.board._link.epoch
         self.nominal = self.board.in_flight.record()
         self.board.sim.run(until=self.middle / 1e9, progress=False)
         self.instructions = self.board.core.instructions - self.first
         self.board.sim.run(until=self.end / 1e9, progress=False)
+        self.undisturbed = self._values()
+
+    def _record(self, mission, parameters):
+        """Record what an outcome is measured by: the attitude of each spacecraft, what the mission's campaign retains
+        and requires, and all numbers that leave the computer. Returns their Measures."""
+        sim = self.board.sim
+        paths = [f"{process.name}.{name}.state.sigma_BN" for process in sim.processes
+                 for name, one in process.instances.items() if objects.struct(one).name == "Spacecraft"]
+        if (sim.mission.folder / "dispersions.py").exists():
+            paths += [one.field_path.recorded for one in declare(mission, None, parameters)[1].shown]
+        carried = [objects.path(view) for _, view in self.board.in_flight.carried]
+        ports = dict.fromkeys([*(".".join(path.split(".")[:3]) for path in paths), *carried])
+        self.log = sim.record(*(port(sim, path) for path in ports))
+        numbers = [name for name in self.log.names if self.log.field(name).type != "char"]
+        paths += [name for name in numbers if ".".join(name.split(".")[:3]) in carried]
+        return [Measure(path, "deg" if _is_attitude(path) else self.log.field(path).unit)
+                for path in dict.fromkeys(paths)]
+
+    def survey(self) -> None:
+        """Find where a flip may begin."""
+        self.registers, self.areas = self._registers(), self._areas()
+        self.n_registers = sum(len(starts) for *_, starts in self.registers)
+        self.n_memory = sum(n for *_, n in self.areas)
+
+    def _values(self):
+        return [self.log[one.path][self.log.time_of(one.path) >= self.at / 1e9].astype(float) for one in self.measures]
+
+    def _registers(self):
+        """(place, name, the lowest bits that a flip may begin at) of each register: of the bits that exist."""
+        words = [("integer register", f"%g{k}") for k in range(1, 8)]
+        words += [("integer register", f"window {k}") for k in range(128)]
+        words += [("float register", f"%f{k}") for k in range(32)]
+        words += [("control register", f"%{k}") for k in ("y", "psr", "wim", "tbr", "pc", "npc", "fsr")]
+        found = []
+        for place, name in words:
+            bits = {bit for bit in range(32) if place != "control register" or self._exists(name, bit)}
+            found.append((place, name, [bit for bit in sorted(bits) if bits.issuperset(range(bit, bit + self.bits))]))
+        return found
+
+    def _exists(self, register, bit):
+        """Whether a bit of a register is more than a constant."""
+        core = self.board.core
+        before = core.registers()[register]
+        core.flip(register, bit)
+        found = core.registers()[register] != before
+        core.set_register(register, before)
+        return found
 
     def _areas(self):
-        """(name, from, to) of what the program uses of its memory."""
+        """(place, address, the number of bits at which a flip may begin) of what the program uses of its memory."""
         place = self.board.address
-        return [("code", self.board.core.entry, place("leon3_data_load")),
-                ("data", place("leon3_data"), place("leon3_bss_end")),
-                ("stack", place("leon3_stack_end") - 4096, place("leon3_stack_end"))]
+        return [(name, begin, (to - begin) // 4 * (33 - self.bits)) for name, begin, to in (
+            ("code", self.board.core.entry, place("leon3_data_load")),
+            ("data", place("leon3_data"), place("leon3_bss_end")),
+            ("stack", place("leon3_stack_end") - 4096, place("leon3_stack_end")))]
+
+    @property
+    def per_day(self) -> float | None:
+        """Flips per day in all that is drawn from, by the rates."""
+        if not self.rates:
+            return None
+        return self.n_registers * self.rates[0] + self.n_memory * self.rates[1]
 
     def flip(self, seed: int, i: int) -> Flip:
-        """The i-th flip of a seed: half of them in registers, half in memory, each bit as likely as any other of its
-        half, at an instruction of flight."""
+        """The i-th flip of a seed."""
         draw = random.Random(f"{seed} {i}")
-        instruction = draw.randrange(self.instructions)
-        if draw.random() < 0.5:
-            words = [("integer register", f"%g{k}") for k in range(1, 8)]
-            words += [("integer register", f"window {k}") for k in range(128)]
-            words += [("float register", f"%f{k}") for k in range(32)]
-            words += [("control register", f"%{k}") for k in ("y", "psr", "wim", "tbr", "pc", "npc", "fsr")]
-            place, where = draw.choice(words)
-            return Flip(place, where, draw.randrange(32), instruction)
-        at = draw.randrange(sum(to - begin for _, begin, to in self.areas))
-        for place, begin, to in self.areas:
-            if at < to - begin:
+        instruction = time = None
+        if self.rates:
+            time = draw.randrange(self.at, self.middle)
+        else:
+            instruction = draw.randrange(self.instructions)
+        of_registers, of_memory = self.rates or (1.0, 1.0)
+        share = self.n_registers * of_registers / (self.n_registers * of_registers + self.n_memory * of_memory)
+        if draw.random() < share:
+            at = draw.randrange(self.n_registers)
+            for place, name, starts in self.registers:
+                if at < len(starts):
+                    return Flip(place, name, starts[at], instruction, time, self.bits)
+                at -= len(starts)
+        at = draw.randrange(self.n_memory)
+        for place, begin, n in self.areas:
+            if at < n:
                 break
-            at -= to - begin
-        return Flip(place, begin + at, draw.randrange(8), instruction)
+            at -= n
+        word, bit = divmod(at, 33 - self.bits)
+        return Flip(place, begin + 4 * word + 3 - bit // 8, bit % 8, instruction, time, self.bits)
 
     def one(self, flip: Flip) -> Outcome:
         """Fly with one flip."""
@@ -124,7 +218,8 @@ class Campaign:
         self.board.restore(self.start)
         before = core.resets, core.corrected
         answers = self.board.in_flight.record()
-        core.plan_flip(self.first + flip.instruction, flip.where, flip.bit)
+        core.plan_flip(None if flip.instruction is None else self.first + flip.instruction,
+                       None if flip.time is None else self.epoch + flip.time, flip.single)
         self.board.sim.run(until=self.end / 1e9, progress=False)
         first = next((t for (t, ours), (_, theirs) in zip(answers, self.nominal, strict=True) if ours != theirs), None)
         missed = [answer is None for _, answer in answers]
@@ -138,7 +233,8 @@ class Campaign:
         else:
             effect = "no effect" if first is None else "wrong output"
         return Outcome(flip, effect, None if first is None else first / 1e9, sum(missed), resets,
-                       core.corrected - before[1])
+                       core.corrected - before[1],
+                       tuple(map(deviation, self.measures, self._values(), self.undisturbed)))
 
     def fly(self, n: int, seed: int = 0, workers: int | None = None,
             progress: Callable[[int], None] = lambda done: None) -> list[Outcome]:
@@ -150,6 +246,28 @@ class Campaign:
             outcomes[i] = outcome
             progress(done)
         return outcomes
+
+
+def _is_attitude(path):
+    return re.fullmatch(r"sigma_[A-Z]\w*", path.rpartition(".")[2]) is not None
+
+
+def deviation(measure: Measure, values: Any, undisturbed: Any) -> float:
+    """How far samples of a field, (n, ...), are at most from those of another flight, in the unit of the Measure."""
+    import numpy as np
+
+    from fledge import attitude
+
+    same = (values == undisturbed) | np.isnan(values) & np.isnan(undisturbed)
+    if same.all():
+        return 0.0
+    with np.errstate(all="ignore"):
+        if _is_attitude(measure.path):
+            apart = np.degrees(attitude.angle(attitude.relative(values, undisturbed)))
+            apart = np.where(same.all(axis=-1), 0.0, apart)
+        else:
+            apart = np.where(same, 0.0, np.abs(values - undisturbed))
+    return float(np.where(np.isfinite(apart), apart, np.inf).max())
 
 
 _campaign: Any = None       # of this process' children, which begin as copies of it
@@ -198,11 +316,47 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
     return [*lines, line("all", [*total, sum(total)])]
 
 
-def csv(outcomes: Sequence[Outcome]) -> str:
+def shares(outcomes: Sequence[Outcome], per_day: float | None = None) -> list[str]:
+    """Lines: of each effect its share, with the interval that holds the true one with 95 % confidence, and how many of
+    it a day brings. per_day: flips, of Campaign."""
+    counts = Counter(one.effect for one in outcomes)
+    rows: list[tuple[str, ...]] = [("", "%", "95 % confidence", *(["per day", "95 % confidence"] if per_day else []))]
+    for effect in EFFECTS:
+        bounds = confidence(counts[effect], len(outcomes))
+        row = [effect]
+        for scale, form in [(100.0, ".1f")] + ([(per_day, ".2g")] if per_day else []):
+            row += [f"{scale * counts[effect] / len(outcomes):{form}}",
+                    " to ".join(f"{scale * bound:{form}}" for bound in bounds)]
+        rows.append(tuple(row))
+    return columns(rows, range(1, 5))
+
+
+def severity(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> list[str]:
+    """Lines: how far each measure was at most from that of the flight without a flip: the median, the 95th percentile
+    and the most of all outcomes with an effect."""
+    import numpy as np
+
+    lines = []
+    for effect in list(EFFECTS)[1:]:
+        found = np.array([one.deviations for one in outcomes if one.effect == effect])
+        if len(found):
+            rows: list[tuple[str, ...]] = [(f"{effect} ({len(found)})", "median", "95 %", "most", "")]
+            ranks = [math.ceil(p * len(found)) - 1 for p in (0.5, 0.95, 1.0)]
+            rows += [(f"  {one.path}", *(f"{x:.3g}" for x in np.sort(column)[ranks]), unit_after(one.unit).strip())
+                     for one, column in zip(measures, found.T)]
+            lines += columns(rows, range(1, 4))
+    return lines
+
+
+def csv(outcomes: Sequence[Outcome], measures: Sequence[Measure]) -> str:
     """One line for each flip."""
-    rows = ["place,where,bit,instruction,effect,first,missed,resets,corrected"]
-    rows += [f"{f.place},{f.text},{f.bit},{f.instruction},{o.effect},{'' if o.first is None else o.first},{o.missed},"
-             f"{o.resets},{o.corrected}" for o in outcomes for f in (o.flip,)]
+    rows = ["place,where,bit,bits,instruction,time,effect,first,missed,resets,corrected,"
+            + ",".join(f"{one.path} [{one.unit}]" for one in measures)]
+    for o in outcomes:
+        f = o.flip
+        cells = (f.place, f.text, f.bit, f.bits, f.instruction, None if f.time is None else f.time / 1e9, o.effect,
+                 o.first, o.missed, o.resets, o.corrected, *(f"{x:.6g}" for x in o.deviations))
+        rows.append(",".join("" if cell is None else str(cell) for cell in cells))
     return "\n".join([*rows, ""])
 
 
