@@ -31,6 +31,11 @@ class MicroPython(Linux):
         toolchain.cross_compiler()
         toolchain.library()
 
+    def check(self, part: Part) -> None:
+        from fledge.targets.micropython import program
+
+        program.composed_of(part)
+
     def build(self, part: Part) -> Path:
         from fledge.targets.micropython import program
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from fledge.targets.flown import Flown
+    from fledge.targets.job import Part
     from fledge.targets.target import Target
 
 
@@ -90,42 +91,35 @@ def fly(options: argparse.Namespace) -> int:
     if options.clock and not duration:
         raise Failure("--clock: give a duration with --for; each second takes one")
     part = options.build or options.join is not None       # then the duration does not matter
+    if lacking and (part or options.clock):
+        raise Failure(next(iter(lacking.values())))
     if options.free and (options.scenario or not (duration or part)):
         raise Failure("fly: --free is without a scenario, and needs --for")
+    others: list[tuple[Part, Target]] = []
+    bounds: list[tuple[str, float, float, str]] = []
+
+    def check(job: Job) -> None:
+        for process in apart:
+            job.part(process)
+        others.extend((one, targets[name]) for name in names if name != "desktop" for one in job.parts)
+        others.extend((job.part(process), targets[name]) for process, name in apart.items() if name != "desktop")
+        bounds.extend(_checked(options, job, others, settled))
+        if not (part or options.clock):     # these build at once
+            _unless_lacking("check", others, lacking)
+
+    for name, why in lacking.items():
+        print(f"  {name}: {why}", file=sys.stderr)
     try:
         job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
-                  _boards(options.board), options.out, options.free, given_parameters(options))
+                  _boards(options.board), options.out, options.free, given_parameters(options), before=check)
     except Failure as error:
         if error.code == 1:     # the scenario fails on the desktop
             _verdict({"desktop": ["the scenario's checks do not hold"], **{name: ["did not fly"] for name in chosen}})
         raise
-    for process in apart:
-        job.part(process)
-    others = [(one, targets[name]) for name in names if name != "desktop" for one in job.parts]
-    others += [(job.part(process), targets[name]) for process, name in apart.items() if name != "desktop"]
-    if lacking and (options.build or options.clock or options.join is not None):
-        raise Failure(next(iter(lacking.values())))
-    if options.clock and len(others) != 1:
-        raise Failure(f"--clock: name one target of one flight process with --on; found {len(others)}")
-    if options.join is not None and len(others) != 1:
-        several = f", as in {job.parts[0].process}=linux" if len(job.parts) > 1 else ""
-        raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
-    if options.keys and options.join is None:
-        raise Failure("--keys is for --join: other programs of a flight here need none")
-    if options.settled and not options.within:
-        raise Failure("--settled is for --within; give both")
     if options.settled and settled > job.duration:
         raise Failure(f"--settled {settled:g} s is after the end of the flight, {job.duration:g} s")
     if options.report and not job.whole:
         raise Failure("--report is about a whole scenario; leave out --for" + (" and --free" if options.free else ""))
-    if options.within and not job.rounds:
-        raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
-    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
-    for field, _, _, where in bounds:
-        if not any(one.puts_out(field) for one in job.parts):
-            raise Failure(f"{where}: flight puts out no field {field}"
-                          + (f"; its processes are {', '.join(one.process for one in job.parts)}"
-                             if len(job.parts) > 1 else ""))
     if options.gdb:
         address = options.gdb if ":" in options.gdb else f":{options.gdb}"
         print(f"fledge: the board waits for gdb-multiarch: target remote {address}", file=sys.stderr)
@@ -136,10 +130,50 @@ def fly(options: argparse.Namespace) -> int:
             return _clock(job, others)
         if options.join is not None:
             return _join(job, *others[0], options.join, options.keys)
+        _unless_lacking("build", others, lacking)
         runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
         if apart:
             runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
         return _fly(options, job, runs, bounds, lacking)
+
+
+def _unless_lacking(call, others, lacking):
+    """Call a method of each target with its part, before anything flies. A target that refuses is told and goes into
+    `lacking`."""
+    from fledge.errors import Failure, SetupError
+
+    for part, target in others:
+        if target.name not in lacking:
+            try:
+                getattr(target, call)(part)
+            except (Failure, SetupError, OSError) as error:
+                lacking[target.name] = str(error)
+                print(f"  {target.name}: {error}", file=sys.stderr)
+
+
+def _checked(options, job, others, settled):
+    """The bounds by which the flight is judged: (field, how much, [s] from when on, where it stands) of each. Raises
+    Failure if options do not fit the mission."""
+    from fledge.errors import Failure
+
+    if options.clock and len(others) != 1:
+        raise Failure(f"--clock: name one target of one flight process with --on; found {len(others)}")
+    if options.join is not None and len(others) != 1:
+        several = f", as in {job.parts[0].process}=linux" if len(job.parts) > 1 else ""
+        raise Failure(f"--join: name one target with --on{several}; found {len(others)}")
+    if options.keys and options.join is None:
+        raise Failure("--keys is for --join: other programs of a flight here need none")
+    if options.settled and not options.within:
+        raise Failure("--settled is for --within; give both")
+    if options.within and not job.rounds:
+        raise Failure("--within is for boards with words that round; messages that pass whole are the same bits")
+    bounds = [*job.bounds(), *((field, bound, settled, "--within") for field, bound in options.within)]
+    for field, _, _, where in bounds:
+        if not any(one.puts_out(field) for one in job.parts):
+            raise Failure(f"{where}: flight puts out no field {field}"
+                          + (f"; its processes are {', '.join(one.process for one in job.parts)}"
+                             if len(job.parts) > 1 else ""))
+    return bounds
 
 
 def _ready(names):
@@ -223,8 +257,8 @@ def _fly(options, job, runs, bounds, lacking):
         try:
             if on and "desktop" not in records:
                 raise Failure("there is no flight of the desktop to compare with")
-            if lacks := [lacking[one.name] for one in on.values() if one.name in lacking]:
-                raise Failure("; ".join(dict.fromkeys(lacks)))
+            if any(one.name in lacking for one in on.values()):
+                raise Failure("")       # which was told
             desktop_target: Any = TARGETS["desktop"]
             flown = fly(job, on, name, PATIENCE if options.gdb else 60.0) if on else desktop_target.fly(job)
             records[name] = {}
@@ -235,7 +269,8 @@ def _fly(options, job, runs, bounds, lacking):
                 records[name][part.process] = archives[path]
         except (Failure, SetupError, RunError, ArchiveError, OSError, KeyboardInterrupt) as error:
             code = 130 if isinstance(error, KeyboardInterrupt) else code
-            print(f"  {name}: {'interrupted' if code == 130 else error}", file=sys.stderr)
+            if text := "interrupted" if code == 130 else str(error):
+                print(f"  {name}: {text}", file=sys.stderr)
             rows.append((name, None, "", "did not fly"))
             wrong[name].append("did not fly")
             if code == 130:

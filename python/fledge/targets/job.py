@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from fledge.commands import Kind, Report, Timed, decoded, read_script, script, s
 from fledge.errors import Failure
 from fledge.objects import project
 from fledge.targets import build
-from fledge.targets.rehearsal import rehearse
+from fledge.targets.rehearsal import Rehearsal, rehearse
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
@@ -38,16 +38,21 @@ class Part:
             raise Failure("\n".join(f"{one.path} is fed {one.fed}, and no program does that for a target: wire it to a "
                                     "model of the world" for one in fed))
         self.outputs = [export.host.topic(m.path) for m in mission.outputs]
-        self.script: list[Timed] = [Timed(one.after, one.packet) for one in job.script if one.process == self.process]
         self.files = (export.emit_board(mission, self.boards) | export.emit_commands(mission)
                       | export.emit_host(mission))
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
-        if self.script and self.boards and not any(lane.carries == "commands" for board in self.described()
-                                                   for lane in board.lanes):
-            raise Failure(f"the scenario {job.scenario} changes {self.process} between its runs, by commands, which no "
-                          f"snorkel of {', '.join(path.name for path in self.boards)} carries; add one with carries = "
-                          "\"commands\"")
+
+    @cached_property
+    def script(self) -> list[Timed]:
+        """Its commands by the rehearsal of the scenario. Raises Failure if its boards carry none."""
+        found = [Timed(one.after, one.packet) for one in self.job.script if one.process == self.process]
+        if found and self.boards and not any(lane.carries == "commands" for board in self.described()
+                                             for lane in board.lanes):
+            raise Failure(f"the scenario {self.job.scenario} changes {self.process} between its runs, by commands, "
+                          f"which no snorkel of {', '.join(path.name for path in self.boards)} carries; add one with "
+                          "carries = \"commands\"")
+        return found
 
     def compared(self, *records: Archive) -> list[str]:
         """The topics to compare: the outputs, and the modes and activity if any of the records has them."""
@@ -167,25 +172,37 @@ class Job:
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
     rehearses the scenario: its changes of flight between its runs go to targets as commands.
-    boards: files of boards, by flight process; "" stands for the only one. free: take no scenario.
+    boards: files of boards, by flight process; "" stands for the only one. free: take no scenario. before: a function
+    of the job, called when all is known but what the rehearsal finds: duration, script, whole, in_vain.
     parameters: of the mission, as fledge.load() takes them. roots: further folders with headers and sources of
     modules.
     """
 
     def __init__(self, mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
                  boards: Mapping[str, Sequence[Path | str]] | None = None, folder: Path | str | None = None,
-                 free: bool = False, parameters: dict[str, Any] | None = None, roots: Sequence[Path] = ()) -> None:
+                 free: bool = False, parameters: dict[str, Any] | None = None, roots: Sequence[Path] = (),
+                 before: Callable[[Job], None] = lambda job: None) -> None:
         self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
         self.roots = list(roots)
-        play = rehearse(mission, scenario, duration, seed, free, self.parameters)
-        self.scenario, self.duration, self.script = play.name, play.duration, play.script
-        self.start, self.whole, self.begun, self.in_vain = play.start, play.whole, play.begun, play.in_vain
+
+        def begin(play: Rehearsal) -> None:
+            self._begin(play, boards or {}, folder)
+            before(self)
+
+        play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin)
+        self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
+        for one in self.parts:
+            one.script      # refuses boards that carry no commands
+
+    def _begin(self, play: Rehearsal, boards: Mapping[str, Sequence[Path | str]], folder: Path | str | None) -> None:
+        """What is known before the rehearsal flies."""
+        self.scenario, self.start, self.begun = play.name, play.start, play.begun
         self.title = play.missions[0].folder
         self.folder = Path(folder) if folder else Path("runs") / self.title / "fly"
         several = len(play.missions) > 1
         known = [one.process for one in play.missions]
         own = {known[0] if process == "" and not several else process: files
-               for process, files in (boards or {}).items()}
+               for process, files in boards.items()}
         for process in own:
             if process not in known:
                 raise Failure(f"a board is of a flight process; write PROCESS=FILE, with one of {', '.join(known)}"

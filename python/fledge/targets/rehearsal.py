@@ -26,15 +26,17 @@ class _Ends(BaseException):
 
 
 def rehearse(mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
-             free: bool = False, given: dict[str, Any] | None = None) -> Rehearsal:
-    """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs."""
+             free: bool = False, given: dict[str, Any] | None = None,
+             before: Callable[[Rehearsal], None] = lambda play: None) -> Rehearsal:
+    """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs. before: called
+    before the first run, with `start` and `missions`."""
     def load():
         sim = missions.load(mission, **(given or {}))
         sim.seed = seed
         return sim
 
     sim = load()
-    play = Rehearsal(sim, duration, load)
+    play = Rehearsal(sim, duration, load, before)
     known = sim.mission.scenarios
     if free or scenario is None and not known:
         if duration is None:
@@ -53,6 +55,8 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
     except (SetupError, Failure):
         raise
     except Exception as error:
+        if not play.ready:
+            raise       # not the scenario's
         raise Failure(f"the scenario {play.name} fails on the desktop: {error}", 1) from error
     if play.start is None:
         raise Failure(f"the scenario {play.name} runs nothing")
@@ -64,10 +68,12 @@ class Rehearsal:
     """name; duration [s]; whole: whether the scenario came to its end; start: the simulation as it stood before its
     first run, and missions: its flight processes, exported; script: its commands, in the order of time."""
 
-    def __init__(self, sim: Any, duration: float | None, load: Callable[[], Any]) -> None:
-        self.sim, self.duration, self.load = sim, duration, load
+    def __init__(self, sim: Any, duration: float | None, load: Callable[[], Any],
+                 before: Callable[[Rehearsal], None]) -> None:
+        self.sim, self.duration, self.load, self.before_runs = sim, duration, load, before
         self.name = ""
         self.whole = False      # the scenario came to its end
+        self.ready = True       # False while `before` is called
         self.start: Any = None
         self.missions: list[Any] = []
         self.script: list[Command] = []
@@ -84,6 +90,9 @@ class Rehearsal:
             armed = [packets.arm(e, e.armed) for e in flight.events.values() if e.armed != e.starts_armed]
             self.add(-1, flight, [*armed, *asked])
         self.start = self.sim.clone()
+        self.ready = False
+        self.before_runs(self)
+        self.ready = True
 
     def begun(self) -> Any:
         """A simulation that stands before the first run. It is loaded anew, for what the scenario has a world do at a

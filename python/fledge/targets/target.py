@@ -48,6 +48,11 @@ class Target:
     def prepare(self) -> None:
         """Build what all programs of this target need, such as a C library, if it is not there."""
 
+    def check(self, part: Part) -> None:
+        """Raise Failure if a flight process cannot fly here, as far as that shows before anything is written."""
+        for one in self.used:
+            one.check(part)
+
     def build(self, part: Part) -> Path:
         """Build a flight process for this target, in part.folder / name; only what changed. Returns what `command`
         starts."""

@@ -13,6 +13,7 @@ from fledge.commands import Code, Reason, Report
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS, Job, Part
 from fledge.targets.linux import Linux
+from fledge.targets.micropython import MicroPython
 from fledge.targets.playback import stand_in
 
 
@@ -52,6 +53,34 @@ def test_a_target_that_refuses_the_mission_is_in_the_last_line(folder, capsys, m
     assert "  sparc64: this board has no sensor\n" in said.err
 
 
+def test_scripts_are_refused_before_anything_flies(mission, tmp_path, capsys, monkeypatch):
+    """The rehearsal of the scenario is a flight, too: it writes a file here. The second of two processes is wrong."""
+    (mission / "flight.py").rename(mission / "one.py")
+    (mission / "two.py").write_text((mission / "one.py").read_text() + "\nimport numpy\n")
+    (mission / "world.py").rename(mission / "truth.py")
+    (mission / "mission.py").write_text("from . import one, truth, two\n\ndef build(sim):\n" + "".join(
+        f"    f = sim.add_flight('{name}')\n    {name}.build(f)\n    truth.build(sim.add_world('w_{name}'), f)\n"
+        for name in ("one", "two")))
+    begun = tmp_path / "begun"
+    (mission / "scenarios.py").write_text(
+        f"def long(sim):\n    sim.run(1)\n    open({str(begun)!r}, 'w').close()\n    sim.run(1)\n")
+    real, told = MicroPython.check, []
+
+    def check(self, part):
+        try:
+            real(self, part)
+        except fledge.SetupError as failure:
+            told.append((begun.exists(), str(failure)))
+            raise
+
+    monkeypatch.setattr(MicroPython, "check", check)
+    assert cli.main(["fly", str(mission), "--on", "micropython", "--out", str(tmp_path / "out")]) == 1
+    assert begun.exists() and told == [(False, f"{mission}/two.py, line "
+                                        f"{len((mission / 'two.py').read_text().splitlines())}: numpy is not on the "
+                                        "target: lists with units are arrays there, and math has the functions")]
+    assert last(capsys)[0] == "  failed   micropython: did not fly (passed: desktop)"
+
+
 def test_a_flight_that_stops_early_is_no_pass(folder, capsys, monkeypatch):
     """Its program ends as if all were well."""
     real = Linux.build
@@ -80,10 +109,10 @@ def test_a_scenario_that_fails_on_the_desktop_is_flown_nowhere(mission, tmp_path
 
 
 def test_ctrl_c_keeps_what_other_targets_flew(folder, capsys, monkeypatch):
-    def interrupted(self, part):
+    def interrupted(self, part, options, timeout):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(type(TARGETS["sparc64"]), "build", interrupted)
+    monkeypatch.setattr(type(TARGETS["sparc64"]), "prepared", interrupted)
     monkeypatch.setattr(TARGETS["sparc64"], "needs", ())
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "linux,sparc64,aarch64", "--out",
                      str(folder / "nadir")]) == 130
