@@ -574,6 +574,11 @@ bool Machine::poke(std::uint32_t address, std::span<const std::byte> bytes)
 
 void Machine::set_breakpoint(std::uint32_t address, bool on)
 {
+    if (on && (address % 4 != 0 || impl_->bus.memory(address, 4).empty())) {
+        char text[120];
+        std::snprintf(text, sizeof text, "breakpoint: expected a multiple of 4 in RAM or ROM; found 0x%08x", address);
+        throw Error(text);
+    }
     impl_->engine->set_breakpoint(impl_->core, address, on);
 }
 

@@ -84,6 +84,7 @@ public:
     bool peek(std::uint32_t address, std::span<std::byte> bytes) const;
     bool poke(std::uint32_t address, std::span<const std::byte> bytes);
 
+    /// Throws Error if no instruction can be there.
     void set_breakpoint(std::uint32_t address, bool on);
     /// Throws Error if these bytes are not in memory: a device cannot be watched.
     void set_watchpoint(std::uint32_t address, std::uint32_t size, bool on_read, bool on_write, bool on);

@@ -297,6 +297,20 @@ TEST_P(OnMachine, breakpoints_and_watchpoints_stop)
     EXPECT_EQ(m.run_until(1'000'000), StopReason::time);
 }
 
+TEST_P(OnMachine, stops_where_nothing_can_be_are_refused)
+{
+    start(counter);
+    for (const std::uint32_t address : {code + 2, 0x80000200u, 0x30000000u, 0xFFFFFFFCu}) {
+        EXPECT_THROW(m.set_breakpoint(address, true), Error) << address;
+        EXPECT_NO_THROW(m.set_breakpoint(address, false)) << "there is none";
+    }
+    EXPECT_THROW(m.set_watchpoint(0x80000200, 4, true, true, true), Error);
+    EXPECT_THROW(m.set_watchpoint(data, 0, true, true, true), Error);
+    EXPECT_THROW(m.set_watchpoint(data, 0xFFFFFFFF, true, true, true), Error);
+    EXPECT_THROW(m.set_watchpoint(data, 4, false, false, true), Error);
+    EXPECT_EQ(m.run_until(1'000'000), StopReason::time);
+}
+
 TEST_P(OnMachine, a_hook_stops_behind_the_instruction)
 {
     start(counter);

@@ -458,11 +458,11 @@ std::string GdbServer::set_point(const std::string &packet)
     if (!address || !size || kind < '0' || kind > '4') {
         return "E01";
     }
-    if (kind < '2') {
-        machine_.set_breakpoint(*address, on);
-        return "OK";
-    }
     try {
+        if (kind < '2') {
+            machine_.set_breakpoint(*address, on);
+            return "OK";
+        }
         machine_.set_watchpoint(*address, *size, kind != '2', kind != '3', on);
     } catch (const Error &) {
         return "E01";

@@ -49,7 +49,7 @@ class Board:
     def step(self, n: int = 1) -> str:
         """Execute the next instruction, or the next n; a trap counts as one. Returns the reason of the stop."""
         reason = "time"
-        for _ in range(n):
+        for _ in range(_whole(n, 0, 2**63, "step")):
             reason = self.core.step()
             if reason != "time":
                 break
@@ -76,11 +76,11 @@ class Board:
             there = list(names or found)
             raise SetupError(f"write_device: there is no '{register if names else device}'; there are "
                              + ", ".join(there))
-        self.core.poke(names[register][0], (value & 0xFFFFFFFF).to_bytes(4, "big"))
+        self.core.poke(names[register][0], _whole(value, 0, 2**32 - 1, "write_device").to_bytes(4, "big"))
 
     def peek(self, place: int | str, n: int) -> bytes:
         """n bytes at an address, or at a symbol."""
-        return self.core.peek(self.address(place), n)
+        return self.core.peek(self.address(place), _whole(n, 0, 2**31, "peek: bytes"))
 
     def poke(self, place: int | str, content: bytes) -> None:
         """Write bytes at an address, or at a symbol."""
@@ -88,14 +88,14 @@ class Board:
 
     def address(self, place: int | str) -> int:
         """The address of a symbol, or of a variable of flight, "flight.control.K"; an address itself."""
-        if isinstance(place, int):
-            return place
+        if not isinstance(place, str):
+            return _whole(place, 0, 2**32 - 1, "an address")
         if self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
             _, *names, last = place.split(".")
             return address(functools.reduce(getattr, names, self.flight), last)
         found = self.core.symbol(place)
         if found is None:
-            raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip())
+            raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip("; "))
         return found[0]
 
     def _changed(self, place):
@@ -123,7 +123,8 @@ class Board:
     def send(self, data: bytes | str, uart: int = 0) -> None:
         """Bytes that a UART of the board receives: the first one is the console. The program reads them while the
         computer runs. Raises SetupError if they are more than there is room for (1024 that wait)."""
-        self.core.send(data.encode() if isinstance(data, str) else bytes(data), uart)
+        self.core.send(data.encode() if isinstance(data, str) else bytes(data),
+                       _whole(uart, 0, 255, "send: a UART"))
 
     def snapshot(self) -> Any:
         """The whole state of the computer, and of the simulation that it flies in."""
@@ -153,23 +154,21 @@ class Board:
     def flip(self, place: int | str, bit: int) -> None:
         """Invert a bit: of a register, "%l3" (0, the lowest, to 31), or of the byte at an address or symbol (0 to
         7)."""
-        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self._changed(place), bit)
+        self.core.flip(place if isinstance(place, str) and place.startswith("%") else self._changed(place),
+                       _whole(bit, 0, 31, "flip: a bit"))
 
     def flip_next_read(self, bits: int) -> None:
         """Invert bits of the word that the processor reads next from RAM as data, as on the bus."""
-        self.core.flip_next_read(bits)
+        self.core.flip_next_read(_whole(bits, 0, 2**32 - 1, "flip_next_read"))
 
     def interrupt(self, line: int) -> None:
         """Raise an interrupt, 1 to 15, that no device has raised."""
-        self.core.raise_interrupt(line)
+        self.core.raise_interrupt(_whole(line, 1, 15, "interrupt: a line"))
 
     def stick_interrupts(self, on: Iterable[int] = (), off: Iterable[int] = ()) -> None:
         """From now on these lines are always pending, or never; without any, the lines work again."""
-        on, off = list(on), list(off)
-        for line in (*on, *off):
-            if not 1 <= line <= 15:
-                raise SetupError(f"stick_interrupts: the lines are 1 to 15; found {line}")
-        self.core.stick_interrupts(sum(1 << line for line in on), sum(1 << line for line in off))
+        self.core.stick_interrupts(*(sum({1 << _whole(line, 1, 15, "stick_interrupts: a line") for line in lines})
+                                     for lines in (on, off)))
 
     @property
     def missed(self) -> int:
@@ -178,7 +177,7 @@ class Board:
 
     def lose_ticks(self, n: int) -> None:
         """In the loop: the next n ticks do not reach the processor."""
-        self._link.lose_ticks(n)
+        self._link.lose_ticks(_whole(n, 0, 2**63, "lose_ticks"))
 
     # --- stops ---
 
@@ -189,7 +188,7 @@ class Board:
     def watchpoint(self, place: int | str, size: int = 4, *, read: bool = False, write: bool = True, on: bool = True
                    ) -> None:
         """Stop behind instructions that read or write these bytes."""
-        self.core.set_watchpoint(self.address(place), size, read, write, on)
+        self.core.set_watchpoint(self.address(place), _whole(size, 1, 2**31, "watchpoint: bytes"), read, write, on)
 
     def gdb(self, address: str = "127.0.0.1:0") -> int:
         """Serve gdb at [ADDRESS:]PORT, from now on whenever the computer runs; port 0 takes a free one. Returns the
@@ -250,6 +249,13 @@ class Board:
         if self.in_flight is None:
             raise SetupError("this computer flies in no simulation; fledge.emulator.load(MISSION) makes one that does")
         return self.in_flight.modules
+
+
+def _whole(value, low, high, what):
+    """A whole number within bounds. Raises SetupError."""
+    if not isinstance(value, (int, np.integer)) or not low <= value <= high:
+        raise SetupError(f"{what} must be a whole number from {low} to {high}; found {value!r}")
+    return int(value)
 
 
 class _Modules:

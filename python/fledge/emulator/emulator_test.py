@@ -308,14 +308,28 @@ def test_wrong_files_and_addresses_are_refused(board, tmp_path):
     refused(lambda: board.gdb("localhost"), r"gdb: expected \[ADDRESS:\]PORT")
     refused(lambda: board.trace(tmp_path / "none/trace"), "none/trace cannot be written")
     refused(lambda: board.flip("%q3", 1), "there is no register %q3; there are %g0")
-    refused(lambda: board.flip(4, 8), "flip: there is no bit 8")
-    refused(lambda: board.peek(0x30000000, 4), "no memory there")
-    refused(lambda: board.interrupt(16), "interrupt: the lines are 1 to 15; found 16")
-    refused(lambda: board.stick_interrupts(on=[0]), "stick_interrupts: the lines are 1 to 15; found 0")
+    refused(lambda: board.flip(4, 8), "flip: a byte of memory has the bits 0 to 7; found 8")
+    refused(lambda: board.flip("%l3", -1), "flip: a bit must be a whole number from 0 to 31; found -1")
+    refused(lambda: board.flip(0x30000000, 1), "the board has no memory at 0x30000000")
+    refused(lambda: board.peek(0x30000000, 4), "no memory at 0x30000000")
+    refused(lambda: board.peek(0x40000000, 2**40), "peek: bytes must be a whole number from 0 to 2147483648; found 1")
+    for line in (0, 16, -1, 2**70, 2.5, "3", None):
+        refused(lambda: board.interrupt(line), f"interrupt: a line must be a whole number from 1 to 15; found {line!r}")
+        refused(lambda: board.stick_interrupts(on=[line]), "stick_interrupts: a line must be a whole number from 1 to 15")
+    for place in (0x40000002, 0x30000000, 0x80000240, 0x40800000):
+        refused(lambda: board.breakpoint(place), f"breakpoint: expected a multiple of 4 in RAM or ROM; found {place:#x}")
+    for place in (-4, 2**32, 1.5, None):
+        refused(lambda: board.breakpoint(place), "an address must be a whole number from 0 to 4294967295; found ")
+        refused(lambda: board.watchpoint(place), "an address must be a whole number from 0 to 4294967295; found ")
+    for size in (0, -1, 1.5):
+        refused(lambda: board.watchpoint(0x40000000, size), "watchpoint: bytes must be a whole number from 1 to ")
+    refused(lambda: board.watchpoint(0x407FFFFE), "watchpoint: expected reads or writes of bytes of RAM or ROM; found ")
+    refused(lambda: board.write_device("irqmp", "mask", 2**32), "write_device must be a whole number from 0 to 4294967295")
     refused(lambda: board.watchpoint(0x80000240), "watchpoint: expected reads or writes of bytes of RAM or ROM; found "
                                                   "writes of 4 bytes at 0x80000240")
     refused(lambda: board.write_device("irqmp", "masks", 1), "there is no 'masks'; there are level, pending, force, ")
     refused(lambda: board.write_device("irq", "mask", 1), "there is no 'irq'; there are ftmctrl, console, irqmp, ")
+    refused(lambda: board.send("a", uart=-1), "send: a UART must be a whole number from 0 to 255; found -1")
     refused(lambda: board.send("a", uart=2), "the board has no UART 2")
     refused(lambda: board.send(bytes(1025)), "send: the UART has room for 1024 bytes")
     board.sim.run(1)

@@ -50,6 +50,13 @@ EngineKind engine_of(const std::string &name)
     throw Error("engine: expected interpreter, threaded or translator; found " + name);
 }
 
+Error no_memory(std::uint32_t address)
+{
+    char text[64];
+    std::snprintf(text, sizeof text, "the board has no memory at 0x%08x", address);
+    return Error(text);
+}
+
 /// A machine with its program and a developer's tools.
 class Computer {
 public:
@@ -107,8 +114,11 @@ private:
     void flip_memory(std::uint32_t address, unsigned bit)
     {
         std::byte byte{};
-        if (bit > 7 || !machine.peek(address, {&byte, 1})) {
-            throw Error("flip: there is no bit " + std::to_string(bit) + " at this address");
+        if (!machine.peek(address, {&byte, 1})) {
+            throw no_memory(address);
+        }
+        if (bit > 7) {
+            throw Error("flip: a byte of memory has the bits 0 to 7; found " + std::to_string(bit));
         }
         const Memory &ram = machine.bus().ram();
         if (address - ram.base < ram.size) {
@@ -395,14 +405,14 @@ PYBIND11_MODULE(_emulator, m)
              [](const Computer &c, std::uint32_t address, std::size_t n) {
                  std::vector<std::byte> bytes(n);
                  if (!c.machine.peek(address, bytes)) {
-                     throw Error("the board has no memory there: " + std::to_string(address));
+                     throw no_memory(address);
                  }
                  return to_python(bytes);
              })
         .def("poke",
              [](Computer &c, std::uint32_t address, const py::bytes &bytes) {
                  if (!c.machine.poke(address, from_python(bytes))) {
-                     throw Error("the board has no memory there: " + std::to_string(address));
+                     throw no_memory(address);
                  }
              })
         .def("devices",
@@ -485,13 +495,7 @@ PYBIND11_MODULE(_emulator, m)
                  c.planned = Computer::Plan{instruction, time, std::move(flips)};
              })
         .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
-        .def("raise_interrupt",
-             [](Computer &c, std::int64_t line) {
-                 if (line < 1 || line > 15) {
-                     throw Error("interrupt: the lines are 1 to 15; found " + std::to_string(line));
-                 }
-                 interrupts_of(c).raise(static_cast<std::uint32_t>(line));
-             })
+        .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
         .def("stick_interrupts",
              [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
         .def("enable_edac",
