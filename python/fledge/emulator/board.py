@@ -95,7 +95,8 @@ class Board:
             return address(functools.reduce(getattr, names, self.flight), last)
         found = self.core.symbol(place)
         if found is None:
-            raise SetupError(f"the program has no symbol '{place}'{did_you_mean(place, self.core.symbols())}".rstrip("; "))
+            raise SetupError(f"the program has no symbol '{place}'"
+                             + did_you_mean(place, self.core.symbols()).rstrip(";"))
         return found[0]
 
     def _changed(self, place):

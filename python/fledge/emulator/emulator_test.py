@@ -315,16 +315,19 @@ def test_wrong_files_and_addresses_are_refused(board, tmp_path):
     refused(lambda: board.peek(0x40000000, 2**40), "peek: bytes must be a whole number from 0 to 2147483648; found 1")
     for line in (0, 16, -1, 2**70, 2.5, "3", None):
         refused(lambda: board.interrupt(line), f"interrupt: a line must be a whole number from 1 to 15; found {line!r}")
-        refused(lambda: board.stick_interrupts(on=[line]), "stick_interrupts: a line must be a whole number from 1 to 15")
+        refused(lambda: board.stick_interrupts(on=[line]),
+                "stick_interrupts: a line must be a whole number from 1 to 15")
     for place in (0x40000002, 0x30000000, 0x80000240, 0x40800000):
-        refused(lambda: board.breakpoint(place), f"breakpoint: expected a multiple of 4 in RAM or ROM; found {place:#x}")
+        refused(lambda: board.breakpoint(place),
+                f"breakpoint: expected a multiple of 4 in RAM or ROM; found {place:#x}")
     for place in (-4, 2**32, 1.5, None):
         refused(lambda: board.breakpoint(place), "an address must be a whole number from 0 to 4294967295; found ")
         refused(lambda: board.watchpoint(place), "an address must be a whole number from 0 to 4294967295; found ")
     for size in (0, -1, 1.5):
         refused(lambda: board.watchpoint(0x40000000, size), "watchpoint: bytes must be a whole number from 1 to ")
     refused(lambda: board.watchpoint(0x407FFFFE), "watchpoint: expected reads or writes of bytes of RAM or ROM; found ")
-    refused(lambda: board.write_device("irqmp", "mask", 2**32), "write_device must be a whole number from 0 to 4294967295")
+    refused(lambda: board.write_device("irqmp", "mask", 2**32),
+            "write_device must be a whole number from 0 to 4294967295")
     refused(lambda: board.watchpoint(0x80000240), "watchpoint: expected reads or writes of bytes of RAM or ROM; found "
                                                   "writes of 4 bytes at 0x80000240")
     refused(lambda: board.write_device("irqmp", "masks", 1), "there is no 'masks'; there are level, pending, force, ")
