@@ -79,7 +79,10 @@ CONTAINED: dict[str, list[tuple[str, str]]] = {
         ("    // generic type, call binary_op(MP_BINARY_OP_EQUAL)", "    mp_cstack_check();")],
     "py/sequence.c": [(f"        if (mp_obj_equal({what}", f"        script_step();\n        if (mp_obj_equal({what}")
                       for what in ("items1[i], items2[i])", "items[i], value)) {\n            //",
-                                   "items[i], value)) {\n            count")],
+                                   "items[i], value)) {\n            count")]
+    + [("    for (size_t i = 0; i < times; i++) {\n        size_t copy_sz",
+        "    assert(len == 0 || times < SIZE_MAX / item_sz / len);\n"
+        "    for (size_t i = 0; len != 0 && i < times; i++) {\n        size_t copy_sz")],
     "py/objtuple.c": [("hash += MP_OBJ", "script_step();\n                hash += MP_OBJ")],
     "py/objdict.c": [("mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next",
                       "script_step();\n                    mp_map_elem_t *elem = mp_map_lookup(&rhs->map, next")],
