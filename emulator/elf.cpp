@@ -163,6 +163,16 @@ void Program::read_elf(std::span<const std::byte> file)
     const std::uint32_t program_size = r.half(42, "the head"), program_count = r.half(44, "the head");
     const std::uint32_t section_size = r.half(46, "the head"), section_count = r.half(48, "the head");
 
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> empty; // sections without bytes: address, size
+    for (std::uint32_t i = 0; i < section_count; i++) {
+        const std::uint64_t at = section_headers + std::uint64_t{i} * section_size;
+        r.bytes(at, sizeof(Elf32_Shdr), "a section header");
+        if (r.word(at + 4, "") == SHT_NOBITS && (r.word(at + 8, "") & (SHF_ALLOC | SHF_TLS)) == SHF_ALLOC) {
+            empty.emplace_back(r.word(at + 12, ""), r.word(at + 20, ""));
+        }
+    }
+    std::sort(empty.begin(), empty.end());
+
     for (std::uint32_t i = 0; i < program_count; i++) {
         const std::uint64_t at = program_headers + std::uint64_t{i} * program_size;
         r.bytes(at, sizeof(Elf32_Phdr), "a program header");
@@ -179,6 +189,19 @@ void Program::read_elf(std::span<const std::byte> file)
         }
         if (std::uint64_t{s.address} + s.memory_size > std::uint64_t{1} << 32) {
             r.fail("a segment goes beyond the last address");
+        }
+        // Amid a segment the file has zeros for them, which a boot loader does not copy: RTEMS' .noinit.
+        std::uint32_t from = r.word(at + 8, "");
+        for (const auto &[address, size] : empty) {
+            const std::uint32_t before = address - from;
+            if (before < s.bytes.size() && size < s.bytes.size() - before) {
+                const auto place = s.bytes.begin() + before;
+                segments_.push_back({s.address, before + size, {s.bytes.begin(), place}});
+                s.bytes.erase(s.bytes.begin(), place + size);
+                s.address += before + size;
+                s.memory_size -= before + size;
+                from += before + size;
+            }
         }
         segments_.push_back(std::move(s));
     }

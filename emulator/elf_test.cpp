@@ -50,6 +50,35 @@ TEST(Elf, segments_and_symbols_are_read)
     EXPECT_EQ(p.place(base + 200), "") << "beyond what is loaded, no label reaches";
 }
 
+TEST(Elf, a_section_without_bytes_is_not_loaded)
+{
+    auto file = example();
+    const auto put = [&](std::size_t at, std::uint32_t value) {
+        for (std::size_t i = 0; i < 4; i++) {
+            file[at + i] = static_cast<std::byte>(value >> 8 * (3 - i));
+        }
+    };
+    std::size_t section = 0;
+    for (std::size_t i = 32; i < 36; i++) {
+        section = section << 8 | std::to_integer<std::size_t>(file[i]);
+    }
+    put(section + 4, 8); // SHT_NOBITS
+    put(section + 8, 2); // SHF_ALLOC
+    put(section + 12, base + 4);
+    put(section + 20, 8);
+    const Program p(file, "p.elf");
+    ASSERT_EQ(p.segments().size(), 2u);
+    EXPECT_EQ(p.segments()[0].bytes.size(), 4u);
+    EXPECT_EQ(p.segments()[0].memory_size, 12u);
+    EXPECT_EQ(p.segments()[1].address, base + 12);
+    EXPECT_EQ(p.segments()[1].bytes.at(0), std::byte{0x44});
+    EXPECT_EQ(p.segments()[1].memory_size, 104u);
+    EXPECT_EQ(p.place(base + 8), "label");
+
+    put(section + 20, 12); // up to the end of the file's bytes: as zeros behind them
+    EXPECT_EQ(Program(file, "p.elf").segments().size(), 1u);
+}
+
 TEST(Elf, s_records_are_read)
 {
     const auto read = [](const std::string &text) { return Program(std::as_bytes(std::span(text)), "p.srec"); };

@@ -31,4 +31,8 @@ typedef struct MissionParameters {
     uint32_t size;    ///< [bytes]
 } MissionParameters;
 
+/** Of a host that runs each task in a thread of its own (`fledge export rtems`): run the task with this index, and
+ *  return when it has run. */
+void mission_run_task(uint32_t task, void (*run)(void *mission, Tick t), void *mission, Tick t);
+
 #endif

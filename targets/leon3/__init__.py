@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A LEON3 board without an operating system, on the project's emulator.
 
-    board.py      programs for a board; traps.S, board.c, runtime.c, system.c: its support; main.c: flight on it
+    board.py      programs for a board; traps.S, devices.c, board.c, runtime.c, system.c: its support;
+                  main.c: flight on it
     toolchain.py  Debian's SPARC compiler, and newlib, the C library, which is built once
 """
 from __future__ import annotations

@@ -11,7 +11,7 @@ from fledge.targets.leon3 import toolchain
 
 FOLDER = build.ROOT / "targets/leon3"
 BOARD = build.ROOT / "emulator/boards/leon3.toml"       # Leon3.board
-SUPPORT = [FOLDER / name for name in ("traps.S", "board.c", "runtime.c", "system.c")]
+SUPPORT = [FOLDER / name for name in ("traps.S", "devices.c", "board.c", "runtime.c", "system.c")]
 # Flight on it, besides the mission's sources.
 FLIGHT = [*(build.ROOT / path for path in (
     "targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A LEON3 board without an operating system: its devices, as plug and play shows them, interrupts, time, contexts.
- * traps.S has the trap table and the start, board.c the devices, runtime.c what the compiler calls, system.c what the C
- * library calls. A program has a function main; no function here uses the heap. */
+ * traps.S has the trap table and the start, devices.c plug and play and the console, board.c all else of the board,
+ * runtime.c what the compiler calls, system.c what the C library calls. A program has a function main; no function here
+ * uses the heap. */
 #ifndef TARGETS_LEON3_LEON3_H
 #define TARGETS_LEON3_LEON3_H
 
 #define LEON3_WINDOWS 8        /* of registers; the start refuses another number */
 #define LEON3_PAINT 0x5ac3a53c /* of a stack that was never used */
+#define LEON3_FAULT_STACK 2048 /* [bytes] of the report of a trap */
 
 #ifndef __ASSEMBLER__
 #include <stddef.h>
@@ -24,6 +26,19 @@ typedef struct Leon3Devices {
 } Leon3Devices;
 
 extern Leon3Devices leon3;
+
+/** Find them, and enable both UARTs. */
+void leon3_find_devices(void);
+
+static inline uint32_t leon3_load(uint32_t address)
+{
+    return *(const volatile uint32_t *)(uintptr_t)address;
+}
+
+static inline void leon3_store(uint32_t address, uint32_t value)
+{
+    *(volatile uint32_t *)(uintptr_t)address = value;
+}
 
 /** Runs main: traps.S calls it. */
 void leon3_run(void);

@@ -5,7 +5,9 @@
 #include "targets/leon3/leon3.h"
 #include "targets/leon3/recorder.h"
 
+#ifndef TARGET
 #define TARGET "leon3"
+#endif
 
 enum { BOARDS_MAX = 4 };
 

@@ -16,7 +16,7 @@ static struct {
     MissionRecord record;
     McapSchema schemas[SCHEMAS];
     McapChannel channels[CHANNELS];
-} kept __attribute__((section(".kept")));
+} kept __attribute__((section(".noinit")));
 
 static int send_record(void *user, const void *bytes, size_t n)
 {

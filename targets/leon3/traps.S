@@ -261,7 +261,7 @@ unexpected:
         mov     1, %l5
         sll     %l5, %l6, %l5
         wr      %l5, %wim
-        set     leon3_fault_stack_end - 96, %sp
+        set     leon3_fault_stack + LEON3_FAULT_STACK - 96, %sp
         clr     %fp
         or      %l0, ALL_LEVELS, %l0
         wr      %l0, %psr

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge export c MISSION`: what flies, as source without Python; `fledge export cfs MISSION --app NAME`: as an app
-of the core Flight System; `fledge export micropython MISSION`: as a program of MicroPython, whose script composes it.
+of the core Flight System; `fledge export rtems MISSION`: as an application of RTEMS; `fledge export micropython
+MISSION`: as a program of MicroPython, whose script composes it.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("export", export, "write what flies in a mission as C", "export c nadir_spin --out nadir_spin_c")
-    one.add_argument("form", choices=["c", "cfs", "micropython"], help="c: MISSION.h and MISSION.c, in C99; cfs: an "
-                     "app for the apps folder of a cFS tree; micropython: a program for this machine, which its script "
-                     "composes")
+    one.add_argument("form", choices=["c", "cfs", "rtems", "micropython"], help="c: MISSION.h and MISSION.c, in "
+                     "C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a LEON3, "
+                     "with a Makefile; micropython: a program for this machine, which its script composes")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
@@ -46,8 +47,8 @@ def add(command: Callable) -> None:
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
     one.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, runs/MISSION/micropython, or "
-                     "runs/MISSION/cfs/APP")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, runs/MISSION/rtems, "
+                     "runs/MISSION/micropython, or runs/MISSION/cfs/APP")
     add_parameters(one)
     one.set_defaults(needs=lambda options: TARGETS.known([options.form]))
 
@@ -77,6 +78,12 @@ def export(options: argparse.Namespace) -> int:
     if options.form == "cfs":
         folder = folder if options.out else folder / options.app
         paths = export_cfs(mission, options, folder)
+    elif options.form == "rtems":
+        from fledge.objects import project
+        from fledge.targets.leon3_rtems import export as rtems
+
+        ours = project.folder()
+        paths = rtems.write(mission, folder, options.board or (), outputs_of(options.outputs), [ours] if ours else [])
     else:
         more = {}
         if options.board is not None:
@@ -87,7 +94,8 @@ def export(options: argparse.Namespace) -> int:
         for path in paths:
             say(f"  wrote  {path}")
     else:
-        say(f"  wrote  {len(paths)} files in {folder}; {folder / 'README.md'} says how they go into a cFS tree")
+        what = "how they go into a cFS tree" if options.form == "cfs" else "how to build them"
+        say(f"  wrote  {len(paths)} files in {folder}; {folder / 'README.md'} says {what}")
     for what in mission.left_out:
         say(f"  left out  {what}")
     return 0

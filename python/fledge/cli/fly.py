@@ -48,6 +48,8 @@ def add(command: Callable) -> None:
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
                      "on the pocket cFE")
+    one.add_argument("--rtems", metavar="DIR", help="with --on leon3-rtems: the folder into which RTEMS 6 was "
+                     "installed, with the BSP leon3; default: FLEDGE_RTEMS")
     one.add_argument("--clock", action="store_true", help="fly one process in real time, by the clock of this machine, "
                      "with the inputs of the desktop's flight; print and plot how late it woke and how long a cycle "
                      "took; with --for")
@@ -76,6 +78,12 @@ def fly(options: argparse.Namespace) -> int:
 
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
+    if options.rtems:
+        from fledge.targets.leon3_rtems import NAMED_BY
+
+        if "leon3-rtems" not in chosen:
+            raise Failure("fly: --rtems is for --on leon3-rtems")
+        os.environ[NAMED_BY] = options.rtems
     targets, lacking = _ready(["desktop", *chosen])
     if options.cfs:
         from fledge.targets.cfs.real import RealCfs

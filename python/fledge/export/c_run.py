@@ -54,7 +54,8 @@ def configuration(mission: Mission) -> Iterator[str]:
 # --- tasks -----------------------------------------------------------------------------------------
 
 def tasks(mission: Mission) -> Iterator[str]:
-    for task in mission.tasks:
+    struct = mission.struct()
+    for i, task in enumerate(mission.tasks):
         lines: list[str] = []
         for module in task.run:
             lines += [""] if lines else []
@@ -62,8 +63,12 @@ def tasks(mission: Mission) -> Iterator[str]:
                 lines += carry(wire)
             lines.append(f"    {module.function}_update(&m->{module.name}, t);")
         where = f", in {', '.join(mission.mode_titles[m] for m in task.modes)}" if task.modes is not None else ""
-        yield function(f"static void run_{task.name}({mission.struct()} *m, Tick t)", lines,
-                       f"The task {task.title}, every {seconds(task.period)}{where}.")
+        about = f"The task {task.title}, every {seconds(task.period)}{where}."
+        if mission.form == "rtems":     # in a thread of its own
+            yield function(f"static void thread_{task.name}(void *mission, Tick t)",
+                           [f"    {struct} *m = mission;", *lines], about)
+            lines, about = [f"    mission_run_task({i}u, thread_{task.name}, m, t);"], ""
+        yield function(f"static void run_{task.name}({struct} *m, Tick t)", lines, about)
 
 
 def restart(mission: Mission) -> str:

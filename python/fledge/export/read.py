@@ -117,7 +117,7 @@ class Mission:
     left_out: list                   # titles of tasks and events that are not exported
     reset: int | None = None         # the index in `inputs` of the message by which the computer is reset
     down: int = 0                    # [ns] how long it is down then
-    form: str = "c"                  # c: its functions are exported, too; micropython: its script composes it
+    form: str = "c"                  # c: with its functions; rtems: a thread for each task, too; micropython: composed
     changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
 
     @property

@@ -20,7 +20,7 @@ TABLES, LIBRARY = "tables and scripts", "C library"
 NAMES = (INTERPRETER, EXECUTIVE, TABLES, "modules", "commands and telemetry",
          "registers, record and host", LIBRARY)
 CODE = (".text", ".rodata", ".data.rel.ro", ".traps", ".init", ".fini", ".eh_frame")
-DATA = (".data", ".bss", ".kept", "COMMON", ".tbss")
+DATA = (".data", ".bss", ".noinit", "COMMON", ".tbss")
 
 
 def by_part(built: Path) -> tuple[dict[str, int], int]:

@@ -236,7 +236,7 @@ static void check_library(void)
 static struct {
     uint32_t begun;
     uint32_t starts;
-} kept __attribute__((section(".kept")));
+} kept __attribute__((section(".noinit")));
 
 static void check_resets(void)
 {

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mission as an application of RTEMS on a LEON3 board; the user names the installed RTEMS.
+
+    rtems.c    the board under RTEMS, and a thread for each task of flight
+    export.py  writes the application's folder: `fledge export rtems`
+    Makefile   is in each such folder; it looks for RTEMS, too
+"""
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fledge.targets import build
+from fledge.targets.leon3 import Leon3
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.targets.job import Part
+
+NAMED_BY = "FLEDGE_RTEMS"       # the environment has the folder of RTEMS; --rtems sets it
+
+
+class Leon3Rtems(Leon3):
+    about = "an application of RTEMS 6 on the board, with the RTEMS of --rtems DIR"
+    cpu_of = "simulated, RTEMS too"
+    profiled_by = ""
+    uses = ()
+    needs = ("make",)
+
+    def missing(self) -> list[str]:
+        return super().missing() + ([] if os.environ.get(NAMED_BY) else [
+            f"RTEMS 6 with the BSP leon3 (--rtems DIR, or {NAMED_BY}, is its folder)"])
+
+    def prepare(self) -> None:
+        self.make(Path(__file__).parent, "check")
+
+    def make(self, folder: Path, goal: str) -> str:
+        """What `make` prints."""
+        import subprocess
+
+        from fledge.errors import Failure
+
+        prefix = Path(os.environ[NAMED_BY]).resolve()
+        done = subprocess.run(["make", "--no-print-directory", "-sC", folder, "-j", str(os.cpu_count()), goal,
+                               f"RTEMS={prefix}"], capture_output=True, text=True, errors="replace")
+        if done.returncode:
+            said = done.stderr.strip()
+            raise Failure(said.partition("*** ")[2].removesuffix(".  Stop.") if goal == "check" else
+                          f"{folder} cannot be built:\n{said}", 1)
+        return done.stdout.strip()
+
+    def build(self, part: Part) -> Path:
+        from fledge.targets.leon3_rtems import export
+
+        folder = part.folder / self.name
+        kept = {*export.write(part.mission, folder, part.boards, (), part.roots[:-1])}
+        for old in {*folder.glob("src/**/*.[ch]")} - kept:
+            old.unlink()                # of an earlier export
+        self.make(folder, "all")
+        return folder / part.mission.name
+
+    def sizes(self, built: Path) -> tuple[int, int]:
+        """RTEMS included."""
+        import subprocess
+
+        tool = self.make(Path(__file__).parent, "size")
+        done = subprocess.run([tool, built], capture_output=True, text=True, check=True)
+        text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
+        return text, data + bss
