@@ -34,9 +34,10 @@ def cmake(app: App, sources: Sequence[str], tables: Sequence[Table]) -> str:
              "# Without optimisation sqrt is a call: of an app that is loaded, or of the core that it is linked with.",
              "if(UNIX)", f"    set_property(TARGET {app.name} APPEND PROPERTY LINK_LIBRARIES m)",
              f"    set_property(TARGET {app.name} APPEND PROPERTY INTERFACE_LINK_LIBRARIES m)", "endif()"]
+    lines += ["", "if(CFE_EDS_ENABLED)", f"    target_sources({app.name} PRIVATE fsw/eds/{app.name}_eds.c)", "endif()"]
     if tables:
         lines += ["", f"add_cfe_tables({app.name}", "\n".join(f"    fsw/tables/{t.stem}.c" for t in tables) + ")"]
-    lines += ["", "if(ENABLE_UNIT_TESTS)", "    add_subdirectory(unit-test)", "endif()"]
+    lines += ["", "if(ENABLE_UNIT_TESTS AND NOT CFE_EDS_ENABLED)", "    add_subdirectory(unit-test)", "endif()"]
     return "\n".join([*lines, ""])
 
 
@@ -159,8 +160,9 @@ else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
 4. Add the entries of `install/sch_lab_table.VERSION.c`, of your version, and of `install/to_lab_sub.c` to the tables of
    your scheduler and of your telemetry output. The build finds the app's headers without further include paths.
 5. `make prep && make install`; in the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another
-   configuration. The tables are built with it; without that tool, or for another byte order, copy `cf/*.tbl` to the
-   target's `/cf`: they are {app.order}-endian (`--order`).
+   configuration: `native_eds` builds with the data sheet, `eds/{name}.xml`. The tables are built with it; without that
+   tool, or for another byte order, copy `cf/*.tbl` to the target's `/cf`: they are {app.order}-endian (`--order`), and
+   for builds without data sheets, which have files of their own form.
 
 Under Linux, `/proc/sys/fs/mqueue/msg_max` limits the depth of pipes; cFE's own need 40 messages.
 

@@ -1,18 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An app's electronic data sheet (CCSDS 876.0): its packets and topics, for tools that read eds/NAME.xml."""
+"""An app's electronic data sheet (CCSDS 876.0): its packets, tables and topics, for a build of cFS with
+CFE_EDS_ENABLED and other tools that read eds/NAME.xml.
+
+In a sheet all topics of a mission are one list, in which commands and telemetry have a part each: CFE_MISSION's
+TELECOMMAND_BASE_TOPICID and TELEMETRY_BASE_TOPICID. A type has one size, so there is a command for each parameter that
+is written or staged, instead of bytes.
+"""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
-from fledge.commands import Code, Reason
+from fledge.commands import DATA_MAX, Code, Reason
 from fledge.elements import ELEMENTS
 from fledge.export import names
 from fledge.targets.cfs.export.packets import ARGUMENTS, housekeeping, title
 
 if TYPE_CHECKING:
     from fledge.targets.cfs.export.app import App
+    from fledge.targets.cfs.export.tables import Table
     from fledge.export.read import Mission
 
 TYPES = {"f32": "float", "f64": "double"}
@@ -29,11 +36,16 @@ class Types:
 
     def __init__(self) -> None:
         self.lines: list[str] = []
-        self.known: set[str] = set()
+        self.known: dict[str, str] = {}
 
     def add(self, kind: str, name: str, attributes: str, body: Sequence[str]) -> str:
+        """The name that it gets: one of another content has a number at its end."""
+        text = "\n".join([kind, attributes, *body])
+        first, n = name, 2
+        while self.known.get(name, text) != text:
+            name, n = f"{first}_{n}", n + 1
         if name not in self.known:
-            self.known.add(name)
+            self.known[name] = text
             self.lines += [f'      <{kind} name="{name}"{attributes}>', *(f"        {line}" for line in body),
                            f"      </{kind}>"]
         return name
@@ -43,12 +55,27 @@ class Types:
         name = f"{of.rpartition('/')[2]}_{'x'.join(map(str, shape))}"
         return self.add("ArrayDataType", name, f' dataTypeRef="{of}"', ["<DimensionList>", *sizes, "</DimensionList>"])
 
+    def number(self, element: str) -> str:
+        """A number of a command: big-endian, whatever the mission's byte order."""
+        one = ELEMENTS[element]
+        bits, order = 8 * one.size, 'byteOrder="bigEndian"'
+        if one.is_float:
+            precision = "double" if bits == 64 else "single"
+            return self.add("FloatDataType", f"{one.ctype}_be", "", [
+                f'<FloatDataEncoding encodingAndPrecision="IEEE754_2008_{precision}" {order} sizeInBits="{bits}" />',
+                f"<Range><PrecisionRange>{precision}</PrecisionRange></Range>"])
+        signed = one.code.islower() and element != "char"
+        low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+        encoding = "twosComplement" if signed else "unsigned"
+        return self.add("IntegerDataType", f"{'' if signed else 'u'}int{bits}_be", "", [
+            f'<IntegerDataEncoding sizeInBits="{bits}" encoding="{encoding}" {order} />',
+            f'<Range><MinMaxRange min="{low}" max="{high}" rangeType="inclusiveMinInclusiveMax" /></Range>'])
+
     def container(self, name: str, entries: Sequence[tuple[str, str, str]], parent: str = "", about: str = "",
-                  code: int | None = None) -> str:
-        """entries: (name, type, meaning)."""
-        body = [] if code is None else ["<ConstraintSet>",
-                                        f'  <ValueConstraint entry="Sec.FunctionCode" value="{code}" />',
-                                        "</ConstraintSet>"]
+                  where: Sequence[tuple[str, int]] = ()) -> str:
+        """entries: (name, type, meaning). where: (path, value) of what tells it from others of its parent."""
+        body = ["<ConstraintSet>", *(f'  <ValueConstraint entry="{path}" value="{value}" />' for path, value in where),
+                "</ConstraintSet>"] if where else []
         if entries:
             rows = [f'  <Entry name="{one}" type="{type_}"{described(doc)} />' for one, type_, doc in entries]
             body += ["<EntryList>", *rows, "</EntryList>"]
@@ -80,20 +107,57 @@ def described(text: str) -> str:
     return f" shortDescription={quoteattr(' '.join(text.split()))}" if text else ""
 
 
-def sheet(mission: Mission, app: App) -> str:
+def numbers(fields: Sequence[Any], start: int, prefix: str = "") -> Iterator[tuple[str, str, int, int, str]]:
+    """(name, element, offset in the block, how many, meaning) of all that a command can write at once."""
+    for field in fields:
+        n = 1
+        for dimension in field.shape:
+            n *= dimension
+        if field.type == "struct":
+            for i in range(n):
+                yield from numbers(field.struct.fields, start - field.offset - i * field.struct.size,
+                                   f"{prefix}{field.name}_{i}_" if field.shape else f"{prefix}{field.name}_")
+            continue
+        size = ELEMENTS[field.type].size
+        about = field.doc + (f" [{field.unit}]" if field.unit else "")
+        for first in range(0, n, DATA_MAX // size):
+            many = min(n - first, DATA_MAX // size)
+            name = f"{prefix}{field.name}" + (f"_from_{first}" if many < n else "")
+            yield name, field.type, field.offset - start + first * size, many, about
+
+
+def commands(types: Types, command: str, found: Sequence[Table]) -> None:
+    """All commands but those without arguments."""
+    for code, arguments in ARGUMENTS.items():
+        payload = types.container(f"{title(code)}Cmd_Payload", [
+            (name, types.number("u16" if size == 2 else "u32"), "")
+            for name, size in ({"Version": 2} | arguments).items() if name != "Bytes"])
+        packet = types.container(f"{title(code)}Cmd", [("Payload", payload, "")], command,
+                                 where=[("Sec.FunctionCode", int(code))])
+        if "Bytes" in arguments:
+            for i, table in enumerate(found):
+                for name, element, offset, n, about in numbers(table.fields, table.start):
+                    of = types.number(element)
+                    types.container(f"{title(code)}{table.name}_{name}Cmd",
+                                    [("Value", types.array(of, [n]) if n > 1 else of, about)], packet,
+                                    where=[("Payload.Module", i), ("Payload.Offset", offset)])
+
+
+def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
     """eds/NAME.xml"""
     types = Types()
+    for table in found:             # first, so that a table has the name that it has in C
+        types.container(table.name, [("Layout", base("u32"), ""), ("Check", base("u32"), ""), *(
+            (f.name, types.field(table.name, f), f.doc + (f" [{f.unit}]" if f.unit else "")) for f in table.fields)],
+            about=f"{table.module.path}: {table.module.type}")
     command = types.container("CommandBase", [], "CFE_HDR/CommandHeader")
     request = types.container("RequestCmd", [], "CFE_HDR/CommandHeader")
     for plain in (Code.NOOP, Code.RESET_COUNTERS):
-        types.container(f"{title(plain)}Cmd", [], command, code=int(plain))
-    for code, arguments in ARGUMENTS.items():
-        octets = {"Version": 2} | arguments
-        payload = types.container(f"{title(code)}Cmd_Payload", [
-            (name, types.array("BASE_TYPES/uint8", [size]), "big-endian") for name, size in octets.items()])
-        types.container(f"{title(code)}Cmd", [("Payload", payload, "")], command, code=int(code))
-    interfaces = [("CMD", "CMD", "Telecommand", command), ("SEND_HK", "SEND_HK", "Telecommand", request),
-                  ("WAKEUP", "WAKEUP", "Telecommand", request)]
+        types.container(f"{title(plain)}Cmd", [], command, where=[("Sec.FunctionCode", int(plain))])
+    commands(types, command, found)
+    prefix = app.prefix
+    interfaces = [("CMD", "Telecommand", command), ("SEND_HK", "Telecommand", request)]
+    interfaces += [("WAKEUP", "Telecommand", request)] if app.wakeup is None else []
     report = [("Time", "int64", "of flight [ns]"), *((name, "uint16", "") for name in (
         "Sequence", "Code", "Executed", "Reason", "Detail", "Count", "Spare1", "Spare2"))]
     flight = [("Time", "int64", "of flight [ns]"), *((name, "uint32", "") for name in (
@@ -107,31 +171,40 @@ def sheet(mission: Mission, app: App) -> str:
             of = f"BASE_TYPES/{of}"
             entries.append((entry, types.array(of, [int(count[:-1])]) if count else of, doc))
         payload = types.container(f"{name.title()}Tlm_Payload", entries)
-        interfaces.append((f"{name}_TLM", f"{name}_TLM", "Telemetry", types.container(
+        interfaces.append((f"{name}_TLM", "Telemetry", types.container(
             f"{name.title()}Tlm", [("Payload", payload, "")], "CFE_HDR/TelemetryHeader")))
+    types.container("ReadReportTlm", [("Data", types.array("BASE_TYPES/uint8", [DATA_MAX]), "the first Count of them")],
+                    "ReportTlm", where=[("Payload.Code", int(Code.READ)), ("Payload.Executed", 1)])
     for kind, messages in (("TLM", mission.outputs), ("IN", mission.inputs)):
         for message in messages:
             packet = types.container(names.camel(message.name) + kind.title(),
                                      [("Payload", types.struct(message.struct), "")], "CFE_HDR/TelemetryHeader",
                                      message.path)
-            interfaces.append((f"{message.name.upper()}_{kind}",) * 2 + ("Telemetry", packet))
+            if kind == "TLM" or message.path not in app.wires:      # others have it in the sheet of their writer
+                interfaces.append((f"{message.name.upper()}_{kind}", "Telemetry", packet))
     topics = app.topics(mission)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<!-- SPDX-License-Identifier: Apache-2.0 -->",
              '<PackageFile xmlns="http://www.ccsds.org/schema/sois/seds">',
-             f'  <Package name="{app.prefix}"{described(mission.about)}>', "    <DataTypeSet>", *types.lines,
+             f'  <Package name="{prefix}"{described(mission.about)}>', "    <DataTypeSet>", *types.lines,
              "    </DataTypeSet>", "    <ComponentSet>", '      <Component name="Application">',
              "        <RequiredInterfaceSet>"]
-    for name, _, kind, packet in interfaces:
-        lines += [f'          <Interface name="{name}" type="CFE_SB/{kind}">', "            <GenericTypeMapSet>",
-                  f'              <GenericTypeMap name="{kind}DataType" type="{packet}" />',
-                  "            </GenericTypeMapSet>", "          </Interface>"]
+    for name, kind, packet in interfaces:
+        lines += interface(name, f"CFE_SB/{kind}", kind, packet)
+    for table in found:
+        lines += interface(table.name, "CFE_TBL/Table", "Table", table.name)
     lines += ["        </RequiredInterfaceSet>", "        <Implementation>", "          <VariableSet>"]
-    for name, topic, _, _ in interfaces:
-        number = topics[f"{app.prefix}_MISSION_{topic}_TOPICID"]
+    for name, kind, _ in interfaces:
+        number = topics[f"{prefix}_MISSION_{name}_TOPICID"]
         lines.append(f'            <Variable type="BASE_TYPES/uint16" readOnly="true" name="{names.camel(name.lower())}'
-                     f'TopicId" initialValue="{number}" />')
+                     f'TopicId" initialValue="${{CFE_MISSION/{kind.upper()}_BASE_TOPICID}} + {number}" />')
     lines += ["          </VariableSet>", "          <ParameterMapSet>"]
     lines += [f'            <ParameterMap interface="{name}" parameter="TopicId" variableRef="'
-              f'{names.camel(name.lower())}TopicId" />' for name, _, _, _ in interfaces]
+              f'{names.camel(name.lower())}TopicId" />' for name, _, _ in interfaces]
     return "\n".join([*lines, "          </ParameterMapSet>", "        </Implementation>", "      </Component>",
                       "    </ComponentSet>", "  </Package>", "</PackageFile>", ""])
+
+
+def interface(name: str, type_: str, kind: str, content: str) -> list[str]:
+    return [f'          <Interface name="{name}" type="{type_}">', "            <GenericTypeMapSet>",
+            f'              <GenericTypeMap name="{kind}DataType" type="{content}" />',
+            "            </GenericTypeMapSet>", "          </Interface>"]

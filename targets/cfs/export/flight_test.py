@@ -178,7 +178,8 @@ HK = "<qBBH37I"
 COUNTERS = {name: 4 + i for i, name in enumerate(
     "mode accepted executed refused".split())} | {name: 4 + 4 + 18 + i for i, name in enumerate(
         "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated "
-        "inputs inputs_refused inputs_missing wakeups_early wakeups_missing time_sets".split())} | {"time": 0}
+        "inputs inputs_refused inputs_missing wakeups_early wakeups_missing time_sets".split())} | {
+            "time": 0, "inputs_stale": 3}
 
 
 @pytest.fixture(scope="module")
@@ -280,6 +281,32 @@ def test_inputs_that_never_came_are_told_and_configuration_comes_again(on_bus):
         core.wake(met=12)                               # it was not sent between two requests
         core.telemetry(vehicle)
         assert (seen, len(core.told_all(vehicle))) == (1, 2)
+    finally:
+        core.kill()
+
+
+def test_an_input_that_stops_coming_is_told_once_and_counted_until_it_comes(on_bus):
+    core = Bus(*on_bus[0])
+
+    def come():
+        core.send(telemetry(core.ids["FSW_NAV_ATTITUDE_IN_MID"], bytes(64)))    # its head is the app's to write
+
+    try:
+        for met in (10, 12, 14):                        # every 2 s
+            come()
+            core.wake(met=met)
+            core.housekeeping()                         # it has flown
+        core.send(telemetry(core.ids["FSW_WHEELS_SPEEDS_IN_MID"], bytes(80)))   # once: how often it comes is not known
+        core.wake(met=34)                               # for ten of its steps
+        assert core.housekeeping()["inputs_stale"] == 0
+        core.wake(met=36)
+        core.until("FSW 38: world.nav.attitude has not come for 22000 ms; it came every 2000 ms")
+        core.wake(met=136)
+        assert core.housekeeping()["inputs_stale"] == 1
+        come()
+        core.wake(met=137)
+        assert core.housekeeping()["inputs_stale"] == 0
+        assert len([line for line in core.seen if " 38: " in line]) == 1
     finally:
         core.kill()
 

@@ -52,6 +52,9 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
         if what in left_out:
             continue
         what = "attach.c" if what.startswith("attach") else what
+        if what == "eds.c":                         # a source that only a build with data sheets compiles
+            sheets = sources.renamed(app, filled(template))
+            continue
         (inc if what == "eventids.h" else src)[f"{name}_{what}"] = filled(template)
     headers = packets.config(mission, app, found, simulated)
     config = {f"{name}_{one}.h": text for one, text in headers.items()}
@@ -72,6 +75,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out: dict[str, Any] = {f"fsw/inc/{file}": text for file, text in inc.items()}
     out |= {f"config/default_{file}": text for file, text in config.items()}
     out |= {f"fsw/src/{file}": text for file, text in src.items()}
+    out[f"fsw/eds/{name}_eds.c"] = sheets
     out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
     out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
     out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
@@ -79,7 +83,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),
             "arch_build.cmake": around.configured(app, "platform", packets.PLATFORM),
-            f"eds/{name}.xml": eds.sheet(mission, app),
+            f"eds/{name}.xml": eds.sheet(mission, app, found),
             "unit-test/CMakeLists.txt": around.unit_test(app, sorted(code)),
             f"unit-test/coveragetest_{name}.c": filled(HERE / "templates/unit-test/coveragetest.c.in"),
             "install/targets.cmake": around.targets(app), "install/cfe_es_startup.scr": around.startup(app),

@@ -64,8 +64,8 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         "    int32 (*Validate)(void *Content);", f"}} {prefix}_Table_t;", "",
         f"extern const {prefix}_Table_t {prefix}_Tables[{prefix}_TABLES + 1];", "",
         "/** The message ids of inputs, and of flight's telemetry, in their orders. */",
-        f"extern const CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
-        f"extern const CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[];", "",
+        f"extern CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
+        f"extern CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[];", f"void {prefix}_FindIds(void);", "",
         "/** Look at what a table shall hold: CFE_SUCCESS, or an error after an event. */",
         f"int32 {prefix}_ValidateTable(uint32 Index, const void *Content);", ""])
 
@@ -105,8 +105,11 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
         lines += [f"const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT] = {{",
                   *(f"    {{{offset}, {size}}}," for _, offset, size in kept(mission, app)), "};", ""]
     telemetry = ["FLIGHT", "REPORT", *(m.name.upper() for m in mission.outputs)]
-    for kind, listed in (("Input", [f"{m.name.upper()}_IN" for m in mission.inputs] + [""]),
-                         ("Telemetry", [f"{one}_TLM" for one in telemetry])):
-        lines += [f"const CFE_SB_MsgId_Atom_t {prefix}_{kind}Ids[] = {{",
-                  *(f"    {prefix}_{one}_MID," if one else "    0," for one in listed), "};", ""]
+    inputs = [f"{m.name.upper()}_IN" for m in mission.inputs]
+    lines += [f"CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
+              f"CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[{len(telemetry)}];", "",
+              "/* Data sheets make ids of topics while the core runs. */", f"void {prefix}_FindIds(void)", "{",
+              *(f"    {prefix}_InputIds[{i}] = {prefix}_{one}_MID;" for i, one in enumerate(inputs)),
+              *(f"    {prefix}_TelemetryIds[{i}] = {prefix}_{one}_TLM_MID;" for i, one in enumerate(telemetry)),
+              "}", ""]
     return "\n".join(lines)

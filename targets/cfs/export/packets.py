@@ -102,6 +102,8 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
         "internal_cfg": (f"How {prefix} works inside.", [
             "/* How long the app waits for a message before it looks whether it is to end [ms]. */",
             f"#define {prefix}_WAIT_MS 500", "",
+            "/* An input is stale if nothing came for longer than so many times what lay between its last two. */",
+            f"#define {prefix}_STALE_STEPS 10", "",
             "/* Without registers, flight's time is: 1: the mission elapsed time of a wake-up, to the nearest step;",
             " * 0: a step more than at the wake-up before. */", f"#ifndef {prefix}_TIME_FROM_MET",
             f"#define {prefix}_TIME_FROM_MET 1", "#endif", "",
@@ -122,9 +124,12 @@ def msgids(mission: Mission, app: App) -> list[str]:
     standard = {macro: macro.replace("_MISSION_", "_").replace("_TOPICID", "_MID") for macro in app.topics(mission)}
     own = replace(app, wakeup=None, wires={}).ids(mission)
     lines = ['#include "cfe_msgids.h"', f'#include "{app.name}_topicids.h"', "",
-             "/* Caelum and Draco have bases, 7.x has a map of its own. */"]
-    for kind in ("CMD", "TLM"):
-        lines += [f"#ifdef CFE_PLATFORM_{kind}_TOPICID_TO_MIDV",
+             "/* Caelum and Draco have bases, 7.x has a map of its own, and in data sheets all topics are one list. */",
+             "#ifdef CFE_EDS_ENABLED", '#include "cfe_mission_eds_designparameters.h"', "#endif"]
+    for kind, part in (("CMD", "TELECOMMAND"), ("TLM", "TELEMETRY")):
+        lines += ["#if defined(CFE_EDS_ENABLED)", f"#define {prefix}_{kind}_MIDV(topic) \\",
+                  f"    CFE_PLATFORM_{kind}_TOPICID_TO_MIDV(EdsParam_CFE_MISSION_{part}_BASE_TOPICID + (topic))",
+                  f"#elif defined(CFE_PLATFORM_{kind}_TOPICID_TO_MIDV)",
                   f"#define {prefix}_{kind}_MIDV(topic) CFE_PLATFORM_{kind}_TOPICID_TO_MIDV(topic)", "#else",
                   f"#define {prefix}_{kind}_MIDV(topic) (CFE_PLATFORM_{kind}_MID_BASE + (topic))", "#endif"]
     lines.append("")
@@ -164,7 +169,8 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
     return [("Time", "int64", "[ns] of flight, at the last tick; -1: none yet"),
             ("CommandCounter", "uint8", "the low bits of Accepted"),
             ("CommandErrorCounter", "uint8", "the low bits of Refused and RequestErrors"),
-            ("Spare", "uint16", ""), ("Mode", "uint32", ", ".join(modes)), ("Accepted", "uint32", "commands"),
+            ("InputsStale", "uint16", "inputs that came, and come no more"),
+            ("Mode", "uint32", ", ".join(modes)), ("Accepted", "uint32", "commands"),
             ("Executed", "uint32", ""), ("Refused", "uint32", "at acceptance or execution"),
             ("Reasons", f"uint32[{len(Reason)}]", "of the refusals: " + ", ".join(
                 f"{int(one)} {one.name.lower()}" for one in Reason)),

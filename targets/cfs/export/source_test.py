@@ -13,7 +13,7 @@ import fledge
 from fledge import cli, export
 from fledge.elements import ELEMENTS
 from fledge.targets.cfs import export as cfs
-from fledge.targets.cfs.export import sources, tables
+from fledge.targets.cfs.export import eds, sources, tables
 from fledge.targets.cfs.testing import HERE, ROOT, Core, command, linked, read_tbl
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.source_test import MISSIONS, mission_of
@@ -92,24 +92,55 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
             for dimension in one.iter(f"{{{ns['s']}}}Dimension"):
                 n *= int(dimension.get("size"))
             return n * size(one.get("dataTypeRef"))
-        if one.tag.endswith("EnumeratedDataType"):
-            return 4
+        encoding = [part for part in one if part.tag.endswith("DataEncoding")]
+        if encoding:
+            return int(encoding[0].get("sizeInBits")) // 8
         return (size(one.get("baseType")) if one.get("baseType") else 0) + sum(
             size(entry.get("type")) for entry in one.iter(f"{{{ns['s']}}}Entry"))
 
     app = cfs.App("nadir")
     component = package.find("s:ComponentSet/s:Component", ns)
-    packets = {one.get("name"): one.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type")
-               for one in component.find("s:RequiredInterfaceSet", ns)}
-    assert {f"NADIR_MISSION_{name}_TOPICID" for name in packets} == set(app.topics(nadir))
-    numbers = {one.get("name"): int(one.get("initialValue")) for one in component.iter(f"{{{ns['s']}}}Variable")}
+    interfaces = component.find("s:RequiredInterfaceSet", ns)
+    packets = {one.get("name"): one.find("s:GenericTypeMapSet/s:GenericTypeMap", ns).get("type") for one in interfaces}
+    kinds = {one.get("name"): one.get("type").partition("/")[2].upper() for one in interfaces}
+    found = tables.tables(nadir, app)
+    for table in found:
+        assert kinds.pop(table.name) == "TABLE" and size(packets[table.name]) == 8 + len(table.content)
+    assert {f"NADIR_MISSION_{name}_TOPICID" for name in kinds} == set(app.topics(nadir))
+    numbers = {one.get("name"): one.get("initialValue") for one in component.iter(f"{{{ns['s']}}}Variable")}
+    assert len(set(numbers.values())) == len(kinds)     # of commands and of telemetry in one list
     for one in component.iter(f"{{{ns['s']}}}ParameterMap"):
-        assert numbers[one.get("variableRef")] == app.topics(nadir)[f"NADIR_MISSION_{one.get('interface')}_TOPICID"]
+        name = one.get("interface")
+        topic = app.topics(nadir)[f"NADIR_MISSION_{name}_TOPICID"]
+        assert numbers[one.get("variableRef")] == f"${{CFE_MISSION/{kinds[name]}_BASE_TOPICID}} + {topic}"
     for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
         for message in messages:
             assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
     assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (176, 120, 40)
-    assert size("WriteCmd") == 16 + 512 and size("ArmCmd") == 14
+    assert size("ReadReportTlm") == 40 + 512 and size("ArmCmd") == 14
+    for command in ("Write", "Stage"):                  # a command for each parameter, and none for another byte
+        written_to = {(i, at) for i, table in enumerate(found) for at in range(len(table.content))}
+        for name in (name for name in types if types[name].get("baseType") == f"{command}Cmd"):
+            module, offset = (int(one.get("value")) for one in types[name].iter(f"{{{ns['s']}}}ValueConstraint"))
+            assert name.startswith(f"{command}{found[module].name}_")
+            part = {(module, at) for at in range(offset, offset + size(name) - 16)}
+            assert part and part <= written_to
+            written_to -= part
+        assert not written_to
+
+
+def test_a_sheet_leaves_to_others_what_is_theirs(nadir, tmp_path):
+    app = cfs.App("nadir", wakeup=0x18D0, wires={"world.nav.orbit": 0x0890})
+    text = str(cfs.emit(nadir, app)["eds/nadir.xml"])
+    assert '"NAV_ATTITUDE_IN"' in text
+    assert '"NAV_ORBIT_IN"' not in text and '"WAKEUP"' not in text
+
+
+def test_a_sheet_has_no_type_for_two_things():
+    types = eds.Types()
+    assert [types.container("Same", [("A", one, "")]) for one in ("x", "y", "x", "z", "y")] == [
+        "Same", "Same_2", "Same", "Same_3", "Same_2"]
+    assert "\n".join(types.lines).count("<ContainerDataType") == 3
 
 
 def test_copies_are_the_files_as_they_are(written):

@@ -95,8 +95,7 @@ def source(app: App, table: Table) -> str:
     return "\n".join(["/* SPDX-License-Identifier: Apache-2.0 */",
                       f"/* The parameters of {plain(table.module.path)}, as its app was exported with. */",
                       '#include "cfe_tbl_filedef.h"', "", f'#include "{app.name}_tbl.h"', "",
-                      "/* Not const, for the tool that makes a table of it; declared, for compilers that ask. */",
-                      f"extern {name}_t {name};",
+                      "/* Not const, for the tool that makes a table of it. */",
                       f"{name}_t {name} = {{", f"    .Layout = {name.upper()}_LAYOUT,",
                       *values(table.fields, table.content, table.start), "};", "",
                       f"CFE_TBL_FILEDEF({name}, {app.prefix}.{table.name}, {table.module.name} parameters, "
