@@ -4,6 +4,7 @@
 import shutil
 import struct
 import subprocess
+from dataclasses import replace
 
 import pytest
 
@@ -232,6 +233,24 @@ def test_wakeups_that_are_missing_or_too_many_are_told_and_counted(on_bus):
         core.kill()
 
 
+def test_wakeups_halfway_between_steps_are_regular(tmp_path):
+    mission = export.read(fledge.load("nadir_spin"))
+    mission = replace(mission, tasks=[replace(task, period=10 * NS) for task in mission.tasks])
+    app = cfs.App("fsw")
+    cfs.write(mission, app, tmp_path / "fsw")
+    core = Bus(mission, app, linked.build([(app, tmp_path / "fsw")], tmp_path / "run", options=["-O1"]))
+    try:
+        for i, met in enumerate((15, 25, 34, 45, 54, 65)):      # some nearer to the step before
+            core.wake(met=met)
+            found = core.housekeeping()
+            assert (found["time"], found["ticks"], found["wakeups_early"]) == ((20 + 10 * i) * NS, i + 1, 0)
+        core.wake(met=73)                                       # too early to be the next
+        found = core.housekeeping()
+        assert (found["ticks"], found["wakeups_early"], found["wakeups_missing"]) == (6, 1, 0)
+    finally:
+        core.kill()
+
+
 def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
     core = Bus(*on_bus[0])
     try:
@@ -243,6 +262,9 @@ def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
         core.wake(met=101)
         found = core.housekeeping()
         assert (found["time"], found["ticks"], found["time_sets"], found["wakeups_missing"]) == (101 * NS, 3, 1, 1)
+        core.wake(met=100)                              # as at cFE's first tones
+        found = core.housekeeping()
+        assert (found["ticks"], found["wakeups_early"], found["time_sets"]) == (3, 1, 1)
     finally:
         core.kill()
 
