@@ -167,7 +167,14 @@ struct Machine::Impl final : DeviceHost {
         s.npc = s.pc + 4;
         s.wim = 2;
         if (s.pc != board.rom.base) {
+            s.psr |= psr::enable_fpu | psr::previous_supervisor | psr::enable_traps; // programs of BCC rely on it
             s.cache_control = 0x0081000F; // on, with snooping: RTEMS for several processors looks for it
+            for (const auto &device : devices) {
+                if (auto *timers = dynamic_cast<Gptimer *>(device.get()); timers && (timers->read(8) & 7) > 1) {
+                    timers->write(0x14, ~0u); // the clock of BCC is the first timer, which counts microseconds
+                    timers->write(0x18, 7);
+                }
+            }
         }
         Banks r(s);
         r[14] = (board.ram.base + board.ram.size - 96) & ~7u;

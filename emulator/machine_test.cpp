@@ -62,6 +62,21 @@ TEST_P(OnMachine, time_is_instructions)
     EXPECT_EQ(m.instructions(), 1235u);
 }
 
+TEST_P(OnMachine, a_program_in_ram_finds_what_a_boot_loader_leaves)
+{
+    start(counter);
+    for (int i = 1; i <= 2; i++) {
+        constexpr std::uint32_t expected = psr::enable_fpu | psr::supervisor | psr::previous_supervisor;
+        EXPECT_EQ(m.core().state.psr, psr::version | expected | psr::enable_traps);
+        EXPECT_EQ(r(14) % 8, 0u);
+        m.run_until(i * 1'000'000);
+        std::uint64_t count = 0;
+        m.bus().read(0x80000310, 4, count);
+        EXPECT_EQ(count, 0xFFFFFFFFu - 1000) << "the first timer counts microseconds";
+        m.reset();
+    }
+}
+
 TEST_P(OnMachine, a_timer_interrupts_a_processor_that_sleeps)
 {
     start(store(0x80000240, 1u << 6) + store(0x80000304, 0) + store(0x80000314, 9999) + store(0x80000318, 0xF) +

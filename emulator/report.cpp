@@ -145,7 +145,8 @@ bool program_ended(const Machine &machine, const Program *program, int &status, 
         return false;
     }
     const std::uint32_t handled = s.tbr >> 4 & 0xFF; // the trap whose handler ended the program, if one did
-    const bool in_table = s.pc - s.tbr < 16;         // its entry of the trap table is `ta 0`
+    // Its entry of the trap table is `ta 0`, or where the single vector leads, if it knows no handler.
+    const bool in_table = s.pc - s.tbr < 16 || (s.asr17 & asr::single_vector) != 0;
     if (handled != trap::instruction && in_table) {
         why = "the program has no handler of " + trap_name(handled) + ", which came at " + place_of(r[17], program);
     } else if (in_table) {

@@ -254,7 +254,7 @@ private:
         }
         const std::uint32_t value = rs1() ^ operand2();
         switch (i_.rd) {
-        case 17: s_.asr17 = (s_.asr17 & ~asr::no_store_errors) | (value & asr::no_store_errors); break;
+        case 17: s_.asr17 = (s_.asr17 & ~asr::asr17_writable) | (value & asr::asr17_writable); break;
         case 19: s_.mode = Mode::power_down; break;
         case 22: s_.asr22 = value & asr::counter_off; break;
         default: break;

@@ -202,6 +202,18 @@ TEST_P(Cpu, ATrapEntersTheSupervisorInANewWindow)
     EXPECT_EQ(c.s.psr & (psr::supervisor | psr::enable_traps), psr::enable_traps);
 }
 
+TEST_P(Cpu, ASingleVectorTakesAllTraps)
+{
+    c.r(g(1)) = 1u << 13;
+    run({with_register(2, 0x30, 17, g(1), g(0)), trap_always(5)});
+    EXPECT_EQ(c.s.pc, ram_base);
+    EXPECT_EQ(c.s.npc, ram_base + 4);
+    EXPECT_EQ(c.s.tbr, ram_base + 0x850);
+    c.s.psr |= psr::enable_traps;
+    run({with_register(2, 0x30, 17, g(0), g(0)), trap_always(6)});
+    EXPECT_EQ(c.s.pc, ram_base + 0x860);
+}
+
 TEST_P(Cpu, ATrapWhileTrapsAreDisabledIsTheEnd)
 {
     c.s.psr &= ~psr::enable_traps;
@@ -298,7 +310,7 @@ TEST_P(Cpu, WritesOfAncillaryRegistersTrapWhereTheHardwareDoes)
     }
     EXPECT_EQ(c.s.y, 0u);
     c.s.psr |= psr::supervisor;
-    EXPECT_EQ(c.s.asr17, 0x4507u) << "one bit can be written";
+    EXPECT_EQ(c.s.asr17, 0x6507u) << "two bits can be written";
     c.r(g(2)) = 0x10000000;
     EXPECT_EQ(trap_of(st(g(1), g(2), 0)), trap::none) << "it keeps stores from trapping";
     EXPECT_EQ(trap_of(ld(g(1), g(2), 0)), trap::data_access_exception);

@@ -39,7 +39,9 @@ inline constexpr std::uint32_t writable = 0xCFC00FFF;
 /// Bits of ancillary state registers.
 namespace asr {
 inline constexpr std::uint32_t no_store_errors = 1u << 14; ///< %asr17: a store that fails does not trap
-inline constexpr std::uint32_t counter_off = 1u << 31;     ///< %asr22: this processor does not need the counter
+inline constexpr std::uint32_t single_vector = 1u << 13;   ///< %asr17: all traps go to the begin of the table
+inline constexpr std::uint32_t asr17_writable = no_store_errors | single_vector;
+inline constexpr std::uint32_t counter_off = 1u << 31; ///< %asr22: this processor does not need the counter
 } // namespace asr
 
 /// The deferred floating-point trap of a GRFPU: an operation that it could not complete, until STDFQ takes it.

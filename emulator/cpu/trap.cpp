@@ -21,7 +21,7 @@ void take_trap(Core &core, std::uint32_t trap_type)
     Banks r(s);
     r[17] = s.pc;
     r[18] = s.npc;
-    s.pc = s.tbr;
+    s.pc = (s.asr17 & asr::single_vector) != 0 ? s.tbr & 0xFFFFF000u : s.tbr;
     s.npc = s.pc + 4;
 }
 

@@ -137,6 +137,7 @@ TEST_F(Debug, AnObserverSeesEachStep)
         }
     } seen;
     machine.observe(&seen);
+    state.psr &= ~psr::enable_traps;
     machine.run_until(4000);
     state.pc = 3; // there is no instruction
     machine.run_until(6000);

@@ -88,7 +88,9 @@ void Tools::finish()
 
 std::vector<StackDepth::Stack> Tools::depths() const
 {
-    return stacks_ ? stacks_->stacks() : std::vector<StackDepth::Stack>{};
+    std::vector<StackDepth::Stack> found = stacks_ ? stacks_->stacks() : std::vector<StackDepth::Stack>{};
+    std::erase_if(found, [](const StackDepth::Stack &one) { return one.used() == 0; }); // the boot loader's
+    return found;
 }
 
 } // namespace fledge::emulator

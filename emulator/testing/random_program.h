@@ -99,9 +99,9 @@ public:
         case 6: { // state registers, the ancillary ones too
             constexpr std::uint32_t op3[] = {0x28, 0x29, 0x2A, 0x2B, 0x30, 0x31, 0x32, 0x3B};
             const std::uint32_t which = op3[below(8)];
-            return which == 0x28
-                       ? with_register(2, which, rd, chance(30) ? 0 : rs1, 0)
-                       : with_number(2, which, which == 0x30 && chance(30) ? 0 : rd, which == 0x32 ? 0 : rs1, 0);
+            return which == 0x28 ? with_register(2, which, rd, chance(30) ? 0 : rs1, 0)
+                                 : with_number(2, which, which == 0x30 && (rd == 17 || chance(30)) ? 0 : rd,
+                                               which == 0x32 ? 0 : rs1, 0);
         }
         case 7:
         case 8:

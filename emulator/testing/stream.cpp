@@ -578,7 +578,15 @@ private:
         const std::uint32_t r = other(0), q = other(r);
         switch (below(10)) {
         case 8: c.op(alu::rdy, ancillary(false), g0, reg()); break;
-        case 9: c.word(format3(2, ancillary(true), alu::wry, reg(), second())); break;
+        case 9:
+            if (const std::uint32_t n = ancillary(true);
+                n == 17) { // but no single vector: the table has no handler for it
+                c.sethi(bits() & ~(1u << 13), q);
+                c.op(alu::wry, q, g0, n);
+            } else {
+                c.word(format3(2, n, alu::wry, reg(), second()));
+            }
+            break;
         case 0: c.op(alu::rdy, g0, g0, reg()); break;
         case 1: c.word(format3(2, 0, alu::wry, reg(), second())); break;
         case 2: c.op(alu::rdpsr, g0, g0, reg()); break;

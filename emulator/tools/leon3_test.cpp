@@ -100,6 +100,24 @@ TEST_F(Leon3, a_trap_without_a_handler_is_named)
                           "0x40001028 main+0x28\nthe processor is in its error mode"));
 }
 
+TEST_F(Leon3, a_program_with_a_single_vector_ends)
+{
+    // As BCC's: the code behind the vector halts at traps that it does not know, the end of the program among them.
+    const auto ends = [this](const Words &last) {
+        Words table = trap_table();
+        table[0] = trap_always(0);
+        table.resize((code - base) / 4);
+        auto file =
+            make_elf(base, table + prologue() + set(g(1), 1u << 13) + Words{with_register(2, 0x30, 17, g(1), 0)} + last,
+                     {{"main", code, 100}});
+        file[24 + 2] = static_cast<std::byte>(code >> 8 & 0xFF);
+        write("vector.elf", file);
+        return run("board.toml vector.elf");
+    };
+    EXPECT_EQ(ends({mov(o(0), 7), trap_always(0), nop}), std::pair(7, std::string()));
+    EXPECT_THAT(ends({0}).second, HasSubstr("the program has no handler of illegal_instruction (0x02), which came at"));
+}
+
 TEST_F(Leon3, rtems_ends_with_the_status_of_exit)
 {
     // As RTEMS does: the handler of `ta 0` halts behind the table, with the reason in %g1 to %g3.
