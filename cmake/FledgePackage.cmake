@@ -11,7 +11,7 @@
 #
 # Headers and sources are installed too: projects include them, and `fledge export` compiles them.
 
-set(libraries fledge_math fledge_flight fledge_command fledge_record fledge_sim fledge_tables fledge_world
+set(libraries fledge_ccsds fledge_math fledge_flight fledge_command fledge_record fledge_sim fledge_tables fledge_world
     fledge_cosim_protocol fledge_cosim_security fledge_cosim_transport fledge_cosim_controller fledge_cosim_node
     fledge_cosim_router fledge_cosim_tools fledge_cosim fledge_node)
 foreach(library IN LISTS libraries)
@@ -43,7 +43,7 @@ install(DIRECTORY emulator/boards DESTINATION ${FLEDGE_HOME}/emulator)
 install(TARGETS _core _cosim _emulator DESTINATION ${FLEDGE_HOME}/python)
 install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
 
-foreach(folder flight record registers sim world targets cosim introspect missions)
+foreach(folder ccsds flight record registers sim world targets cosim introspect missions)
     install(DIRECTORY ${folder} DESTINATION ${FLEDGE_HOME}
         REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
 endforeach()

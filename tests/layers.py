@@ -27,12 +27,13 @@ class Rule(NamedTuple):
 FLIGHT = ["flight/math", "flight/msg"]
 
 RULES = {
+    "ccsds": Rule("C99", "the protocols between ground and flight: packets, frames, COP-1; for both ends", []),
     "flight/math": Rule("C99", "vectors, attitudes, elementary functions", []),
     "flight/msg": Rule("C99", "the messages", ["flight/math"]),
     "flight/exec": Rule("C99", "the rules of time, for the desktop and for every exported mission", FLIGHT),
     "flight/command": Rule("C99", "commands to flight: packets, their checks and their execution",
-                           [*FLIGHT, "flight/exec"]),
-    "flight/telemetry": Rule("C99", "packets of flight's outputs", [*FLIGHT, "flight/exec", "flight/command"]),
+                           [*FLIGHT, "flight/exec", "ccsds"]),
+    "flight/telemetry": Rule("C99", "packets of flight's outputs", [*FLIGHT, "flight/exec", "flight/command", "ccsds"]),
     "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
     "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
     "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "

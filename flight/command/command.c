@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "flight/command/command.h"
 
+#include "ccsds/bytes.h"
+
 #include <string.h>
 
 enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16, TURNS = 18 }; /* [bytes] places in a packet */
@@ -9,12 +11,12 @@ enum { VERSION = 8, FIRST = 10, SECOND = 12, THIRD = 14, COUNT = 16, TURNS = 18 
 
 static uint16_t word(const uint8_t *packet, uint32_t at)
 {
-    return (uint16_t)(((uint32_t)packet[at] << 8) | packet[at + 1u]);
+    return ccsds_get16(packet + at);
 }
 
 static uint32_t long_word(const uint8_t *packet, uint32_t at)
 {
-    return ((uint32_t)word(packet, at) << 16) | word(packet, at + 2u);
+    return ccsds_get32(packet + at);
 }
 
 static uint32_t offset_of(const uint8_t *packet)
@@ -29,14 +31,7 @@ static uint32_t length_of(const uint8_t *packet)
 
 uint16_t command_crc(const uint8_t *bytes, uint32_t n)
 {
-    uint32_t crc = 0xFFFFu;
-    for (uint32_t i = 0u; i < n; i++) {
-        crc ^= (uint32_t)bytes[i] << 8;
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (crc & 0x8000u) != 0u ? (crc << 1) ^ 0x1021u : crc << 1;
-        }
-    }
-    return (uint16_t)crc;
+    return ccsds_crc16(bytes, n);
 }
 
 /* Between the order of this machine and big-endian, in place. */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "flight/telemetry/telemetry.h"
 
+#include "ccsds/space_packet.h"
+
 #include <string.h>
 
 enum { HOUSEKEEPING = 0, REPORTS = 1, OUTPUTS = 2 };
@@ -9,22 +11,18 @@ enum { HOUSEKEEPING = 0, REPORTS = 1, OUTPUTS = 2 };
 static void send(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink, void *user)
 {
     uint8_t *p = table->packet;
-    const uint32_t id = table->stream + stream, length = (uint32_t)TELEMETRY_HEADER + n - 7u;
-    const uint16_t sequence = table->rates[stream].sequence++;
+    const SpacePacket head = {(uint32_t)TELEMETRY_HEADER + n,
+                              (table->stream + stream) & 0x7FFu,
+                              table->rates[stream].sequence++ & 0x3FFFu,
+                              0u,
+                              1u,
+                              SPACE_PACKET_WHOLE};
     const uint64_t time = t < 0 ? 0u : (uint64_t)t;
     const uint64_t seconds = time / 1000000000u, part = ((time % 1000000000u) << 16) / 1000000000u;
     memset(p, 0, TELEMETRY_HEADER);
-    p[0] = (uint8_t)(id >> 8);
-    p[1] = (uint8_t)id;
-    p[2] = (uint8_t)(0xC0u | (uint32_t)sequence >> 8);
-    p[3] = (uint8_t)sequence;
-    p[4] = (uint8_t)(length >> 8);
-    p[5] = (uint8_t)length;
-    for (uint32_t i = 0u; i < 4u; i++) {
-        p[6u + i] = (uint8_t)(seconds >> (24u - 8u * i));
-    }
-    p[10] = (uint8_t)(part >> 8);
-    p[11] = (uint8_t)part;
+    space_packet_write(&head, p);
+    ccsds_put32(p + SPACE_PACKET_HEADER, (uint32_t)seconds);
+    ccsds_put16(p + SPACE_PACKET_HEADER + 4, (uint32_t)part);
     p[12] = exec_little_endian() ? 1u : 2u;
     sink(user, p, (uint32_t)TELEMETRY_HEADER + n);
 }

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ccsds/space_packet.h"
+
+#include <string.h>
+
+void space_packet_idle(uint8_t *bytes, size_t n)
+{
+    const SpacePacket idle = {(uint32_t)n, SPACE_PACKET_IDLE, 0u, 0u, 0u, SPACE_PACKET_WHOLE};
+    space_packet_write(&idle, bytes);
+    memset(bytes + SPACE_PACKET_HEADER, 0x55, n - (size_t)SPACE_PACKET_HEADER); /* changes of level for the receiver */
+}
+
+size_t packet_split(PacketSplitter *splitter, uint8_t *bytes)
+{
+    SpacePacket *head = &splitter->head;
+    if (splitter->n == 0) {
+        return 0;
+    }
+    const size_t n = splitter->n < splitter->room ? splitter->n : splitter->room;
+    const int first = head->part != (uint8_t)SPACE_PACKET_MIDDLE, last = n == splitter->n;
+    head->part = (uint8_t)(first ? (last ? SPACE_PACKET_WHOLE : SPACE_PACKET_FIRST)
+                                 : (last ? SPACE_PACKET_LAST : SPACE_PACKET_MIDDLE));
+    head->size = (uint32_t)(SPACE_PACKET_HEADER + n);
+    space_packet_write(head, bytes);
+    memcpy(bytes + SPACE_PACKET_HEADER, splitter->data, n);
+    splitter->data += n;
+    splitter->n -= n;
+    head->part = (uint8_t)(last ? SPACE_PACKET_WHOLE : SPACE_PACKET_MIDDLE);
+    head->count = (uint16_t)(head->count + 1u) & 0x3FFFu;
+    return head->size;
+}
+
+void packet_joiner_begin(PacketJoiner *joiner, uint16_t application, uint8_t *memory, size_t room)
+{
+    memset(joiner, 0, sizeof *joiner);
+    joiner->application = application;
+    joiner->memory = memory;
+    joiner->room = room;
+}
+
+int packet_join(PacketJoiner *joiner, const uint8_t *bytes, size_t n)
+{
+    SpacePacket packet;
+    CcsdsFault fault = space_packet_read(&packet, bytes, n);
+    if (fault == CCSDS_OK && packet.size != n) {
+        fault = CCSDS_LENGTH;
+    }
+    if (fault == CCSDS_OK && packet.application != joiner->application) {
+        fault = CCSDS_CHANNEL;
+    }
+    if (fault != CCSDS_OK) {
+        joiner->faults[fault]++;
+        return 0;
+    }
+    const int first = (packet.part & SPACE_PACKET_FIRST) != 0, last = (packet.part & SPACE_PACKET_LAST) != 0;
+    if (joiner->begun != 0u && packet.count != joiner->count) {
+        joiner->faults[CCSDS_GAP]++;
+        joiner->open = 0u;
+    } else if (first && joiner->open != 0u) {
+        joiner->faults[CCSDS_TYPE]++; /* the last part never came, though no packet is missing */
+    }
+    joiner->begun = 1u;
+    joiner->count = (uint16_t)(packet.count + 1u) & 0x3FFFu;
+    if (first) {
+        joiner->open = 1u;
+        joiner->n = 0;
+    } else if (joiner->open == 0u) {
+        joiner->faults[CCSDS_STRAY]++;
+        return 0;
+    }
+    const size_t data = n - (size_t)SPACE_PACKET_HEADER;
+    if (data > joiner->room - joiner->n) {
+        joiner->faults[CCSDS_ROOM]++;
+        joiner->open = 0u;
+        return 0;
+    }
+    memcpy(joiner->memory + joiner->n, bytes + SPACE_PACKET_HEADER, data);
+    joiner->n += data;
+    joiner->open = !last;
+    return last;
+}

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Space packets (CCSDS 133.0-B-2).
+ *
+ *     byte 0  version (3 bits, 0), 1 for a command, 1 with a secondary header, application (11 bits)
+ *          2  part (2 bits), count of the application's packets (14 bits)
+ *          4  length of what follows, minus 1
+ *          6  the secondary header, if there is one, and the data */
+#ifndef CCSDS_SPACE_PACKET_H
+#define CCSDS_SPACE_PACKET_H
+
+#include "ccsds/bytes.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    SPACE_PACKET_HEADER = 6,   ///< [bytes]
+    SPACE_PACKET_MIN = 7,      ///< [bytes]
+    SPACE_PACKET_MAX = 65542,  ///< [bytes]
+    SPACE_PACKET_IDLE = 0x7FF, ///< the application of idle packets, which fill
+    SPACE_PACKET_COUNTS = 1 << 14
+};
+
+/** What of a longer unit of data a packet or a segment of a frame has. The numbers are those of packets. */
+typedef enum SpacePacketPart {
+    SPACE_PACKET_MIDDLE = 0,
+    SPACE_PACKET_FIRST = 1,
+    SPACE_PACKET_LAST = 2,
+    SPACE_PACKET_WHOLE = 3
+} SpacePacketPart;
+
+/** A header. */
+typedef struct SpacePacket {
+    uint32_t size; ///< [bytes] of the whole packet
+    uint16_t application;
+    uint16_t count;
+    uint8_t command;   ///< 1: to the spacecraft; 0: from it
+    uint8_t secondary; ///< 1: there is a secondary header
+    uint8_t part;      ///< SpacePacketPart
+} SpacePacket;
+
+/** Read the header of the packet with which n bytes begin. CCSDS_SHORT: fewer than a header; CCSDS_VERSION;
+ * CCSDS_LENGTH: the packet is longer than n, and `packet` is filled all the same. */
+static inline CcsdsFault space_packet_read(SpacePacket *packet, const uint8_t *bytes, size_t n)
+{
+    if (n < (size_t)SPACE_PACKET_HEADER) {
+        return CCSDS_SHORT;
+    }
+    const uint32_t id = ccsds_get16(bytes), sequence = ccsds_get16(bytes + 2);
+    if (id >> 13 != 0u) {
+        return CCSDS_VERSION;
+    }
+    packet->command = id >> 12 & 1u;
+    packet->secondary = id >> 11 & 1u;
+    packet->application = id & 0x7FFu;
+    packet->part = (uint8_t)(sequence >> 14);
+    packet->count = sequence & 0x3FFFu;
+    packet->size = (uint32_t)ccsds_get16(bytes + 4) + 7u;
+    return packet->size > n ? CCSDS_LENGTH : CCSDS_OK;
+}
+
+/** Write a header: 6 bytes. */
+static inline void space_packet_write(const SpacePacket *packet, uint8_t *bytes)
+{
+    ccsds_put16(bytes, (packet->command & 1u) << 12 | (packet->secondary & 1u) << 11 | (packet->application & 0x7FFu));
+    ccsds_put16(bytes + 2, (uint32_t)packet->part << 14 | (packet->count & 0x3FFFu));
+    ccsds_put16(bytes + 4, packet->size - 7u);
+}
+
+/** Write an idle packet of n bytes, SPACE_PACKET_MIN to SPACE_PACKET_MAX. */
+void space_packet_idle(uint8_t *bytes, size_t n);
+
+/** Data that is longer than a packet, packet by packet. */
+typedef struct PacketSplitter {
+    SpacePacket head; ///< of the next packet; its count goes on
+    const uint8_t *data;
+    size_t n;    ///< [bytes] of data that are left
+    size_t room; ///< [bytes] of data in a packet, at least 1
+} PacketSplitter;
+
+/** Write the next packet, of at most SPACE_PACKET_HEADER + room bytes. Returns its size, 0 after the last. */
+size_t packet_split(PacketSplitter *splitter, uint8_t *bytes);
+
+/** Joins the packets of one application again. */
+typedef struct PacketJoiner {
+    uint8_t *memory;
+    size_t room; ///< [bytes] of it
+    size_t n;    ///< [bytes] that are there
+    uint16_t application;
+    uint16_t count; ///< of the next packet
+    uint8_t open;   ///< 1: a first part came
+    uint8_t begun;  ///< 1: a packet came, so the count is known
+    uint32_t faults[CCSDS_FAULTS];
+} PacketJoiner;
+
+void packet_joiner_begin(PacketJoiner *joiner, uint16_t application, uint8_t *memory, size_t room);
+
+/** Take a packet. Returns 1 if the data is whole: joiner->n bytes in joiner->memory. What is missing, repeated or too
+ * long is counted, and ends the data that it belongs to. */
+int packet_join(PacketJoiner *joiner, const uint8_t *packet, size_t n);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,183 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ccsds/tm_frame.h"
+
+#include <string.h>
+
+/* ---- reading */
+
+/* The check at the end of a frame, and what stands in front of it. */
+static CcsdsFault read_end(const uint8_t *bytes, size_t *n, int control, int check, TmFrame *frame)
+{
+    if (check) {
+        if (ccsds_crc16(bytes, *n) != 0u) {
+            return CCSDS_CRC;
+        }
+        *n -= (size_t)TM_CHECK;
+    }
+    frame->has_control = control != 0;
+    frame->control = 0u;
+    if (control) {
+        *n -= (size_t)TM_CONTROL;
+        frame->control = ccsds_get32(bytes + *n);
+    }
+    return CCSDS_OK;
+}
+
+CcsdsFault tm_frame_read(const TmChannel *channel, const uint8_t *bytes, size_t n, TmFrame *frame)
+{
+    size_t header = TM_FRAME_HEADER;
+    if (n != channel->size || n <= header + TM_CONTROL + TM_CHECK) {
+        return CCSDS_LENGTH;
+    }
+    const uint32_t id = ccsds_get16(bytes), status = ccsds_get16(bytes + 4);
+    const CcsdsFault fault = read_end(bytes, &n, (int)(id & 1u), channel->check, frame);
+    if (fault != CCSDS_OK) {
+        return fault;
+    }
+    if (id >> 14 != 0u) {
+        return CCSDS_VERSION;
+    }
+    frame->spacecraft = id >> 4 & 0x3FFu;
+    if (frame->spacecraft != channel->spacecraft) {
+        return CCSDS_SPACECRAFT;
+    }
+    if ((status & 0x4000u) != 0u) {
+        return CCSDS_TYPE; /* no packets, but a virtual channel's own data */
+    }
+    if ((status & 0x8000u) != 0u) {
+        header +=
+            (size_t)(bytes[TM_FRAME_HEADER] & 0x3Fu) + 1u; /* a secondary header, whose first byte has its length */
+        if (header >= n) {
+            return CCSDS_LENGTH;
+        }
+    }
+    frame->virtual_channel = id >> 1 & 7u;
+    frame->master_count = bytes[2];
+    frame->count = bytes[3];
+    frame->first = status & 0x7FFu;
+    frame->zone = bytes + header;
+    frame->n = n - header;
+    return CCSDS_OK;
+}
+
+CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, int control, int check, TmFrame *frame)
+{
+    const size_t header = 8; /* two bytes of it are the M_PDU's */
+    if (n <= header + TM_CONTROL + TM_CHECK) {
+        return CCSDS_LENGTH;
+    }
+    const CcsdsFault fault = read_end(bytes, &n, control, check, frame);
+    if (fault != CCSDS_OK) {
+        return fault;
+    }
+    const uint32_t id = ccsds_get16(bytes);
+    if (id >> 14 != 1u) {
+        return CCSDS_VERSION;
+    }
+    frame->spacecraft = id >> 6 & 0xFFu;
+    frame->virtual_channel = id & 0x3Fu;
+    frame->master_count = 0u;
+    frame->count = ccsds_get24(bytes + 2);
+    frame->first = (uint32_t)ccsds_get16(bytes + 6) & 0x7FFu;
+    frame->zone = bytes + header;
+    frame->n = n - header;
+    return CCSDS_OK;
+}
+
+void tm_receiver_begin(TmReceiver *receiver, uint32_t counts, uint8_t *memory, size_t room, PacketSink sink, void *user)
+{
+    memset(receiver, 0, sizeof *receiver);
+    receiver->counts = counts;
+    packet_zone_begin(&receiver->zone, memory, room, sink, user);
+}
+
+void tm_receive(TmReceiver *receiver, const TmFrame *frame)
+{
+    if (receiver->begun != 0u && frame->count != receiver->count) {
+        receiver->missing += (frame->count - receiver->count) & (receiver->counts - 1u);
+        packet_zone_gap(&receiver->zone);
+    }
+    receiver->begun = 1u;
+    receiver->count = (frame->count + 1u) & (receiver->counts - 1u);
+    receiver->frames++;
+    packet_zone_take(&receiver->zone, frame->zone, frame->n, frame->first);
+}
+
+/* ---- sending */
+
+int tm_sender_begin(TmSender *sender, const TmChannel *channel, TmSink sink, void *user)
+{
+    memset(sender, 0, sizeof *sender);
+    sender->channel = *channel;
+    sender->sink = sink;
+    sender->user = user;
+    return channel->spacecraft < 1u << 10 && channel->size <= (uint16_t)TM_FRAME_MAX &&
+           channel->size >= (uint16_t)(TM_FRAME_HEADER + TM_CONTROL + TM_CHECK + SPACE_PACKET_MIN);
+}
+
+void tm_virtual_begin(TmVirtual *one, uint8_t number, uint8_t *frame)
+{
+    memset(one, 0, sizeof *one);
+    one->number = number;
+    one->frame = frame;
+    one->first = PACKET_ZONE_NONE;
+}
+
+/* The zone is full: send the frame. */
+static void send(TmSender *sender, TmVirtual *one)
+{
+    const TmChannel *channel = &sender->channel;
+    uint8_t *frame = one->frame, *end = frame + TM_FRAME_HEADER + tm_zone(channel);
+    ccsds_put16(frame, (uint32_t)channel->spacecraft << 4 | (uint32_t)one->number << 1 | (channel->control ? 1u : 0u));
+    frame[2] = sender->count++;
+    frame[3] = one->count++;
+    ccsds_put16(frame + 4, 0x1800u | one->first);
+    if (channel->control) {
+        ccsds_put32(end, sender->control);
+        end += TM_CONTROL;
+    }
+    if (channel->check) {
+        ccsds_put16(end, ccsds_crc16(frame, (size_t)(end - frame)));
+    }
+    one->n = 0;
+    one->first = PACKET_ZONE_NONE;
+    sender->sink(sender->user, frame, channel->size);
+}
+
+void tm_send(TmSender *sender, TmVirtual *one, const uint8_t *packet, size_t n)
+{
+    const size_t zone = tm_zone(&sender->channel);
+    if (one->first == (uint32_t)PACKET_ZONE_NONE) {
+        one->first = (uint32_t)one->n;
+    }
+    while (n != 0) {
+        const size_t part = zone - one->n < n ? zone - one->n : n;
+        memcpy(one->frame + TM_FRAME_HEADER + one->n, packet, part);
+        one->n += part;
+        packet += part;
+        n -= part;
+        if (one->n == zone) {
+            send(sender, one);
+        }
+    }
+}
+
+void tm_flush(TmSender *sender, TmVirtual *one)
+{
+    uint8_t idle[TM_FRAME_MAX];
+    if (one->n != 0) {
+        const size_t left = tm_zone(&sender->channel) - one->n;
+        const size_t n = left < (size_t)SPACE_PACKET_MIN ? (size_t)SPACE_PACKET_MIN : left;
+        space_packet_idle(idle, n);
+        tm_send(sender, one, idle, n);
+    }
+}
+
+void tm_idle(TmSender *sender, TmVirtual *one)
+{
+    if (one->n == 0) {
+        memset(one->frame + TM_FRAME_HEADER, 0x55, tm_zone(&sender->channel));
+        one->first = PACKET_ZONE_IDLE;
+        send(sender, one);
+    }
+}
