@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission as an application of RTEMS on a LEON3 board; the user names the installed RTEMS.
 
-    rtems.c    the board under RTEMS, and a thread for each task of flight
+    board.c    the board under RTEMS
+    rtems.c    a thread for each task of flight
     export.py  writes the application's folder: `fledge export rtems`
     Makefile   is in each such folder; it looks for RTEMS, too
+    real.py    an app of NASA's core Flight Executive in place of that, from a tree; with cfe.c and the files beside it
 """
 from __future__ import annotations
 
@@ -34,15 +36,18 @@ class Leon3Rtems(Leon3):
     def prepare(self) -> None:
         self.make(Path(__file__).parent, "check")
 
+    def prefix(self) -> Path:
+        """The folder of RTEMS."""
+        return Path(os.environ[NAMED_BY]).resolve()
+
     def make(self, folder: Path, goal: str) -> str:
         """What `make` prints."""
         import subprocess
 
         from fledge.errors import Failure
 
-        prefix = Path(os.environ[NAMED_BY]).resolve()
         done = subprocess.run(["make", "--no-print-directory", "-sC", folder, "-j", str(os.cpu_count()), goal,
-                               f"RTEMS={prefix}"], capture_output=True, text=True, errors="replace")
+                               f"RTEMS={self.prefix()}"], capture_output=True, text=True, errors="replace")
         if done.returncode:
             said = done.stderr.strip()
             raise Failure(said.partition("*** ")[2].removesuffix(".  Stop.") if goal == "check" else
@@ -63,7 +68,7 @@ class Leon3Rtems(Leon3):
         """RTEMS included."""
         import subprocess
 
-        tool = self.make(Path(__file__).parent, "size")
-        done = subprocess.run([tool, built], capture_output=True, text=True, check=True)
+        tools = self.make(Path(__file__).parent, "facts").splitlines()[0]
+        done = subprocess.run([f"{tools}size", built], capture_output=True, text=True, check=True)
         text, data, bss = map(int, done.stdout.splitlines()[1].split()[:3])
         return text, data + bss

@@ -3,26 +3,32 @@
 
     FLEDGE_RTEMS=/opt/rtems/6 /usr/bin/python3 -m pytest targets/leon3_rtems/rtems_test.py
 
-flies there; fly_test.py then flies this target beside all others, too."""
+flies there; fly_test.py then flies this target beside all others, too. With a tree of cFS 7 in FLEDGE_CFS, NASA's core
+flies under RTEMS, too."""
 
 import os
+import re
 import shutil
 import subprocess
 
 import pytest
 
 from fledge import cli
+from fledge.errors import Failure
 from fledge.files import write_files
-from fledge.targets import TARGETS
+from fledge.targets import TARGETS, Job
+from fledge.targets.cfs.pocket import write_app
 from fledge.targets.fly_test import plays
 from fledge.targets.leon3 import toolchain
+from fledge.targets.leon3_cfs.app import APP
 from fledge.targets.leon3_rtems import NAMED_BY
+from fledge.targets.leon3_rtems.real import OWN, RtemsCfs
 
-HERE = os.environ.get(NAMED_BY)
+HERE, TREE = os.environ.get(NAMED_BY), os.environ.get("FLEDGE_CFS")
 ON_RTEMS = pytest.mark.skipif(not HERE, reason=f"{NAMED_BY} names no RTEMS")
 FACTS = "lib/pkgconfig/sparc-rtems6-leon3.pc"
 
-# What rtems.c uses of RTEMS, declared as in its manual.
+# What board.c and rtems.c use of RTEMS, declared as in its manual.
 STAND_IN = {"rtems.h": """
 #include <stdint.h>
 typedef uint32_t rtems_id, rtems_name, rtems_event_set, rtems_interval, rtems_task_priority, rtems_option, rtems_mode;
@@ -30,6 +36,8 @@ typedef uint32_t rtems_attribute, rtems_vector_number, rtems_fatal_source, rtems
 typedef uintptr_t rtems_task_argument;
 typedef enum { RTEMS_SUCCESSFUL = 0, RTEMS_TIMEOUT = 6 } rtems_status_code;
 typedef void rtems_task;
+typedef struct rtems_tcb rtems_tcb;
+typedef struct { struct { uintptr_t total; } Used; } Heap_Information_block;
 typedef void (*rtems_interrupt_handler)(void *);
 enum { RTEMS_WAIT, RTEMS_NO_TIMEOUT = 0, RTEMS_EVENT_0 = 1, RTEMS_EVENT_1 = 2, RTEMS_EVENT_2 = 4, RTEMS_EVENT_ANY = 2,
        RTEMS_DEFAULT_MODES = 0, RTEMS_FLOATING_POINT = 1, RTEMS_INTERRUPT_UNIQUE = 1, RTEMS_FATAL_SOURCE_APPLICATION };
@@ -43,6 +51,7 @@ rtems_status_code rtems_task_create(rtems_name name, rtems_task_priority priorit
                                     rtems_attribute attributes, rtems_id *id);
 rtems_status_code rtems_task_start(rtems_id id, rtems_task (*entry)(rtems_task_argument), rtems_task_argument argument);
 rtems_id rtems_task_self(void);
+_Bool rtems_workspace_get_information(Heap_Information_block *info);
 uint64_t rtems_clock_get_uptime_nanoseconds(void);
 rtems_status_code rtems_interrupt_handler_install(rtems_vector_number vector, const char *info, rtems_option options,
                                                   rtems_interrupt_handler routine, void *argument);
@@ -126,7 +135,8 @@ def test_the_folder_has_all_that_rtems_has_not(mission, tmp_path, capsys):
     linker = {"text_start", "_endtext", "data_start", "edata", "_end", "leon3_registers"}
     library = {"exit", "memcmp", "memcpy", "memmove", "memset", "strlen", "strcmp", "strncmp", "sqrt", "fmod"}
     unknown = {one for one in missing - linker - library if f" {one}(" not in declared and one[:2] != "__"}
-    assert not unknown and {"rtems_task_create", "rtems_event_send", "bsp_watchdog_reload"} < missing
+    assert not unknown, unknown
+    assert {"rtems_task_create", "rtems_event_send", "bsp_watchdog_reload"} < missing
 
 
 def test_the_page_has_the_threads_and_their_priorities(tmp_path):
@@ -140,6 +150,39 @@ def test_the_page_has_the_threads_and_their_priorities(tmp_path):
     assert len(rows) > 2 and periods == sorted(periods) and periods[0] < periods[-1]
     assert [int(row[3]) for row in rows] == [*range(11, 11 + len(rows))]
     assert f"TASKS := {len(rows)}\n" in (tmp_path / "out/mission.mk").read_text()
+
+
+def tree_of_cfs(folder, more):
+    """A folder that looks as if it were a tree of cFS."""
+    write_files({f"{name}/README": "" for name in ("cfe", "osal", "psp", *more)}, folder)
+    return folder
+
+
+def test_a_tree_without_a_port_to_rtems_is_refused(tmp_path):
+    tree = tree_of_cfs(tmp_path / "tree", ["osal/src/bsp/pc-rtems"])
+    with pytest.raises(Failure, match="--cfs .*/tree: its OSAL has no port to RTEMS 6; use cFS 7"):
+        RtemsCfs(tree).build(Job("nadir_spin", duration=1.0, folder=tmp_path / "out").parts[0])
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--cfs", str(tree)]) == 2
+
+
+def test_the_app_for_nasas_core_has_all_that_it_lists(tmp_path):
+    tree = tree_of_cfs(tmp_path / "tree", [])
+    app = write_app(APP, Job("flatsat", duration=1.0, folder=tmp_path / "out").parts[0], tmp_path / "made")
+    RtemsCfs(tree).put(app, tmp_path / "apps/fsw")
+    listed = set(re.findall(r"fsw/src/\S+?\.c", (tmp_path / "apps/fsw/CMakeLists.txt").read_text()))
+    assert all((tmp_path / "apps/fsw" / one).is_file() for one in listed)
+    assert {f"fsw/src/{one}" for one in OWN} < listed and not any(one.endswith("/watch.c") for one in listed)
+
+
+@ON_RTEMS
+@pytest.mark.skipif(not TREE, reason="FLEDGE_CFS names no tree")
+@pytest.mark.parametrize("play", ["all", "at_random"])
+def test_nasas_core_flies_under_rtems(play, tmp_path, capsys):
+    """With commands, right and wrong."""
+    assert cli.main(["fly", str(plays(tmp_path)), play, "--on", "leon3-rtems", "--cfs", TREE, "--out",
+                     str(tmp_path / "out")]) == 0, capsys.readouterr()
+    log = (tmp_path / "out/leon3-rtems.log").read_text()
+    assert "CFE_ES_Main entering OPERATIONAL state" in log and "FSW flies" in log
 
 
 @ON_RTEMS

@@ -47,7 +47,7 @@ def add(command: Callable) -> None:
                      "tracking.error.sigma_BR=1e-4")
     one.add_argument("--settled", metavar="DURATION", help="the time from which --within holds; default: the beginning")
     one.add_argument("--cfs", metavar="DIR", help="with --on cfs: build and fly in a copy of this cFS tree, instead of "
-                     "on the pocket cFE")
+                     "on the pocket cFE; with --on leon3-rtems: an app on its core, under RTEMS")
     one.add_argument("--rtems", metavar="DIR", help="with --on leon3-rtems: the folder into which RTEMS 6 was "
                      "installed, with the BSP leon3; default: FLEDGE_RTEMS")
     one.add_argument("--clock", action="store_true", help="fly one process in real time, by the clock of this machine, "
@@ -85,13 +85,8 @@ def fly(options: argparse.Namespace) -> int:
             raise Failure("fly: --rtems is for --on leon3-rtems")
         os.environ[NAMED_BY] = options.rtems
     targets, lacking = _ready(["desktop", *chosen])
-    if options.cfs:
-        from fledge.targets.cfs.real import RealCfs
-
-        if "cfs" not in targets:
-            raise Failure("fly: --cfs is for --on cfs")
-        targets["cfs"] = RealCfs(options.cfs)
     targets |= _with_tools(options, chosen)
+    targets |= _in_tree(options.cfs, targets) if options.cfs else {}
     duration = parse_duration(options.duration) if options.duration else None
     settled = parse_duration(options.settled) if options.settled else 0.0
     if not duration and options.duration:
@@ -211,6 +206,19 @@ def _with_tools(options, chosen):
         raise Failure(f"fly: {words[0]} is for one of {', '.join(taking)}, as in --on {taking[0]}; found {options.on}")
     made: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
     return {name: target(words) for name, target in made.items()} if words else {}
+
+
+def _in_tree(tree, targets):
+    """Those of the targets that fly in a tree of cFS, by name."""
+    from fledge.errors import Failure
+    from fledge.targets.cfs.real import RealCfs
+    from fledge.targets.leon3_rtems.real import RtemsCfs
+
+    made = {"cfs": lambda _: RealCfs(tree), "leon3-rtems": lambda target: RtemsCfs(tree, target.tools)}
+    found = {name: make(targets[name]) for name, make in made.items() if name in targets}
+    if not found:
+        raise Failure("fly: --cfs is for --on cfs or leon3-rtems")
+    return found
 
 
 def _chosen(text):

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The registers of the app `fsw` under NASA's core Flight Executive, with OSAL's port to RTEMS, and its record. */
+#include "registers/plug_and_play.h"
+#include "targets/cfs/watch.h"
+#include "targets/leon3/recorder.h"
+#include "targets/leon3_rtems/board.h"
+
+#include <fsw_app.h>
+
+static MissionHost host; /* whose memory is the app's */
+
+bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
+{
+    (void)stop;
+    leon3_begin_flight();
+    leon3_watch();
+    recorder_resume();
+    uint32_t at = leon3.registers;
+    for (uint32 i = 0; i < fledge_mission.io->n_boards; i++) {
+        const RegisterBoard *board = fledge_mission.io->boards[i];
+        windows[i] = register_window(board, (volatile uint32_t *)(uintptr_t)at);
+        at += (board->size + REGISTER_BUS_ALIGNMENT - 1u) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;
+    }
+    return true;
+}
+
+bool FSW_WaitForRegisters(int32 milliseconds)
+{
+    (void)milliseconds;
+    leon3_idle();
+    return true;
+}
+
+void FSW_Detach(bool keep)
+{
+    (void)keep;
+}
+
+void fledge_watch(const void *mission, CommandState *commands, MissionStart *start, int64_t t,
+                  const MissionIoCounts *counts)
+{
+    host = fledge_mission;
+    host.mission = (void *)(uintptr_t)mission;
+    host.state = commands;
+    host.start = start;
+    if (t >= 0) {
+        recorder_take(&host, t, "leon3-rtems");
+    } else if (t == -1) {
+        leon3_stop(recorder_end(counts));
+    }
+}
