@@ -159,10 +159,10 @@ else of Fledge. It is made for cFS Caelum, Draco and 7.x, in pure C99.
    script by `generate_startup.cmake`: add the line there, in a `file (APPEND ${{STARTUP_FILE}} "...\\n")`.
 4. Add the entries of `install/sch_lab_table.VERSION.c`, of your version, and of `install/to_lab_sub.c` to the tables of
    your scheduler and of your telemetry output. The build finds the app's headers without further include paths.
-5. `make prep && make install`; in the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another
-   configuration: `native_eds` builds with the data sheet, `eds/{name}.xml`. The tables are built with it; without that
-   tool, or for another byte order, copy `cf/*.tbl` to the target's `/cf`: they are {app.order}-endian (`--order`), and
-   for builds without data sheets, which have files of their own form.
+5. `make prep && make install`; with gcc 12 in Caelum, whose OSAL needs it, after `export CFLAGS=-Wno-error=restrict`.
+   In the bundle of 7.0.1 `make native_std.prep native_std.install`, or of another configuration: `native_eds` builds
+   with the data sheet, `eds/{name}.xml`. The tables are built with it; without that tool, or for another byte order,
+   copy `cf/*.tbl` to the target's `/cf`: they are {app.order}-endian (`--order`), for builds without data sheets.
 
 Under Linux, `/proc/sys/fs/mqueue/msg_max` limits the depth of pipes; cFE's own need 40 messages.
 
