@@ -3,6 +3,7 @@
 // then both ends through links that lose, repeat and damage frames.
 #include "ccsds/cop1.h"
 #include "ccsds/sync.h"
+#include "ccsds/testing/bits.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +18,7 @@
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using namespace ccsds::testing;
 
 // ---- FARM-1
 

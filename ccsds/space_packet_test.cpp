@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Space packets against the bits of 133.0-B-2, written here bit by bit, and longer data through packets that are lost.
 #include "ccsds/space_packet.h"
+#include "ccsds/testing/bits.h"
 
 #include <gtest/gtest.h>
 
@@ -10,26 +11,7 @@
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
-/// n bits of a value, as the digits of a text.
-std::string bits(std::uint32_t value, int n)
-{
-    std::string text;
-    for (int i = n; i-- > 0;) {
-        text += (value >> i & 1u) != 0 ? '1' : '0';
-    }
-    return text;
-}
-
-Bytes bytes_of(const std::string &digits)
-{
-    Bytes found;
-    for (std::size_t i = 0; i < digits.size(); i += 8) {
-        found.push_back(static_cast<std::uint8_t>(std::stoul(digits.substr(i, 8), nullptr, 2)));
-    }
-    return found;
-}
+using namespace ccsds::testing;
 
 TEST(SpacePacket, has_the_bits_of_the_standard)
 {
@@ -44,9 +26,9 @@ TEST(SpacePacket, has_the_bits_of_the_standard)
                                  static_cast<std::uint8_t>(any(4))};
         Bytes header(6);
         space_packet_write(&packet, header.data());
-        ASSERT_EQ(header,
-                  bytes_of("000" + bits(packet.command, 1) + bits(packet.secondary, 1) + bits(packet.application, 11) +
-                           bits(packet.part, 2) + bits(packet.count, 14) + bits(packet.size - 7, 16)));
+        ASSERT_EQ(bits(header, 6), "000" + bits(packet.command, 1) + bits(packet.secondary, 1) +
+                                       bits(packet.application, 11) + bits(packet.part, 2) + bits(packet.count, 14) +
+                                       bits(packet.size - 7, 16));
         SpacePacket read{};
         ASSERT_EQ(space_packet_read(&read, header.data(), 6), CCSDS_LENGTH);
         header.resize(packet.size);
@@ -103,10 +85,7 @@ TEST(PacketJoiner, data_comes_out_as_it_was_or_not_at_all)
         std::uint16_t count = 16000; // it wraps
         std::uint32_t whole = 0, cut = 0, lost = 0;
         for (int i = 0; i < 3000; i++) {
-            Bytes data(1 + random() % 4000);
-            for (std::uint8_t &byte : data) {
-                byte = static_cast<std::uint8_t>(random());
-            }
+            const Bytes data = any_bytes(random, 1 + random() % 4000);
             const std::vector<Bytes> packets = split(data, 1 + random() % 700, count);
             bool all = true, out = false;
             for (const Bytes &packet : packets) {

@@ -2,6 +2,7 @@
 // Randomisers against the sequences that 131.0-B and 231.0-B print; codeblocks against long division; streams of bytes
 // with wrong bits, and with bytes that belong to nothing.
 #include "ccsds/sync.h"
+#include "ccsds/testing/bits.h"
 
 #include <gtest/gtest.h>
 
@@ -10,16 +11,7 @@
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
-Bytes any(std::mt19937 &random, std::size_t n)
-{
-    Bytes found(n);
-    for (std::uint8_t &byte : found) {
-        byte = static_cast<std::uint8_t>(random());
-    }
-    return found;
-}
+using namespace ccsds::testing;
 
 void keep(void *user, std::uint8_t *frame, std::size_t n)
 {
@@ -57,7 +49,7 @@ TEST(Cltu, has_the_form_of_the_standard)
 {
     std::mt19937 random(1);
     for (std::size_t n = 1; n < 60; n++) {
-        const Bytes data = any(random, n);
+        const Bytes data = any_bytes(random, n);
         Bytes cltu(CLTU_SIZE(n));
         ASSERT_EQ(cltu_write(data.data(), n, cltu.data()), cltu.size());
         ASSERT_EQ(cltu[0] << 8 | cltu[1], 0xEB90);
@@ -83,7 +75,7 @@ struct Cltus {
 TEST(Cltu, one_wrong_bit_in_a_block_is_corrected_and_two_end_it)
 {
     std::mt19937 random(2);
-    const Bytes data = any(random, 14);
+    const Bytes data = any_bytes(random, 14);
     Bytes cltu(CLTU_SIZE(14));
     cltu_write(data.data(), data.size(), cltu.data());
     for (std::size_t one = 0; one < 64; one++) {
@@ -113,7 +105,7 @@ TEST(Cltu, units_are_found_among_other_bytes)
     std::vector<Bytes> sent;
     for (int i = 0; i < 2000; i++) {
         Bytes noise(random() % 30, 0x55);
-        sent.push_back(any(random, 7 * (1 + random() % 20)));
+        sent.push_back(any_bytes(random, 7 * (1 + random() % 20)));
         Bytes cltu(CLTU_SIZE(sent.back().size()));
         cltu_write(sent.back().data(), sent.back().size(), cltu.data());
         noise.insert(noise.end(), cltu.begin(), cltu.end());
@@ -146,9 +138,9 @@ TEST(Markers, frames_are_found_in_noise_and_kept_when_bits_of_a_marker_flip)
     std::vector<Bytes> found, sent;
     SyncReader reader{};
     sync_begin(&reader, memory.data(), memory.size(), 2, keep, &found);
-    Bytes stream = any(random, 1000);
+    Bytes stream = any_bytes(random, 1000);
     for (int i = 0; i < 300; i++) {
-        sent.push_back(any(random, 100));
+        sent.push_back(any_bytes(random, 100));
         Bytes marker{0x1A, 0xCF, 0xFC, 0x1D};
         if (i % 3 == 2) { // two wrong bits, where a marker is expected
             marker[0] ^= 0x10;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Telecommand frames and CLCWs: their bits, what is refused, and data in segments.
 #include "ccsds/tc_frame.h"
+#include "ccsds/testing/bits.h"
 
 #include <gtest/gtest.h>
 
@@ -10,25 +11,7 @@
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
-
-std::string bits(std::uint32_t value, int n)
-{
-    std::string text;
-    for (int i = n; i-- > 0;) {
-        text += (value >> i & 1u) != 0 ? '1' : '0';
-    }
-    return text;
-}
-
-std::string bits(const Bytes &bytes, std::size_t n)
-{
-    std::string text;
-    for (std::size_t i = 0; i < n; i++) {
-        text += bits(bytes[i], 8);
-    }
-    return text;
-}
+using namespace ccsds::testing;
 
 TEST(TcFrame, has_the_bits_of_the_standard)
 {
@@ -36,10 +19,7 @@ TEST(TcFrame, has_the_bits_of_the_standard)
     for (int i = 0; i < 5000; i++) {
         const TcChannel channel{static_cast<std::uint16_t>(random() % 1024), static_cast<std::uint8_t>(random() % 64),
                                 static_cast<std::uint8_t>(random() % 2), static_cast<std::uint8_t>(random() % 2)};
-        Bytes data(1 + random() % tc_room(&channel));
-        for (std::uint8_t &byte : data) {
-            byte = static_cast<std::uint8_t>(random());
-        }
+        const Bytes data = any_bytes(random, 1 + random() % tc_room(&channel));
         TcFrame frame{};
         frame.data = data.data();
         frame.n = data.size();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Telemetry frames: their bits, random packets through lost and damaged frames, and real frames of Suomi NPP.
 #include "ccsds/sync.h"
+#include "ccsds/testing/bits.h"
 #include "ccsds/tm_frame.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +20,7 @@
 
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using namespace ccsds::testing;
 
 /// The check of 132.0-B-3 bit by bit.
 std::uint16_t slow_crc(const Bytes &bytes)
@@ -40,10 +41,7 @@ TEST(Crc, is_that_of_the_standard)
     EXPECT_EQ(ccsds_crc16(digits.data(), digits.size()), 0x29B1); // the check value of CRC-16/IBM-3740
     std::mt19937 random(1);
     for (std::size_t n = 0; n < 300; n++) {
-        Bytes bytes(n);
-        for (std::uint8_t &byte : bytes) {
-            byte = static_cast<std::uint8_t>(random());
-        }
+        Bytes bytes = any_bytes(random, n);
         const std::uint16_t crc = ccsds_crc16(bytes.data(), n);
         ASSERT_EQ(crc, slow_crc(bytes));
         bytes.push_back(static_cast<std::uint8_t>(crc >> 8));
@@ -59,10 +57,7 @@ void keep(void *user, const std::uint8_t *bytes, std::size_t n)
 
 Bytes packet_of(std::mt19937 &random, std::uint16_t application, std::uint16_t count, std::size_t n)
 {
-    Bytes packet(n);
-    for (std::uint8_t &byte : packet) {
-        byte = static_cast<std::uint8_t>(random());
-    }
+    Bytes packet = any_bytes(random, n);
     const SpacePacket head{static_cast<std::uint32_t>(n), application, count, 0, 0, SPACE_PACKET_WHOLE};
     space_packet_write(&head, packet.data());
     return packet;

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the tests of ccsds/ share: bytes, and the bits that standards print.
+#ifndef CCSDS_TESTING_BITS_H
+#define CCSDS_TESTING_BITS_H
+
+#include <cstddef>
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace ccsds::testing {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// n random bytes.
+inline Bytes any_bytes(std::mt19937 &random, std::size_t n)
+{
+    Bytes found(n);
+    for (std::uint8_t &byte : found) {
+        byte = static_cast<std::uint8_t>(random());
+    }
+    return found;
+}
+
+/// n bits of a value, as the digits of a text.
+inline std::string bits(std::uint32_t value, int n)
+{
+    std::string text;
+    for (int i = n; i-- > 0;) {
+        text += (value >> i & 1u) != 0 ? '1' : '0';
+    }
+    return text;
+}
+
+/// The first n bytes, as digits.
+inline std::string bits(const Bytes &bytes, std::size_t n)
+{
+    std::string text;
+    for (std::size_t i = 0; i < n; i++) {
+        text += bits(bytes[i], 8);
+    }
+    return text;
+}
+
+} // namespace ccsds::testing
+
+#endif
