@@ -21,6 +21,10 @@ __attribute__((visibility("default"))) double time_control_update(const char *mo
 /// The same for filters and ephemerides, of which each has a case or several from 0 on: bench/filters.py lists them.
 __attribute__((visibility("default"))) double time_filter_update(const char *module, int kind, long n);
 
+/// Send a packet of 200 bytes through a layer of the link, which bench/ground.py names, n times; seconds per packet, or
+/// a negative number if there is no such layer.
+__attribute__((visibility("default"))) double time_link_layer(const char *layer, long n);
+
 /// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
 /// per evaluation. Plain: by the textbook's recursion, else by the world's.
 __attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);

@@ -68,7 +68,7 @@ RULES = {
     "missions": Rule("Python", "worked missions", ["fledge"]),
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
-                  ["flight", "record", "sim", "world", "cosim", "emulator", "fledge"]),
+                  ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "fledge"]),
     "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip", []),
     "tests": Rule("Python, C++", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",

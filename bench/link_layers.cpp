@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// The cost of a packet in each layer of the link.
+#include "bench/bench.h"
+
+#include "ccsds/sync.h"
+#include "ccsds/tc_frame.h"
+#include "ccsds/tm_frame.h"
+
+#include <chrono>
+#include <cstring>
+#include <vector>
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr TmChannel telemetry{77, 1024, 1, 1};
+constexpr TcChannel commands{77, 1, 1, 1};
+constexpr std::size_t packet_size = 200;
+
+/// What a layer takes, made once: a packet, the frames of many, a CLTU.
+struct Link {
+    Bytes packet = Bytes(packet_size, 0x5A), frame = Bytes(1024), frames, memory = Bytes(65542), cltu = Bytes(2000);
+    std::size_t cltu_size = 0;
+    std::uint64_t seen = 0; // so that no work is left out
+    TmSender sender{};
+    TmVirtual channel{};
+    TmReceiver receiver{};
+    CltuReader reader{};
+
+    Link()
+    {
+        write_header();
+        const auto keep = [](void *user, const std::uint8_t *bytes, std::size_t n) {
+            Link &self = *static_cast<Link *>(user);
+            self.frames.insert(self.frames.end(), bytes, bytes + n);
+        };
+        tm_sender_begin(&sender, &telemetry, keep, this);
+        tm_virtual_begin(&channel, 1, frame.data());
+        while (frames.size() < 256 * 1024) { // the counts of frames go on when they are read again
+            tm_send(&sender, &channel, packet.data(), packet.size());
+        }
+        sender.sink = [](void *user, const std::uint8_t *, std::size_t n) { static_cast<Link *>(user)->seen += n; };
+        const auto count = [](void *user, const std::uint8_t *, std::size_t) { static_cast<Link *>(user)->seen++; };
+        tm_receiver_begin(&receiver, 256, memory.data(), memory.size(), count, this);
+        cltu_size = command();
+        cltu_begin(
+            &reader, memory.data(), memory.size(),
+            [](void *user, std::uint8_t *bytes, std::size_t n) {
+                Link &self = *static_cast<Link *>(user);
+                sync_randomise_tc(bytes, n);
+                TcFrame one{};
+                self.seen += tc_frame_read(&commands, bytes, n, &one) == CCSDS_OK;
+            },
+            this);
+    }
+
+    void write_header()
+    {
+        const SpacePacket head{packet_size, 5, static_cast<std::uint16_t>(seen & 0x3FFF), 0, 1, SPACE_PACKET_WHOLE};
+        space_packet_write(&head, packet.data());
+    }
+
+    /// The packet as a CLTU.
+    std::size_t command()
+    {
+        TcFrame one{};
+        one.data = packet.data();
+        one.n = packet.size();
+        one.part = SPACE_PACKET_WHOLE;
+        const std::size_t n = tc_frame_write(&commands, &one, frame.data());
+        sync_randomise_tc(frame.data(), n);
+        return cltu_write(frame.data(), n, cltu.data());
+    }
+};
+
+} // namespace
+
+double time_link_layer(const char *layer, long n)
+{
+    Link link;
+    const auto is = [&](const char *name) { return std::strcmp(layer, name) == 0; };
+    const auto start = std::chrono::steady_clock::now();
+    double packets = 0;
+    for (long i = 0; i < n; i++) {
+        if (is("header")) {
+            SpacePacket read{};
+            link.write_header();
+            link.seen += space_packet_read(&read, link.packet.data(), link.packet.size()) == CCSDS_OK;
+            packets++;
+        } else if (is("telemetry, framed")) {
+            tm_send(&link.sender, &link.channel, link.packet.data(), link.packet.size());
+            packets++;
+        } else if (is("telemetry, read")) {
+            TmFrame frame{};
+            if (tm_frame_read(&telemetry, &link.frames[static_cast<std::size_t>(i % 256) * 1024], 1024, &frame) ==
+                CCSDS_OK) {
+                tm_receive(&link.receiver, &frame);
+            }
+            packets += static_cast<double>(frame.n) / packet_size;
+        } else if (is("command, as a CLTU")) {
+            link.seen += link.command();
+            packets++;
+        } else if (is("command, read")) {
+            cltu_take(&link.reader, link.cltu.data(), link.cltu_size);
+            packets++;
+        } else {
+            return -1;
+        }
+    }
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    return link.seen == 0 ? -1 : elapsed.count() / packets;
+}
