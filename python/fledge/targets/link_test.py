@@ -66,7 +66,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "micropython"])
+@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "leon3-rtems", "micropython"])
 def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not installed")
@@ -74,7 +74,7 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
     assert cli.main(["up", "link.toml"]) == 0, capfd.readouterr()
     log = (place / "runs/link/log/ground.log").read_text()
     packets = list(split(bytes.fromhex(log.split()[-1])))
-    reports = [struct.unpack_from(">HH" if target == "leon3" else "<HH", packet, 28) for packet in packets
+    reports = [struct.unpack_from(">HH" if target.startswith("leon3") else "<HH", packet, 28) for packet in packets
                if packet[:2] == b"\x08\x81"]
     assert reports == [(0, 0), (0, 0), (0, 1), (1, 0), (1, 0)]  # executed, reason: the third has a wrong length
     record = Archive(place / f"runs/link/flight/{target}.mcap")

@@ -104,7 +104,7 @@ def test_the_computer_is_down_for_its_time_and_then_begins_anew(at, down, tmp_pa
 
 @pytest.mark.parametrize("target", [pytest.param(name, marks=pytest.mark.skipif(
     bool(TARGETS[name].missing()), reason="it is not installed")) for name in (
-        "linux", "micropython", "leon3-micropython")])
+        "linux", "micropython", "leon3-micropython", "leon3-rtems")])
 def test_a_target_is_reset_as_the_desktop_is(target, tmp_path, capsys):
     at, down = CASES[2]
     folder, out = mission(tmp_path / "resets", at, down), tmp_path / "out"
