@@ -256,10 +256,11 @@ private:
         }
         d.kind = static_cast<DeviceKind>(at - names.begin());
         std::vector<std::string> keys = kinds()[static_cast<std::size_t>(d.kind)].keys;
-        keys.insert(keys.begin(), {"kind", "name", "address"});
+        keys.insert(keys.begin(), {"kind", "name", "address", "wait"});
         allow(t, keys);
         d.name = text(t, "name", kind);
         d.address = address(t, "address", 0x100, 0, {});
+        d.wait = number(t, "wait", 0, 1'000'000'000, 0);
         switch (d.kind) {
         case DeviceKind::gptimer: timer(t, d); break;
         case DeviceKind::apbuart:

@@ -37,6 +37,7 @@ struct DeviceDescription {
     std::string name; ///< the kind, unless the file has another
     int line = 0;     ///< of the file
     std::uint32_t address = 0, size = 0x100;
+    std::uint32_t wait = 0; ///< cycles that each access takes more
     std::uint32_t interrupt = 0;
     std::uint32_t timers = 2;        ///< gptimer
     bool watchdog = false;           ///< gptimer: the last timer is one

@@ -70,7 +70,7 @@ TEST(Board, each_mistake_has_its_line_and_what_is_allowed)
     EXPECT_THAT(mistakes(with("interrupt = 6", "interrupt = 14")),
                 HasSubstr("3 timers from interrupt 14 on: the last interrupt is 15"));
     EXPECT_THAT(mistakes(with("interrupt = 3", "interrupt = 3\nbaud = 9600")),
-                HasSubstr("unknown key `baud`; choose of: kind, name, address, interrupt, timed"));
+                HasSubstr("unknown key `baud`; choose of: kind, name, address, wait, interrupt, timed"));
     EXPECT_THAT(mistakes("name = \n"), HasSubstr("b.toml:1: "));
     EXPECT_THAT(mistakes(""), HasSubstr("[ram] must be a table"));
     EXPECT_THAT(mistakes(with("[[device]]\nkind = \"irqmp\"\naddress = 0x80000200\n", "")),

@@ -54,8 +54,9 @@ Words flight()
 }
 
 struct Bench {
-    explicit Bench(const Words &program = flight(), EngineKind engine = EngineKind::threaded)
-        : m(test_board(), engine), space(*m.device_of<RegisterSpace>())
+    explicit Bench(const Words &program = flight(), EngineKind engine = EngineKind::threaded,
+                   const BoardDescription &board = test_board())
+        : m(board, engine), space(*m.device_of<RegisterSpace>())
     {
         space.make(boards);
         m.load(Program(program_file(program), "flight"));
@@ -123,6 +124,28 @@ TEST(FlightLoop, flight_that_is_late_misses_its_tick)
     b.tick(20 * ms, 10 * ms);
     b.tick(30 * ms, 10 * ms);
     EXPECT_EQ(b.state().missed, 1u);
+}
+
+TEST(FlightLoop, registers_that_answer_late_take_time_and_then_ticks)
+{
+    const auto flown = [](int wait) {
+        std::string text = board_text;
+        text.insert(text.find("tick = 10"), "wait = " + std::to_string(wait) + "\n");
+        Bench b(flight(), EngineKind::threaded, BoardDescription::parse(text, "late.toml"));
+        for (Ns t = -10 * ms; t < 200 * ms; t += 10 * ms) {
+            EXPECT_EQ(b.tick(t < 0 ? -1 : t, t <= 0 ? 0 : 10 * ms), Wait::done);
+        }
+        EXPECT_EQ(b.m.resets(), 0u);
+        EXPECT_EQ(b.state().ticks, 20u);
+        return std::pair(b.state().missed, b.state().cycles);
+    };
+    const auto [none, cycles] = flown(0);
+    const auto [some, more] = flown(100);
+    EXPECT_EQ(none + some, 0u);
+    EXPECT_EQ((more - cycles) % (20u * 100), 0u) << "as many accesses in each tick";
+    EXPECT_GE(more - cycles, 20u * 300);
+    EXPECT_GT(flown(5000).first, 5u);
+    EXPECT_GT(flown(1'000'000).first, 15u);
 }
 
 TEST(FlightLoop, the_next_instant_may_be_known)

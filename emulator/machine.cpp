@@ -57,6 +57,7 @@ struct Machine::Impl final : DeviceHost {
             }
         };
         core.bus = &bus;
+        bus.cycles = &core.state.cycles;
         core.timing = board.leon3_timing ? leon3_timing() : plain_timing();
         core.fpu = board.grfpu ? FpuPersonality::grfpu : FpuPersonality::qemu;
         core.user = this;
@@ -107,7 +108,7 @@ struct Machine::Impl final : DeviceHost {
         case DeviceKind::report: device = std::make_unique<TestReport>(d.name); break;
         case DeviceKind::dsu: device = std::make_unique<DebugUnit>(d.name, core.state); break;
         }
-        bus.add_device(d.address, d.size, *device);
+        bus.add_device(d.address, d.size, *device, d.wait);
         devices.push_back(std::move(device));
     }
 

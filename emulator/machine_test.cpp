@@ -96,6 +96,22 @@ TEST_P(OnMachine, a_program_sees_the_time_of_its_own_access)
     EXPECT_EQ(r(g(4)) - r(g(5)), 5u);
 }
 
+TEST_P(OnMachine, a_device_that_answers_late_takes_time)
+{
+    std::string text = board_text;
+    text.insert(text.find("interrupt = 6"), "wait = 100\n");
+    const Words program =
+        set(g(1), 0x80000310) +
+        Words{ld(g(4), g(1), 0), nop, nop, ld(g(5), g(1), 0), st(g(5), g(1), 4), ld(g(7), g(1), 0), ba(0), nop};
+    const BoardDescription board = BoardDescription::parse(text, "late.toml");
+    Machine late(board, GetParam());
+    late.load(Program(program_file(program), "p"));
+    late.run_until(1'000'000);
+    Banks found(late.core().state);
+    EXPECT_EQ(found[g(4)] - found[g(5)], 3u + 100);
+    EXPECT_EQ(found[g(5)] - found[g(7)], 2u + 200);
+}
+
 TEST_P(OnMachine, the_uart_sends)
 {
     std::string sent;
@@ -310,6 +326,18 @@ TEST_P(OnMachine, breakpoints_and_watchpoints_stop)
     EXPECT_EQ(m.core().state.pc, code + 4 * 11);
     m.set_watchpoint(data, 4, false, true, false);
     EXPECT_EQ(m.run_until(1'000'000), StopReason::time);
+}
+
+TEST_P(OnMachine, code_that_is_written_from_outside_is_executed_as_it_is)
+{
+    start(counter);
+    m.run_until(1'000'000);
+    for (std::int32_t n = 1; n < 20; n++) {
+        const std::uint32_t word = __builtin_bswap32(add(g(7), g(7), n)), before = r(g(7));
+        EXPECT_TRUE(m.poke(code + 4 * 9, std::as_bytes(std::span(&word, 1))));
+        m.run_until((n + 1) * 1'000'000);
+        EXPECT_EQ(r(g(7)) - before, 250u * static_cast<std::uint32_t>(n));
+    }
 }
 
 TEST_P(OnMachine, stops_where_nothing_can_be_are_refused)

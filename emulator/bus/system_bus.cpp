@@ -63,9 +63,9 @@ void SystemBus::add_memory(std::uint32_t base, std::uint32_t size, bool writable
     regions_.push_back(std::move(r));
 }
 
-void SystemBus::add_device(std::uint32_t base, std::uint32_t size, Device &device)
+void SystemBus::add_device(std::uint32_t base, std::uint32_t size, Device &device, std::uint32_t wait)
 {
-    slaves_.push_back({base, size, &device});
+    slaves_.push_back({base, size, &device, wait});
 }
 
 SystemBus::Region *SystemBus::region(std::uint32_t address)
@@ -171,9 +171,18 @@ void SystemBus::mark_code(std::uint32_t address)
     }
 }
 
+/// The time until a device answers.
+void SystemBus::pass(const Slave &s) const
+{
+    if (s.wait != 0) {
+        *cycles += s.wait;
+    }
+}
+
 Access SystemBus::read_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t &value)
 {
     const std::uint32_t offset = address - s.base;
+    pass(s);
     if (size == 8) {
         value = std::uint64_t{s.device->read(offset)} << 32;
         value |= s.device->read(offset + 4);
@@ -188,6 +197,7 @@ void SystemBus::write_device(const Slave &s, std::uint32_t address, unsigned siz
 {
     const std::uint32_t offset = address - s.base;
     auto word = static_cast<std::uint32_t>(value);
+    pass(s);
     if (size == 8) {
         s.device->write(offset, static_cast<std::uint32_t>(value >> 32));
         s.device->write(offset + 4, word);

@@ -42,9 +42,10 @@ public:
 
     /// Memory must be added before it is used; RAM first. Sizes and bases are multiples of page_size.
     void add_memory(std::uint32_t base, std::uint32_t size, bool writable, bool edac);
-    void add_device(std::uint32_t base, std::uint32_t size, Device &device);
+    /// wait: cycles that each access takes more.
+    void add_device(std::uint32_t base, std::uint32_t size, Device &device, std::uint32_t wait = 0);
     /// Addresses that a bridge answers where no device is, as an APB's does; elsewhere the access is an error.
-    void add_bridge(std::uint32_t base, std::uint32_t size) { bridges_.push_back({base, size, nullptr}); }
+    void add_bridge(std::uint32_t base, std::uint32_t size) { bridges_.push_back({base, size}); }
 
     const Memory &ram() const override { return regions_.front().memory; }
     Access read(std::uint32_t address, unsigned size, std::uint64_t &value) override;
@@ -55,6 +56,7 @@ public:
     /// Instructions may have changed: the engine forgets what it decoded.
     std::function<void(std::uint32_t address, std::uint32_t size)> code_changed;
     std::function<void(const BusError &)> error;
+    std::uint64_t *cycles = nullptr; ///< of the processor: they pass while it waits for a device
 
     /// The bytes of memory that hold these addresses; empty if they are not all in one memory.
     std::span<std::byte> memory(std::uint32_t address, std::size_t size) const;
@@ -104,6 +106,7 @@ private:
     struct Slave {
         std::uint32_t base = 0, size = 0;
         Device *device = nullptr;
+        std::uint32_t wait = 0;
     };
     struct Watch {
         std::uint32_t address = 0, size = 0;
@@ -118,6 +121,7 @@ private:
     Access answer_hole(std::uint32_t address, unsigned size, bool write);
     Access refuse(std::uint32_t address, unsigned size, bool write);
     bool watched(std::uint32_t address, unsigned size, bool write);
+    void pass(const Slave &s) const;
     Access read_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t &value);
     void write_device(const Slave &s, std::uint32_t address, unsigned size, std::uint64_t value);
     EdacResult check(std::uint32_t word, std::uint32_t &correction, bool write);
