@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -313,12 +312,11 @@ TEST(Readers, any_bytes_are_taken)
 /// Suomi NPP: frames of AOS behind markers, randomised, with 128 bytes of Reed-Solomon code that are not looked at.
 TEST(AosFrame, real_frames_give_the_packets_of_the_published_list)
 {
-    const char *data = std::getenv("FLEDGE_TEST_DATA");
-    if (data == nullptr) {
-        GTEST_SKIP() << "FLEDGE_TEST_DATA names no folder with ccsds/snpp_synchronized_cadus.dat";
+    const std::string path = real_file("ccsds/snpp_synchronized_cadus");
+    std::ifstream file(path + ".dat", std::ios::binary);
+    if (!file) {
+        GTEST_SKIP() << "not here: " << path << ".dat";
     }
-    std::ifstream file(std::string(data) + "/ccsds/snpp_synchronized_cadus.dat", std::ios::binary);
-    ASSERT_TRUE(file);
     const Bytes stream((std::istreambuf_iterator<char>(file)), {});
     struct Receiver {
         std::map<unsigned, TmReceiver> channels;
@@ -351,7 +349,7 @@ TEST(AosFrame, real_frames_give_the_packets_of_the_published_list)
     EXPECT_EQ(reader.lost, 0u);
     // The list beside the data: apid, seqid and size of each packet, by another program.
     using Entry = std::array<unsigned long, 3>;
-    std::ifstream published(std::string(data) + "/ccsds/snpp_synchronized_cadus.txt");
+    std::ifstream published(path + ".txt");
     std::vector<Entry> listed, found;
     const std::regex line("apid=(\\d+) seqid=(\\d+) .*size=(\\d+)");
     for (std::string text; std::getline(published, text);) {

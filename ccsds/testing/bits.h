@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of ccsds/ share: bytes, and the bits that standards print.
+// What the tests of ccsds/ share: bytes, the bits that standards print, and real data.
 #ifndef CCSDS_TESTING_BITS_H
 #define CCSDS_TESTING_BITS_H
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <random>
 #include <string>
 #include <vector>
@@ -12,6 +13,13 @@
 namespace ccsds::testing {
 
 using Bytes = std::vector<std::uint8_t>;
+
+/// The path of a file of real data: in FLEDGE_TEST_DATA, or ../shared/data of the repository.
+inline std::string real_file(const std::string &name)
+{
+    const char *folder = std::getenv("FLEDGE_TEST_DATA");
+    return (folder != nullptr ? folder : FLEDGE_ROOT "/../shared/data") + ("/" + name);
+}
 
 /// n random bytes.
 inline Bytes any_bytes(std::mt19937 &random, std::size_t n)
