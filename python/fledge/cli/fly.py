@@ -108,7 +108,7 @@ def fly(options: argparse.Namespace) -> int:
         others.extend((job.part(process), targets[name]) for process, name in apart.items() if name != "desktop")
         bounds.extend(_checked(options, job, others, settled))
         if not (part or options.clock):     # these build at once
-            _unless_lacking("check", others, lacking)
+            _refuse(lambda target, part: target.check(part), others, lacking)
 
     for name, why in lacking.items():
         print(f"  {name}: {why}", file=sys.stderr)
@@ -133,22 +133,22 @@ def fly(options: argparse.Namespace) -> int:
             return _clock(job, others)
         if options.join is not None:
             return _join(job, *others[0], options.join, options.keys)
-        _unless_lacking("build", others, lacking)
+        _refuse(lambda target, part: target.built(part), others, lacking)
         runs = {name: {one.process: targets[name] for one in job.parts} for name in names if name != "desktop"}
         if apart:
             runs["apart"] = {one.process: targets[apart.get(one.process, "desktop")] for one in job.parts}
         return _fly(options, job, runs, bounds, lacking)
 
 
-def _unless_lacking(call, others, lacking):
-    """Call a method of each target with its part, before anything flies. A target that refuses is told and goes into
-    `lacking`."""
+def _refuse(prepare, others, lacking):
+    """Call prepare(target, part) of all that fly, before anything does. Print why a target refuses, and add it to
+    `lacking`; its other parts are left out."""
     from fledge.errors import Failure, SetupError
 
     for part, target in others:
         if target.name not in lacking:
             try:
-                getattr(target, call)(part)
+                prepare(target, part)
             except (Failure, SetupError, OSError) as error:
                 lacking[target.name] = str(error)
                 print(f"  {target.name}: {error}", file=sys.stderr)
@@ -269,12 +269,18 @@ def _fly(options, job, runs, bounds, lacking):
     records: dict[str, dict[str, Archive]] = {}
     code = 1
     flights: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
+
+    def absent(name):
+        rows.append((name, None, "", "did not fly"))
+        wrong[name].append("did not fly")
+
     for name, on in flights.items():
+        if any(one.name in lacking for one in on.values()):     # whose reason was printed
+            absent(name)
+            continue
         try:
             if on and "desktop" not in records:
                 raise Failure("there is no flight of the desktop to compare with")
-            if any(one.name in lacking for one in on.values()):
-                raise Failure("")       # which was told
             desktop_target: Any = TARGETS["desktop"]
             flown = fly(job, on, name, PATIENCE if options.gdb else 60.0) if on else desktop_target.fly(job)
             records[name] = {}
@@ -285,10 +291,8 @@ def _fly(options, job, runs, bounds, lacking):
                 records[name][part.process] = archives[path]
         except (Failure, SetupError, RunError, ArchiveError, OSError, KeyboardInterrupt) as error:
             code = 130 if isinstance(error, KeyboardInterrupt) else code
-            if text := "interrupted" if code == 130 else str(error):
-                print(f"  {name}: {text}", file=sys.stderr)
-            rows.append((name, None, "", "did not fly"))
-            wrong[name].append("did not fly")
+            print(f"  {name}: {'interrupted' if code == 130 else error}", file=sys.stderr)
+            absent(name)
             if code == 130:
                 for later in list(wrong)[list(wrong).index(name) + 1:]:
                     wrong[later].append("did not fly")

@@ -481,7 +481,7 @@ def test_a_difference_is_found_and_reported(folder, capsys, monkeypatch):
     def spoiled(self, job):
         source = next(path for path in job.written if path.name == "nadir_spin.c")
         text = source.read_text()
-        assert "control.par.K = 2.531" in text
+        assert "control.par.K = 2.531;" in text
         source.write_text(text.replace("control.par.K = 2.531;", "control.par.K = 2.5310000000000006;"))
         return real(self, job)
 

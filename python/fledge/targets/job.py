@@ -20,6 +20,7 @@ from fledge.targets.rehearsal import Rehearsal, rehearse
 if TYPE_CHECKING:
     from fledge.archive import Archive
     from fledge.export.read import Mission
+    from fledge.targets.target import Target
     from registers.description import Board
     import numpy as np
 
@@ -34,6 +35,8 @@ class Part:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
         self.boards = [Path(path).resolve() for path in boards]
         self.instants: Any = None       # [ns] of the desktop's flight
+        self.built: dict[Target, Path] = {}     # what each target has built of it
+        self.script: list[Timed] = []   # its commands, once the scenario has been rehearsed
         if fed := [one for one in mission.inputs if one.fed]:
             raise Failure("\n".join(f"{one.path} is fed {one.fed}, and no program does that for a target: wire it to a "
                                     "model of the world" for one in fed))
@@ -43,16 +46,14 @@ class Part:
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
 
-    @cached_property
-    def script(self) -> list[Timed]:
-        """Its commands by the rehearsal of the scenario. Raises Failure if its boards carry none."""
-        found = [Timed(one.after, one.packet) for one in self.job.script if one.process == self.process]
-        if found and self.boards and not any(lane.carries == "commands" for board in self.described()
-                                             for lane in board.lanes):
+    def take_script(self) -> None:
+        """Take its commands from the job's. Raises Failure if its boards carry none."""
+        self.script = [Timed(one.after, one.packet) for one in self.job.script if one.process == self.process]
+        if self.script and self.boards and not any(lane.carries == "commands" for board in self.described()
+                                                   for lane in board.lanes):
             raise Failure(f"the scenario {self.job.scenario} changes {self.process} between its runs, by commands, "
                           f"which no snorkel of {', '.join(path.name for path in self.boards)} carries; add one with "
                           "carries = \"commands\"")
-        return found
 
     def compared(self, *records: Archive) -> list[str]:
         """The topics to compare: the outputs, and the modes and activity if any of the records has them."""
@@ -192,7 +193,7 @@ class Job:
         play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin)
         self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
         for one in self.parts:
-            one.script      # refuses boards that carry no commands
+            one.take_script()
 
     def _begin(self, play: Rehearsal, boards: Mapping[str, Sequence[Path | str]], folder: Path | str | None) -> None:
         """What is known before the rehearsal flies."""

@@ -58,6 +58,12 @@ class Target:
         starts."""
         raise NotImplementedError
 
+    def built(self, part: Part) -> Path:
+        """The same, built once for all flights of a job."""
+        if self not in part.built:
+            part.built[self] = self.build(part)
+        return part.built[self]
+
     def command(self, built: Path, record: str) -> list[str]:
         """The arguments that start it: {registers} stands for the register file; it writes all outputs of flight into
         `record`, a file in its working directory, and at its end prints lines of a key and a value, at least ticks and
@@ -76,7 +82,7 @@ class Target:
         """(the command of its node in a run, a function from the figures that this prints to a Flown)."""
         from fledge.targets import flown, loop
 
-        built, record = self.build(part), flown.new_record(part.folder, self.name)
+        built, record = self.built(part), flown.new_record(part.folder, self.name)
         return (loop.board_node(part, [*options, "--node", part.process, "--reply", timeout],
                                 self.command(built, record.name), self.name),
                 lambda figures: self.flown(built, record, figures))
