@@ -76,38 +76,69 @@ struct Link {
 
 } // namespace
 
+namespace {
+
+// Each returns how many packets it took through its layer at the i-th call.
+
+double header(Link &link, long)
+{
+    SpacePacket read{};
+    link.write_header();
+    link.seen += space_packet_read(&read, link.packet.data(), link.packet.size()) == CCSDS_OK;
+    return 1;
+}
+
+double framed(Link &link, long)
+{
+    tm_send(&link.sender, &link.channel, link.packet.data(), link.packet.size());
+    return 1;
+}
+
+double unframed(Link &link, long i)
+{
+    TmFrame frame{};
+    if (tm_frame_read(&telemetry, &link.frames[static_cast<std::size_t>(i % 256) * 1024], 1024, &frame) == CCSDS_OK) {
+        tm_receive(&link.receiver, &frame);
+    }
+    return static_cast<double>(frame.n) / packet_size;
+}
+
+double commanded(Link &link, long)
+{
+    link.seen += link.command();
+    return 1;
+}
+
+double received(Link &link, long)
+{
+    cltu_take(&link.reader, link.cltu.data(), link.cltu_size);
+    return 1;
+}
+
+constexpr struct {
+    const char *name;
+    double (*take)(Link &link, long i);
+} layers[] = {{"header", header},
+              {"telemetry, framed", framed},
+              {"telemetry, read", unframed},
+              {"command, as a CLTU", commanded},
+              {"command, read", received}};
+
+} // namespace
+
 double time_link_layer(const char *layer, long n)
 {
-    Link link;
-    const auto is = [&](const char *name) { return std::strcmp(layer, name) == 0; };
-    const auto start = std::chrono::steady_clock::now();
-    double packets = 0;
-    for (long i = 0; i < n; i++) {
-        if (is("header")) {
-            SpacePacket read{};
-            link.write_header();
-            link.seen += space_packet_read(&read, link.packet.data(), link.packet.size()) == CCSDS_OK;
-            packets++;
-        } else if (is("telemetry, framed")) {
-            tm_send(&link.sender, &link.channel, link.packet.data(), link.packet.size());
-            packets++;
-        } else if (is("telemetry, read")) {
-            TmFrame frame{};
-            if (tm_frame_read(&telemetry, &link.frames[static_cast<std::size_t>(i % 256) * 1024], 1024, &frame) ==
-                CCSDS_OK) {
-                tm_receive(&link.receiver, &frame);
+    for (const auto &each : layers) {
+        if (std::strcmp(each.name, layer) == 0) {
+            Link link;
+            const auto start = std::chrono::steady_clock::now();
+            double packets = 0;
+            for (long i = 0; i < n; i++) {
+                packets += each.take(link, i);
             }
-            packets += static_cast<double>(frame.n) / packet_size;
-        } else if (is("command, as a CLTU")) {
-            link.seen += link.command();
-            packets++;
-        } else if (is("command, read")) {
-            cltu_take(&link.reader, link.cltu.data(), link.cltu_size);
-            packets++;
-        } else {
-            return -1;
+            const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+            return link.seen == 0 ? -1 : elapsed.count() / packets;
         }
     }
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    return link.seen == 0 ? -1 : elapsed.count() / packets;
+    return -1;
 }

@@ -32,7 +32,8 @@ typedef struct Farm {
 int farm_begin(Farm *farm, uint8_t window);
 
 /** Take a frame that was read without a fault. room: whether its data can be kept. Returns 1 if it is accepted; that of
- * a frame of type BC is then done. Type BD takes the place of what waits, so `room` does not count for it. */
+ * a frame of type BC is then done. FARM-1 accepts any frame of type BD: the caller discards what waits, if that takes
+ * its room. */
 int farm_frame(Farm *farm, const TcFrame *frame, int room);
 
 /** There is room again. */

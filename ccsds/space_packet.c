@@ -30,12 +30,36 @@ size_t packet_split(PacketSplitter *splitter, uint8_t *bytes)
     return head->size;
 }
 
+int part_join(PartJoiner *joiner, uint32_t part, const uint8_t *data, size_t n, CcsdsFault unfinished)
+{
+    const int first = (part & SPACE_PACKET_FIRST) != 0u, last = (part & SPACE_PACKET_LAST) != 0u;
+    if (first) {
+        if (joiner->open != 0u) {
+            joiner->faults[unfinished]++;
+        }
+        joiner->open = 1u;
+        joiner->n = 0;
+    } else if (joiner->open == 0u) {
+        joiner->faults[CCSDS_STRAY]++;
+        return 0;
+    }
+    if (n > joiner->room - joiner->n) {
+        joiner->faults[CCSDS_ROOM]++;
+        joiner->open = 0u;
+        return 0;
+    }
+    memcpy(joiner->memory + joiner->n, data, n);
+    joiner->n += n;
+    joiner->open = !last;
+    return last;
+}
+
 void packet_joiner_begin(PacketJoiner *joiner, uint16_t application, uint8_t *memory, size_t room)
 {
     memset(joiner, 0, sizeof *joiner);
     joiner->application = application;
-    joiner->memory = memory;
-    joiner->room = room;
+    joiner->parts.memory = memory;
+    joiner->parts.room = room;
 }
 
 int packet_join(PacketJoiner *joiner, const uint8_t *bytes, size_t n)
@@ -49,33 +73,15 @@ int packet_join(PacketJoiner *joiner, const uint8_t *bytes, size_t n)
         fault = CCSDS_CHANNEL;
     }
     if (fault != CCSDS_OK) {
-        joiner->faults[fault]++;
+        joiner->parts.faults[fault]++;
         return 0;
     }
-    const int first = (packet.part & SPACE_PACKET_FIRST) != 0, last = (packet.part & SPACE_PACKET_LAST) != 0;
     if (joiner->begun != 0u && packet.count != joiner->count) {
-        joiner->faults[CCSDS_GAP]++;
-        joiner->open = 0u;
-    } else if (first && joiner->open != 0u) {
-        joiner->faults[CCSDS_TYPE]++; /* the last part never came, though no packet is missing */
+        joiner->parts.faults[CCSDS_GAP]++;
+        joiner->parts.open = 0u;
     }
     joiner->begun = 1u;
     joiner->count = (uint16_t)(packet.count + 1u) & 0x3FFFu;
-    if (first) {
-        joiner->open = 1u;
-        joiner->n = 0;
-    } else if (joiner->open == 0u) {
-        joiner->faults[CCSDS_STRAY]++;
-        return 0;
-    }
-    const size_t data = n - (size_t)SPACE_PACKET_HEADER;
-    if (data > joiner->room - joiner->n) {
-        joiner->faults[CCSDS_ROOM]++;
-        joiner->open = 0u;
-        return 0;
-    }
-    memcpy(joiner->memory + joiner->n, bytes + SPACE_PACKET_HEADER, data);
-    joiner->n += data;
-    joiner->open = !last;
-    return last;
+    return part_join(&joiner->parts, packet.part, bytes + SPACE_PACKET_HEADER, n - (size_t)SPACE_PACKET_HEADER,
+                     CCSDS_TYPE); /* no packet is missing, so the sender left out the last part */
 }

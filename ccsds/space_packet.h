@@ -22,7 +22,7 @@ enum {
     SPACE_PACKET_COUNTS = 1 << 14
 };
 
-/** What of a longer unit of data a packet or a segment of a frame has. The numbers are those of packets. */
+/** Which part of a longer unit of data a packet, or a segment of a telecommand, carries. Both use these numbers. */
 typedef enum SpacePacketPart {
     SPACE_PACKET_MIDDLE = 0,
     SPACE_PACKET_FIRST = 1,
@@ -82,22 +82,31 @@ typedef struct PacketSplitter {
 /** Write the next packet, of at most SPACE_PACKET_HEADER + room bytes. Returns its size, 0 after the last. */
 size_t packet_split(PacketSplitter *splitter, uint8_t *bytes);
 
+/** Joins the parts of units of data again. */
+typedef struct PartJoiner {
+    uint8_t *memory;
+    size_t room;  ///< [bytes] of it
+    size_t n;     ///< [bytes] that are there
+    uint8_t open; ///< 1: a first part came
+    uint32_t faults[CCSDS_FAULTS];
+} PartJoiner;
+
+/** Take n bytes, a SpacePacketPart of a unit. unfinished: the fault to count where a unit begins before the last part
+ * of the one before came. Returns 1 if the unit is whole: joiner->n bytes in joiner->memory. */
+int part_join(PartJoiner *joiner, uint32_t part, const uint8_t *data, size_t n, CcsdsFault unfinished);
+
 /** Joins the packets of one application again. */
 typedef struct PacketJoiner {
-    uint8_t *memory;
-    size_t room; ///< [bytes] of it
-    size_t n;    ///< [bytes] that are there
+    PartJoiner parts;
     uint16_t application;
     uint16_t count; ///< of the next packet
-    uint8_t open;   ///< 1: a first part came
     uint8_t begun;  ///< 1: a packet came, so the count is known
-    uint32_t faults[CCSDS_FAULTS];
 } PacketJoiner;
 
 void packet_joiner_begin(PacketJoiner *joiner, uint16_t application, uint8_t *memory, size_t room);
 
-/** Take a packet. Returns 1 if the data is whole: joiner->n bytes in joiner->memory. What is missing, repeated or too
- * long is counted, and ends the data that it belongs to. */
+/** Take a packet. Returns 1 if the data is whole, as part_join does. What is missing, repeated or too long is counted
+ * in joiner->parts.faults, and ends the data that it belongs to. */
 int packet_join(PacketJoiner *joiner, const uint8_t *packet, size_t n);
 
 #ifdef __cplusplus

@@ -97,7 +97,8 @@ TEST(PacketJoiner, data_comes_out_as_it_was_or_not_at_all)
                 out = packet_join(&joiner, packet.data(), packet.size()) != 0;
                 if (out) {
                     ASSERT_TRUE(all);
-                    ASSERT_EQ(Bytes(memory.begin(), memory.begin() + static_cast<std::ptrdiff_t>(joiner.n)), data);
+                    ASSERT_EQ(Bytes(memory.begin(), memory.begin() + static_cast<std::ptrdiff_t>(joiner.parts.n)),
+                              data);
                 }
             }
             ASSERT_EQ(out, all);
@@ -105,8 +106,8 @@ TEST(PacketJoiner, data_comes_out_as_it_was_or_not_at_all)
         }
         EXPECT_GT(whole, 500u);
         EXPECT_EQ(cut > 0, lossy);
-        EXPECT_EQ(joiner.faults[CCSDS_GAP] > 0, lossy);
-        EXPECT_LE(joiner.faults[CCSDS_GAP], lost);
+        EXPECT_EQ(joiner.parts.faults[CCSDS_GAP] > 0, lossy);
+        EXPECT_LE(joiner.parts.faults[CCSDS_GAP], lost);
     }
 }
 
@@ -118,17 +119,17 @@ TEST(PacketJoiner, what_does_not_belong_is_counted)
     std::uint16_t count = 0;
     const std::vector<Bytes> packets = split(Bytes(11, 1), 6, count);
     EXPECT_EQ(packet_join(&joiner, packets[1].data(), packets[1].size()), 0); // the last part, without a first
-    EXPECT_EQ(joiner.faults[CCSDS_STRAY], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_STRAY], 1u);
     EXPECT_EQ(packet_join(&joiner, packets[0].data(), packets[0].size()), 0); // a count that goes back
-    EXPECT_EQ(joiner.faults[CCSDS_GAP], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_GAP], 1u);
     EXPECT_EQ(packet_join(&joiner, packets[1].data(), packets[1].size()), 0); // 11 bytes into 10
-    EXPECT_EQ(joiner.faults[CCSDS_ROOM], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_ROOM], 1u);
     Bytes other = packets[0];
     other[1] = 6;
     EXPECT_EQ(packet_join(&joiner, other.data(), other.size()), 0);
-    EXPECT_EQ(joiner.faults[CCSDS_CHANNEL], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_CHANNEL], 1u);
     EXPECT_EQ(packet_join(&joiner, packets[0].data(), packets[0].size() - 1), 0);
-    EXPECT_EQ(joiner.faults[CCSDS_LENGTH], 1u);
+    EXPECT_EQ(joiner.parts.faults[CCSDS_LENGTH], 1u);
 }
 
 } // namespace

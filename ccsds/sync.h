@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames in a stream of bytes: synchronisation markers and randomisers (CCSDS 131.0-B, 231.0-B), and the command link
- * transmission units (CLTU) of telecommands with their BCH code (231.0-B). Bytes are aligned. */
+ * transmission units (CLTU) of telecommands with their BCH code (231.0-B). Readers take whole bytes: they do not look
+ * for a frame that begins inside a byte. */
 #ifndef CCSDS_SYNC_H
 #define CCSDS_SYNC_H
 

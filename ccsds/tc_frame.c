@@ -105,30 +105,6 @@ size_t tc_control_write(const TcChannel *channel, TcControl control, uint8_t val
     return finish(channel, (uint32_t)BYPASS | (uint32_t)CONTROL, 0u, bytes, at);
 }
 
-int tc_join(TcJoiner *joiner, const TcFrame *frame)
-{
-    const int first = (frame->part & SPACE_PACKET_FIRST) != 0, last = (frame->part & SPACE_PACKET_LAST) != 0;
-    if (first) {
-        if (joiner->open != 0u) {
-            joiner->faults[CCSDS_GAP]++;
-        }
-        joiner->open = 1u;
-        joiner->n = 0;
-    } else if (joiner->open == 0u) {
-        joiner->faults[CCSDS_STRAY]++;
-        return 0;
-    }
-    if (frame->n > joiner->room - joiner->n) {
-        joiner->faults[CCSDS_ROOM]++;
-        joiner->open = 0u;
-        return 0;
-    }
-    memcpy(joiner->memory + joiner->n, frame->data, frame->n);
-    joiner->n += frame->n;
-    joiner->open = !last;
-    return last;
-}
-
 uint32_t clcw_word(const Clcw *clcw)
 {
     return 1u << 24 | (uint32_t)(clcw->virtual_channel & 0x3Fu) << 18 | (clcw->no_rf & 1u) << 15 |

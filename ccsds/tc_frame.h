@@ -61,17 +61,11 @@ static inline size_t tc_room(const TcChannel *channel)
     return (size_t)TC_FRAME_MAX - TC_FRAME_HEADER - (channel->segments ? 1u : 0u) - (channel->check ? 2u : 0u);
 }
 
-/** Joins the segments of one MAP: with segment headers a packet may span frames, or frames may have several packets. */
-typedef struct TcJoiner {
-    uint8_t *memory;
-    size_t room;
-    size_t n;
-    uint8_t open;
-    uint32_t faults[CCSDS_FAULTS];
-} TcJoiner;
-
-/** Take the data of a frame that was accepted. Returns 1 if a unit is whole: joiner->n bytes in joiner->memory. */
-int tc_join(TcJoiner *joiner, const TcFrame *frame);
+/** Join the segments of one MAP: take the data of a frame that was accepted. Returns 1 if a unit is whole. */
+static inline int tc_join(PartJoiner *joiner, const TcFrame *frame)
+{
+    return part_join(joiner, frame->part, frame->data, frame->n, CCSDS_GAP);
+}
 
 /** The communications link control word (232.0-B-4, 4.2): the state of the receiver of commands. */
 typedef struct Clcw {

@@ -124,7 +124,7 @@ TEST(TcFrame, any_bytes_are_read_or_refused)
 TEST(TcJoiner, segments_become_one_unit)
 {
     Bytes memory(10);
-    TcJoiner joiner{memory.data(), memory.size(), 0, 0, {}};
+    PartJoiner joiner{memory.data(), memory.size(), 0, 0, {}};
     const Bytes data{1, 2, 3, 4};
     const auto take = [&](std::uint8_t part) {
         TcFrame frame{};
