@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* An exported mission as the program of a LEON3 board. The clock of the register space paces flight: at each tick the
  * processor wakes up, flies, answers, and then records the outputs of flight. */
-#include "registers/plug_and_play.h"
 #include "targets/leon3/leon3.h"
 #include "targets/leon3/recorder.h"
+#include "targets/leon3/windows.h"
 
 #ifndef TARGET
 #define TARGET "leon3"
@@ -13,17 +13,6 @@ enum { BOARDS_MAX = 4 };
 
 static RegisterWindow windows[BOARDS_MAX];
 static MissionIoCounts counts;
-
-static const RegisterWindow *place_windows(void)
-{
-    const MissionIo *io = fledge_mission.io;
-    uint32_t at = leon3.registers;
-    for (uint32_t i = 0u; i < io->n_boards && i < BOARDS_MAX; i++) {
-        windows[i] = register_window(io->boards[i], (volatile uint32_t *)(uintptr_t)at);
-        at += (io->boards[i]->size + REGISTER_BUS_ALIGNMENT - 1u) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;
-    }
-    return &windows[mission_io_clock(io)];
-}
 
 static void say_line(const char *text)
 {
@@ -58,7 +47,8 @@ int main(void)
         return 1;
     }
     const MissionHeap begun = fledge_mission.heap != NULL ? fledge_mission.heap() : (MissionHeap){0u, 0u};
-    const RegisterWindow *clock = place_windows();
+    leon3_place_windows(fledge_mission.io, windows);
+    const RegisterWindow *clock = &windows[mission_io_clock(fledge_mission.io)];
     uint32_t ticks = 0u;
     leon3_watch();
     recorder_resume();

@@ -3,11 +3,11 @@
  * `fledge export cfs` wrote; this file has its registers, and sends its outputs as a record through the last UART. The
  * compiler includes the header of the app's names in front. */
 #include "targets/leon3_cfs/cfs.h"
-#include "registers/plug_and_play.h"
 #include "targets/cfs/pocket.h"
 #include "targets/cfs/watch.h"
 #include "targets/leon3/leon3.h"
 #include "targets/leon3/recorder.h"
+#include "targets/leon3/windows.h"
 
 extern const PocketApp fledge_apps[];
 extern const uint32 fledge_apps_n;
@@ -22,13 +22,8 @@ void FSW_Detach(bool keep);
 
 bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
 {
-    uint32_t at = leon3.registers;
     (void)stop;
-    for (uint32 i = 0; i < fledge_mission.io->n_boards; i++) {
-        const RegisterBoard *board = fledge_mission.io->boards[i];
-        windows[i] = register_window(board, (volatile uint32_t *)(uintptr_t)at);
-        at += (board->size + REGISTER_BUS_ALIGNMENT - 1u) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;
-    }
+    leon3_place_windows(fledge_mission.io, windows);
     return true;
 }
 

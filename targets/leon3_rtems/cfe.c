@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The registers of the app `fsw` under NASA's core Flight Executive, with OSAL's port to RTEMS, and its record. */
-#include "registers/plug_and_play.h"
 #include "targets/cfs/watch.h"
 #include "targets/leon3/recorder.h"
+#include "targets/leon3/windows.h"
 #include "targets/leon3_rtems/board.h"
 
 #include <fsw_app.h>
@@ -15,12 +15,7 @@ bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
     leon3_begin_flight();
     leon3_watch();
     recorder_resume();
-    uint32_t at = leon3.registers;
-    for (uint32 i = 0; i < fledge_mission.io->n_boards; i++) {
-        const RegisterBoard *board = fledge_mission.io->boards[i];
-        windows[i] = register_window(board, (volatile uint32_t *)(uintptr_t)at);
-        at += (board->size + REGISTER_BUS_ALIGNMENT - 1u) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;
-    }
+    leon3_place_windows(fledge_mission.io, windows);
     return true;
 }
 

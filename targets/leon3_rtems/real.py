@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 HERE = Path(__file__).resolve().parent
 OWN = ["targets/leon3/devices.c", "targets/leon3/recorder.c",
        "targets/leon3_rtems/board.c", "targets/leon3_rtems/cfe.c"]
-HEADERS = ["targets/leon3/leon3.h", "targets/leon3/recorder.h", "targets/leon3_rtems/board.h", "targets/cfs/watch.h",
-           "registers/plug_and_play.h"]
+HEADERS = ["targets/leon3/leon3.h", "targets/leon3/recorder.h", "targets/leon3/windows.h",
+           "targets/leon3_rtems/board.h", "targets/cfs/watch.h", "registers/plug_and_play.h"]
 DEFINITIONS = "leon3_defs"
 SYSTEM = f"""\
 SET(MISSION_NAME "Fledge")
