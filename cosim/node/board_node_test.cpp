@@ -364,9 +364,12 @@ TEST_F(BoardNodeTest, OtherProgramsCommandFlightAndReadItsTelemetryAsTopics)
             std::memcpy(&size, p, sizeof size);
             reports.emplace_back(record.t, std::vector<std::uint16_t>{});
             for (std::uint32_t at = 4; at < size + 4; at += p[at + 4] * 256u + p[at + 5] + 7u) {
-                CommandReport report;
-                std::memcpy(&report, p + at + TELEMETRY_HEADER, sizeof report);
-                reports.back().second.insert(reports.back().second.end(), {report.sequence, report.reason});
+                const auto number = [&](std::size_t place) {
+                    const auto *two = p + at + TELEMETRY_HEADER + place;
+                    return static_cast<std::uint16_t>(two[0] * 256u + two[1]);
+                };
+                reports.back().second.insert(reports.back().second.end(), {number(offsetof(CommandReport, sequence)),
+                                                                           number(offsetof(CommandReport, reason))});
             }
         }
     };

@@ -37,9 +37,7 @@ uint16_t command_crc(const uint8_t *bytes, uint32_t n)
 /* Between the order of this machine and big-endian, in place. */
 static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint32_t to)
 {
-    if (exec_little_endian()) {
-        exec_reverse(block->runs, block->n_runs, bytes, from, to);
-    }
+    exec_big_endian(block->runs, block->n_runs, bytes, from, to);
 }
 
 /* ---- acceptance */

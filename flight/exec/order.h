@@ -49,4 +49,12 @@ static inline void exec_reverse(const ExecRun *runs, uint32_t n_runs, uint8_t *b
     }
 }
 
+/** The same between the order of this machine and big-endian, in either direction. */
+static inline void exec_big_endian(const ExecRun *runs, uint32_t n_runs, uint8_t *bytes, uint32_t from, uint32_t to)
+{
+    if (exec_little_endian()) {
+        exec_reverse(runs, n_runs, bytes, from, to);
+    }
+}
+
 #endif

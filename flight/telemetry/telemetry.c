@@ -7,7 +7,33 @@
 
 enum { HOUSEKEEPING = 0, REPORTS = 1, OUTPUTS = 2 };
 
-/* Send table->packet, whose content is there, as a packet of a stream. */
+static const ExecRun housekeeping[] = {{8u, 1u}, {4u, 5u + (uint32_t)COMMAND_REASONS}, {2u, 2u}},
+                     report[] = {{8u, 1u}, {2u, 8u}}, text[] = {{8u, 1u}, {2u, 4u}, {4u, 2u}};
+
+/* Between the order of this machine and big-endian: the n bytes of a content in table->packet. Those read back, which
+ * are big-endian, and letters follow the numbers. */
+static void swap(const TelemetryTable *table, uint32_t stream, uint32_t n)
+{
+    uint8_t *content = table->packet + TELEMETRY_HEADER;
+    if (stream == (uint32_t)HOUSEKEEPING) {
+        exec_big_endian(housekeeping, 3u, content, 0u, n);
+    } else if (stream == (uint32_t)REPORTS) {
+        exec_big_endian(report, 2u, content, 0u, n);
+    } else if (stream < (uint32_t)OUTPUTS + table->n_outputs) {
+        const TelemetryOutput *output = &table->outputs[stream - (uint32_t)OUTPUTS];
+        exec_big_endian(output->runs, output->n_runs, content, 0u, n);
+    } else {
+        exec_big_endian(text, 3u, content, 0u, n);
+    }
+}
+
+void telemetry_native(const TelemetryTable *table, const uint8_t *packet)
+{
+    swap(table, (uint32_t)ccsds_get16(packet) - table->stream,
+         (uint32_t)ccsds_get16(packet + 4) + 7u - (uint32_t)TELEMETRY_HEADER);
+}
+
+/* Send table->packet, whose content is there as in memory, as a packet of a stream. */
 static void send(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink, void *user)
 {
     uint8_t *p = table->packet;
@@ -23,7 +49,7 @@ static void send(const TelemetryTable *table, uint32_t stream, uint32_t n, int64
     space_packet_write(&head, p);
     ccsds_put32(p + SPACE_PACKET_HEADER, (uint32_t)seconds);
     ccsds_put16(p + SPACE_PACKET_HEADER + 4, (uint32_t)part);
-    p[12] = exec_little_endian() ? 1u : 2u;
+    swap(table, stream, n);
     sink(user, p, (uint32_t)TELEMETRY_HEADER + n);
 }
 
@@ -124,10 +150,10 @@ void telemetry_text(TelemetryTexts *texts, int64_t t, TelemetryTextKind kind, ui
     texts->lost = 0u;
 }
 
-void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,
+void telemetry_report(const TelemetryTable *table, const CommandReport *done, const uint8_t *data, TelemetrySink sink,
                       void *user)
 {
-    memcpy(table->packet + TELEMETRY_HEADER, report, sizeof *report);
-    memcpy(table->packet + TELEMETRY_HEADER + sizeof *report, data, report->n);
-    send(table, REPORTS, (uint32_t)sizeof *report + report->n, report->t, sink, user);
+    memcpy(table->packet + TELEMETRY_HEADER, done, sizeof *done);
+    memcpy(table->packet + TELEMETRY_HEADER + sizeof *done, data, done->n);
+    send(table, REPORTS, (uint32_t)sizeof *done + done->n, done->t, sink, user);
 }

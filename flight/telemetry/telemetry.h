@@ -9,9 +9,12 @@
  *          2  0xC000 + sequence, which counts the packets of its stream
  *          4  length - 7
  *          6  flight's time: 32 bits of seconds, 16 bits of 2^-16 s, big-endian
- *         12  the byte order of what follows the header: 1 little-endian, 2 big-endian; then three spare bytes
+ *         12  four spare bytes
  *         16  the message, TelemetryHousekeeping, CommandReport and the bytes read back, or TelemetryText and its
- *             letters, as they lie in memory */
+ *             letters: as in memory, but each number big-endian, whatever the target
+ *
+ * A host whose readers expect structs of its own machine (the software bus of cFS) calls telemetry_native for a packet
+ * that it sends there. */
 #ifndef FLIGHT_TELEMETRY_TELEMETRY_H
 #define FLIGHT_TELEMETRY_TELEMETRY_H
 
@@ -37,6 +40,8 @@ typedef struct TelemetryHousekeeping {
 
 /** An output of flight. */
 typedef struct TelemetryOutput {
+    const ExecRun *runs; ///< its numbers
+    uint32_t n_runs;
     uint32_t offset; ///< [bytes] in the mission's memory
     uint32_t size;   ///< [bytes]
 } TelemetryOutput;
@@ -112,6 +117,9 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
 /** Keep a text until telemetry_send sends it; what is longer than COMMAND_DATA_MAX is cut. */
 void telemetry_text(TelemetryTexts *texts, int64_t t, TelemetryTextKind kind, uint16_t sequence, uint32_t line,
                     const char *text);
+
+/** Give the numbers of a packet that a sink got the order of this machine, in place, in the memory of the telemetry. */
+void telemetry_native(const TelemetryTable *table, const uint8_t *packet);
 
 /** Send a report. */
 void telemetry_report(const TelemetryTable *table, const CommandReport *report, const uint8_t *data, TelemetrySink sink,

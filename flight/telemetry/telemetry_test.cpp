@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstddef>
 #include <cstring>
 #include <string>
@@ -18,8 +19,9 @@ struct Mission {
     Message slow, fast;
 };
 
-const TelemetryOutput outputs[] = {{offsetof(Mission, slow), sizeof(Message)},
-                                   {offsetof(Mission, fast), sizeof(Message)}};
+const ExecRun numbers[] = {{8, 1}, {4, 2}, {8, 1}};
+const TelemetryOutput outputs[] = {{numbers, 3, offsetof(Mission, slow), sizeof(Message)},
+                                   {numbers, 3, offsetof(Mission, fast), sizeof(Message)}};
 TelemetryRate rates[5];
 uint8_t packet[TELEMETRY_REPORT_MAX], letters[100];
 TelemetryTexts texts;
@@ -38,6 +40,19 @@ struct Telemetry : testing::Test {
     {
         static_cast<Telemetry *>(user)->packets.emplace_back(bytes, bytes + n);
     }
+    /// The number of a type at a byte of a packet, whose first byte is the highest.
+    template <class T> static T at(const Packet &p, size_t place)
+    {
+        uint64_t bits = 0;
+        for (size_t i = 0; i < sizeof(T); i++) {
+            bits = bits << 8 | p.at(place + i);
+        }
+        if constexpr (sizeof(T) == 8) {
+            return std::bit_cast<T>(bits);
+        } else {
+            return static_cast<T>(bits);
+        }
+    }
     /// Run to the n-th instant, of 250 ms each: `fast` is written at each, `slow` at every second one.
     void run(int n)
     {
@@ -55,9 +70,7 @@ struct Telemetry : testing::Test {
         std::vector<double> found;
         for (const Packet &p : packets) {
             if (p[0] == 0x08 && p[1] == stream) {
-                Message m;
-                std::memcpy(&m, p.data() + 16, sizeof m);
-                found.push_back(m.x);
+                found.push_back(at<double>(p, 16 + offsetof(Message, x)));
             }
         }
         return found;
@@ -95,8 +108,7 @@ TEST_F(Telemetry, TheHeaderIsThatOfCcsds)
     telemetry_rate(&table, 1, 1, 1);
     run(8);
     const Packet &last = packets.back();
-    const uint8_t little = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? 1 : 2;
-    const Packet header{0x08, 0x93, 0xC0, 7, 0, 16 + sizeof(Message) - 7, 0, 0, 0, 1, 0xC0, 0, little, 0, 0, 0};
+    const Packet header{0x08, 0x93, 0xC0, 7, 0, 16 + sizeof(Message) - 7, 0, 0, 0, 1, 0xC0, 0, 0, 0, 0, 0};
     EXPECT_EQ(Packet(last.begin(), last.begin() + 16), header); // 1.75 s
     EXPECT_EQ(last.size(), 16 + sizeof(Message));
     run(0x4003); // the sequence has 14 bits
@@ -104,21 +116,40 @@ TEST_F(Telemetry, TheHeaderIsThatOfCcsds)
     EXPECT_EQ(packets.back()[3], 2);
 }
 
+TEST_F(Telemetry, NumbersAreBigEndianAndAHostCanHaveThemNative)
+{
+    telemetry_rate(&table, 1, 1, 1);
+    run(4);
+    const Packet &last = packets.back();
+    const Packet expected{0,    0, 0, 0, 0x2C, 0xB4, 0x17, 0x80, 0, 0, 0, 3, 0, 0, 0, 4, // 0.75 s, good, the fourth
+                          0x40, 8, 0, 0, 0,    0,    0,    0};                           // 3.0
+    EXPECT_EQ(Packet(last.begin() + 16, last.end()), expected);
+    telemetry_native(&table, packet);
+    EXPECT_EQ(std::memcmp(packet + 16, &mission.fast, sizeof(Message)), 0);
+    EXPECT_EQ(Packet(packet, packet + 16), Packet(last.begin(), last.begin() + 16));
+}
+
 TEST_F(Telemetry, HousekeepingHasTheCountersAndTheMode)
 {
     state.counters.accepted = 5;
     state.counters.reasons[COMMAND_CRC] = 2;
+    state.ground = {1, 0x1234};
     telemetry_rate(&table, 2, 1, 4);
     run(9);
     ASSERT_EQ(packets.size(), 2u);
-    TelemetryHousekeeping h;
-    ASSERT_EQ(packets[1].size(), 16 + sizeof h);
+    ASSERT_EQ(packets[1].size(), 16 + sizeof(TelemetryHousekeeping));
     EXPECT_EQ(packets[1][1], 0x90);
-    std::memcpy(&h, packets[1].data() + 16, sizeof h);
-    EXPECT_EQ(h.t, 1750000000);
-    EXPECT_EQ(h.mode, 3u);
-    EXPECT_EQ(h.commands.accepted, 5u);
+    const auto number = [&](size_t place) { return at<uint32_t>(packets[1], 16 + place); };
+    EXPECT_EQ(at<int64_t>(packets[1], 16), 1750000000);
+    EXPECT_EQ(number(offsetof(TelemetryHousekeeping, mode)), 3u);
+    EXPECT_EQ(number(offsetof(TelemetryHousekeeping, commands.accepted)), 5u);
+    EXPECT_EQ(number(offsetof(TelemetryHousekeeping, commands.reasons) + 4 * COMMAND_CRC), 2u);
+    EXPECT_EQ(at<uint16_t>(packets[1], 16 + offsetof(TelemetryHousekeeping, ground.last)), 0x1234);
+    telemetry_native(&table, packet);
+    TelemetryHousekeeping h;
+    std::memcpy(&h, packet + 16, sizeof h);
     EXPECT_EQ(h.commands.reasons[COMMAND_CRC], 2u);
+    EXPECT_EQ(h.ground.last, 0x1234);
 }
 
 TEST_F(Telemetry, AReportHasTheBytesThatWereReadBack)
@@ -126,10 +157,13 @@ TEST_F(Telemetry, AReportHasTheBytesThatWereReadBack)
     const uint8_t data[] = {1, 2, 3};
     const CommandReport report = {-1, 9, COMMAND_READ, 1, COMMAND_OK, 0, 3, {0, 0}};
     telemetry_report(&table, &report, data, sink, this);
-    ASSERT_EQ(packets.at(0).size(), 16 + sizeof report + 3);
-    EXPECT_EQ(packets[0][1], 0x91);
-    EXPECT_EQ(std::memcmp(packets[0].data() + 16, &report, sizeof report), 0);
-    EXPECT_EQ(packets[0].back(), 3);
+    EXPECT_EQ(packets.at(0)[1], 0x91);
+    const Packet expected{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0, 9, 0, 9, 0, 1,
+                          0,    0,    0,    0,    0,    3,    0,    0,    0, 0, 1, 2, 3};
+    EXPECT_EQ(Packet(packets[0].begin() + 16, packets[0].end()), expected);
+    telemetry_native(&table, packet);
+    EXPECT_EQ(std::memcmp(packet + 16, &report, sizeof report), 0);
+    EXPECT_EQ(std::memcmp(packet + 16 + sizeof report, data, 3), 0);
     EXPECT_EQ(packets[0][9], 0); // no time before the first instant
 }
 
@@ -141,15 +175,11 @@ TEST_F(Telemetry, TextsGoOutAtTheEndOfTheInstantInTheirOrder)
     EXPECT_EQ(packets.size(), 0u);
     run(2);
     ASSERT_EQ(packets.size(), 4u); // two of fast
-    TelemetryText head;
-    const TelemetryText one = {0, TELEMETRY_PRINTED, 7, 0xFFFF, 3, 0, 0},
-                        two = {0, TELEMETRY_PROCEDURE_KILLED, 8, 3, 0, 0, 0};
     EXPECT_EQ(packets[1][1], 0x94);
-    ASSERT_EQ(packets[1].size(), 16 + sizeof head + 3);
-    EXPECT_EQ(std::memcmp(packets[1].data() + 16, &one, sizeof one), 0);
-    EXPECT_EQ(std::memcmp(packets[1].data() + 16 + sizeof one, "one", 3), 0);
-    ASSERT_EQ(packets[2].size(), 16 + sizeof head);
-    EXPECT_EQ(std::memcmp(packets[2].data() + 16, &two, sizeof two), 0);
+    const Packet one{0, 0, 0, 0, 0, 0, 0, 0, 0, 5, 0, 7, 0xFF, 0xFF, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 'o', 'n', 'e'},
+        two{0, 0, 0, 0, 0, 0, 0, 0, 0, 4, 0, 8, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    EXPECT_EQ(Packet(packets[1].begin() + 16, packets[1].end()), one);
+    EXPECT_EQ(Packet(packets[2].begin() + 16, packets[2].end()), two);
     EXPECT_EQ(packets[2][3], 1); // the sequence counts the texts
 }
 
@@ -165,11 +195,8 @@ TEST_F(Telemetry, TextsWithoutRoomAreCounted)
     telemetry_text(&texts, 5, TELEMETRY_SCRIPT, 0, 0, "x");
     run(2);
     ASSERT_EQ(packets.size(), 4u);
-    TelemetryText head;
-    std::memcpy(&head, packets[2].data() + 16, sizeof head);
-    EXPECT_EQ(head.lost, 3u);
-    std::memcpy(&head, packets[3].data() + 16, sizeof head);
-    EXPECT_EQ(head.lost, 0u);
+    EXPECT_EQ(at<uint32_t>(packets[2], 16 + offsetof(TelemetryText, lost)), 3u);
+    EXPECT_EQ(at<uint32_t>(packets[3], 16 + offsetof(TelemetryText, lost)), 0u);
 }
 
 TEST_F(Telemetry, ALongTextIsCut)

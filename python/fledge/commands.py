@@ -183,10 +183,11 @@ class Dictionary:
     events: list[str]
     blocks: list[Block]
     outputs: list[Output]
+    order: str = "big"          # of telemetry's numbers; "little": on the software bus of cFS on such a machine
 
     @classmethod
     def of(cls, name: str, modules: Iterable[tuple[str, Any, bool]], modes: Sequence[str], events: Sequence[str],
-           stream: int = COMMANDS, telemetry: int = TELEMETRY) -> Dictionary:
+           stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big") -> Dictionary:
         """modules: (path, struct, whether it is of the configuration) of each, in the order of the mission."""
         modules = list(modules)
         blocks = [block for path, struct, configuration in modules
@@ -195,7 +196,7 @@ class Dictionary:
                  if f.group == "out"]
         outputs = [Output(path, struct.name, struct.size, telemetry + OUTPUTS + i, described(struct.fields))
                    for i, (path, struct) in enumerate(ports)]
-        return cls(name, stream, telemetry, list(modes), list(events), blocks, outputs)
+        return cls(name, stream, telemetry, list(modes), list(events), blocks, outputs, order)
 
     @property
     def version(self) -> int:
@@ -268,15 +269,14 @@ class Dictionary:
 
     # --- as a file ---
 
-    def text(self, order: str | None = None) -> str:
-        """The file MISSION_packets.json. order: of telemetry's numbers, "big" or "little"; None: the target's, which
-        each packet says."""
+    def text(self) -> str:
+        """The file MISSION_packets.json."""
         commands = [{"name": code.name.lower(), "code": int(code), "arguments": ARGUMENTS[code]} for code in Code]
         whole = {"name": self.name, "version": self.version, "commands": {"stream": self.stream, "order": "big",
                  "list": commands, "reasons": {r.name.lower(): int(r) for r in Reason}},
                  "telemetry": {"stream": self.telemetry, "housekeeping": self.telemetry + HOUSEKEEPING,
                                "reports": self.telemetry + REPORTS, "texts": self.texts,
-                               "kinds": {k.name.lower(): int(k) for k in Kind}, "order": order or "target"},
+                               "kinds": {k.name.lower(): int(k) for k in Kind}, "order": self.order},
                  "modes": self.modes, "events": self.events,
                  "modules": [_plain(b) for b in self.blocks], "outputs": [_plain(o) for o in self.outputs]}
         return json.dumps(whole, indent=1) + "\n"
@@ -293,7 +293,7 @@ class Dictionary:
                            "rules": [Rule(*r) for r in row["rules"]]}) for row in whole["modules"]]
         found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
                     whole["events"], blocks, [Output(**{**row, "fields": fields(row["fields"])})
-                                              for row in whole["outputs"]])
+                                              for row in whole["outputs"]], whole["telemetry"]["order"])
         if found.version != whole["version"]:
             raise SetupError(f"{file}: its version is {whole['version']}, but that of its lists {found.version}: it "
                              "was changed by hand, or is of another version of Fledge; export it again")
@@ -621,7 +621,7 @@ class Text(NamedTuple):
 
 HOUSEKEEPING_FIELDS = [("t", "q"), ("mode", "I"), ("staged", "I"), ("accepted", "I"), ("executed", "I"),
                        ("refused", "I")]
-REPORT = "qHHHHHH4x"                # CommandReport, behind its byte order
+REPORT = "qHHHHHH4x"                # CommandReport
 TEXT = "qHHHHI4x"                   # TelemetryText
 
 
@@ -638,11 +638,11 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
     if len(packet) < 16 or len(packet) != int.from_bytes(packet[4:6], "big") + 7:
         raise SetupError(f"a packet of telemetry has 16 bytes or more, and the length of its header; found "
                          f"{packet[:16].hex()}..., {len(packet)} bytes")
-    stream, sequence, _, seconds, part, order = packing.unpack_from(">HHHIHB", packet)
-    mark = {1: "<", 2: ">"}.get(order)
+    stream, sequence, _, seconds, part = packing.unpack_from(">HHHIH", packet)
+    mark = {"little": "<", "big": ">"}[dictionary.order]
     place, body = stream - dictionary.telemetry, packet[16:]
     outputs = dictionary.outputs
-    if mark is None or not 0 <= place <= OUTPUTS + len(outputs):
+    if not 0 <= place <= OUTPUTS + len(outputs):
         raise SetupError(f"{dictionary.name} sends no packet {packet[:16].hex()}...")
     if place == HOUSEKEEPING:
         numbers = packing.unpack_from(mark + "".join(code for _, code in HOUSEKEEPING_FIELDS), body)

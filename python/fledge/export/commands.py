@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from fledge.commands import COMMANDS, FLAGS, TELEMETRY, Dictionary, Rule
+from fledge.commands import COMMANDS, FLAGS, TELEMETRY, Dictionary, Rule, byte_runs
 from fledge.export.c_source import extern, row, written
 from fledge.export.c_text import string, wrap
 
@@ -14,20 +14,22 @@ if TYPE_CHECKING:
     from fledge.export.read import Mission
 
 
-def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY) -> Dictionary:
+def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
+               ) -> Dictionary:
     """What a mission can be commanded, and what it sends."""
     modules = [(m.path, m.struct, m in mission.configuration) for m in mission.modules]
     return Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
-                         [e.title for e in mission.events], stream, telemetry)
+                         [e.title for e in mission.events], stream, telemetry, order)
 
 
-def emit_commands(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str | None = None
+def emit_commands(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
                   ) -> dict[str, str]:
-    """File name -> text. stream: of commands; telemetry: the first of telemetry; order: of the target, if known."""
-    found = dictionary(mission, stream, telemetry)
+    """File name -> text. stream: of commands; telemetry: the first of telemetry; order: of telemetry's numbers where
+    the ground reads it."""
+    found = dictionary(mission, stream, telemetry, order)
     name = mission.name
     return {f"{name}_commands.h": header(mission), f"{name}_commands.c": source(mission, found),
-            f"{name}_packets.json": found.text(order)}
+            f"{name}_packets.json": found.text()}
 
 
 def header(mission: Mission) -> str:
@@ -48,9 +50,7 @@ def source(mission: Mission, found: Dictionary) -> str:
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
              f"static TelemetryRate rates[{3 + n}];", ""]
     for i, block in enumerate(found.blocks):
-        runs = [f"{{{width}u, {count}u}}" for width, count in block.runs]
-        lines += [*wrap([f"{run}," for run in runs[:-1]] + runs[-1:], f"static const ExecRun runs_{i}[] = {{", "    ",
-                        "};")]
+        lines += numbers(str(i), block.runs)
         if block.rules:
             lines += [f"static const CommandRule rules_{i}[] = {{ /* {block.path} */", *rules(block.rules), "};"]
     if found.blocks:
@@ -60,9 +60,12 @@ def source(mission: Mission, found: Dictionary) -> str:
                          f"{len(block.rules)}u", f"{int(block.configuration)}u", "0u")
         lines += ["};"]
     if n:
-        lines += ["", "static const TelemetryOutput outputs[] = {"]
+        runs = {message.struct.name: byte_runs(message.struct.fields) for message in mission.outputs}
+        lines += ["", *(line for one in runs.items() for line in numbers(*one)),
+                  "static const TelemetryOutput outputs[] = {"]
         for message in mission.outputs:
-            lines += row(f"offsetof({struct}, {message.member})", f"sizeof({message.struct.name})")
+            one = message.struct.name
+            lines += row(f"runs_{one}", f"{len(runs[one])}u", f"offsetof({struct}, {message.member})", f"sizeof({one})")
         lines += ["};"]
     lines += ["", *functions(mission, found), f"const TelemetryTable {name}_telemetry = {{",
               f"    {found.telemetry:#06x}u, {n}u, {'outputs' if n else '0'}, rates, packet, mode, "
@@ -121,6 +124,12 @@ def executive(memory: list[str]) -> list[str]:
 
 def function(head: str, lines: Sequence[str]) -> list[str]:
     return [head, "{", *lines, "}", ""]
+
+
+def numbers(name: str, runs: Sequence[tuple[int, int]]) -> list[str]:
+    """Their table of ExecRuns."""
+    each = [f"{{{width}u, {count}u}}" for width, count in runs]
+    return wrap([f"{one}," for one in each[:-1]] + each[-1:], f"static const ExecRun runs_{name}[] = {{", "    ", "};")
 
 
 def rules(found: Sequence[Rule]) -> list[str]:

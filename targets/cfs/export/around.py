@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fledge.commands import HEADER, Reason
 from fledge.export.c_text import comment, wrap
 from fledge.files import ROOT
 from fledge.targets.cfs.export import joint
@@ -228,7 +229,7 @@ others.
 | id | | payload | bytes |
 |---|---|---|---|
 | {ids[f"{prefix}_HK_TLM_MID"]:#06x} | housekeeping of the app, when it is asked for | | {hk_size} |
-| {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | 96 |
+| {ids[f"{prefix}_FLIGHT_TLM_MID"]:#06x} | counters of commands, by command 10 | | {HEADER + 32 + 4 * len(Reason)} |
 | {ids[f"{prefix}_REPORT_TLM_MID"]:#06x} | reports of commands | | 40, and the bytes read |
 {packets(mission.outputs, "TLM")}
 """

@@ -11,6 +11,7 @@ import pytest
 
 import fledge
 from fledge import cli, export
+from fledge.commands import Dictionary
 from fledge.elements import ELEMENTS
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import eds, sources, tables
@@ -259,6 +260,15 @@ def test_table_files_read_back_as_the_parameters(name, order):
             at = field.offset - table.start
             assert struct.unpack_from(f"{end}{n}{letter}", content, at) == \
                 struct.unpack_from(f"={n}{letter}", table.module.memory, field.offset)
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_the_dictionary_says_the_order_of_the_bus(nadir, order, tmp_path):
+    files = cfs.emit(nadir, cfs.App("nav", order=order))
+    file = tmp_path / "packets.json"
+    file.write_text(str(next(text for path, text in files.items() if path.endswith("_packets.json"))))
+    assert Dictionary.load(file).order == order
+    assert export.dictionary(nadir).order == "big"      # of its own board
 
 
 def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
