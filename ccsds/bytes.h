@@ -13,16 +13,19 @@ extern "C" {
 /** Why a packet, a frame or a codeblock is refused. Operators read these numbers: append, do not renumber. */
 typedef enum CcsdsFault {
     CCSDS_OK = 0,
-    CCSDS_SHORT = 1,      ///< fewer bytes than its header
-    CCSDS_LENGTH = 2,     ///< not the length that its header or its channel says
-    CCSDS_VERSION = 3,    ///< another version of the protocol
-    CCSDS_SPACECRAFT = 4, ///< for another spacecraft
-    CCSDS_CHANNEL = 5,    ///< of a virtual channel, or a MAP, that is not there
-    CCSDS_CRC = 6,        ///< its check of bytes does not hold
-    CCSDS_TYPE = 7,       ///< a combination of flags, or a control command, that does not exist
-    CCSDS_GAP = 8,        ///< what came before it is missing
-    CCSDS_ROOM = 9,       ///< larger than the memory for it
-    CCSDS_STRAY = 10,     ///< the rest of something whose beginning did not come
+    CCSDS_SHORT = 1,        ///< fewer bytes than its header
+    CCSDS_LENGTH = 2,       ///< not the length that its header or its channel says
+    CCSDS_VERSION = 3,      ///< another version of the protocol
+    CCSDS_SPACECRAFT = 4,   ///< for another spacecraft
+    CCSDS_CHANNEL = 5,      ///< of a virtual channel, or a MAP, that is not there
+    CCSDS_CRC = 6,          ///< its check of bytes does not hold
+    CCSDS_TYPE = 7,         ///< a combination of flags, or a control command, that does not exist
+    CCSDS_GAP = 8,          ///< what came before it is missing
+    CCSDS_ROOM = 9,         ///< larger than the memory for it
+    CCSDS_STRAY = 10,       ///< the rest of something whose beginning did not come
+    CCSDS_ASSOCIATION = 11, ///< of a security association that is not there, or not in operation
+    CCSDS_TAG = 12,         ///< its message authentication code does not hold
+    CCSDS_REPLAY = 13,      ///< it was accepted before, or is too old to tell
     CCSDS_FAULTS
 } CcsdsFault;
 
@@ -41,6 +44,11 @@ static inline uint32_t ccsds_get32(const uint8_t *p)
     return (uint32_t)ccsds_get16(p) << 16 | ccsds_get16(p + 2);
 }
 
+static inline uint64_t ccsds_get64(const uint8_t *p)
+{
+    return (uint64_t)ccsds_get32(p) << 32 | ccsds_get32(p + 4);
+}
+
 static inline void ccsds_put16(uint8_t *p, uint32_t value)
 {
     p[0] = (uint8_t)(value >> 8);
@@ -51,6 +59,12 @@ static inline void ccsds_put32(uint8_t *p, uint32_t value)
 {
     ccsds_put16(p, value >> 16);
     ccsds_put16(p + 2, value);
+}
+
+static inline void ccsds_put64(uint8_t *p, uint64_t value)
+{
+    ccsds_put32(p, (uint32_t)(value >> 32));
+    ccsds_put32(p + 4, (uint32_t)value);
 }
 
 /** The cyclic redundancy check of frames (132.0-B-3, 4.1.6; 232.0-B-4, 4.1.4): x^16 + x^12 + x^5 + 1, begun with

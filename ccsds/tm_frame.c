@@ -123,15 +123,34 @@ void tm_virtual_begin(TmVirtual *one, uint8_t number, uint8_t *frame)
     one->first = PACKET_ZONE_NONE;
 }
 
+/* [bytes] of packets in a frame of the virtual channel, and where they begin. */
+static size_t room(const TmSender *sender, const TmVirtual *one)
+{
+    return tm_zone(&sender->channel) - one->before - one->behind;
+}
+
+static uint8_t *packets(const TmVirtual *one)
+{
+    return one->frame + TM_FRAME_HEADER + one->before;
+}
+
 /* The zone is full: send the frame. */
 static void send(TmSender *sender, TmVirtual *one)
 {
     const TmChannel *channel = &sender->channel;
-    uint8_t *frame = one->frame, *end = frame + TM_FRAME_HEADER + tm_zone(channel);
+    uint8_t *frame = one->frame, *zone = frame + TM_FRAME_HEADER, *end = zone + tm_zone(channel);
+    const uint32_t first = one->first;
+    one->n = 0;
+    one->first = PACKET_ZONE_NONE;
+    if (one->protect != NULL && !one->protect(one->protector, one->number, zone, tm_zone(channel))) {
+        sender->unprotected++;
+        one->count++; /* the receiver sees that one is missing */
+        return;
+    }
     ccsds_put16(frame, (uint32_t)channel->spacecraft << 4 | (uint32_t)one->number << 1 | (channel->control ? 1u : 0u));
     frame[2] = sender->count++;
     frame[3] = one->count++;
-    ccsds_put16(frame + 4, 0x1800u | one->first);
+    ccsds_put16(frame + 4, 0x1800u | first);
     if (channel->control) {
         ccsds_put32(end, sender->control);
         end += TM_CONTROL;
@@ -139,20 +158,18 @@ static void send(TmSender *sender, TmVirtual *one)
     if (channel->check) {
         ccsds_put16(end, ccsds_crc16(frame, (size_t)(end - frame)));
     }
-    one->n = 0;
-    one->first = PACKET_ZONE_NONE;
     sender->sink(sender->user, frame, channel->size);
 }
 
 void tm_send(TmSender *sender, TmVirtual *one, const uint8_t *packet, size_t n)
 {
-    const size_t zone = tm_zone(&sender->channel);
+    const size_t zone = room(sender, one);
     if (one->first == (uint32_t)PACKET_ZONE_NONE) {
         one->first = (uint32_t)one->n;
     }
     while (n != 0) {
         const size_t part = zone - one->n < n ? zone - one->n : n;
-        memcpy(one->frame + TM_FRAME_HEADER + one->n, packet, part);
+        memcpy(packets(one) + one->n, packet, part);
         one->n += part;
         packet += part;
         n -= part;
@@ -166,7 +183,7 @@ void tm_flush(TmSender *sender, TmVirtual *one)
 {
     uint8_t idle[TM_FRAME_MAX];
     if (one->n != 0) {
-        const size_t left = tm_zone(&sender->channel) - one->n;
+        const size_t left = room(sender, one) - one->n;
         const size_t n = left < (size_t)SPACE_PACKET_MIN ? (size_t)SPACE_PACKET_MIN : left;
         space_packet_idle(idle, n);
         tm_send(sender, one, idle, n);
@@ -176,7 +193,7 @@ void tm_flush(TmSender *sender, TmVirtual *one)
 void tm_idle(TmSender *sender, TmVirtual *one)
 {
     if (one->n == 0) {
-        memset(one->frame + TM_FRAME_HEADER, 0x55, tm_zone(&sender->channel));
+        memset(packets(one), 0x55, room(sender, one));
         one->first = PACKET_ZONE_IDLE;
         send(sender, one);
     }

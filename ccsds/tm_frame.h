@@ -55,6 +55,10 @@ CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, int control, int check
 
 typedef void (*TmSink)(void *user, const uint8_t *frame, size_t n);
 
+/** Protects the zone of a virtual channel's frame, whose first and last bytes are kept for that. Returns 0 if it
+ * cannot: the frame is then not sent. */
+typedef int (*TmProtect)(void *user, uint8_t virtual_channel, uint8_t *zone, size_t n);
+
 /** One virtual channel of a sender, with the frame that is being filled. */
 typedef struct TmVirtual {
     uint8_t *frame; ///< memory for a frame
@@ -62,6 +66,10 @@ typedef struct TmVirtual {
     uint32_t first;
     uint8_t number;
     uint8_t count;
+    uint8_t before; ///< [bytes] of the zone that are kept for `protect`
+    uint8_t behind;
+    TmProtect protect; ///< NULL: without
+    void *protector;
 } TmVirtual;
 
 /** A sender: the master channel. */
@@ -69,7 +77,8 @@ typedef struct TmSender {
     TmChannel channel;
     TmSink sink;
     void *user;
-    uint32_t control; ///< the operational control field of the frames that follow
+    uint32_t control;     ///< the operational control field of the frames that follow
+    uint32_t unprotected; ///< frames that were not sent, because their protection failed
     uint8_t count;
 } TmSender;
 

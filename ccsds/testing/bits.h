@@ -31,6 +31,16 @@ inline Bytes any_bytes(std::mt19937 &random, std::size_t n)
     return found;
 }
 
+/// The bytes that hex digits name.
+inline Bytes from_hex(const std::string &digits)
+{
+    Bytes found;
+    for (std::size_t i = 0; i + 1 < digits.size(); i += 2) {
+        found.push_back(static_cast<std::uint8_t>(std::stoi(digits.substr(i, 2), nullptr, 16)));
+    }
+    return found;
+}
+
 /// n bits of a value, as the digits of a text.
 inline std::string bits(std::uint32_t value, int n)
 {

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`./fledge keys new | list | allow | deny`: the keys that may take part in a co-simulation beyond one machine.
+`./fledge keys link`: the keys of a radio link.
 
 Exit codes as of all commands: 0 done; 2 the command line or a key is wrong, and nothing is written.
 """
@@ -20,16 +21,17 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one: Any = command("keys", lambda options: one.error("new, list, allow or deny?"),
-                       "make and list keys for programs on several machines",
+    one: Any = command("keys", lambda options: one.error("new, list, allow, deny or link?"),
+                       "make and list keys for programs on several machines, and for links",
                        "keys new controller world flight")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
-    def action(name, function, text, example):
+    def action(name, function, text, example, folder=True):
         a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
                              epilog=f"example: ./fledge keys {example}")
-        a.add_argument("--keys", metavar="DIR", default=os.environ.get("FLEDGE_KEYS") or "keys",
-                       help="their folder; default: FLEDGE_KEYS, else keys")
+        if folder:
+            a.add_argument("--keys", metavar="DIR", default=os.environ.get("FLEDGE_KEYS") or "keys",
+                           help="their folder; default: FLEDGE_KEYS, else keys")
         a.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         a.set_defaults(function=_spoken(function))
         return a
@@ -45,6 +47,9 @@ def add(command: Callable) -> None:
                    "file, a terminal asks")
     a = action("deny", deny, "let the owner of a key take part no longer", "deny lab1")
     a.add_argument("names", nargs="+", metavar="NAME")
+    a = action("link", link, "add a random key to those of a radio link, for both of its ends",
+               "link my_sat/link.keys", folder=False)
+    a.add_argument("file", metavar="FILE")
 
 
 def _spoken(function):
@@ -124,3 +129,9 @@ def deny(options: argparse.Namespace) -> None:
 
     for path in keys.deny(options.keys, options.names):
         say(f"  {path.stem} may take part no longer; its open connections stay")
+
+
+def link(options: argparse.Namespace) -> None:
+    from fledge.cosim import keys
+
+    say(f"  wrote  the key {keys.link(options.file)} into {options.file}")

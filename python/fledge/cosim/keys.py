@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys for co-simulations beyond one machine: pairs in files, and the nodes that each key may take part as.
 
-The files are ZeroMQ's certificates; cosim/security/keys.h describes their folders and their readers.
+The files are ZeroMQ's certificates; cosim/security/keys.h describes their folders and their readers. And the keys of
+radio links.
 """
 from __future__ import annotations
 
 import hashlib
 import os
 import re
+import secrets
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -68,10 +70,7 @@ def new(folder: Path | str, names: Sequence[str]) -> list[Path]:
                 raise KeysError(f"{path} exists already; a new key would shut out its owner. "
                                 "Remove it first to replace it")
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    ignore = folder / ".gitignore"
-    if not ignore.exists():
-        with Part(ignore) as part:
-            part.write_text("*.secret\n", encoding="utf-8")
+    _keep_out_of_git(folder, "*.secret")
     written = []
     for name in names:
         public, secret = (key.decode() for key in zmq.curve_keypair())
@@ -162,6 +161,37 @@ def pairs(folder: Path | str) -> list[tuple[str, Key | None, bool, str | None]]:
                 problem = f"{public} and {secret} are no pair"
         found.append((name, Key(public) if public.exists() else None, secret.exists(), problem))
     return found
+
+
+def link(path: Path | str) -> int:
+    """Add a random key of 256 bits to the keys of a radio link, in a file that ccsds/security/key_file.h describes. The
+    first makes the file. Returns the key's id."""
+    path = Path(path)
+    text, ids = "# Keys of a radio link: id, and the key in hex. Let no other user read them.\n", [0]
+    try:
+        if path.exists():
+            if path.stat().st_mode & 0o77:
+                raise KeysError(f"{path}: others may read these secret keys; chmod 600 keeps them yours, and if they "
+                                "might have, make new ones")
+            text = path.read_text(encoding="utf-8")
+            ids += [int(line.split()[0]) for line in text.splitlines() if line.strip() and line[0] != "#"]
+        _keep_out_of_git(path.parent, "*" + (path.suffix or path.name))
+        with Part(path) as part:
+            _write_private(part, f"{text.rstrip()}\n{max(ids) + 1} {secrets.token_hex(32)}\n")
+    except OSError as error:
+        raise KeysError(f"{path}: {error.strerror}") from None
+    except ValueError:
+        raise KeysError(f"{path}: this is no file of keys of a link") from None
+    return max(ids) + 1
+
+
+def _keep_out_of_git(folder, pattern):
+    ignore = folder / ".gitignore"
+    known = ignore.read_text(encoding="utf-8") if ignore.exists() else ""
+    if pattern not in known.splitlines():
+        with Part(ignore) as part:
+            part.write_text(f"{known}{'' if not known or known.endswith(chr(10)) else chr(10)}{pattern}\n",
+                            encoding="utf-8")
 
 
 def _write_private(path, text):

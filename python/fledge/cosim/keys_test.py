@@ -65,6 +65,29 @@ def test_only_the_owner_reads_a_secret(tmp_path):
     assert "chmod 600" in keys.pairs(tmp_path / "k")[0][3]
 
 
+def test_a_link_gets_keys_that_only_the_owner_reads(tmp_path, capsys):
+    file = tmp_path / "link.keys"
+    (tmp_path / ".gitignore").write_text("runs")
+    before = os.umask(0)
+    try:
+        assert [fledge(capsys, "link", file) for _ in range(2)] == [
+            (0, f"  wrote  the key {id} into {file}\n") for id in (1, 2)]
+    finally:
+        os.umask(before)
+    comment, first, second = file.read_text().splitlines()
+    assert comment.startswith("#") and re.fullmatch("1 [0-9a-f]{64}", first) and re.fullmatch("2 [0-9a-f]{64}", second)
+    assert first[2:] != second[2:] and stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert (tmp_path / ".gitignore").read_text() == "runs\n*.keys\n"
+    file.chmod(0o640)
+    code, printed = fledge(capsys, "link", file)
+    assert code == 2 and "others may read these secret keys; chmod 600" in printed
+    file.chmod(0o600)
+    file.write_text("a key\n")
+    assert fledge(capsys, "link", file) == (2, f"fledge: keys: {file}: this is no file of keys of a link\n")
+    assert file.read_text() == "a key\n"
+    assert fledge(capsys, "link", tmp_path / "none/link.keys")[0] == 2
+
+
 def test_mistakes_change_nothing(tmp_path, capsys):
     keys.new(tmp_path, ["controller", "world"])
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
