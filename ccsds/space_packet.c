@@ -10,6 +10,36 @@ void space_packet_idle(uint8_t *bytes, size_t n)
     memset(bytes + SPACE_PACKET_HEADER, 0x55, n - (size_t)SPACE_PACKET_HEADER); /* changes of level for the receiver */
 }
 
+CcsdsFault pus_read(PusHeader *header, int command, const uint8_t *bytes, size_t n)
+{
+    if (n < (size_t)(command ? PUS_COMMAND : PUS_TELEMETRY)) {
+        return CCSDS_SHORT;
+    }
+    if (bytes[0] >> 4 != PUS_VERSION) {
+        return CCSDS_VERSION;
+    }
+    header->flags = bytes[0] & 0xFu;
+    header->service = bytes[1];
+    header->subtype = bytes[2];
+    header->count = command ? 0u : ccsds_get16(bytes + 3);
+    header->peer = ccsds_get16(bytes + (command ? 3 : 5));
+    return CCSDS_OK;
+}
+
+size_t pus_write(const PusHeader *header, int command, uint8_t *bytes)
+{
+    bytes[0] = (uint8_t)((uint32_t)PUS_VERSION << 4 | (header->flags & 0xFu));
+    bytes[1] = header->service;
+    bytes[2] = header->subtype;
+    if (command) {
+        ccsds_put16(bytes + 3, header->peer);
+        return PUS_COMMAND;
+    }
+    ccsds_put16(bytes + 3, header->count);
+    ccsds_put16(bytes + 5, header->peer);
+    return PUS_TELEMETRY;
+}
+
 size_t packet_split(PacketSplitter *splitter, uint8_t *bytes)
 {
     SpacePacket *head = &splitter->head;

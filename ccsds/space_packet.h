@@ -68,6 +68,29 @@ static inline void space_packet_write(const SpacePacket *packet, uint8_t *bytes)
     ccsds_put16(bytes + 4, packet->size - 7u);
 }
 
+enum {
+    PUS_VERSION = 2,
+    PUS_COMMAND = 5,  ///< [bytes] of a command's secondary header, without spare bytes
+    PUS_TELEMETRY = 7 ///< [bytes] of telemetry's, without the time and spare bytes
+};
+
+/** A secondary header of PUS-C (ECSS-E-ST-70-41C, 7.4). A command has its source behind the subtype; telemetry has the
+ * count, the destination, and then the time of a length that the mission knows (time_code.h). */
+typedef struct PusHeader {
+    uint8_t flags; ///< 4 bits: the reports that a command asks for; the status of telemetry's time
+    uint8_t service;
+    uint8_t subtype;
+    uint16_t count; ///< of messages of this type; a command has none
+    uint16_t peer;  ///< the source of a command, the destination of telemetry
+} PusHeader;
+
+/** Read the header with which the n bytes behind the primary header begin. CCSDS_SHORT; CCSDS_VERSION: not that of
+ * PUS-C. */
+CcsdsFault pus_read(PusHeader *header, int command, const uint8_t *bytes, size_t n);
+
+/** Write a header. Returns its size: PUS_COMMAND or PUS_TELEMETRY. */
+size_t pus_write(const PusHeader *header, int command, uint8_t *bytes);
+
 /** Write an idle packet of n bytes, SPACE_PACKET_MIN to SPACE_PACKET_MAX. */
 void space_packet_idle(uint8_t *bytes, size_t n);
 

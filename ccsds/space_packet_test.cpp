@@ -2,6 +2,7 @@
 // Space packets against the bits of 133.0-B-2, written here bit by bit, and longer data through packets that are lost.
 #include "ccsds/space_packet.h"
 #include "ccsds/testing/bits.h"
+#include "ccsds/time_code.h"
 
 #include <gtest/gtest.h>
 
@@ -60,6 +61,77 @@ TEST(SpacePacket, what_is_no_packet_is_refused)
     EXPECT_EQ(read.application, SPACE_PACKET_IDLE);
     bytes[0] |= 0x20;
     EXPECT_EQ(space_packet_read(&read, bytes.data(), 16), CCSDS_VERSION);
+}
+
+TEST(Pus, headers_have_the_bits_of_the_standard)
+{
+    std::mt19937 random(4);
+    for (int i = 0; i < 5000; i++) {
+        const bool command = i % 2 != 0;
+        const auto any = [&](std::uint32_t n) { return static_cast<std::uint16_t>(random() % n); };
+        const PusHeader header{static_cast<std::uint8_t>(any(16)), static_cast<std::uint8_t>(any(256)),
+                               static_cast<std::uint8_t>(any(256)),
+                               static_cast<std::uint16_t>(command ? 0u : any(65536)), any(65536)};
+        Bytes bytes(PUS_TELEMETRY);
+        const std::size_t n = pus_write(&header, command, bytes.data());
+        ASSERT_EQ(bits(bytes, n), "0010" + bits(header.flags, 4) + bits(header.service, 8) + bits(header.subtype, 8) +
+                                      (command ? "" : bits(header.count, 16)) + bits(header.peer, 16));
+        PusHeader read{};
+        ASSERT_EQ(pus_read(&read, command, bytes.data(), n), CCSDS_OK);
+        ASSERT_EQ(std::tie(read.flags, read.service, read.subtype, read.count, read.peer),
+                  std::tie(header.flags, header.service, header.subtype, header.count, header.peer));
+        ASSERT_EQ(pus_read(&read, command, bytes.data(), n - 1), CCSDS_SHORT);
+        bytes[0] ^= 0x30; // PUS-A
+        ASSERT_EQ(pus_read(&read, command, bytes.data(), n), CCSDS_VERSION);
+    }
+}
+
+TEST(Pus, pings_of_another_implementation)
+{
+    for (const std::string text : {"1801c00000062f11010000161d", "0801c00000082011020000000086d7"}) {
+        const Bytes ping = from_hex(text);
+        SpacePacket packet{};
+        PusHeader header{};
+        ASSERT_EQ(space_packet_read(&packet, ping.data(), ping.size()), CCSDS_OK);
+        ASSERT_TRUE(packet.secondary);
+        ASSERT_EQ(pus_read(&header, packet.command, &ping[6], ping.size() - 6), CCSDS_OK);
+        EXPECT_EQ(header.flags, packet.command ? 15 : 0);
+        EXPECT_EQ(header.service, 17);
+        EXPECT_EQ(header.subtype, packet.command ? 1 : 2);
+        EXPECT_EQ(ccsds_crc16(ping.data(), ping.size()), 0);
+    }
+}
+
+TEST(TimeCode, numbers_that_are_known)
+{
+    constexpr std::int64_t s = 1000000000;
+    // The first packet of a file of JPSS-1, whose published list has day 23109, 7 ms and 137 us.
+    const Bytes jpss = from_hex("5a45000000070089");
+    const std::int64_t t = 23109 * 86400 * s + 7137000;
+    EXPECT_EQ(time_cds_read(jpss.data()), t);
+    Bytes bytes(8);
+    time_cds_write(t, bytes.data());
+    EXPECT_EQ(bytes, jpss);
+    const Bytes cuc = from_hex("7f8001e2408000");
+    EXPECT_EQ(time_cuc_read(cuc.data(), 4, 3), 0x7F8001E2 * s + 251953125); // 0x408000 / 2^24 = 129 / 512
+    EXPECT_EQ(time_cuc_read(cuc.data(), 4, 0), 0x7F8001E2 * s);
+    EXPECT_EQ(time_cuc_read(cuc.data(), 1, 1), 0x7F * s + s / 2);
+}
+
+TEST(TimeCode, what_is_read_is_written_again)
+{
+    std::mt19937 random(5);
+    for (int i = 0; i < 20000; i++) {
+        const std::uint32_t coarse = 1 + random() % 4, fine = random() % 4;
+        const Bytes cuc = any_bytes(random, coarse + fine);
+        Bytes again(coarse + fine);
+        time_cuc_write(time_cuc_read(cuc.data(), coarse, fine), again.data(), coarse, fine);
+        ASSERT_EQ(again, cuc);
+        const std::int64_t t = static_cast<std::int64_t>(random()) * 1318000 + random() % 1000000;
+        Bytes cds(TIME_CDS);
+        time_cds_write(t, cds.data());
+        ASSERT_EQ(time_cds_read(cds.data()), t / 1000 * 1000);
+    }
 }
 
 /// The packets of some data.
