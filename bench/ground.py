@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The time of a packet of 200 bytes in each layer of the link, in telemetry frames of 1024 bytes and as a CLTU; and the
-bytes of each layer's code on a LEON3, where its compiler is installed."""
+"""The time of a packet of 200 bytes in each layer of the link, in telemetry frames of 1024 bytes and as a CLTU; of the
+protection of such a frame, and of that of a command; and the bytes of each layer's code and of its deepest stack on a
+LEON3, where its compiler is installed."""
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -14,24 +16,36 @@ from fledge.files import ROOT
 from fledge.targets import TARGETS
 
 LAYERS = {"header": 1_000_000, "telemetry, framed": 100_000, "telemetry, read": 20_000, "command, as a CLTU": 20_000,
-          "command, read": 20_000}
-FILES = ["space_packet", "packet_zone", "tm_frame", "tc_frame", "sync", "farm", "fop"]
+          "command, read": 20_000, "frame of telemetry, protected": 20_000, "frame of telemetry, opened": 20_000,
+          "frame of a command, protected": 50_000, "frame of a command, checked": 50_000}
 
 
-def sizes() -> dict[str, int]:
-    """[bytes] of code and constants of each file, for a LEON3."""
+def sizes() -> dict[str, tuple[int, int]]:
+    """[bytes] of code and constants of each file, and of the deepest stack of its functions with what they call in the
+    other files, for a LEON3. What a function of the caller's takes is not in it, so the cipher is not."""
     from fledge.targets.leon3 import toolchain
 
-    found = {}
+    code, frames, calls, homes = {}, {}, {}, {}
     with tempfile.TemporaryDirectory() as folder:
-        for name in FILES:
-            made = Path(folder) / f"{name}.o"
+        for source in sorted((ROOT / "ccsds").glob("*.c")):
+            made = Path(folder) / f"{source.stem}.o"
             subprocess.run([toolchain.COMPILER, *toolchain.MACHINE, *toolchain.headers(), "-std=c99", "-Os", "-I", ROOT,
-                            "-c", ROOT / f"ccsds/{name}.c", "-o", made], check=True)
+                            "-fcallgraph-info=su", "-c", source, "-o", made], check=True)
             text = subprocess.run([toolchain.SIZE, made], capture_output=True, text=True,
                                   check=True).stdout.splitlines()[1]
-            found[name] = int(text.split()[0])
-    return found
+            code[source.stem] = int(text.split()[0])
+            graph = made.with_suffix(".ci").read_text(encoding="utf-8")
+            for name, size in re.findall(r'title: "([^"]+)" label: "[^"]*?(\d+) bytes', graph):
+                frames[name] = int(size)
+                homes[name] = source.stem
+            for caller, called in re.findall(r'sourcename: "([^"]+)" targetname: "([^"]+)"', graph):
+                calls.setdefault(caller, set()).add(called)
+
+    def depth(name):
+        return frames.get(name, 0) + max((depth(called) for called in calls.get(name, ())), default=0)
+
+    return {name: (size, max(depth(one) for one, home in homes.items() if home == name))
+            for name, size in code.items()}
 
 
 def main(arguments: list[str]) -> int:
@@ -43,11 +57,12 @@ def main(arguments: list[str]) -> int:
                        for layer, n in LAYERS.items()}, chosen.runs)
     rows = Rows()
     for layer, values in samples.items():
-        rows.add(layer, "packet", values, "ns")
+        rows.add(layer, "frame" if layer.startswith("frame") else "packet", values, "ns")
     if TARGETS["leon3"].missing():
         print("no sizes: the compiler for LEON3 is not installed; ./fledge setup --on leon3 does it")
     else:
-        for name, size in sizes().items():
+        for name, (size, stack) in sizes().items():
             rows.add(f"ccsds/{name}.c", "code on a LEON3, -Os", size, "bytes")
+            rows.add(f"ccsds/{name}.c", "stack on a LEON3, -Os", stack, "bytes")
     report(rows, chosen)
     return 0

@@ -2,6 +2,8 @@
 // The cost of a packet in each layer of the link.
 #include "bench/bench.h"
 
+#include "ccsds/sdls.h"
+#include "ccsds/security/aes_gcm.h"
 #include "ccsds/sync.h"
 #include "ccsds/tc_frame.h"
 #include "ccsds/tm_frame.h"
@@ -27,9 +29,41 @@ struct Link {
     TmVirtual channel{};
     TmReceiver receiver{};
     CltuReader reader{};
+    // Security: a frame of telemetry and one of commands, both protected once.
+    AesGcmKey key{};
+    AesGcmKeys keys{&key, 1};
+    SdlsAssociation associations[2]{};
+    Sdls sdls{};
+    TmVirtual secure{};
+    Bytes secured = Bytes(1024), command_memory = Bytes(TM_FRAME_MAX), command_data, telemetry_data;
 
+    Link(const Link &) = delete;
     Link()
     {
+        const Bytes secret(32, 0x42);
+        aes_gcm_expand(&key, 1, secret.data(), secret.size());
+        for (std::uint16_t k = 0; k < 2; k++) {
+            associations[k] = {static_cast<std::uint16_t>(k + 1),
+                               static_cast<std::uint8_t>(k),
+                               1,
+                               SDLS_ENCRYPT,
+                               64,
+                               0,
+                               k,
+                               SDLS_UNKEYED,
+                               0,
+                               {},
+                               0};
+            sdls_rekey(&associations[k], 1, 1);
+            sdls_start(&associations[k]);
+        }
+        sdls = {aes_gcm(&keys), associations, 2, {}};
+        tm_virtual_begin(&secure, 1, secured.data());
+        sdls_tm_protect(&sdls, &secure);
+        protect_telemetry();
+        telemetry_data.assign(zone(), zone() + tm_zone(&telemetry));
+        const TcFrame checked = protected_command();
+        command_data.assign(checked.data, checked.data + checked.n);
         write_header();
         const auto keep = [](void *user, const std::uint8_t *bytes, std::size_t n) {
             Link &self = *static_cast<Link *>(user);
@@ -59,6 +93,20 @@ struct Link {
     {
         const SpacePacket head{packet_size, 5, static_cast<std::uint16_t>(seen & 0x3FFF), 0, 1, SPACE_PACKET_WHOLE};
         space_packet_write(&head, packet.data());
+    }
+
+    std::uint8_t *zone() { return secured.data() + TM_FRAME_HEADER; }
+
+    bool protect_telemetry() { return secure.protect(&sdls, 1, zone(), tm_zone(&telemetry)) != 0; }
+
+    TcFrame protected_command()
+    {
+        TcFrame one{};
+        one.data = packet.data();
+        one.n = packet.size();
+        one.part = SPACE_PACKET_WHOLE;
+        seen += sdls_tc_protect(&sdls, &commands, &one, command_memory.data()) == CCSDS_OK;
+        return one;
     }
 
     /// The packet as a CLTU.
@@ -115,6 +163,41 @@ double received(Link &link, long)
     return 1;
 }
 
+double telemetry_protected(Link &link, long)
+{
+    link.seen += link.protect_telemetry();
+    return 1;
+}
+
+double telemetry_opened(Link &link, long)
+{
+    TmFrame frame{};
+    frame.zone = link.telemetry_data.data();
+    frame.n = link.telemetry_data.size();
+    frame.virtual_channel = 1;
+    link.associations[0].next = 1; // it is new each time
+    link.seen += sdls_tm_open(&link.sdls, &frame, link.memory.data()) == CCSDS_OK;
+    return 1;
+}
+
+double command_protected(Link &link, long)
+{
+    (void)link.protected_command();
+    return 1;
+}
+
+double command_checked(Link &link, long)
+{
+    TcFrame one{};
+    SdlsReceipt receipt{};
+    one.data = link.command_data.data();
+    one.n = link.command_data.size();
+    one.part = SPACE_PACKET_WHOLE;
+    link.associations[1].next = 1;
+    link.seen += sdls_tc_check(&link.sdls, &commands, &one, link.memory.data(), &receipt) == CCSDS_OK;
+    return 1;
+}
+
 constexpr struct {
     const char *name;
     double (*take)(Link &link, long i);
@@ -122,7 +205,11 @@ constexpr struct {
               {"telemetry, framed", framed},
               {"telemetry, read", unframed},
               {"command, as a CLTU", commanded},
-              {"command, read", received}};
+              {"command, read", received},
+              {"frame of telemetry, protected", telemetry_protected},
+              {"frame of telemetry, opened", telemetry_opened},
+              {"frame of a command, protected", command_protected},
+              {"frame of a command, checked", command_checked}};
 
 } // namespace
 
