@@ -105,7 +105,7 @@ class Kind(IntEnum):
     ERROR = 7
 
 
-ARGUMENTS = {
+ARGUMENTS: dict[Code, list[str]] = {
     Code.NOOP: [], Code.RESET_COUNTERS: [], Code.RESET_FLIGHT: ["version"], Code.MODE: ["version", "mode"],
     Code.WRITE: ["version", "module", "offset", "bytes"], Code.STAGE: ["version", "module", "offset", "bytes"],
     Code.COMMIT: ["version", "module", "crc"], Code.PUBLISH: ["version", "module"],

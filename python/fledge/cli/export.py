@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge export c MISSION`: what flies, as source without Python; `fledge export cfs MISSION --app NAME`: as an app
 of the core Flight System; `fledge export rtems MISSION`: as an application of RTEMS; `fledge export micropython
-MISSION`: as a program of MicroPython, whose script composes it.
+MISSION`: as a program of MicroPython, whose script composes it; `fledge export xtce MISSION`: its packets and commands,
+as a database for ground stations.
 
 Exit codes as of all commands: 0 written; 2 the command line or the mission is wrong, and nothing is written.
 """
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("export", export, "write what flies in a mission as C", "export c nadir_spin --out nadir_spin_c")
-    one.add_argument("form", choices=["c", "cfs", "rtems", "micropython"], help="c: MISSION.h and MISSION.c, in "
-                     "C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a LEON3, "
-                     "with a Makefile; micropython: a program for this machine, which its script composes")
+    one = command("export", export, "write what flies in a mission as C, or its packets as XTCE",
+                  "export c nadir_spin --out nadir_spin_c")
+    one.add_argument("form", choices=["c", "cfs", "rtems", "micropython", "xtce"], help="c: MISSION.h and MISSION.c, "
+                     "in C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a "
+                     "LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "
+                     "xtce: all packets and commands, of all flight processes, as a database for ground stations")
     one.add_argument("mission", help="the name of a mission, or its folder")
-    one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one")
+    one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
     one.add_argument("--board", nargs="*", metavar="FILE", help="also write the board through which "
                      "the messages pass, and its tables; without FILE: a board that carries each message whole")
@@ -47,8 +50,9 @@ def add(command: Callable) -> None:
     one.add_argument("--order", choices=["little", "big"], default=None, help="cfs: byte order of the target, for .tbl "
                      "files; default: little")
     one.add_argument("--development", action="store_true", help="micropython: with the compiler and a prompt")
-    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/c, runs/MISSION/rtems, "
-                     "runs/MISSION/micropython, or runs/MISSION/cfs/APP")
+    one.add_argument("--yamcs", action="store_true", help="xtce: also an instance of Yamcs, in DIR/yamcs")
+    one.add_argument("--cosmos", action="store_true", help="xtce: also a plugin of COSMOS, in DIR/cosmos")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/FORM, or runs/MISSION/cfs/APP")
     add_parameters(one)
     one.set_defaults(needs=lambda options: TARGETS.known([options.form]))
 
@@ -67,10 +71,15 @@ def export(options: argparse.Namespace) -> int:
             raise Failure(f"export {options.form}: --{name} is for `export cfs`")
     if options.form != "micropython" and options.development:
         raise Failure(f"export {options.form}: --development is for `export micropython`")
+    for name in ("yamcs", "cosmos"):
+        if options.form != "xtce" and getattr(options, name):
+            raise Failure(f"export {options.form}: --{name} is for `export xtce`")
     if options.outputs and options.board:
         raise Failure("export: --outputs is for the mission's own board; give --board without files")
     if options.outputs and options.board is None and options.form == "c":
         raise Failure("export: --outputs is for the mission's own board; give --board, without files")
+    if options.form == "xtce":
+        return export_xtce(options)
     if options.form == "micropython":
         return export_micropython(options)
     mission = exports.read(fledge.load(options.mission, **given_parameters(options)), options.process, tasks)
@@ -98,6 +107,31 @@ def export(options: argparse.Namespace) -> int:
         say(f"  wrote  {len(paths)} files in {folder}; {folder / 'README.md'} says {what}")
     for what in mission.left_out:
         say(f"  left out  {what}")
+    return 0
+
+
+def export_xtce(options: argparse.Namespace) -> int:
+    import fledge
+    from fledge.cli.console import say
+    from fledge.errors import Failure
+    from fledge.export import ground, packets, read, read_all, stations, xtce
+    from fledge.files import write_files
+
+    for name in ("tasks", "outputs", "board"):
+        if getattr(options, name) is not None:
+            raise Failure(f"export xtce: --{name} is for `export c`; the database has all packets of a process")
+    sim = fledge.load(options.mission, **given_parameters(options))
+    missions = [read(sim, options.process)] if options.process else read_all(sim)
+    if not missions:
+        raise Failure(f"{sim.name} has no flight process, so there are no packets")
+    databases = [packets.database(one) for one in missions]
+    more = ground.read(missions[0].place, databases)
+    files = {f"{sim.name}.xml": xtce.xtce(sim.name, databases, more)}
+    for station, emit in (("yamcs", stations.yamcs), ("cosmos", stations.cosmos)):
+        if getattr(options, station):
+            files |= {f"{station}/{file}": text for file, text in emit(sim.name, databases, more).items()}
+    for path in write_files(files, Path(options.out) if options.out else Path("runs") / sim.name / "xtce"):
+        say(f"  wrote  {path}")
     return 0
 
 

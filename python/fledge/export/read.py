@@ -119,6 +119,7 @@ class Mission:
     down: int = 0                    # [ns] how long it is down then
     form: str = "c"                  # c: with its functions; rtems: a thread for each task, too; micropython: composed
     changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
+    place: Path | None = None        # the mission's folder; None: a program composed it
 
     @property
     def title(self) -> str:
@@ -295,7 +296,8 @@ class _Reader:
             configuration=[m for n, m in self.modules.items() if n not in self.running], tasks=[],
             modes=list(mode_names.values()), mode_titles={c: t for t, c in mode_names.items()},
             initial_mode=mode_names.get(self.flight.active_mode), events=[], inputs=[], outputs=[],
-            wires={m.name: [] for m in modules}, published={m.name: [] for m in modules}, left_out=[])
+            wires={m.name: [] for m in modules}, published={m.name: [] for m in modules}, left_out=[],
+            place=sim.mission.folder if sim.mission else None)
         self.read_wires(mission)
         self.read_tasks(mission, mode_names)
         self.read_events(mission, mode_names)

@@ -79,6 +79,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     out |= {f"fsw/tables/{t.stem}.c": tables.source(app, t) for t in found}
     out |= {f"cf/{t.stem}.tbl": tables.tbl(app, t) for t in found}
     out |= {f"ground/{file}": text for file, text in of_bus.items() if file.endswith(".json")}
+    out[f"ground/{mission.name}.xml"] = packets.database(mission, app)
     out |= {f"board/{file}": text for file, text in flown.items() if not file.endswith((".c", ".h"))}
     out |= {"CMakeLists.txt": around.cmake(app, sorted(code), found), "README.md": around.readme(mission, app, found),
             "mission_build.cmake": around.configured(app, "mission", packets.MISSION),

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.commands import DATA_MAX, Code, Reason
 from fledge.elements import ELEMENTS
-from fledge.export import names
+from fledge.export import dictionary, ground, names
+from fledge.export import packets as ground_packets
 from fledge.export.c_text import comment, doc, plain, with_notes, wrap
+from fledge.export.packets import Packet, number
+from fledge.export.xtce import xtce
+from fledge.targets.cfs.export.app import CMD, TLM
 
 if TYPE_CHECKING:
     from fledge.targets.cfs.export.app import App
@@ -187,6 +191,19 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
             ("WakeupsEarly", "uint32", "of those ignored: within the step that was flown"),
             ("WakeupsMissing", "uint32", "steps that flight did not fly, by the mission elapsed time"),
             ("TimeSets", "uint32", "how often that time went back, and flight began anew")]
+
+
+def database(mission: Mission, app: App) -> str:
+    """The packets and commands on the software bus, as XTCE."""
+    items = []
+    for name, type_, about in housekeeping(mission):
+        of, _, n = type_.removesuffix("]").partition("[")
+        items += [number(f"{name}[{i}]" if n else name, of[0] + of.removeprefix("u").removeprefix("int"), about)
+                  for i in range(int(n or 1))]
+    found = dictionary(mission, CMD + app.topic, TLM + app.topic, app.order)
+    last = Packet(f"{mission.process}.app", f"housekeeping of the app {app.name}", found.texts, items)
+    databases = [ground_packets.database(mission, found, last)]
+    return xtce(mission.name, databases, ground.read(mission.place, databases))
 
 
 def payloads(mission: Mission, app: App) -> list[str]:

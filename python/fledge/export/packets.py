@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All packets and commands of a flight process, bit by bit: what its database (xtce.py) and its page (page.py) show.
+
+Names and places are those of flight/command/command.h and flight/telemetry/telemetry.h, and of the modules' headers.
+"""
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field as with_default, replace
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, REPORTS, TURNS, WHY, Code, Kind, Reason, leaves,
+                             parameters)
+from fledge.elements import ELEMENTS
+from fledge.export.commands import dictionary
+from fledge.export.read import ExportError
+
+if TYPE_CHECKING:
+    from fledge.commands import Dictionary
+    from fledge.export.read import Mission
+
+
+@dataclass(frozen=True)
+class Item:
+    """A number, text or run of bytes in a packet."""
+    name: str                   # omega_BN_B[0]; in its packet, no other has it
+    type: str                   # f64, ..., u64, enum; char: a text; bytes
+    bits: int                   # 0: it has 8 times the number in the item `count`, and ends the packet
+    meaning: str = ""
+    unit: str = ""
+    enumerators: Mapping[str, int] = with_default(default_factory=dict)     # label -> number
+    bounds: tuple = (None, None, False, False)          # (low, high, whether low is excluded, high)
+    rule: str = ""                                      # of a parameter, as its header says it
+    value: int | None = None                            # of a command: what is in it, unless the ground changes it
+    count: str = ""
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A packet of telemetry. Its header is in front: HEADER."""
+    path: str                   # flight.control.torque, flight.housekeeping
+    about: str
+    stream: int
+    items: Sequence[Item]
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command. One that only others are made from is abstract; they begin as it does."""
+    path: str                   # flight.mode; flight.write.control.K writes this parameter
+    about: str
+    items: Sequence[Item]       # behind those of its parent
+    parent: str = ""
+    fixed: Mapping[str, int] = with_default(default_factory=dict)   # numbers of its parents' items
+    abstract: bool = False
+
+
+@dataclass(frozen=True)
+class Database:
+    """All that a flight process sends and understands."""
+    process: str                # flight
+    dictionary: Dictionary
+    packets: Sequence[Packet]
+    commands: Sequence[Command]
+
+    @property
+    def order(self) -> str:
+        """Of the numbers behind the header of telemetry: "big" or "little"."""
+        return self.dictionary.order
+
+    def command(self, path: str) -> Command:
+        return next(one for one in self.commands if one.path == path)
+
+    def chain(self, command: Command) -> list[Command]:
+        """Its parents from the first on, and itself."""
+        return [*(self.chain(self.command(command.parent)) if command.parent else []), command]
+
+
+def bits(name: str, n: int, meaning: str = "", value: int | None = None, unit: str = "") -> Item:
+    return Item(name, next(f"u{size}" for size in (8, 16, 32, 64) if n <= size), n, meaning, unit, value=value)
+
+
+def number(name: str, type_: str, meaning: str = "", unit: str = "", enumerators: Mapping[str, int] | None = None,
+           value: int | None = None) -> Item:
+    return Item(name, type_, 8 * ELEMENTS[type_].size, meaning, unit, enumerators or {}, value=value)
+
+
+def primary(command: bool, stream: int) -> list[Item]:
+    """The primary header of a space packet."""
+    return [bits("ccsds_version", 3, value=0), bits("ccsds_type", 1, "0 telemetry, 1 command", value=int(command)),
+            bits("ccsds_secondary", 1, "1: a secondary header follows", value=1),
+            bits("ccsds_apid", 11, "which stream", value=stream & 0x7FF),
+            bits("ccsds_segmentation", 2, "3: a whole packet", value=3),
+            bits("ccsds_sequence", 14, "counts the packets of the stream", value=0),
+            bits("ccsds_length", 16, "bytes of the packet, less 7", value=0)]
+
+
+HEADER = [*(replace(one, value=None) for one in primary(False, 0)), bits("header_seconds", 32, "flight's time",
+          unit="s"), bits("header_fraction", 16, "of a second, in 1/65536"), bits("header_spare", 32)]
+
+
+def database(mission: Mission, found: Dictionary | None = None, last: Packet | None = None) -> Database:
+    """Of a flight process. found: its dictionary, of the streams and byte order where it flies; None: those of its own
+    board. last: what the stream behind those of the outputs has; None: texts."""
+    found = found or dictionary(mission)
+    return Database(mission.process, found, [*packets(mission, found), last or texts(mission, found)],
+                    list(commands(mission, found)))
+
+
+# --- telemetry -------------------------------------------------------------------------------------
+
+def packets(mission: Mission, found: Dictionary) -> Iterator[Packet]:
+    yield housekeeping(mission, found)
+    yield reports(mission, found)
+    for output, message in zip(found.outputs, mission.outputs):
+        fields = list(numbers(message.struct.fields))
+        if output.path != message.path or sum(one.bits for one in fields) != 8 * output.size:
+            raise ExportError(f"{output.path}: its packet has {output.size} bytes, its fields have not")
+        yield Packet(output.path, first_words(message.struct.doc), output.stream, fields)
+
+
+def housekeeping(mission: Mission, found: Dictionary) -> Packet:
+    modules = {"none": 0} | {one.path: 1 + i for i, one in enumerate(found.blocks)}
+    items = [
+        number("t", "i64", "flight's instant", "ns"),
+        number("mode", "u32", "the active mode", enumerators=numbered(found.modes)),
+        number("staged", "u32", "the module that is staged", enumerators=modules),
+        *(number(name, "u32", f"commands {name}") for name in ("accepted", "executed", "refused")),
+        *(number(f"reasons.{one.name.lower()}", "u32", f"commands refused: {WHY.get(one, 'never')}") for one in Reason),
+        number("begun", "u16", "1: a command came by the link from the ground"),
+        number("last", "u16", "the sequence of the last one that was accepted")]
+    return Packet(f"{mission.process}.housekeeping", "the state of flight", found.telemetry + HOUSEKEEPING, items)
+
+
+def reports(mission: Mission, found: Dictionary) -> Packet:
+    items = [
+        number("t", "i64", "the instant of execution; of acceptance, the last instant before; -1: none", "ns"),
+        number("sequence", "u16", "of the command"),
+        number("code", "u16", "what the command is", enumerators=lower(Code)),
+        number("executed", "u16", "what this is about", enumerators={"accepted": 0, "executed": 1}),
+        number("reason", "u16", "ok, or why it was refused", enumerators=lower(Reason)),
+        number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted"),
+        number("n", "u16", "bytes read back"), bits("spare", 32),
+        Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n")]
+    return Packet(f"{mission.process}.reports", "what was done with a command, and what was read back",
+                  found.telemetry + REPORTS, items)
+
+
+def texts(mission: Mission, found: Dictionary) -> Packet:
+    items = [
+        number("t", "i64", "flight's instant", "ns"), number("kind", "u16", enumerators=lower(Kind)),
+        number("sequence", "u16", "of the command that started the procedure or had the text"),
+        number("line", "u16", "of the script; 0: none"), number("n", "u16", "letters"),
+        number("lost", "u32", "texts before it, for which there was no room"), bits("spare", 32),
+        Item("text", "char", 0, count="n")]
+    return Packet(f"{mission.process}.texts", "what an interpreter in flight says", found.texts, items)
+
+
+def numbered(names: Sequence[str]) -> dict[str, int]:
+    return {name: i for i, name in enumerate(names)}
+
+
+def lower(kind: Any) -> dict[str, int]:
+    return {one.name.lower(): int(one) for one in kind}
+
+
+def first_words(doc: str) -> str:
+    """The first sentence of a comment."""
+    text = " ".join(doc.split())
+    return text.partition(". ")[0].rstrip(".")
+
+
+def numbers(fields: Sequence[Any]) -> Iterator[Item]:
+    """Each number and text of a message or of parameters, in the order of memory, which has no gaps."""
+    for path, f, _ in leaves(fields):
+        shape, width = list(f.shape), ELEMENTS[f.type].size
+        if f.type == "char" and shape:
+            width *= shape.pop()
+        rule = f.rule.removeprefix("required").removeprefix(", ")
+        for index in itertools.product(*map(range, shape)):
+            yield Item(path + "".join(f"[{i}]" for i in index), f.type, 8 * width, f.doc,
+                       "" if f.unit == "-" else f.unit, dict(f.enumerators) if f.type == "enum" else {},
+                       tuple(f.bounds), rule)
+
+
+# --- commands --------------------------------------------------------------------------------------
+
+ABOUT = {
+    Code.NOOP: "no operation", Code.RESET_COUNTERS: "set the counters of commands to zero", Code.MODE: "request a mode",
+    Code.WRITE: "write parameters", Code.STAGE: "stage a part of a block of parameters",
+    Code.COMMIT: "let the staged block count", Code.PUBLISH: "publish a module of the configuration",
+    Code.RESET_FLIGHT: "flight begins again; its parameters stay", Code.ARM: "arm or disarm an event",
+    Code.READ: "read parameters back: the report of the execution has them",
+    Code.TELEMETRY: "send an output, or do not", Code.STAGE_PROCEDURE: "stage a part of a procedure",
+    Code.START_PROCEDURE: "start the procedure of a slot", Code.STOP_PROCEDURE: "stop the procedure of a slot",
+    Code.EVALUATE: "evaluate a line of text in flight"}
+
+
+def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
+    process = mission.process
+    header, plain = f"{process}.command", f"{process}.plain"
+    yield Command(plain, "the header of a command", [
+        *primary(True, found.stream), bits("code", 8, "what the command is"),
+        bits("checksum", 8, "the XOR of all bytes of the packet is 0xFF", value=0)], abstract=True)
+    yield Command(header, "the header of a command for this version of the mission",
+                  [bits("version", 16, "of the mission's dictionary", value=found.version)], plain, abstract=True)
+    blocks = {one.path: i for i, one in enumerate(found.blocks)}
+    choices: dict[str, dict[str, int]] = {
+        "mode": numbered(found.modes), "event": numbered(found.events), "module": blocks,
+        "output": {one.path: i for i, one in enumerate(found.outputs)}
+        | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1}}
+    published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
+    for code in Code:
+        of = {**choices, "module": published if code == Code.PUBLISH else blocks}
+        names = [name for name in ARGUMENTS[code] if name != "version"]
+        if code != Code.WRITE and all(of.get(name, True) for name in names):
+            parent = header if "version" in ARGUMENTS[code] else plain
+            yield Command(f"{process}.{code.name.lower()}", ABOUT.get(code, ""),
+                          [one for name in names for one in argument(code, name, of.get(name, {}))], parent,
+                          {"code": int(code)})
+    write = f"{process}.write"
+    yield Command(write, ABOUT[Code.WRITE], [number("module", "u16"), number("offset", "u32", "in its parameters")],
+                  header, {"code": int(Code.WRITE)}, abstract=True)
+    for module in mission.modules:
+        yield from writes(module, write, blocks.get(module.path, 0))
+
+
+def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item]:
+    """An argument of a command, by its name in ARGUMENTS."""
+    if name == "bytes":
+        text = code == Code.EVALUATE
+        yield Item("bytes", "char" if text else "bytes", 0, "text" if text else "", count="n")
+        return
+    values = {"zero": 0, "turns": TURNS, "every": 1, "on": 1}
+    one = number(name, "u32" if name in ("offset", "length", "turns") else "u16", MEANINGS.get(name, ""),
+                 enumerators=choices, value=values.get(name))
+    yield replace(one, bounds=LIMITS.get(name, one.bounds))
+
+
+MEANINGS = {"crc": "CRC-16-CCITT of what was staged", "n": "bytes", "every": "so many writings",
+            "offset": "[bytes] of the first", "turns": "of its loops and calls in one instant", "length": "bytes",
+            "slot": "where the procedure lies"}
+LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns": (1, None, False, False),
+          "n": (1, DATA_MAX, False, False), "length": (1, None, False, False)}
+
+
+def writes(module: Any, parent: str, place: int) -> Iterator[Command]:
+    """Commands that write the parameters of a module: one for each, or for each struct of an array, or more where it is
+    longer than a command."""
+    process, _, name = module.path.partition(".")
+    fields, start, _ = parameters(module.struct)
+    for path, f, at in leaves(fields, -start):
+        if f.name.startswith("spare"):
+            continue
+        items = list(numbers([f]))
+        size = f.size // len(items)
+        most = max(1, DATA_MAX // size)
+        for first in range(0, len(items), most):
+            part = items[first:first + most]
+            end = f".from_{first}" if len(items) > most else ""
+            yield Command(f"{process}.write.{name}.{path}{end}", f"write {f.doc or path}", part, parent,
+                          {"module": place, "offset": at + first * size})

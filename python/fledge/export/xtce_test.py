@@ -1,0 +1,459 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The database of a mission: another reader, which knows nothing but the XTCE file, reads flight's packets and writes
+its commands."""
+import binascii
+import math
+import os
+import re
+import shutil
+import struct
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import cli, export
+from fledge.archive import Archive
+from fledge.commands import DATA_MAX, Code, Packets, decoded, encoded, leaves, read_script, values
+from fledge.errors import SetupError
+from fledge.export import ground, packets, stations
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.export.xtce import xtce
+from fledge.mission.folder import missions
+from fledge.targets.testing import Draft
+
+ROOT = Path(__file__).resolve().parents[3]
+DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
+LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
+SCENARIOS = '''
+from fledge.units import s
+
+def downlink(sim):
+    f = sim.flight
+    f.commands.telemetry()
+    f.commands.telemetry("housekeeping", every=10)
+    f.commands.read("control")
+    f.commands.mode("point")
+    sim.run(5 * s)
+    f.commands.send(b"\\x18\\x80nonsense")
+    sim.run(5 * s)
+'''
+GROUND = '''
+completed_within = 20
+[telemetry."flight.tracking.error.sigma_BR"]
+polynomial = [0, 229.0]
+unit       = "deg"
+warning    = [-5, 5]
+[telemetry."flight.wheels.wheels.n"]
+critical = [1, inf]
+[commands."flight.write.control"]
+hazardous = "the loop may become \\"unstable\\""
+'''
+
+
+@pytest.fixture()
+def folder(tmp_path):
+    mission = tmp_path / "plays"
+    mission.mkdir()
+    for name, text in (("flight", FLIGHT), ("world", WORLD), ("scenarios", SCENARIOS)):
+        (mission / f"{name}.py").write_text(text)
+    return mission
+
+
+def databases(sim):
+    return [packets.database(one) for one in export.read_all(sim)]
+
+
+def written(sim, station=""):
+    found = databases(sim)
+    return xtce(sim.name, found, ground.read(sim.mission.folder, found), station)
+
+
+# --- a reader of its own ---------------------------------------------------------------------------
+
+class Reader:
+    """Reads packets and writes commands by an XTCE file: by its elements, and by nothing of Fledge."""
+
+    def __init__(self, text):
+        self.root = ElementTree.fromstring(re.sub(r' xmlns="[^"]*"', "", text, count=1))
+        self.types = {one.get("name"): one for one in self.root.iterfind(".//ParameterTypeSet/*")}
+        self.argument_types = {one.get("name"): one for one in self.root.iterfind(".//ArgumentTypeSet/*")}
+        self.parameters = {one.get("name"): one for one in self.root.iterfind(".//ParameterSet/Parameter")}
+        self.containers = {one.get("name"): one for one in self.root.iterfind(".//SequenceContainer")}
+        self.commands = {one.get("name"): one for one in self.root.iterfind(".//MetaCommand")}
+        self.children = {}
+        for one in self.containers.values():
+            if (base := one.find("BaseContainer")) is not None:
+                self.children.setdefault(base.get("containerRef"), []).append(one)
+
+    @staticmethod
+    def alias(element):
+        return element.find("AliasSet/Alias[@nameSpace='Fledge']").get("alias")
+
+    def decode(self, packet, container):
+        """(alias of the container, alias of a parameter -> raw value) of a packet; all of its bits are read."""
+        found, at = {}, 0
+        one = self.containers[container]
+        while one is not None:
+            for entry in one.iterfind("EntryList/ParameterRefEntry"):
+                parameter = self.parameters[entry.get("parameterRef")]
+                value, at = self.read(self.types[parameter.get("parameterTypeRef")], packet, at, found)
+                found[parameter.get("name")] = value
+            last, one = one, next((each for each in self.children.get(one.get("name"), []) if all(
+                found[c.get("parameterRef")] == int(c.get("value")) for c in each.iter("Comparison"))), None)
+        assert at == 8 * len(packet), last.get("name")
+        return self.alias(last), {self.alias(self.parameters[name]): value for name, value in found.items()}
+
+    def read(self, kind, packet, at, found):
+        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        bits = self.bits(encoding, found)
+        assert at % 8 == 0 or encoding.tag == "IntegerDataEncoding"
+        whole = packet[at // 8:-(-(at + bits) // 8)]
+        if encoding.tag in ("StringDataEncoding", "BinaryDataEncoding"):
+            assert len(whole) * 8 == bits
+            if encoding.find("SizeInBits/TerminationChar") is not None:
+                whole = whole.partition(b"\0")[0]
+            return (whole.decode() if encoding.tag[0] == "S" else whole), at + bits
+        if encoding.get("byteOrder") == "leastSignificantByteFirst":
+            whole = whole[::-1]
+        number = int.from_bytes(whole, "big") >> (-(at + bits) % 8) & ((1 << bits) - 1)
+        if encoding.tag == "FloatDataEncoding":
+            number = struct.unpack({32: ">f", 64: ">d"}[bits], number.to_bytes(bits // 8, "big"))[0]
+        elif encoding.get("encoding") == "twosComplement" and number >> (bits - 1):
+            number -= 1 << bits
+        return number, at + bits
+
+    @staticmethod
+    def bits(encoding, found):
+        if encoding.get("sizeInBits"):
+            return int(encoding.get("sizeInBits"))
+        ref = next((one for one in encoding.iter() if one.tag.endswith("InstanceRef")), None)
+        if ref is None:
+            return int(next(encoding.iter("FixedValue")).text)
+        slope = float(next(encoding.iter("LinearAdjustment")).get("slope"))
+        return int(found[ref.get("parameterRef") or ref.get("argumentRef")] * slope)
+
+    def chain(self, name):
+        one = self.commands[name]
+        base = one.find("BaseMetaCommand")
+        return [*(self.chain(base.get("metaCommandRef")) if base is not None else []), one]
+
+    def encode(self, name, sequence, **given):
+        """A command with the header's fields that its sender sets."""
+        given = dict(given)
+        for one in self.chain(name):
+            for assigned in one.iter("ArgumentAssignment"):
+                given[assigned.get("argumentName")] = int(assigned.get("argumentValue"))
+        kinds = {a.get("name"): self.argument_types[a.get("argumentTypeRef")] for one in self.chain(name)
+                 for a in one.iterfind("ArgumentList/Argument")}
+        bits = ""
+        for entry in (entry for one in self.chain(name) for entry in one.find("CommandContainer/EntryList")):
+            if entry.tag == "ParameterRefEntry":
+                kind = self.types[self.parameters[entry.get("parameterRef")].get("parameterTypeRef")]
+                bits += self.written(kind, int(kind.get("initialValue")), given)
+            else:
+                kind = kinds[entry.get("argumentRef")]
+                bits += self.written(kind, given.get(entry.get("argumentRef"), kind.get("initialValue")), given)
+        packet = bytearray(int(bits, 2).to_bytes(len(bits) // 8, "big"))
+        packet[2:6] = struct.pack(">HH", packet[2] << 8 | packet[3] | sequence, len(packet) - 7)
+        checksum = 0xFF
+        for byte in packet:
+            checksum ^= byte
+        packet[7] = checksum
+        return bytes(packet)
+
+    def written(self, kind, value, given):
+        """The binary digits of a value: of an enumeration also by its label."""
+        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        bits = self.bits(encoding, given)
+        if encoding.tag in ("StringDataEncoding", "BinaryDataEncoding"):
+            raw = (value.encode() if isinstance(value, str) else value).ljust(bits // 8, b"\0")
+            assert len(raw) * 8 == bits
+        elif encoding.tag == "FloatDataEncoding":
+            raw = struct.pack({32: ">f", 64: ">d"}[bits], value)
+        else:
+            labels = {one.get("label"): int(one.get("value")) for one in kind.iter("Enumeration")}
+            number = labels[value] if value in labels else int(value)
+            return f"{number & (1 << bits) - 1:0{bits}b}"
+        return f"{int.from_bytes(raw, 'big'):0{bits}b}" if bits else ""
+
+
+def name_of(path):
+    return re.sub(r"[^A-Za-z0-9]+", "_", path).strip("_")
+
+
+# --- the file --------------------------------------------------------------------------------------
+
+@pytest.mark.skipif(not (DATA / "xtce").exists(), reason=f"not here: {DATA}/xtce/SpaceSystemV1.2.xsd")
+def test_the_files_of_all_missions_are_valid(tmp_path):
+    schema = (DATA / "xtce/SpaceSystemV1.2.xsd").read_text(encoding="utf-8")
+    (tmp_path / "xtce.xsd").write_text(re.sub('schemaLocation="http[^"]*xml.xsd"', 'schemaLocation="xml.xsd"', schema))
+    (tmp_path / "xml.xsd").write_text('<schema xmlns="http://www.w3.org/2001/XMLSchema" targetNamespace='
+                                      '"http://www.w3.org/XML/1998/namespace"><attribute name="base" type="anyURI"/>'
+                                      "</schema>")
+    files = []
+    for name in missions():
+        sim = fledge.load(name)
+        if sim.flights:
+            for station in ("", "yamcs", "cosmos"):
+                files.append(tmp_path / f"{name}{station}.xml")
+                files[-1].write_text(written(sim, station))
+    assert len(files) > 30
+    done = subprocess.run(["xmllint", "--noout", "--nonet", "--schema", tmp_path / "xtce.xsd", *files],
+                          capture_output=True, text=True)
+    assert done.returncode == 0 and done.stderr.count(" validates") == len(files), done.stderr[:4000]
+
+
+def test_packets_of_flight_are_read_to_the_values_of_the_record(folder, tmp_path):
+    assert cli.main(["fly", str(folder), "downlink", "--on", "linux", "--out", str(tmp_path / "out")]) == 0
+    sim = fledge.load(folder)
+    reader, found = Reader(written(sim)), sim.flight.commands.dictionary
+    record = Archive(tmp_path / "out/linux.mcap")
+    seen = {}
+    for t, raw in read_script((tmp_path / "out/linux.telemetry.txt").read_text()):
+        path, content = reader.decode(raw, "flight_packet")
+        ours = decoded(found, raw)
+        seen[path] = seen.get(path, 0) + 1
+        assert content["flight.packet.ccsds_length"] == len(raw) - 7
+        assert abs(content["flight.packet.header_seconds"] + content["flight.packet.header_fraction"] / 65536
+                   - ours.time) < 1e-9
+        content = {key.removeprefix(f"{path}."): value for key, value in content.items() if key.startswith(f"{path}.")}
+        if path == "flight.reports":
+            assert (content["t"], content["sequence"], content["code"], content["executed"], content["reason"],
+                    content["detail"], content["data"]) == ours.content
+        elif path == "flight.housekeeping":
+            assert [content[key] for key in ("t", "mode", "accepted", "executed", "refused", "last")] == [
+                ours.content[key] for key in ("t", "mode", "accepted", "executed", "refused", "last")]
+            assert {key: n for key, n in content.items() if n and key.startswith("reasons.")} == {
+                f"reasons.{key.name.lower()}": n for key, n in ours.content["reasons"].items()}
+        else:
+            row = int(np.searchsorted(record.time_ns(export.host.topic(path)), t))
+            for key, value in content.items():
+                index = tuple(map(int, re.findall(r"\[(\d+)\]", key)))
+                assert record[f"{path}.{key.partition('[')[0]}"][(row, *index)] == value, key
+    assert set(seen) == {"flight.housekeeping", "flight.reports", *(output.path for output in found.outputs)}
+    assert seen["flight.reports"] == 9 and seen["flight.tracking.error"] > 50
+
+
+@pytest.mark.parametrize("number", range(50) if LONG else [3, 5])
+def test_any_packets_of_random_missions_are_read_alike(number, tmp_path):
+    """By the file and by fledge.commands: of any bytes, in both byte orders."""
+    (tmp_path / "mission.py").write_text(Draft(number).text)
+    dice = Random(number)
+    for mission in export.read_all(fledge.load(tmp_path)):
+        for order, mark in (("big", ">"), ("little", "<")):
+            found = export.dictionary(mission, 0x18C0, 0x08C0, order)
+            reader = Reader(xtce("random", [packets.database(mission, found)], ground.Ground()))
+            for output in found.outputs:
+                for _ in range(100 if LONG else 3):
+                    body = dice.randbytes(output.size)
+                    header = struct.pack(">3H", output.stream, 0xC000 | dice.getrandbits(14), 16 + len(body) - 7)
+                    texts = [(f, at) for _, f, at in leaves(output.fields) if f.type == "char"]
+                    for f, at in texts:
+                        body = body[:at] + b"text".ljust(f.size, b"\0") + body[at + f.size:]
+                    path, content = reader.decode(header + bytes(10) + body, f"{mission.process}_packet")
+                    assert path == output.path
+                    expected = dict(flat(values(raw_fields(output.fields), body, mark)))
+                    content = {key.removeprefix(f"{path}."): value for key, value in content.items()
+                               if key.startswith(f"{path}.")}
+                    assert content.keys() == expected.keys()
+                    assert [key for key, value in content.items() if value != expected[key] and not (
+                        math.isnan(value) and math.isnan(expected[key]))] == []
+
+
+def raw_fields(fields):
+    """The same, with numbers of enumerations."""
+    return [replace(f, type="i32" if f.type == "enum" else f.type, fields=raw_fields(f.fields)) for f in fields]
+
+
+def flat(value, path=""):
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from flat(one, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        for i, one in enumerate(value):
+            yield from flat(one, f"{path}[{i}]")
+    else:
+        yield path, value
+
+
+# --- commands --------------------------------------------------------------------------------------
+
+def test_every_command_has_the_bytes_that_fledge_sends(folder):
+    sim = fledge.load(folder)
+    found = sim.flight.commands.dictionary
+    reader, ours, dice = Reader(written(sim)), Packets(found), Random(1)
+    control = found.block("flight.control")[0]
+    expected = {
+        "noop": ({}, ours.noop), "reset_counters": ({}, ours.reset_counters), "reset_flight": ({}, ours.reset),
+        "mode": ({"mode": "rest"}, lambda: ours.mode("rest")),
+        "publish": ({"module": "flight.wheels"}, lambda: ours.publish("flight.wheels")),
+        "arm": ({"event": "wide", "on": "off"}, lambda: ours.arm("wide", False)),
+        "read": ({"module": "flight.control", "offset": 8, "n": 72}, lambda: ours.read("flight.control", "P")[0]),
+        "telemetry": ({"output": "flight.spin.reference", "every": 3},
+                      lambda: ours.telemetry("flight.spin.reference", every=3)),
+        "stage": ({"module": "flight.control", "offset": 0, "n": 8, "bytes": b"12345678"},
+                  lambda: ours.packet(Code.STAGE, struct.pack(">HI8s", control, 0, b"12345678"))),
+        "commit": ({"module": "flight.control", "crc": binascii.crc_hqx(b"1234", 0xFFFF)}, lambda: ours.packet(
+            Code.COMMIT, struct.pack(">HH", control, binascii.crc_hqx(b"1234", 0xFFFF)))),
+        "stage_procedure": ({"slot": 1, "offset": 0, "n": 3, "bytes": b"abc"}, lambda: ours.procedure(b"abc", 9, 1)[0]),
+        "start_procedure": ({"slot": 1, "length": 3, "crc": binascii.crc_hqx(b"abc", 0xFFFF), "turns": 9},
+                            lambda: ours.procedure(b"abc", 9, 1)[1]),
+        "stop_procedure": ({"slot": 1}, lambda: ours.stop(1)),
+        "evaluate": ({"n": 3, "bytes": "f.K"}, lambda: ours.evaluate("f.K"))}
+    for block in found.blocks:
+        for path, field, at in leaves(block.fields):
+            if field.name.startswith("spare"):
+                continue
+            n = math.prod(field.shape)
+            raw = b"".join(encoded(field, dice.choice([*field.enumerators.values()] or [dice.randrange(100)]), [])
+                           for _ in range(n))
+            names = [path + "".join(f"[{i}]" for i in index) for index in np.ndindex(*field.shape)]
+            numbers = [one for one in struct.unpack(f">{n}{'d' if field.type == 'f64' else 'i'}", raw)]
+            expected[f"write_{name_of(block.path.partition('.')[2] + '.' + path)}"] = (
+                {name_of(name): number for name, number in zip(names, numbers)},
+                lambda block=block, at=at, raw=raw: ours.write_bytes(block.path, {at: raw})[0])
+    concrete = [name for name, one in reader.commands.items() if one.get("abstract") != "true"]
+    assert sorted(concrete) == sorted(f"flight_{name}" for name in expected)
+    for name, (arguments, send) in expected.items():
+        sent = send()
+        assert reader.encode(f"flight_{name}", int.from_bytes(sent[2:4], "big") & 0x3FFF, **arguments) == sent, name
+    k = reader.argument_types["flight_write_control_K_K"]
+    assert k.find("UnitSet/Unit").text == "N m" and k.find("ValidRangeSet/ValidRange").attrib == {"minExclusive": "0.0"}
+
+
+def test_a_long_array_is_several_commands_each_within_the_longest():
+    sim = fledge.load("orbit_raising")
+    for one in databases(sim):
+        for command in one.commands:
+            assert sum(item.bits for item in command.items) <= 8 * DATA_MAX
+        writes = [command for command in one.commands if ".write." in command.path]
+        size = sum(item.bits for command in writes for item in command.items) // 8
+        spare = sum(f.size for block in one.dictionary.blocks for _, f, _ in leaves(block.fields)
+                    if f.name.startswith("spare"))
+        assert size + spare == sum(block.size for block in one.dictionary.blocks)
+
+
+def test_reports_verify_a_command(folder):
+    root = Reader(written(fledge.load(folder), "yamcs")).commands["flight_mode"]
+    told = {}
+    for verifier in root.find("VerifierSet"):
+        told[verifier.tag] = [[(one.get("parameterRef") or one.text) for one in condition]
+                              for condition in verifier.iter("Condition")]
+    sent = ["flight_reports_sequence", "==", "/yamcs/cmdHist/ccsds-seqcount"]
+    of = [["flight_reports_code", "==", "2"]]
+    assert told == {
+        "AcceptedVerifier": [*of, ["flight_reports_executed", "==", "0"], ["flight_reports_reason", "==", "0"], sent],
+        "CompleteVerifier": [*of, ["flight_reports_executed", "==", "1"], ["flight_reports_reason", "==", "0"], sent],
+        "FailedVerifier": [*of, ["flight_reports_reason", "!=", "0"], sent]}
+
+
+# --- ground.toml -----------------------------------------------------------------------------------
+
+def test_the_file_of_the_ground_adds_calibrations_limits_and_hazards(folder):
+    (folder / "ground.toml").write_text(GROUND)
+    sim = fledge.load(folder)
+    reader = Reader(written(sim))
+    for i in range(3):
+        kind = reader.types[f"flight_tracking_error_sigma_BR_{i}"]
+        assert kind.find("UnitSet/Unit").text == "deg"
+        assert [one.attrib for one in kind.iter("Term")] == [{"coefficient": "0.0", "exponent": "0"},
+                                                             {"coefficient": "229.0", "exponent": "1"}]
+        ranges = kind.find("DefaultAlarm/StaticAlarmRanges")
+        assert ranges.find("WarningRange").attrib == {"minInclusive": "-5.0", "maxInclusive": "5.0"}
+        assert float(ranges.find("CriticalRange").get("minInclusive")) < -1e300
+    both = reader.types["flight_wheels_wheels_n"].find("DefaultAlarm/StaticAlarmRanges")
+    assert [(one.tag, float(one.get("minInclusive"))) for one in both] == [("WarningRange", 1), ("CriticalRange", 1)]
+    hazardous = [name for name, one in reader.commands.items() if one.find("DefaultSignificance") is not None]
+    assert hazardous and all(name.startswith("flight_write_control_") for name in hazardous)
+    assert next(reader.root.iter("CompleteVerifier")).find("CheckWindow").get("timeToStopChecking") == "PT20S"
+    found = databases(sim)
+    texts = stations.cosmos(sim.name, found, ground.read(folder, found))
+    assert '  HAZARDOUS "the loop may become unstable "' in texts["targets/FLIGHT/cmd_tlm/3_commands.txt"]
+
+
+@pytest.mark.parametrize("text, complaint", [
+    ("limits = 3", "only known keys count"), ("completed_within = -1", "`completed_within` is > 0 s"),
+    ('[telemetry."flight.tracking.eror.sigma_BR"]', "did you mean flight.tracking.error.sigma_BR?"),
+    ('[telemetry."flight.housekeeping.mode"]\nwarning = [0, 1]', "only numbers have calibrations and limits"),
+    ('[telemetry."flight.tracking.error.sigma_BR"]\nwarn = [0, 1]', "did you mean `warning`?"),
+    ('[telemetry."flight.tracking.error.sigma_BR"]\nwarning = [1, 0]', "give the lower one first"),
+    ('[telemetry."flight.tracking.error.sigma_BR"]\nwarning = [1]', "`warning` has 2 numbers; it is [1]"),
+    ('[telemetry."flight.tracking.error.sigma_BR"]\npolynomial = [inf]', "`polynomial` has finite numbers"),
+    ('[commands."flight.mod"]\nhazardous = "x"', "did you mean flight.mode?"),
+    ('[commands."flight.mode"]', "`hazardous` must be given")])
+def test_a_wrong_file_of_the_ground_is_refused_with_its_line(folder, text, complaint):
+    (folder / "ground.toml").write_text(text)
+    with pytest.raises(SetupError) as error:
+        written(fledge.load(folder))
+    assert complaint in str(error.value) and re.match(r"\S*ground.toml:[12]: ", str(error.value))
+
+
+# --- ground stations -------------------------------------------------------------------------------
+
+def test_several_flight_processes_have_a_file_links_and_targets_of_their_own(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert cli.main(["export", "xtce", "formation", "--yamcs", "--cosmos", "--out", str(out)]) == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    assert cli.main(["export", "xtce", "formation", "--yamcs", "--cosmos", "--out", str(out)]) == 0
+    assert before == {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    reader = Reader((out / "yamcs/mdb/formation.xml").read_text())
+    lines = (out / "yamcs/etc/yamcs.formation.yaml").read_text().splitlines()
+    roots = [line.rpartition("/")[2] for line in lines if "rootContainer" in line]
+    assert roots == ["chief_guidance_packet", "chief_packet", "deputy_packet"]
+    assert all(reader.containers[root].get("abstract") == "true" for root in roots)
+    patterns = [re.compile(line.partition('"')[2].partition('"')[0]) for line in lines if "tcPatterns" in line]
+    for name in reader.commands:
+        first = next(pattern.pattern for pattern in patterns if pattern.fullmatch(f"/formation/{name}"))
+        process = max((root[:-6] for root in roots if name.startswith(root[:-6])), key=len)
+        assert first == f"/formation/{process}.*"
+    plugin = (out / "cosmos/plugin.txt").read_text()
+    for i, target in enumerate(("CHIEF_GUIDANCE", "CHIEF", "DEPUTY")):
+        assert f"TARGET {target} {target}\n" in plugin and f"{target.lower()}_telemetry_port {10015 + i}\n" in plugin
+        text = (out / f"cosmos/targets/{target}/cmd_tlm/2_database.xtce").read_text()
+        assert "InstanceRef" not in text and "Verifier" not in text
+    assert cli.main(["export", "c", "nadir_spin", "--yamcs"]) == 2
+    assert "--yamcs is for `export xtce`" in capsys.readouterr().err
+
+
+RUBY = """
+module OpenC3
+  class Protocol
+    def initialize(allow_empty_data) end
+    def read_data(data, extra = nil) return data, extra end
+  end
+end
+$LOADED_FEATURES << File.expand_path('openc3/interfaces/protocols/protocol.rb', '.')
+$LOAD_PATH.unshift '.'
+load 'flight_link_protocol.rb'
+link = OpenC3::FlightLinkProtocol.new('129', 'big')
+ARGV.each do |digits|
+  raw = [digits].pack('H*')
+  if raw.getbyte(0) == 0x18 then puts link.write_data(raw)[0].unpack1('H*') else link.read_data(raw) end
+end
+"""
+
+
+@pytest.mark.skipif(not shutil.which("ruby"), reason="not here: ruby")
+def test_the_link_of_cosmos_gives_a_command_what_is_missing(folder, tmp_path):
+    sim = fledge.load(folder)
+    found = databases(sim)
+    (tmp_path / "openc3/interfaces/protocols").mkdir(parents=True)
+    (tmp_path / "openc3/interfaces/protocols/protocol.rb").write_text("")
+    (tmp_path / "flight_link_protocol.rb").write_text(
+        stations.cosmos(sim.name, found, ground.Ground())["lib/flight_link_protocol.rb"])
+    (tmp_path / "run.rb").write_text(RUBY)
+    ours = Packets(found[0].dictionary)
+    bare = [bytes([*one[:2], 0xC0, 0, 0, 0, one[6], 0, *one[8:]]) for one in (ours.mode("rest"), ours.noop())]
+    refusal = struct.pack(">HHHIHI", 0x0881, 0xC000, 33, 0, 0, 0) + struct.pack(">qHHHHHH4x", 0, 1, 0, 0, 17, 0x3FFF, 0)
+    done = subprocess.run(["ruby", "run.rb", *(one.hex() for one in (*bare, refusal, *bare))], cwd=tmp_path,
+                          capture_output=True, text=True, check=True)
+    ours = Packets(found[0].dictionary)
+    expected = [ours.mode("rest"), ours.noop()] * 2
+    expected[2:] = [Packets(found[0].dictionary, 0x4000).mode("rest"), Packets(found[0].dictionary, 1).noop()]
+    assert [bytes.fromhex(line) for line in done.stdout.split()] == expected
