@@ -25,7 +25,8 @@ def sizes() -> dict[str, tuple[int, int]]:
     other files, for a LEON3. What a function of the caller's takes is not in it, so the cipher is not."""
     from fledge.targets.leon3 import toolchain
 
-    code, frames, calls, homes = {}, {}, {}, {}
+    code, frames, homes = {}, {}, {}
+    calls: dict[str, set[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for source in sorted((ROOT / "ccsds").glob("*.c")):
             made = Path(folder) / f"{source.stem}.o"

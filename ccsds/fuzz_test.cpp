@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every decoder with inputs that were valid and are damaged, and the state machines with any events. What is accepted
 // must hold together, what is not must not matter; the sanitizers see the rest. Some checks are made to hold again, so
-// that what is behind them is reached. FLEDGE_CASES sets how many inputs each has, FLEDGE_SEED which:
+// that what is behind them is reached. PDUs have theirs in cfdp_pdu_test.cpp. FLEDGE_CASES sets how many inputs each
+// has, FLEDGE_SEED which:
 //
-//     ./fledge test --preset asan -k Fuzz       # builds it, and runs the short form
-//     FLEDGE_CASES=20000000 build/asan/ccsds/ccsds_test --gtest_filter='Fuzz.*'       # some hours
+//     ./fledge test --preset asan -k Fuzz     # builds it, and runs the short form
+//     FLEDGE_CASES=20000000 build/asan/ccsds/ccsds_test --gtest_filter='Fuzz.*'     # some hours
 #include "ccsds/cop1.h"
 #include "ccsds/sdls.h"
 #include "ccsds/security/key_file.h"

@@ -52,8 +52,8 @@ typedef struct SdlsCipher {
     void *user;
 } SdlsCipher;
 
-/** The states of an association, by the numbers of CCSDS 355.1-B. */
-typedef enum SdlsState { SDLS_UNKEYED = 1, SDLS_KEYED = 2, SDLS_OPERATIONAL = 3 } SdlsState;
+/** The states of an association. */
+typedef enum SdlsState { SDLS_UNKEYED = 0, SDLS_KEYED = 1, SDLS_OPERATIONAL = 2 } SdlsState;
 
 /** A security association: how the frames of one virtual channel, in one direction, are protected. */
 typedef struct SdlsAssociation {
