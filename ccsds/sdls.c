@@ -164,9 +164,13 @@ static CcsdsFault check(Sdls *sdls, SdlsAssociation *association, Head *head, ui
     if (wrong != 0u) {
         return CCSDS_TAG;
     }
+    const uint64_t number = ccsds_get64(field + 6);
+    if (!is_new(association, number)) {
+        return CCSDS_REPLAY;
+    }
     receipt->association = association;
-    receipt->number = ccsds_get64(field + 6);
-    return is_new(association, receipt->number) ? CCSDS_OK : CCSDS_REPLAY;
+    receipt->number = number;
+    return CCSDS_OK;
 }
 
 /* Take the protection off a field of n bytes, in memory. What is refused leaves nothing there. */
