@@ -26,7 +26,7 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     table_.n_blocks = static_cast<std::uint16_t>(blocks_.size());
     table_.n_modes = static_cast<std::uint16_t>(process.modes().size());
     table_.n_events = static_cast<std::uint16_t>(process.events().size());
-    table_.n_outputs = d.n_outputs;
+    table_.n_outputs = static_cast<std::uint16_t>(d.outputs.size());
     table_.blocks = blocks_.data();
     table_.staged = staged_.data();
     table_.queue = queue_.data();
@@ -51,7 +51,28 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
         me.end_procedure(t, false, "flight begins anew");
         me.runtime_.restart(me.runtime_.of(me.process_), t);
     };
-    table_.telemetry = [](void *, std::uint16_t, int, std::uint16_t) {}; // the desktop records without packets
+    table_.telemetry = [](void *c, std::uint16_t output, int on, std::uint16_t every) {
+        telemetry_rate(&static_cast<Commands *>(c)->telemetry_, output, on, every);
+    };
+    Commands *self = this;
+    image_.resize(sizeof self);
+    std::memcpy(image_.data(), &self, sizeof self);
+    std::size_t longest = TELEMETRY_REPORT_MAX;
+    for (const Dictionary::Output &one : d.outputs) {
+        outputs_.push_back({one.runs.data(), static_cast<std::uint32_t>(one.runs.size()),
+                            static_cast<std::uint32_t>(image_.size()), one.size});
+        live_.push_back(process.find(one.instance)->memory() + one.offset);
+        image_.resize(image_.size() + one.size);
+        longest = std::max<std::size_t>(longest, TELEMETRY_HEADER + one.size);
+    }
+    rates_.resize(outputs_.size() + 3);
+    packet_.resize(longest);
+    telemetry_ = {d.telemetry, table_.n_outputs, outputs_.data(), rates_.data(), packet_.data(), nullptr, nullptr};
+    telemetry_.mode = [](const void *image) {
+        Commands *me;
+        std::memcpy(&me, image, sizeof me);
+        return static_cast<std::uint16_t>(std::max(me->runtime_.of(me->process_).mode, 0));
+    };
     procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};
     table_.procedures = &procedures_;
     begin();
@@ -61,14 +82,17 @@ void Commands::begin()
 {
     runs_ = false;
     command_begin(&state_);
+    telemetry_begin(&telemetry_);
     reports_.clear();
     place_ = 0;
+    told_ = -1;
 }
 
 void Commands::forget()
 {
     runs_ = false;
     command_begin(&state_);
+    telemetry_begin(&telemetry_);
 }
 
 CommandReason Commands::accept(const std::vector<std::uint8_t> &packet, Ns last)
@@ -234,11 +258,29 @@ bool Commands::used() const
     return state_.waiting || state_.staging || state_.counters.accepted || state_.counters.refused;
 }
 
+// --- telemetry -------------------------------------------------------------------------------------
+
+void Commands::tell(Ns t)
+{
+    for (std::size_t i = 0; i < outputs_.size(); i++) { // of one that is off, only whether it was written counts
+        std::memcpy(image_.data() + outputs_[i].offset, live_[i], rates_[2 + i].on ? outputs_[i].size : sizeof(Head));
+    }
+    told_ = t;
+    telemetry_send(&telemetry_, image_.data(), t, &state_, keep, this);
+}
+
+void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)
+{
+    auto &me = *static_cast<Commands *>(self);
+    me.process_.keep({me.told_, {packet, packet + n}});
+}
+
 void Commands::visit_state(const std::function<void(void *, std::size_t)> &block)
 {
     block(&state_, sizeof state_);
     block(staged_.data(), staged_.size());
     block(queue_.data(), queue_.size());
+    block(rates_.data(), rates_.size() * sizeof rates_[0]);
 }
 
 void Commands::report(void *self, const CommandReport *report, const std::uint8_t *data)
@@ -246,6 +288,8 @@ void Commands::report(void *self, const CommandReport *report, const std::uint8_
     auto &me = *static_cast<Commands *>(self);
     me.reports_.push_back({*report, {data, data + report->n}});
     me.process_.executive().command(*report);
+    me.told_ = std::max(me.told_, report->t);
+    telemetry_report(&me.telemetry_, report, data, keep, self);
 }
 
 } // namespace fledge::sim

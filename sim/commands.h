@@ -2,7 +2,7 @@
 // The commands of one process of flight, by the code that every target flies (flight/command). Private to the kernel.
 #pragma once
 
-#include "flight/command/command.h"
+#include "flight/telemetry/telemetry.h"
 #include "sim/structure.h"
 
 #include <functional>
@@ -36,6 +36,11 @@ public:
     CommandReason enter(std::uint16_t mode) { return command_enter(&context_, mode); } ///< of a procedure
 
     bool waiting() const { return state_.waiting > 0; }
+    /// Whether telemetry is on that counts flight's instants, of all of its tasks.
+    bool counts_instants() const { return rates_[0].on != 0; }
+    /// At the end of flight's instant t: send the telemetry that is due.
+    void tell(Ns t);
+
     /// Whether a snapshot must have its state.
     bool used() const;
     const CommandCounters &counters() const { return state_.counters; }
@@ -54,6 +59,7 @@ private:
     std::string write_changes(const Dictionary::Block &block, std::uint16_t place, const std::byte *before);
 
     static void report(void *self, const CommandReport *report, const std::uint8_t *data);
+    static void keep(void *self, const std::uint8_t *packet, std::uint32_t n);
 
     Runtime &runtime_;
     Process &process_;
@@ -71,6 +77,14 @@ private:
     std::uint16_t slot_ = 0;   ///< of it
     bool runs_ = false;
     std::vector<CommandReply> reports_;
+
+    std::vector<TelemetryOutput> outputs_;
+    std::vector<const std::byte *> live_; ///< the messages themselves
+    std::vector<TelemetryRate> rates_;
+    std::vector<std::byte> image_; ///< what telemetry takes for a mission's memory: these commands' place, the outputs
+    std::vector<std::uint8_t> packet_;
+    TelemetryTable telemetry_{};
+    Ns told_ = -1;          ///< the instant that telemetry is about
     std::size_t place_ = 0; ///< in the script
 };
 

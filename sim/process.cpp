@@ -356,6 +356,19 @@ CommandLink Process::ground() const
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->ground() : CommandLink{};
 }
 
+std::vector<Packet> Process::take_packets()
+{
+    keeps_packets_ = true;
+    return std::exchange(packets_, {});
+}
+
+void Process::keep(Packet packet)
+{
+    if (keeps_packets_) {
+        packets_.push_back(std::move(packet));
+    }
+}
+
 CommandCounters Process::command_counters() const
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->counters() : CommandCounters{};

@@ -584,7 +584,9 @@ inline Ns Runtime::next_of(const RunTask &task) const
     const RunProcess &process = *task.process;
     Ns commanded = process.reset ? time() : never; // at which a target ticks, whatever its mode
     if (process.commands && !process.reset) {
-        commanded = process.commands->waiting() ? time() : std::max(process.commands->scripted(), time());
+        commanded = process.commands->waiting() || process.commands->counts_instants()
+                        ? time()
+                        : std::max(process.commands->scripted(), time());
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
     return std::min(exec_next(&task.state, task.rate, asked, time()),
@@ -845,6 +847,9 @@ void Runtime::instant()
         }
         if (turn && turn->commands && turn->ran == t && turn->commands->run_procedure(t)) {
             see_parameters(*turn);
+        }
+        if (turn && turn->commands && !down && last_tick(*turn->process, t) == t) {
+            turn->commands->tell(t);
         }
     };
     for (RunTask &task : tasks_) {

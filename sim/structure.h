@@ -143,6 +143,12 @@ struct Playback {
     void at(Ns t);
 };
 
+/// A packet of telemetry, as a target sends it.
+struct Packet {
+    Ns t; ///< at which it was sent; -1: before the first instant
+    std::vector<std::uint8_t> bytes;
+};
+
 /// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
 struct Dictionary {
     struct Block {
@@ -152,9 +158,16 @@ struct Dictionary {
         std::vector<ExecRun> runs;
         std::vector<CommandRule> rules; ///< without texts
     };
-    std::uint16_t stream = 0, version = 0, n_outputs = 0;
-    std::uint32_t room = 0; ///< [bytes] for commands that wait
+    /// A message that a module puts out.
+    struct Output {
+        std::string instance;
+        std::uint32_t offset = 0, size = 0; ///< [bytes] in its memory
+        std::vector<ExecRun> runs;
+    };
+    std::uint16_t stream = 0, telemetry = 0, version = 0; ///< telemetry: its first stream
+    std::uint32_t room = 0;                               ///< [bytes] for commands that wait
     std::vector<Block> blocks;
+    std::vector<Output> outputs;
 };
 
 /// What runs the procedures of commands: Python, in place of an interpreter on board. A clone has none.
@@ -278,6 +291,9 @@ public:
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
     CommandLink ground() const; ///< the link by which commands come
+    /// The packets of telemetry since the last call, which are kept from the first call on.
+    std::vector<Packet> take_packets();
+    void keep(Packet packet);
 
 private:
     friend class Simulation;
@@ -298,6 +314,8 @@ private:
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
+    std::vector<Packet> packets_; ///< since take_packets()
+    bool keeps_packets_ = false;
     ProcedureHost procedure_host_;
     std::optional<ResetLine> reset_;
     int initial_ = -1;

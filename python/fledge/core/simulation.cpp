@@ -254,13 +254,17 @@ using RuleRow =
 using BlockRow = std::tuple<std::string, std::uint32_t, std::uint32_t, bool,
                             std::vector<std::pair<std::uint32_t, std::uint32_t>>, std::vector<RuleRow>>;
 
-void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t version, std::uint16_t n_outputs,
-                    std::uint32_t room, const std::vector<BlockRow> &rows)
+/// (instance, offset, size, runs) of a message that a module puts out.
+using OutputRow =
+    std::tuple<std::string, std::uint32_t, std::uint32_t, std::vector<std::pair<std::uint32_t, std::uint32_t>>>;
+
+void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t telemetry, std::uint16_t version,
+                    std::uint32_t room, const std::vector<BlockRow> &rows, const std::vector<OutputRow> &outputs)
 {
     auto dictionary = std::make_shared<sim::Dictionary>();
     dictionary->stream = stream;
     dictionary->version = version;
-    dictionary->n_outputs = n_outputs;
+    dictionary->telemetry = telemetry;
     dictionary->room = room;
     for (const auto &[instance, offset, size, configuration, runs, rules] : rows) {
         sim::Dictionary::Block block{instance, offset, size, configuration, {}, {}};
@@ -273,6 +277,12 @@ void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t v
                                    static_cast<FledgeType>(number), low, high});
         }
         dictionary->blocks.push_back(std::move(block));
+    }
+    for (const auto &[instance, offset, size, runs] : outputs) {
+        sim::Dictionary::Output &one = dictionary->outputs.emplace_back(instance, offset, size, std::vector<ExecRun>{});
+        for (const auto &[width, n] : runs) {
+            one.runs.push_back({width, n});
+        }
     }
     process.set_dictionary(std::move(dictionary));
 }
@@ -484,6 +494,15 @@ void bind_process(py::module_ &m)
         .def("command_mode",
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
+        .def(
+            "take_packets",
+            [](sim::Process &p) {
+                return list_of(p.take_packets(), [](const sim::Packet &one) {
+                    return py::make_tuple(
+                        one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
+                });
+            },
+            "(t, packet of telemetry) since the last call; they are kept from the first call on")
         .def_property_readonly(
             "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },
             "(whether a command was accepted, the sequence of the last one)")

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import (NUMBERS, TURNS, Dictionary, Packets, Reason, Report, Text, parameters,
+from fledge.commands import (NUMBERS, TURNS, Dictionary, Packets, Reason, Report, Text, Timed, byte_runs, parameters,
                              reversed_numbers)
 from fledge.errors import SetupError
 from fledge.mission import procedures
@@ -69,8 +69,14 @@ class Commands:
             rules = [(r.offset, r.n, r.row, r.rows_at, r.flags, NUMBERS.index(r.number), r.low, r.high)
                      for r in block.rules]
             rows.append((name, start, block.size, block.configuration, block.runs, rules))
+        outputs = []
+        for output in self.dictionary.outputs:
+            name, port = output.path.split(".")[1:]
+            field = next(f for f in _core.struct(process.instances[name]).fields
+                         if f.name == port and f.group == "out")
+            outputs.append((name, field.offset, output.size, byte_runs(field.struct.fields)))
         d = self.dictionary
-        self._core.set_dictionary(d.stream, d.version, len(d.outputs), d.room, rows)
+        self._core.set_dictionary(d.stream, d.telemetry, d.version, d.room, rows, outputs)
 
     @property
     def packets(self) -> Packets:
@@ -120,7 +126,7 @@ class Commands:
         return self._send(self.packets.read(self._module(module)[0], field))
 
     def telemetry(self, output: str | None = None, on: bool = True, every: int = 1) -> list[Report]:
-        """The rate of packets of an output, or of all. On the desktop it changes nothing: record() has them."""
+        """The rate of packets of an output, or of all, which take_packets() has."""
         return self._send([self.packets.telemetry(output, on, every)])
 
     def procedure(self, bytecode: bytes, source: str = "", name: str = "", turns: int = TURNS, slot: int = 0
@@ -160,6 +166,11 @@ class Commands:
         self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data)
                           for t, sequence, code, executed, reason, detail, data in self._core.take_reports()]
         return list(self._reports)
+
+    def take_packets(self) -> list[Timed]:
+        """The packets of telemetry since the last call, and the instant [ns] of each, as targets send them; -1: before
+        the first instant. They are kept from the first call on."""
+        return [Timed(t, packet) for t, packet in self._core.take_packets()]
 
     @property
     def texts(self) -> list[Text]:

@@ -359,6 +359,11 @@ def test_telemetry_is_what_the_record_has(tmp_path):
     found = export.dictionary(mission)
     links = [(tmp_path / f"out/{name}.telemetry.txt").read_text() for name in on]
     assert links == links[:1] * len(on)
+    sim = fledge.load(tmp_path / "plays")
+    sim.flight.commands.take_packets()
+    sim.mission.scenarios["downlink"](sim)
+    assert [packet for _, packet in sim.flight.commands.take_packets()] == [
+        packet for _, packet in read_script(links[0])]
     for name in on:
         packets = read_script((tmp_path / f"out/{name}.telemetry.txt").read_text())
         record, sequences = Archive(tmp_path / f"out/{name}.mcap"), {}
