@@ -15,19 +15,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Whether all nodes have finished all instants up to the horizon.
-bool all_done(const Controller &c, std::size_t nodes)
+} // namespace
+
+bool finished(const Controller &controller, std::size_t nodes)
 {
     for (NodeId id = 0; id < nodes; id++) {
-        const std::string_view state = c.state(id);
-        if (state == "joining" || (state == "running" && c.waiting_for(id))) {
+        const std::string_view state = controller.state(id);
+        if (state == "joining" || (state == "running" && controller.waiting_for(id))) {
             return false;
         }
     }
     return true;
 }
-
-} // namespace
 
 Pace::Pace(double speed) : fd_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)), speed_(speed)
 {
@@ -54,7 +53,7 @@ void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point n
         return;
     }
     const Ns due = controller.next_due();
-    if (due == for_ever || !all_done(controller, nodes)) {
+    if (due == for_ever || !finished(controller, nodes)) {
         return;
     }
     const auto wall = std::chrono::nanoseconds(std::llround(static_cast<double>(due) / speed_));

@@ -14,6 +14,9 @@ struct PaceReport {
     Ns worst = 0;               ///< [ns] of wall time, the largest delay
 };
 
+/// Whether all nodes have finished all instants up to the horizon.
+bool finished(const Controller &controller, std::size_t nodes);
+
 class Pace {
 public:
     using Clock = std::chrono::steady_clock;

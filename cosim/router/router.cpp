@@ -28,10 +28,10 @@ std::uint64_t key(Kind kind, NodeId id = 0)
     return id * kinds + kind;
 }
 
-ControllerConfig adjusted(ControllerConfig config, bool listened, bool paced)
+ControllerConfig adjusted(ControllerConfig config, bool listened, bool held)
 {
     config.listened = config.listened || listened;
-    config.horizon = paced ? -1 : config.horizon;
+    config.horizon = held ? -1 : config.horizon;
     return config;
 }
 
@@ -39,7 +39,8 @@ ControllerConfig adjusted(ControllerConfig config, bool listened, bool paced)
 
 Router::Router(zmq::context_t &context, const ControllerConfig &controller, RouterConfig config)
     : context_(context), config_(std::move(config)), simulation_(controller.simulation),
-      controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(), config_.pace > 0.0)),
+      controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(),
+                           config_.pace > 0.0 || config_.window > 0)),
       greetings_(context, zmq::socket_type::router), greeters_(context, greetings_), nodes_(controller.nodes.size())
 {
     for (const NodeConfig &node : controller.nodes) {
@@ -136,6 +137,10 @@ std::string Router::run(const std::function<bool()> &poll)
         }
         if (pace_) {
             pace_->update(controller_, nodes_.size(), now);
+            act();
+        } else if (config_.window > 0 && controller_.running() && !controller_.waiting() &&
+                   finished(controller_, nodes_.size()) && controller_.next_due() != for_ever) {
+            controller_.set_horizon(controller_.next_due() + config_.window);
             act();
         }
         // While the router is busy with some nodes, it still looks at all sockets every millisecond.

@@ -37,7 +37,8 @@ struct RouterConfig {
     std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing time included; 0: none
     std::vector<std::chrono::milliseconds> replies; ///< the same for each node; empty: `reply` for all
     double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
-    std::chrono::milliseconds finish{5'000};        ///< limit for the reply to the last request
+    Ns window = 0; ///< without a pace, no node steps farther ahead of all: bounds what a reply holds; 0: no limit
+    std::chrono::milliseconds finish{5'000}; ///< limit for the reply to the last request
     Limits limits;
     Sharing sharing = Sharing::allowed;              ///< memory with nodes on this machine
     std::function<void(const std::string &)> report; ///< messages for the user; may be empty

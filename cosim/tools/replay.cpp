@@ -31,9 +31,11 @@ ControllerConfig controller_of(const ReplayConfig &config)
     return controller;
 }
 
-RouterConfig recording(RouterConfig config, RunListener &record)
+/// All inputs are known, so a node could run to the end at once, in one reply: it takes many instead.
+RouterConfig recording(RouterConfig config, RunListener &record, Ns end)
 {
     config.listeners.push_back(&record);
+    config.window = std::max<Ns>(1, end / 1024);
     return config;
 }
 
@@ -79,7 +81,7 @@ std::vector<Subscription> Listener::desired()
 Replay::Replay(zmq::context_t &context, ReplayConfig config, RouterConfig router)
     : config_(std::move(config)), listener_(config_.topics), players_(config_.others.begin(), config_.others.end()),
       record_(config_.record, controller_of(config_)),
-      router_(context, controller_of(config_), recording(std::move(router), record_))
+      router_(context, controller_of(config_), recording(std::move(router), record_, config_.end))
 {
     router_.host(listener, listener_);
     for (std::size_t i = 0; i < players_.size(); i++) {

@@ -408,8 +408,9 @@ class _Member:
 class _Subscription:
     """A topic that a node reads."""
 
-    def __init__(self, latency, optional, schema):
+    def __init__(self, latency, optional, schema, unread):
         self.latency, self.optional, self.schema = latency, optional, schema
+        self.unread = unread  # payloads; None: only the last one is kept
         self.count = 0       # messages since the last matching
         self.payload = None  # of the last message
         self.values = None   # of the payload, once the program has looked
@@ -459,11 +460,25 @@ class Node(_Member):
         self._leaving = False
         self._step = self._save = self._restore = None
 
-    def reads(self, topic, latency="same_instant", optional=False, name="", text=""):
-        """Read a topic. Without a definition, it is as its writer says."""
+    def reads(self, topic, latency="same_instant", optional=False, name="", text="", keep=False):
+        """Read a topic. Without a definition, it is as its writer says. keep: unread() has all of its messages."""
         if latency not in LATENCIES:
             raise NodeError(f"there is no latency {latency}; there are {', '.join(LATENCIES)}")
-        self._subscriptions[topic] = _Subscription(LATENCIES[latency], optional, Schema(name, text))
+        self._subscriptions[topic] = _Subscription(LATENCIES[latency], optional, Schema(name, text),
+                                                   [] if keep else None)
+
+    def schema(self, topic):
+        """The Schema of a topic that this node reads or writes; without a definition here, once the run has begun."""
+        return {**self._subscriptions, **self._publications}[topic].schema
+
+    def unread(self, topic):
+        """All messages of a topic that is read with keep=True, in order, since the last call: a node that steps less
+        often than the topic's writer misses none."""
+        subscription = self._subscriptions.get(topic)
+        if subscription is None or subscription.unread is None:
+            raise NodeError(f"{self.name} does not read {topic} with keep=True")
+        found, subscription.unread = subscription.unread, []
+        return [subscription.schema.unpack(payload) for payload in found]
 
     def writes(self, topic, name="", text="", initial=None):
         """Write a topic. `initial` is its value before the first step; fields without a value are zero. Without a
@@ -627,6 +642,8 @@ class Node(_Member):
             while self._pending and self._pending[0][0] <= self._now:
                 _, subscription, subscription.payload = self._pending.pop(0)
                 subscription.values = None
+                if subscription.unread is not None:
+                    subscription.unread.append(subscription.payload)
             self._written = {}
             self._step(self._now)
             for publication, message in self._written.items():
