@@ -43,7 +43,7 @@ RULES = {
                     "Python is a part of `fledge`",
                     [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record"]),
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
-                [*FLIGHT, "flight/exec", "flight/command", "record"]),
+                [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "record"]),
     "world": Rule("C++20", "dynamics, environment, sensors, actuators, avionics", [*FLIGHT, "flight/exec", "sim"]),
     "cosim": Rule("C, C++20, Python", "a simulation of many programs; `bindings`: nodes in other languages",
                   [*FLIGHT, "record", "registers", "sim", "targets", "cosim"]),
@@ -90,6 +90,7 @@ PARTS = [
     ("world", "the world's models by name, bodies, orbits, the sky"),
     ("scan trajectory", "figures of boresights and orbits"),
     ("mission", "load a mission; processes, simulation, log, wiring, batches"),
+    ("ground", "scripts of the ground, and their links to spacecraft"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),
     ("learning wiring_picture montecarlo cosim export scene", "reset and step of reinforcement learning; the wiring as "
@@ -107,7 +108,8 @@ THIRD_PARTIES = {
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
     "fledge":     {"IPython", "_core", "_core_build", "_emulator", "_fledge_world", "_project_world", "cloudpickle",
-                   "distributed", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy", "pandas", "scipy", "zmq"},
+                   "distributed", "fledge_node", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy", "pandas",
+                   "scipy", "serial", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "erfa", "jplephem", "mpmath", "numpy"},

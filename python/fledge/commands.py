@@ -563,7 +563,7 @@ def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> byt
     element = ELEMENTS[field.type]
     try:
         return packing.pack(">" + element.code, float(value) if element.is_float else int(value))
-    except (packing.error, TypeError, OverflowError) as error:
+    except (packing.error, TypeError, ValueError, OverflowError) as error:
         raise SetupError(f"{field.name} is a {element.ctype}: {error}; found {value!r}") from None
 
 

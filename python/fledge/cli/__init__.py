@@ -403,7 +403,7 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import compare, export, flips, fly, keys, montecarlo, node, profile, prompt, replay, up
+    from fledge.cli import compare, export, flips, fly, ground, keys, montecarlo, node, profile, prompt, replay, up
 
     node.add_parameters(one)
     node.add(command)
@@ -417,6 +417,7 @@ def parser() -> argparse.ArgumentParser:
     replay.add(command)
     keys.add(command)
     up.add(command)
+    ground.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")

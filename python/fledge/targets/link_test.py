@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A target in a co-simulation of several programs, one of which commands it and reads its telemetry while it flies."""
+import re
+import socket
 import struct
+import subprocess
 import sys
+import time
 
 import pytest
 
-from fledge import cli
+from fledge import cli, ground
 from fledge.activity import happenings
 from fledge.archive import Archive
+from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
 
@@ -74,7 +79,7 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
     assert cli.main(["up", "link.toml"]) == 0, capfd.readouterr()
     log = (place / "runs/link/log/ground.log").read_text()
     packets = list(split(bytes.fromhex(log.split()[-1])))
-    reports = [struct.unpack_from(">HH" if target.startswith("leon3") else "<HH", packet, 28) for packet in packets
+    reports = [struct.unpack_from(">HH", packet, 28) for packet in packets
                if packet[:2] == b"\x08\x81"]
     assert reports == [(0, 0), (0, 0), (0, 1), (1, 0), (1, 0)]  # executed, reason: the third has a wrong length
     record = Archive(place / f"runs/link/flight/{target}.mcap")
@@ -84,6 +89,147 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
         ("command", "function 101", "refused at its arrival: length"),
         ("command", "mode", "executed"), ("command", "noop", "executed")]
     assert cli.main(["replay", "runs/link", "flight", "--", *fly(target, place)]) == 0, capfd.readouterr()
+
+
+SCRIPT = '''
+import sys
+
+import fledge
+from fledge import ground
+from fledge.errors import Failure
+from fledge.units import s
+
+with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays"), "./plays") as craft:
+    def say(*what):
+        print(*what, craft.link.t / 1e9)
+
+    craft.listen(1 * s)
+    craft.command("telemetry").completed(within=5 * s)
+    say(craft.command("mode", "point").completed(within=5 * s))
+    say(craft.wait(lambda t: t.mode == "point", within=5 * s).flight.tracking.error.sigma_BR)
+    say(craft.command("write", "flight.control", K=3.0, u_I_max=0.2).accepted().completed().reports)
+    say(craft.command("read", "flight.control").completed().data.hex())
+    for wrong in ("write", {"K": -1.0}), ("write", {"u_I_max": -1.0}):
+        try:
+            craft.command(wrong[0], "flight.control", **wrong[1]).completed()
+        except Failure as error:
+            say(error)
+    say(craft.wait(lambda t: t.flight.control.torque.head.t > 20e9, within=20 * s)["flight.control.torque"])
+    say(craft.telemetry.housekeeping, craft.missed, craft.refused)
+'''
+NODE = """
+simulation = "link"
+until = 40
+join = 300
+exchange = true
+
+[[node]]
+mission = "./plays"
+process = "world"
+free = true
+
+[[node]]
+mission = "./plays"
+process = "flight"
+free = true
+target = "{target}"
+
+[[node]]
+name = "script"
+command = ["{python}", "script.py", "cosim:flight?every=0.1"]
+"""
+
+
+@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "micropython"])
+def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(target, place, capfd):
+    """As a node, for which the run waits: the same answers, telemetry and times."""
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not installed")
+    (place / "script.py").write_text(SCRIPT)
+    (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
+    assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
+    said = (place / "runs/link/log/script.log").read_text().splitlines()
+    desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
+    assert len(said) == 8 and said == desktop.splitlines()
+
+
+BRIDGE = """
+simulation = "link"
+until = 120
+pace = 10
+join = 300
+exchange = true
+
+[[node]]
+mission = "./plays"
+process = "world"
+free = true
+
+[[node]]
+mission = "./plays"
+process = "flight"
+free = true
+target = "linux"
+
+[[asynchronous]]
+name = "tool"
+process = "flight"
+link = "udp://127.0.0.1:{back}?listen={port}"
+
+[[asynchronous]]
+name = "spectator"
+process = "flight"
+link = "listen://{second}"
+writes = []
+"""
+
+
+def test_foreign_tools_command_a_target_by_links(place, capfd):
+    """What they send is in the record of the exchange, from which flight flies again to the same bits. The run waits
+    for nobody."""
+    port, back, second = (free_port() for _ in range(3))
+    (place / "bridge.toml").write_text(BRIDGE.format(port=port, back=back, second=second))
+    run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "bridge.toml"], stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True)
+    try:
+        spectator = connected(run, f"tcp://127.0.0.1:{second}")
+        with spectator, ground.connect(f"udp://127.0.0.1:{port}?listen={back}", "./plays") as craft:
+            craft.command("noop").completed(within=30)
+            craft.command("telemetry", "housekeeping").completed(within=30)
+            craft.command("mode", "rest").completed(within=30)
+            assert craft.wait(lambda t: t.mode == "rest", within=30)
+            assert spectator.wait(lambda t: t.mode == "rest", within=30)
+            with pytest.raises(Failure, match="was not reported"):
+                spectator.command("mode", "point").accepted(within=0.5)
+            craft.link.send(b"\x18\x80no command at all")
+            assert craft.command("noop").completed(within=30)
+        text = run.communicate(timeout=120)[0]
+    finally:
+        run.kill()
+    assert run.returncode == 0, text
+    log = (place / "runs/link/log/tool.log").read_text()
+    assert re.search(r"carried  4 commands, \d+ packets of telemetry; 19 bytes were no packet\n", log), log
+    record = Archive(place / "runs/link/flight/linux.mcap")
+    said = [(one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind == "command"]
+    assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
+    assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
+
+
+def connected(run, address):
+    """A craft behind a link that a run opens when it begins."""
+    end = time.monotonic() + 60
+    while True:
+        try:
+            return ground.connect(address, "./plays")
+        except SetupError:
+            assert run.poll() is None and time.monotonic() < end
+            time.sleep(0.1)
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def split(packets):

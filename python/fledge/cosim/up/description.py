@@ -71,6 +71,7 @@ class Program:
     prefix: str = _key("prefix", "", of="node")                 # its topics begin with it in the run
     topics: dict[str, str] = _key("topic_map", dict, of="node")     # its name of a topic -> that of the run
     writes: list[str] = _key("topics", list, of="asynchronous")
+    link: str | None = _key("text", of="asynchronous")          # carries the packets of a flight process there
     asynchronous: bool = False
 
     def named(self, topic: str) -> str:
@@ -185,6 +186,7 @@ class _Reader(Tables):
         self.fill(plan, data, (), "", ("node", "asynchronous"))
         plan.programs = [self.program(table, (kind, i), kind) for kind in ("node", "asynchronous")
                          for i, table in enumerate(self.tables(data, (), kind))]
+        plan.watch += sorted({f"/{p.process}/telemetry" for p in plan.programs if p.link} - {*plan.watch})
         if not plan.nodes and not self.problems:
             self.refuse((), "a simulation has nodes", "there is none", "write [[node]] with a name and a command, "
                         "or a mission")
@@ -301,7 +303,7 @@ class _Reader(Tables):
 
     def start(self, table: dict, path: tuple, p: Program) -> None:
         """Check how the program starts."""
-        given = [key for key in ("mission", "command", "by_hand") if table.get(key)]
+        given = [key for key in ("mission", "command", "by_hand", "link") if table.get(key)]
         if len(given) != 1:
             self.refuse((*path, given[1] if given else "command"),
                         "a program is a `mission` with its `process`, a `command`, or started `by_hand`",
@@ -312,12 +314,14 @@ class _Reader(Tables):
             self.refuse((*path, "mission"), "a mission's processes are nodes", f"{p.name} is asynchronous",
                         "write [[node]]")
         for key in _OF_MISSION:
-            if key in table and not p.mission:
+            if key in table and not p.mission and not (p.link and key == "process"):
                 self.refuse((*path, key), f"`{key}` is of a `mission`", f"{p.name} has none", "leave it out")
         if p.mission:
             p.process = p.process or p.name
             if not p.host:
                 self.mission(table, path, p, p.mission, p.process)
+        elif p.link:
+            self.link(table, path, p, p.link)
         elif p.command and not p.host:      # on a host the log will say if it is missing
             self.executable(path, p, p.command)
         for name in re.findall(r"\{(\w+)\}", "\0".join(p.command or ())):
@@ -325,6 +329,21 @@ class _Reader(Tables):
             if name not in PLACEHOLDERS and near:
                 self.refuse((*path, "command"), "only known words in braces are filled in",
                             f"there is {{{name}}}", f"did you mean {{{near[0]}}}?")
+
+    def link(self, table: dict, path: tuple, p: Program, address: str) -> None:
+        """A link by which foreign tools command a flight process; with `writes = []` they only see its telemetry."""
+        from fledge.errors import SetupError
+        from fledge.ground.address import link_of
+
+        try:
+            link_of(address)
+        except SetupError as error:
+            self.refuse((*path, "link"), "a link has an address", str(error), "docs/ground.md lists them")
+        if not p.process:
+            self.refuse((*path, "link"), "a link is of a flight process", f"{p.name} names none",
+                        'write process = "flight"')
+        elif "writes" not in table:
+            p.writes = [f"/{p.process}/commands"]
 
     def executable(self, path: tuple, p: Program, command: list[str]) -> None:
         if p.launcher and not shutil.which(p.launcher[0]):

@@ -260,6 +260,8 @@ class Session:
                       "seed": str(self.plan.seed), "until": repr(self.plan.until), "record": folder}
             places = "{(" + "|".join(values) + ")}"
             return [re.sub(places, lambda found: values[str(found[1])], word) for word in p.command]
+        if p.link:
+            return [*fledge, "link", str(p.process), p.link]
         record = f"runs/{self.plan.simulation}" if p.host else folder
         given = [*(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
                  *["--free"] * p.free]

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Addresses of links.
+
+    udp://HOST:PORT?listen=[ADDRESS:]PORT   datagrams to HOST:PORT, and from whoever sends to the other port
+    tcp://HOST:PORT                         a stream, as a client
+    listen://[ADDRESS:]PORT                 a stream, as a server of any number of clients
+    serial:/dev/ttyUSB0?baud=115200         a serial device
+    cosim:PROCESS                           a flight process of the co-simulation that `fledge up` runs; the run does
+                                            not wait
+    cosim:PROCESS?every=0.5                 the same as a node, which steps every 0.5 s of simulated time; the run waits
+
+Without an ADDRESS, a port is open to this machine alone.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from urllib.parse import parse_qs, urlsplit
+
+from fledge.errors import SetupError, listed
+from fledge.ground.links import Link, Streams, Udp
+from fledge.ground.member import Member, Onlooker
+
+LOOPBACK = "127.0.0.1"
+
+
+def open_link(address: str, accepts: Callable[[bytes], bool] | None = None) -> Link:
+    """The link of an address. accepts: as of a Splitter. Raises SetupError."""
+    try:
+        return link_of(address, accepts)()
+    except OSError as error:
+        raise SetupError(f"{address}: {error.strerror or error}") from None
+
+
+def link_of(address: str, accepts: Callable[[bytes], bool] | None = None) -> Callable[[], Link]:
+    """What opens the link of an address. Raises SetupError if it is none."""
+    try:
+        parts = urlsplit(address)
+        options = {key: values[-1] for key, values in parse_qs(parts.query, strict_parsing=bool(parts.query)).items()}
+        port = parts.port
+    except ValueError as error:
+        raise SetupError(f"{address}: {error}; {FORMS}") from None
+    known = {"udp": {"listen"}, "serial": {"baud"}, "cosim": {"every"}}.get(parts.scheme, set())
+    if unknown := set(options) - known:
+        raise SetupError(f"{address}: there is no option {listed(sorted(unknown))}; "
+                         f"there is {listed(sorted(known), none='none')}")
+    there = (parts.hostname or LOOPBACK, port or 0)
+    if parts.scheme == "udp" and port and "listen" in options:
+        here = _listening(address, options["listen"])
+        return lambda: Udp(there, here)
+    if parts.scheme == "tcp" and port:
+        return lambda: Streams.connect(there, accepts)
+    if parts.scheme == "listen":
+        here = _listening(address, parts.netloc)
+        return lambda: Streams.listen(here, accepts)
+    if parts.scheme == "serial" and parts.path:
+        baud = _whole(address, "baud", options.get("baud", "115200"), 1 << 24)
+        return lambda: Streams.device(parts.path, baud, accepts)
+    if parts.scheme == "cosim" and parts.path:
+        if "every" in options:
+            return lambda: Member(parts.path, options["every"])
+        return lambda: Onlooker(parts.path)
+    raise SetupError(f"'{address}' is no address of a link; {FORMS}")
+
+
+FORMS = "an address is udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N or " \
+        "cosim:PROCESS"
+
+
+def _listening(address, text):
+    host, _, port = text.rpartition(":")
+    return host.strip("[]") or LOOPBACK, _whole(address, "a port", port, 65535)
+
+
+def _whole(address, what, text, most):
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) <= most:
+        raise SetupError(f"{address}: {what} is a whole number from 1 to {most}; found '{text}'")
+    return int(text)

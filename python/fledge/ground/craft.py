@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A spacecraft as a script of the ground sees it: commands with their verification, and the newest telemetry."""
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import (OUTPUTS, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, decoded, moved,
+                             sequence_of)
+from fledge.errors import Failure, SetupError, did_you_mean, listed
+from fledge.ground.links import Link
+from fledge.objects.si import time_ns, to_si
+from fledge.units import unit_of
+
+if TYPE_CHECKING:
+    from typing import Self
+
+_MAKERS = {"packet", "write_bytes", "change"}   # of packets, but no commands of their own
+WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
+
+
+class NoAnswer(Failure):
+    """What a script waited for did not happen in time, or the spacecraft refused it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text, 1)
+
+
+class NotSeen(LookupError):
+    """No packet of telemetry has this value yet."""
+
+
+class Newest:
+    """The newest telemetry of a spacecraft: `mode`, and each output's fields by their path, as in
+    t.flight.control.torque.u or t["flight.control.torque"]. A value that no packet had yet raises NotSeen; in the
+    condition of wait() it counts as not fulfilled."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._contents: dict[str, Any] = {}
+
+    def put(self, packet: Telemetry) -> None:
+        self._contents[packet.path] = packet.content
+
+    @property
+    def housekeeping(self) -> dict[str, Any]:
+        """The counters of commands, the time and the number of the mode."""
+        return dict(self._content("housekeeping"))
+
+    @property
+    def mode(self) -> str:
+        """The name of the mode in force, of housekeeping."""
+        if not self._dictionary.modes:
+            raise SetupError(f"{self._dictionary.name} has no modes")
+        return self._dictionary.modes[self.housekeeping["mode"]]
+
+    def __getitem__(self, path: str) -> Any:
+        """An output's fields as a dict, or one field."""
+        known = [one.path for one in self._dictionary.outputs]
+        output = next((one for one in known if path == one or path.startswith(f"{one}.")), None)
+        if output is None:
+            raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, known)} it has "
+                             + listed(known, none="none"))
+        found = self._content(output)
+        for name in path[len(output) + 1:].split(".") if path != output else []:
+            if not isinstance(found, dict) or name not in found:
+                known = list(found) if isinstance(found, dict) else []
+                raise SetupError(f"{path}: there is no field '{name}'{did_you_mean(name, known)} it has "
+                                 + listed(known, none="none"))
+            found = found[name]
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return _Path(self, name)
+
+    def _content(self, path: str) -> Any:
+        if path not in self._contents:
+            raise NotSeen(path)
+        return self._contents[path]
+
+
+class _Path:
+    """The beginning of an output's path, which attributes continue."""
+
+    def __init__(self, newest: Newest, path: str) -> None:
+        self._newest, self._path = newest, path
+
+    def __getattr__(self, name: str) -> Any:
+        path = f"{self._path}.{name}"
+        beginnings = [one.path for one in self._newest._dictionary.outputs]
+        if any(one.startswith(f"{path}.") for one in beginnings):
+            return _Path(self._newest, path)
+        found = self._newest[path]
+        return _Fields(found) if isinstance(found, dict) else found
+
+
+class _Fields(dict[str, Any]):
+    """The fields of a message, as attributes too."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self:
+            known = list(self)
+            raise AttributeError(f"there is no field '{name}'{did_you_mean(name, known)} it has {listed(known)}")
+        return _Fields(self[name]) if isinstance(self[name], dict) else self[name]
+
+
+class Sent:
+    """A command on its way: one packet, or several that together are one change."""
+
+    def __init__(self, craft: Craft, packets: Sequence[bytes]) -> None:
+        self._craft = craft
+        self.packets = list(packets)            #: in the order in which flight gets them
+        self.reports: list[Report] = []         #: what flight has said of them
+        self.at = craft.link.t                  #: [ns] of the link's clock
+
+    @property
+    def data(self) -> bytes:
+        """What a command read back, big-endian."""
+        return b"".join(one.data for one in self.reports if one.executed)
+
+    def accepted(self, within: Any = WITHIN) -> Self:
+        """Wait until flight has accepted all of it. Raises NoAnswer, also if flight refuses it."""
+        return self._reported(False, within)
+
+    def completed(self, within: Any = WITHIN) -> Self:
+        """Wait until flight has executed all of it. Raises NoAnswer, also if flight refuses it."""
+        return self._reported(True, within)
+
+    def __repr__(self) -> str:
+        words = ", ".join(dict.fromkeys(map(self._craft.dictionary.command, self.packets)))
+        done = sum(one.executed and one.good for one in self.reports)
+        refused = next((one for one in self.reports if not one.good), None)
+        return f"<{words}: " + ("refused" if refused else "executed" if done == len(self.packets) else
+                                "accepted" if self.reports else "sent") + ">"
+
+    def take(self, report: Report) -> bool:
+        """Whether a report is about one of these packets, and new."""
+        if not any(sequence_of(one) == report.sequence and one[6] == report.code for one in self.packets) or any(
+                (one.sequence, one.executed) == (report.sequence, report.executed) for one in self.reports):
+            return False
+        self.reports.append(report)
+        return True
+
+    def moved(self, by: int) -> None:
+        """Count on from another sequence, since flight has refused this one."""
+        self.packets = [moved(one, by) for one in self.packets]
+        self.reports.clear()
+
+    def _reported(self, executed: bool, within: Any) -> Self:
+        def done(_: Newest) -> bool:
+            for one in self.reports:
+                if not one.good:
+                    packet = next(p for p in self.packets if sequence_of(p) == one.sequence)
+                    raise NoAnswer(f"{self._craft.dictionary.name} refused "
+                                   + self._craft.dictionary.refusal(one, packet))
+            return sum(one.executed == executed for one in self.reports) == len(self.packets)
+
+        self._craft.wait(done, within, lambda: (
+            f"{self!r} was not reported as {'executed' if executed else 'accepted'}"))
+        return self
+
+
+class Craft:
+    """A spacecraft behind a link.
+
+    Reading waits on the link's clock: simulated time in a simulation, which then goes on by as much, else real time.
+    A command sent by a link from the ground counts on from the last one that flight has accepted, whoever sent it.
+    """
+
+    def __init__(self, link: Link, dictionary: Dictionary, sequence: int = 0) -> None:
+        self.link, self.dictionary = link, dictionary
+        self.telemetry = Newest(dictionary)         #: the newest of each packet
+        self.texts: list[Text] = []                 #: what interpreters on board have said
+        self.refused = 0                            #: packets that the dictionary does not know
+        self.missed = 0                             #: packets that were lost on the way, by their sequences
+        self.sent: list[Sent] = []
+        self._packets = Packets(dictionary, sequence)
+        self._sequences: dict[int, int] = {}        # the last of each stream
+        self._in_step = False                       # flight has accepted a command from here
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.link.close()
+
+    def command(self, what: str, *arguments: Any, **values: Any) -> Sent:
+        """Send a command, one that fledge.commands.Packets makes: command("mode", "science"), command("noop"),
+        command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2).
+        Raises SetupError for what the mission does not have."""
+        return self.send(packets(self._packets, what, *arguments, **values))
+
+    def send(self, packets: Sequence[bytes]) -> Sent:
+        """Send packets as they are, one change."""
+        one = Sent(self, packets)
+        self.sent.append(one)
+        for packet in one.packets:
+            self.link.send(packet)
+        return one
+
+    def wait(self, condition: Callable[[Newest], Any], within: Any, otherwise: Callable[[], str] | None = None
+             ) -> Newest:
+        """Wait until a condition on the newest telemetry is true; it is looked at after each packet. within: a
+        duration on the link's clock. otherwise: what the error says. Raises NoAnswer."""
+        begin = self.link.t
+        end = begin + time_ns(within, "within")
+        absent = self._holds(condition)
+        while absent is not None and self.link.t < end:
+            try:
+                arrived = deque(self.link.receive(end))
+            except ConnectionError as error:
+                raise NoAnswer(f"{self._missing(absent, otherwise, '')}: {error}") from None
+            try:
+                while arrived and absent is not None:
+                    self.take(arrived.popleft().packet)
+                    absent = self._holds(condition)
+            finally:
+                for one in arrived:
+                    self.take(one.packet)
+        if absent is not None:
+            raise NoAnswer(self._missing(absent, otherwise, f" within {(end - begin) / 1e9:g} s"))
+        return self.telemetry
+
+    def listen(self, duration: Any) -> Newest:
+        """Take what comes for a duration on the link's clock."""
+        end = self.link.t + time_ns(duration, "listen")
+        while self.link.t < end:
+            for _, packet in self.link.receive(end):
+                self.take(packet)
+        return self.telemetry
+
+    def take(self, packet: bytes) -> Telemetry | None:
+        """A packet has come. None: the dictionary does not know it, and it is counted."""
+        try:
+            found = decoded(self.dictionary, packet)
+        except (SetupError, ValueError):
+            self.refused += 1
+            return None
+        stream = int.from_bytes(packet[:2], "big")
+        gap = (found.sequence - self._sequences.get(stream, found.sequence - 1) - 1) % 0x4000
+        if gap < 0x2000:        # else it was overtaken, or comes again
+            self.missed += gap
+            self._sequences[stream] = found.sequence
+            self.telemetry.put(found)
+        if isinstance(found.content, Report):
+            self._report(found.content)
+        elif isinstance(found.content, Text):
+            self.texts.append(found.content)
+        return found
+
+    def _report(self, report: Report) -> None:
+        if report.reason == Reason.SEQUENCE and not self._in_step and not report.executed:
+            behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
+            if behind and report.code in Code._value2member_map_:
+                self._count_on(report.detail + 1)
+            return
+        self._in_step = self._in_step or report.good
+        next((one for one in reversed(self.sent) if one.take(report)), None)
+
+    def _count_on(self, sequence: int) -> None:
+        """Flight has accepted commands of another ground: send all again, behind those."""
+        self._in_step = True
+        by = sequence - sequence_of(self.sent[0].packets[0])
+        self._packets.sequence += by
+        for one in self.sent:
+            one.moved(by)
+            for packet in one.packets:
+                self.link.send(packet)
+
+    def _holds(self, condition: Callable[[Newest], Any]) -> str | None:
+        """None if a condition is true; else what is missing for it, "" if nothing is."""
+        try:
+            return None if condition(self.telemetry) else ""
+        except NotSeen as missing:
+            return str(missing)
+
+    def _missing(self, absent: str, otherwise: Callable[[], str] | None, within: str) -> str:
+        """Why wait() ends in vain."""
+        if otherwise:
+            return otherwise() + within
+        if absent:
+            return f"no packet of {absent} came{within}" + (
+                "" if absent == "reports" else f"; command(\"telemetry\", \"{absent}\") turns it on")
+        return f"the condition was not fulfilled{within}"
+
+
+def packets(maker: Packets, what: str, *arguments: Any, **values: Any) -> list[bytes]:
+    """The packets of a command by its name and arguments. Raises SetupError."""
+    known = [name for name in vars(Packets) if not name.startswith("_") and name not in _MAKERS]
+    if what not in known:
+        raise SetupError(f"there is no command '{what}'{did_you_mean(what, known)} there are {listed(known)}")
+    make = getattr(maker, what)
+    try:
+        bound = signature(make).bind(*arguments, **values)
+    except TypeError as error:
+        raise SetupError(f"{what} takes {', '.join(signature(make).parameters) or 'nothing'}: {error}") from None
+    if what == "write":
+        _, block = maker.dictionary.block(bound.arguments["module"])
+        units = {f.name: f.unit for f in block.fields}
+        values = {name: _plain(value, f"{block.path}.{name}", units.get(name, "-")) for name, value in values.items()}
+    made = make(*arguments, **values)
+    if not made:
+        raise SetupError(f"{what}: give parameters and their values, as in K=3")
+    return [made] if isinstance(made, bytes) else list(made)
+
+
+def _plain(value: Any, path: str, unit: str) -> Any:
+    """A value with a unit as a number in that of its header; texts and dicts as they are."""
+    if isinstance(value, (str, dict)):
+        return value
+    return to_si(value, path, unit, () if unit == "SI" else unit_of(unit).dims, f"numbers in {unit}")
+
+
+def accepts(dictionary: Dictionary) -> Callable[[bytes], bool]:
+    """Whether a packet of telemetry of a mission may begin with a header: what a stream is searched for."""
+    first, last = dictionary.telemetry, dictionary.telemetry + OUTPUTS + len(dictionary.outputs)
+    longest = dictionary.longest
+
+    def check(header: bytes) -> bool:
+        return first <= int.from_bytes(header[:2], "big") <= last and int.from_bytes(header[4:6], "big") + 7 <= longest
+
+    return check

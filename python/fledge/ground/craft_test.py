@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of the ground against flight on the desktop, and against links that lose and repeat packets."""
+import pytest
+
+import fledge
+from fledge import ground
+from fledge.commands import Timed
+from fledge.errors import SetupError
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.ground.links import Link
+from fledge.units import N, kg, m, s
+
+
+@pytest.fixture()
+def craft():
+    with ground.connect(fledge.load("nadir_spin")) as one:
+        yield one
+
+
+def test_commands_are_followed_to_their_execution_in_simulated_time(craft):
+    sim = craft.link.simulation
+    assert repr(craft.command("noop")) == "<noop: sent>"
+    craft.listen(2 * s)
+    assert sim.time == 2 and craft.sent[0].completed(0).reports[-1].t == 0
+    sent = craft.command("write", "flight.control", K=3 * N * m)
+    assert sent.accepted(1 * s).reports[0].t == 2 * 10**9 and sim.flight.control.K == 2.531
+    assert sent.completed(within=1 * s) is sent and sim.time == 2.5 and sim.flight.control.K == 3
+    assert sent.reports[1].t == 2_500_000_000 and repr(sent) == "<write flight.control.K: executed>"
+    assert craft.command("read", "flight.control", "K").completed().data.hex() == "4008000000000000"
+    whole = craft.command("read", "flight.vehicle")
+    assert whole.completed().data[:8].hex() == "4085e00000000000" and sim.time == 3.5
+
+
+def test_what_flight_refuses_ends_the_wait_with_its_reason(craft):
+    craft.listen(1 * s)
+    with pytest.raises(ground.NoAnswer, match=r"refused write flight.control.K, at 1.5 s: the parameters would break a "
+                                              r"rule: flight.control.K must be"):
+        craft.command("write", "flight.control", K=-3 * N * m).completed()
+    wrong = bytearray(craft.command("noop").packets[0])
+    wrong[3] += 1
+    with pytest.raises(ground.NoAnswer, match="its checksum is wrong"):
+        craft.send([bytes(wrong)]).accepted()
+    assert craft.command("noop").completed() and craft.link.t == 2 * 10**9
+
+
+def test_telemetry_is_found_by_its_path(craft):
+    with pytest.raises(ground.NotSeen):
+        craft.telemetry.housekeeping
+    with pytest.raises(ground.NoAnswer, match=r'no packet of flight.control.torque came within 3 s; command\("telemetry'
+                                              r'", "flight.control.torque"\) turns it on'):
+        craft.wait(lambda t: t.flight.control.torque.torque_B[0] < 9, within=3 * s)
+    craft.command("telemetry", "flight.control.torque")
+    craft.command("telemetry", "housekeeping", every=4)
+    seen = craft.wait(lambda t: t.flight.control.torque.head.t >= 10 * 10**9, within=1 * fledge.units.minute)
+    assert craft.link.simulation.time == 10
+    torque = craft.link.simulation.flight.control.torque.torque_B.tolist()
+    assert seen.flight.control.torque.torque_B == seen["flight.control.torque.torque_B"] == torque
+    assert seen["flight.control.torque"]["head"]["quality"] == "QUALITY_GOOD"
+    assert craft.wait(lambda t: t.housekeeping["executed"] == 2, within=2 * s).housekeeping["refused"] == 0
+    with pytest.raises(ground.NoAnswer, match="the condition was not fulfilled within 1 s"):
+        craft.wait(lambda t: t.housekeeping["executed"] == 5, within=1 * s)
+    for wrong, says in [("flight.contrl.torque", "did you mean 'flight.control.torque'"),
+                        ("flight.control.torque.tork_B", "did you mean 'torque_B'")]:
+        with pytest.raises(SetupError, match=says):
+            craft.telemetry[wrong]
+    with pytest.raises(AttributeError, match="did you mean 'torque_B'"):
+        craft.telemetry.flight.control.torque.tork_B
+
+
+def test_the_mode_is_known_by_its_name(tmp_path):
+    (tmp_path / "flight.py").write_text(FLIGHT)
+    (tmp_path / "world.py").write_text(WORLD)
+    with ground.connect(fledge.load(tmp_path)) as craft:
+        craft.command("telemetry", "housekeeping")
+        assert craft.wait(lambda t: t.mode, within=10 * s).mode == "wait"
+        craft.command("mode", "rest").completed()
+        craft.wait(lambda t: t.mode == "rest", within=1 * s)
+        with pytest.raises(SetupError, match="has no mode 'ret'; did you mean 'rest'"):
+            craft.command("mode", "ret")
+    with ground.connect(fledge.load("nadir_spin")) as craft, pytest.raises(SetupError, match="has no modes"):
+        craft.telemetry.mode
+
+
+def test_a_ground_that_begins_anew_counts_on():
+    sim = fledge.load("nadir_spin")
+    first = ground.connect(sim)
+    for _ in range(5):
+        first.command("noop").completed()
+    again = ground.connect(sim)
+    two = again.command("noop"), again.command("write", "flight.control", K=2.0)
+    assert two[1].completed().reports[-1].sequence == 6 and two[0].completed().reports[-1].sequence == 5
+    assert again.command("noop").completed().reports[-1].sequence == 7
+    assert sim.flight.commands.counters.executed == 8
+
+
+def test_telemetry_goes_on_in_a_clone_and_after_a_snapshot():
+    """The same packets, byte for byte, with their sequences."""
+    sim = fledge.load("nadir_spin")
+    commands = sim.flight.commands
+    commands.take_packets()
+    commands.telemetry()
+    commands.telemetry("flight.control.torque", every=3)
+    sim.run(5.5 * s)
+    snapshot, other = sim.snapshot(), sim.clone()
+    other.flight.commands.take_packets()
+    commands.take_packets()
+    sim.run(5 * s)
+    other.run(5 * s)
+    sent = commands.take_packets()
+    assert len(sent) > 60 and other.flight.commands.take_packets() == sent
+    sim.restore(snapshot)
+    sim.run(5 * s)
+    assert commands.take_packets() == sent
+
+
+class Damaged(Link):
+    """A link that loses, repeats and damages packets, over another."""
+
+    def __init__(self, link, losses=(), repeats=()):
+        self.link, self.losses, self.repeats, self.n = link, losses, repeats, 0
+
+    @property
+    def t(self):
+        return self.link.t
+
+    def send(self, packet):
+        self.link.send(packet)
+
+    def receive(self, until):
+        found = []
+        for t, packet in self.link.receive(until):
+            found += [Timed(t, packet)] * (self.n not in self.losses) + [Timed(t, packet)] * (self.n in self.repeats)
+            self.n += 1
+        return found + ([Timed(until, b"\x08\x80no packet")] if self.n in self.losses else [])
+
+
+def test_lost_repeated_and_strange_packets_are_counted():
+    inner = ground.connect(fledge.load("nadir_spin"))
+    craft = ground.Craft(Damaged(inner.link, losses={8, 9, 20}, repeats={2, 12, 13}), inner.dictionary)
+    craft.command("telemetry", "flight.control.torque").completed()
+    craft.listen(20 * s)
+    assert craft.missed == 3 and craft.refused > 0
+    assert craft.command("noop").completed().reports[-1].executed
+
+
+def test_a_report_that_is_lost_ends_in_no_answer():
+    inner = ground.connect(fledge.load("nadir_spin"))
+    craft = ground.Craft(Damaged(inner.link, losses={1}), inner.dictionary)
+    with pytest.raises(ground.NoAnswer, match="<noop: accepted> was not reported as executed within 4 s"):
+        craft.command("noop").completed(within=4 * s)
+
+
+@pytest.mark.parametrize("call, says", [
+    (lambda craft: craft.command("nop"), "there is no command 'nop'; did you mean 'noop'"),
+    (lambda craft: craft.command("mode"), "mode takes mode: missing a required argument"),
+    (lambda craft: craft.command("write", "flight.control"), "give parameters and their values"),
+    (lambda craft: craft.command("write", "flight.contrl", K=1), "did you mean 'flight.control'"),
+    (lambda craft: craft.command("write", "flight.control", K=1 * kg), "expected a quantity in N m; found 1.0 kg"),
+    (lambda craft: craft.command("write", "flight.control", K="x"), "K is a double"),
+    (lambda craft: craft.wait(lambda t: True, within="soon"), "within: expected a time"),
+    (lambda craft: ground.connect("udp://127.0.0.1:1?listen=2"), "give the dictionary"),
+    (lambda craft: ground.connect(fledge.load("constellation")), "flight processes"),
+])
+def test_what_a_script_gets_wrong_is_told_at_once(craft, call, says):
+    with pytest.raises(SetupError, match=says):
+        call(craft)
+    assert craft.sent == [] and craft.link.t == 0

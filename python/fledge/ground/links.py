@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Links that carry space packets between a ground system and a spacecraft, each with a clock of its own: by sockets and
+devices. A datagram is a packet, or several whole ones. A stream has packets one after another; bytes that cannot begin
+a packet are skipped and counted."""
+from __future__ import annotations
+
+import select
+import socket
+from collections import deque
+from collections.abc import Callable
+from threading import Lock
+from time import monotonic_ns
+from typing import Any
+
+from fledge.commands import Timed
+from fledge.errors import SetupError
+
+PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
+OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
+SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
+GONE = "the other end of the link is gone"
+
+
+class Link:
+    """A way to a spacecraft and back. One thread receives; send() may come from another."""
+
+    skipped = 0     #: bytes that were no packet
+    dropped = 0     #: packets that a slow reader missed
+
+    @property
+    def t(self) -> int:
+        """[ns] of the link's clock: simulated time in a simulation, else since the link was opened."""
+        raise NotImplementedError
+
+    def send(self, packet: bytes) -> None:
+        """Send a packet. Raises OSError if the link is broken."""
+        raise NotImplementedError
+
+    def receive(self, until: int) -> list[Timed]:
+        """The packets that arrive next, each with the time [ns] of its arrival; [] when the clock reaches `until`."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Let go of the link."""
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+class Splitter:
+    """Finds the packets in a stream of bytes.
+
+    accepts: whether a packet may begin with these six bytes; without it, any of the version 0. A byte at which none
+    can begin is skipped, so that the stream is found again after a damage.
+    """
+
+    def __init__(self, accepts: Callable[[bytes], bool] | None = None) -> None:
+        self._accepts = accepts or (lambda header: header[0] >> 5 == 0)
+        self._rest = bytearray()
+        self.skipped = 0
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """The packets that are whole now."""
+        self._rest += data
+        at, found = 0, []
+        while len(self._rest) - at >= PACKET_LEAST:
+            header = bytes(self._rest[at:at + 6])
+            if not self._accepts(header):
+                at += 1
+                self.skipped += 1
+                continue
+            end = at + int.from_bytes(header[4:], "big") + PACKET_LEAST
+            if end > len(self._rest):
+                break
+            found.append(bytes(self._rest[at:end]))
+            at = end
+        del self._rest[:at]
+        return found
+
+
+class _ByTheClock(Link):
+    """A link in real time, by sockets or devices that select() knows."""
+
+    def __init__(self) -> None:
+        self._opened = monotonic_ns()
+        self._arrived: deque[Timed] = deque()
+
+    @property
+    def t(self) -> int:
+        return monotonic_ns() - self._opened
+
+    def receive(self, until: int) -> list[Timed]:
+        while not self._arrived:
+            rest = until - self.t
+            self._work(min(max(rest, 0), SLICE) / 1e9)
+            if rest <= 0:
+                break
+        found = list(self._arrived)
+        self._arrived.clear()
+        return found
+
+    def _work(self, wait: float) -> None:
+        """Receive and send what is possible; wait at most so long [s]."""
+        raise NotImplementedError
+
+
+class Udp(_ByTheClock):
+    """Datagrams: to an address, from anybody."""
+
+    def __init__(self, to: tuple[str, int], listen: tuple[str, int]) -> None:
+        super().__init__()
+        self._to = to
+        self._socket = _socket(socket.SOCK_DGRAM, *listen)
+        self._socket.setblocking(False)
+
+    def send(self, packet: bytes) -> None:
+        try:
+            self._socket.sendto(packet, self._to)
+        except (BlockingIOError, ConnectionRefusedError):   # nobody listens there now; a datagram may be lost
+            self.dropped += 1
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _work(self, wait: float) -> None:
+        if select.select([self._socket], [], [], wait)[0]:
+            try:
+                data = self._socket.recv(PACKET_MOST)
+            except (BlockingIOError, ConnectionRefusedError):   # an earlier datagram found nobody
+                return
+            whole, rest = split(data)
+            self._arrived.extend(Timed(self.t, one) for one in whole)
+            self.skipped += len(rest)
+
+
+class _Stream:
+    """One connection or device: packets out of its bytes, and bytes that wait until it takes them."""
+
+    def __init__(self, end: Any, read: Callable[[int], bytes], write: Callable[[bytes], int],
+                 accepts: Callable[[bytes], bool] | None) -> None:
+        self.end, self._read, self._write = end, read, write
+        self.splitter = Splitter(accepts)
+        self._lock = Lock()
+        self._waiting = bytearray()
+        self.broken = False     # the thread that receives takes it away
+
+    @property
+    def waits(self) -> bool:
+        return bool(self._waiting)
+
+    def put(self, packet: bytes) -> bool:
+        """Send a packet now or later; False: too much waits already, and the packet is dropped whole."""
+        with self._lock:
+            if len(self._waiting) + len(packet) > OUTBOX:
+                return False
+            self._waiting += packet
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Send what the other end takes now."""
+        with self._lock:
+            try:
+                del self._waiting[:self._write(bytes(self._waiting))]
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError:
+                self.broken = True
+
+    def take(self) -> list[bytes] | None:
+        """The packets that have come; None: the other end is gone."""
+        try:
+            data = self._read(1 << 16)
+        except (BlockingIOError, InterruptedError):
+            return []
+        except OSError:
+            return None
+        return self.splitter.feed(data) if data else None
+
+
+class Streams(_ByTheClock):
+    """Streams of bytes: one connection or device, or those of all clients of a server."""
+
+    def __init__(self, accepts: Callable[[bytes], bool] | None = None) -> None:
+        super().__init__()
+        self._accepts = accepts
+        self._server: socket.socket | None = None
+        self._streams: list[_Stream] = []
+        self._gone = 0      # bytes that closed streams have skipped
+
+    @classmethod
+    def connect(cls, to: tuple[str, int], accepts: Callable[[bytes], bool] | None = None) -> Streams:
+        """A client of a server."""
+        link = cls(accepts)
+        link._join(socket.create_connection(to, timeout=10))
+        return link
+
+    @classmethod
+    def listen(cls, at: tuple[str, int], accepts: Callable[[bytes], bool] | None = None) -> Streams:
+        """A server, whose clients all get what is sent."""
+        link = cls(accepts)
+        link._server = server = _socket(socket.SOCK_STREAM, *at)
+        server.listen()
+        server.setblocking(False)
+        return link
+
+    @classmethod
+    def device(cls, path: str, baud: int, accepts: Callable[[bytes], bool] | None = None) -> Streams:
+        """A serial device, 8 bits without parity."""
+        try:
+            import serial
+        except ImportError:
+            raise SetupError("a serial device needs Debian's python3-serial") from None
+        try:
+            end = serial.Serial(path, baud, timeout=0, write_timeout=0)
+        except (serial.SerialException, ValueError) as error:
+            raise SetupError(f"serial:{path}: {error}") from None
+        link = cls(accepts)
+
+        def write(data: bytes) -> int:
+            try:
+                return int(end.write(data) or 0)
+            except serial.SerialTimeoutException:
+                raise BlockingIOError from None
+
+        def read(n: int) -> bytes:
+            try:
+                return bytes(end.read(n))
+            except serial.SerialException:  # the device was taken away
+                return b""
+
+        link._streams.append(_Stream(end, read, write, accepts))
+        return link
+
+    def send(self, packet: bytes) -> None:
+        for one in list(self._streams):
+            self.dropped += not one.put(packet)
+            if one.broken and not self._server:
+                raise ConnectionError(GONE)
+
+    def close(self) -> None:
+        for one in list(self._streams):
+            self._leave(one, expected=True)
+        if self._server:
+            self._server.close()
+
+    def _join(self, end: socket.socket) -> None:
+        end.setblocking(False)
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._streams.append(_Stream(end, end.recv, end.send, self._accepts))
+
+    def _leave(self, one: _Stream, expected: bool = False) -> None:
+        if one in self._streams:
+            self._streams.remove(one)
+            self._gone += one.splitter.skipped
+            one.end.close()
+        if not self._server and not expected:
+            raise ConnectionError(GONE)
+
+    def _work(self, wait: float) -> None:
+        for one in [one for one in self._streams if one.broken]:
+            self._leave(one)
+        streams = {one.end: one for one in self._streams}
+        server = [self._server] if self._server else []
+        ready, writable, _ = select.select([*server, *streams], [end for end, one in streams.items() if one.waits], [],
+                                           wait)
+        for end in ready:
+            if end is self._server:
+                self._join(self._server.accept()[0])
+                continue
+            found = streams[end].take()
+            if found is None:
+                self._leave(streams[end])
+            else:
+                self._arrived.extend(Timed(self.t, packet) for packet in found)
+        for end in writable:
+            streams[end].flush()
+        self.skipped = self._gone + sum(one.splitter.skipped for one in self._streams)
+
+
+def split(data: bytes) -> tuple[list[bytes], bytes]:
+    """(the whole packets that follow one another, the rest that is none)."""
+    found = []
+    while len(data) >= PACKET_LEAST:
+        n = int.from_bytes(data[4:6], "big") + PACKET_LEAST
+        if n > len(data):
+            break
+        found.append(data[:n])
+        data = data[n:]
+    return found, data
+
+
+def _socket(kind, host, port):
+    """A socket that is bound to an address."""
+    family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
+    made = socket.socket(family, kind)
+    if kind == socket.SOCK_STREAM:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind(where)
+    except OSError:
+        made.close()
+        raise
+    return made
