@@ -149,6 +149,10 @@ def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 
 
+def test_a_script_of_the_ground_commands_a_mission(tmp_path):
+    assert follow("ground.md", Shell(tmp_path)) >= 2
+
+
 def test_gdb_stops_in_flight_code(tmp_path):
     shell = Shell(tmp_path)
     shell.state.write_text(f"cd {ROOT}\nexport DEBUGINFOD_URLS=\n")
