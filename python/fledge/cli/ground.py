@@ -24,6 +24,7 @@ def add(command: Callable) -> None:
     one.add_argument("mission", help="the name of a mission, or its folder, or MISSION_packets.json of an export")
     one.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
                      "or a command and its arguments, as in `mode science`, `arm EVENT off`, `noop`")
+    one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     one.add_argument("--to", metavar="ADDRESS", help="send it, and wait for its execution: "
                      "udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N; without, "
                      "print its packets in hexadecimal, a line each")
@@ -50,7 +51,7 @@ def command_(options: argparse.Namespace) -> int:
 
     if not 0 <= options.sequence < 0x4000:
         raise Failure(f"--sequence: expected 0 to {0x3FFF}; found {options.sequence}")
-    dictionary = ground.dictionary_of(options.mission)
+    dictionary = ground.dictionary_of(options.mission, options.process)
     what, arguments, values = parsed(options.what)
     within = parse_duration(options.within, "--within")
     if not options.to:

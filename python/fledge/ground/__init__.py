@@ -19,46 +19,40 @@ from fledge.errors import SetupError
 from fledge.ground.address import open_link
 from fledge.ground.craft import Craft, NoAnswer, NotSeen, Sent, accepts, packets
 from fledge.ground.links import Link
+from fledge.ground.simulated import Simulated, flight_of
 
 __all__ = ["Craft", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of", "open_link",
            "packets"]
 
 
-def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0, process: Any = None
-            ) -> Craft:
+def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,
+            process: str | None = None) -> Craft:
     """A spacecraft behind a link.
 
     where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
-    process: of the simulation, if it has several flight processes
     dictionary: of an address or a Link: what the mission can be commanded; a Dictionary, a file MISSION_packets.json
-    of an export, or the name or folder of a mission with one flight process
+    of an export, or the name or folder of a mission
+    process: the name of the flight process, if the mission has several
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
 
     Raises SetupError for an address, file or mission that is none.
     """
     if hasattr(where, "processes"):
-        from fledge.ground.simulated import Simulated
-
         link = Simulated(where, process)
         return Craft(link, link.process.commands.dictionary, sequence)
     if dictionary is None:
         raise SetupError("connect: give the dictionary: a file MISSION_packets.json of an export, or a mission's name")
-    found = dictionary_of(dictionary)
+    found = dictionary_of(dictionary, process)
     return Craft(where if isinstance(where, Link) else open_link(str(where), accepts(found)), found,
                  sequence)
 
 
-def dictionary_of(what: Dictionary | Path | str) -> Dictionary:
+def dictionary_of(what: Dictionary | Path | str, process: str | None = None) -> Dictionary:
     """That of a file MISSION_packets.json, or of a mission's flight process. Raises SetupError."""
     if isinstance(what, Dictionary):
         return what
     if str(what).endswith(".json"):
         return Dictionary.load(what)
     from fledge.mission import load
-    from fledge.mission.process import Flight
 
-    simulation = load(str(what))
-    flights = [one for one in simulation.processes if isinstance(one, Flight)]
-    if len(flights) != 1:
-        raise SetupError(f"{what} has {len(flights)} flight processes: give the file of packets that an export wrote")
-    return flights[0].commands.dictionary
+    return flight_of(load(str(what)), process).commands.dictionary

@@ -5,21 +5,32 @@ from __future__ import annotations
 from typing import Any
 
 from fledge.commands import Timed
-from fledge.errors import SetupError
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.links import Link
 from fledge.mission.process import Flight
+
+
+def flight_of(simulation: Any, name: str | None = None) -> Flight:
+    """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
+    flights = {one.name: one for one in simulation.processes if isinstance(one, Flight)}
+    names = list(flights)
+    if name is None and len(names) == 1:
+        return flights[names[0]]
+    if name is None:
+        raise SetupError(f"{simulation.name} has {len(names)} flight processes; choose one by its name, `process`: "
+                         + listed(names, none="none"))
+    if name not in names:
+        raise SetupError(f"{simulation.name} has no flight process '{name}'{did_you_mean(name, names)} it has "
+                         + listed(names, none="none"))
+    return flights[name]
 
 
 class Simulated(Link):
     """Packets go straight to flight, which gets them before its next instant; time passes while the ground waits."""
 
-    def __init__(self, simulation: Any, process: Flight | None = None) -> None:
-        flights = [one for one in simulation.processes if isinstance(one, Flight)]
-        if process is None and len(flights) != 1:
-            raise SetupError(f"{simulation.name} has {len(flights)} flight processes: name one, as in "
-                             "connect(simulation, process=simulation.flight)")
+    def __init__(self, simulation: Any, process: str | None = None) -> None:
         self.simulation = simulation
-        self.process = process or flights[0]
+        self.process = flight_of(simulation, process)
         self._periods = [(task.period, task.offset) for task in self.process.tasks]
         self.process.commands.take_packets()    # they are kept from now on
 
