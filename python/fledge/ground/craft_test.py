@@ -160,7 +160,7 @@ def test_a_report_that_is_lost_ends_in_no_answer():
     (lambda craft: craft.wait(lambda t: True, within="soon"), "within: expected a time"),
     (lambda craft: ground.connect("udp://127.0.0.1:1?listen=2"), "give the dictionary"),
     (lambda craft: ground.connect(fledge.load("constellation")), "4 flight processes; choose one"),
-    (lambda craft: ground.connect(fledge.load("constellation"), process="sat1"), "did you mean 'sat"),
+    (lambda craft: ground.connect(fledge.load("constellation"), process="sat1_flght"), "did you mean 'sat1_flight'"),
 ])
 def test_what_a_script_gets_wrong_is_told_at_once(craft, call, says):
     with pytest.raises(SetupError, match=says):
