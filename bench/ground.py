@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The time of a packet of 200 bytes in each layer of the link, in telemetry frames of 1024 bytes and as a CLTU; of the
-protection of such a frame, and of that of a command; and the bytes of each layer's code and of its deepest stack on a
-LEON3, where its compiler is installed."""
+protection of such a frame, and of that of a command; of a PDU of 1000 bytes of a file; and the bytes of each layer's
+code and of its deepest stack on a LEON3, where its compiler is installed."""
 from __future__ import annotations
 
 import ctypes
@@ -17,7 +17,8 @@ from fledge.targets import TARGETS
 
 LAYERS = {"header": 1_000_000, "telemetry, framed": 100_000, "telemetry, read": 20_000, "command, as a CLTU": 20_000,
           "command, read": 20_000, "frame of telemetry, protected": 20_000, "frame of telemetry, opened": 20_000,
-          "frame of a command, protected": 50_000, "frame of a command, checked": 50_000}
+          "frame of a command, protected": 50_000, "frame of a command, checked": 50_000, "PDU of a file, sent": 50_000,
+          "PDU of a file, written and received": 50_000}
 
 
 def sizes() -> dict[str, tuple[int, int]]:
@@ -58,7 +59,7 @@ def main(arguments: list[str]) -> int:
                        for layer, n in LAYERS.items()}, chosen.runs)
     rows = Rows()
     for layer, values in samples.items():
-        rows.add(layer, "frame" if layer.startswith("frame") else "packet", values, "ns")
+        rows.add(layer, layer.split()[0] if layer.startswith(("frame", "PDU")) else "packet", values, "ns")
     if TARGETS["leon3"].missing():
         print("no sizes: the compiler for LEON3 is not installed; ./fledge setup --on leon3 does it")
     else:

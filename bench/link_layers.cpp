@@ -2,6 +2,7 @@
 // The cost of a packet in each layer of the link.
 #include "bench/bench.h"
 
+#include "ccsds/cfdp.h"
 #include "ccsds/sdls.h"
 #include "ccsds/security/aes_gcm.h"
 #include "ccsds/sync.h"
@@ -20,6 +21,61 @@ constexpr TmChannel telemetry{77, 1024, 1, 1};
 constexpr TcChannel commands{77, 1, 1, 1};
 constexpr std::size_t packet_size = 200;
 
+/// An entity of CFDP with one file, whose store does nothing: PDUs of 1000 bytes.
+struct Files {
+    CfdpRemote remote{};
+    std::vector<CfdpTransaction> transactions = std::vector<CfdpTransaction>(1);
+    std::vector<CfdpRange> ranges = std::vector<CfdpRange>(16);
+    std::vector<CfdpPast> past = std::vector<CfdpPast>(1);
+    Bytes pdu = Bytes(2000), data = Bytes(1000, 0x5A);
+    Cfdp cfdp{};
+    CfdpPdu next{};
+
+    Files(const Files &) = delete;
+    explicit Files(bool sends)
+    {
+        CfdpSetup setup{};
+        setup.entity = sends ? 1 : 2;
+        setup.store.open = [](void *, const char *, CfdpOpen) { return 0; };
+        setup.store.close = [](void *, int) {};
+        setup.store.size = [](void *, int) { return std::int64_t{1} << 40; };
+        setup.store.read = [](void *, int, std::uint64_t, std::uint8_t *, std::size_t) { return 0; };
+        setup.store.write = [](void *, int, std::uint64_t, const std::uint8_t *, std::size_t) { return 0; };
+        setup.tell = [](void *, const CfdpEvent *) {};
+        setup.remotes = &remote;
+        setup.remotes_n = setup.transactions_n = setup.past_n = 1;
+        setup.transactions = transactions.data();
+        setup.ranges = ranges.data();
+        setup.ranges_n = 16;
+        setup.past = past.data();
+        setup.entity_bytes = setup.sequence_bytes = 2;
+        remote.entity = sends ? 2 : 1;
+        remote.segment = 1000;
+        cfdp_begin(&cfdp, &setup, 1);
+        next.source = next.sequence = 1;
+        next.destination = 2;
+        next.entity_bytes = next.sequence_bytes = 2;
+        next.large = 1;
+        if (sends) {
+            CfdpPut put{};
+            put.destination = 2;
+            put.from = put.to = "file";
+            CfdpId id{};
+            cfdp_put(&cfdp, &put, &id);
+        } else {
+            next.kind = CFDP_METADATA;
+            next.offset = std::uint64_t{1} << 40;
+            next.from = next.to = {data.data(), 4};
+            cfdp_take(&cfdp, pdu.data(), cfdp_pdu_write(&next, pdu.data(), pdu.size()));
+            next.kind = CFDP_FILE_DATA;
+            next.offset = 0;
+            next.from = {};
+            next.data = data.data();
+            next.n = data.size();
+        }
+    }
+};
+
 /// What a layer takes, made once: a packet, the frames of many, a CLTU.
 struct Link {
     Bytes packet = Bytes(packet_size, 0x5A), frame = Bytes(1024), frames, memory = Bytes(65542), cltu = Bytes(2000);
@@ -35,6 +91,7 @@ struct Link {
     SdlsAssociation associations[2]{};
     Sdls sdls{};
     TmVirtual secure{};
+    Files sender_of_files{true}, receiver_of_files{false};
     Bytes secured = Bytes(1024), command_memory = Bytes(TM_FRAME_MAX), command_data, telemetry_data;
 
     Link(const Link &) = delete;
@@ -198,6 +255,22 @@ double command_checked(Link &link, long)
     return 1;
 }
 
+double file_sent(Link &link, long)
+{
+    Files &files = link.sender_of_files;
+    link.seen += cfdp_next(&files.cfdp, nullptr, files.pdu.data(), files.pdu.size());
+    return 1;
+}
+
+double file_received(Link &link, long)
+{
+    Files &files = link.receiver_of_files;
+    cfdp_take(&files.cfdp, files.pdu.data(), cfdp_pdu_write(&files.next, files.pdu.data(), files.pdu.size()));
+    files.next.offset += files.next.n;
+    link.seen = files.transactions[0].progress; // all came
+    return 1;
+}
+
 constexpr struct {
     const char *name;
     double (*take)(Link &link, long i);
@@ -209,7 +282,9 @@ constexpr struct {
               {"frame of telemetry, protected", telemetry_protected},
               {"frame of telemetry, opened", telemetry_opened},
               {"frame of a command, protected", command_protected},
-              {"frame of a command, checked", command_checked}};
+              {"frame of a command, checked", command_checked},
+              {"PDU of a file, sent", file_sent},
+              {"PDU of a file, written and received", file_received}};
 
 } // namespace
 

@@ -4,13 +4,13 @@
 #include "ccsds/cfdp_pdu.h"
 #include "ccsds/space_packet.h"
 #include "ccsds/testing/bits.h"
+#include "ccsds/testing/tshark.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <random>
 #include <sstream>
 #include <string>
@@ -451,20 +451,13 @@ TEST(CfdpPdu, damaged_and_random_bytes_are_refused_or_read_within_bounds)
 TEST(CfdpPdu, wireshark_reads_the_same)
 {
     if (std::system("command -v tshark >/dev/null 2>&1") != 0) {
-        GTEST_SKIP() << "tshark is not here: apt install tshark";
+        GTEST_SKIP() << "tshark is not installed";
     }
     // As space packets of the application that Wireshark knows as CFDP's. It reads the issue before: sizes of 32 bits.
     // It takes PDUs below 10 bytes, a response of the store and a proxy's flow label for cut; these are left out.
     std::mt19937 random(5);
     std::vector<Bytes> held;
-    Bytes capture;
-    const auto put = [&](std::initializer_list<std::uint32_t> words) {
-        for (const std::uint32_t word : words) {
-            capture.resize(capture.size() + 4);
-            ccsds_put32(&capture[capture.size() - 4], word);
-        }
-    };
-    put({0xA1B2C3D4, 2u << 16 | 4, 0, 0, 65536, 147}); // DLT_USER0
+    std::vector<Bytes> packets;
     std::string expected;
     for (int i = 0; i < 400; i++) {
         CfdpPdu pdu = any_pdu(random, held);
@@ -487,9 +480,7 @@ TEST(CfdpPdu, wireshark_reads_the_same)
         const SpacePacket head{
             static_cast<std::uint32_t>(packet.size()), 2045, static_cast<std::uint16_t>(i), 0, 0, SPACE_PACKET_WHOLE};
         space_packet_write(&head, packet.data());
-        const auto n = static_cast<std::uint32_t>(packet.size());
-        put({0, 0, n, n});
-        capture.insert(capture.end(), packet.begin(), packet.end());
+        packets.push_back(packet);
         std::ostringstream line;
         line << pdu.source << ' ' << pdu.sequence << ' ' << pdu.destination;
         const auto field = [&](bool has, auto value) {
@@ -514,30 +505,15 @@ TEST(CfdpPdu, wireshark_reads_the_same)
         expected += line.str() + "\n";
     }
     const std::string file = testing::TempDir() + "cfdp_" + std::to_string(std::random_device{}()) + ".pcap";
-    std::ofstream(file, std::ios::binary)
-        .write(reinterpret_cast<const char *>(capture.data()), std::streamsize(capture.size()));
-    std::string command = "tshark -r " + file +
-                          " -o 'uat:user_dlts:\"User 0 (DLT=147)\",\"ccsds\",\"0\",\"\",\"0\",\"\"' -T fields -E "
-                          "occurrence=f -E separator=' '";
+    write_capture(file, packets);
+    std::string fields = "-T fields -E occurrence=f -E separator=' '";
     for (const char *name :
          {"srcid", "transeqnum", "dstid", "fdtype", "offset", "file_size", "checksum", "condition_code", "nak_st_scope",
           "nak_sp_scope", "progress", "src_file_name", "dst_file_name"}) {
-        command += std::string(" -e cfdp.") + name;
+        fields += std::string(" -e cfdp.") + name;
     }
-    const auto run = [](const std::string &what) {
-        std::string out;
-        FILE *pipe = popen((what + " 2>/dev/null").c_str(), "r");
-        char part[4096];
-        for (std::size_t n = 0; (n = fread(part, 1, sizeof part, pipe)) > 0;) {
-            out.append(part, n);
-        }
-        EXPECT_EQ(pclose(pipe), 0);
-        return out;
-    };
-    EXPECT_EQ(run(command), expected);
-    EXPECT_EQ(run("tshark -r " + file + " -o 'uat:user_dlts:\"User 0 (DLT=147)\",\"ccsds\",\"0\",\"\",\"0\",\"\"' -Y " +
-                  "'_ws.malformed || cfdp.bad_length'"),
-              "");
+    EXPECT_EQ(tshark(file, fields), expected);
+    EXPECT_EQ(tshark(file, "-Y '_ws.malformed || cfdp.bad_length'"), "");
     std::remove(file.c_str());
 }
 

@@ -2,11 +2,11 @@
 // Space packets as Wireshark reads them: a decoder that is not ours.
 #include "ccsds/space_packet.h"
 #include "ccsds/testing/bits.h"
+#include "ccsds/testing/tshark.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <fstream>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -15,43 +15,16 @@ namespace {
 
 using namespace ccsds::testing;
 
-/// Write packets as a capture of link type 147, the first of those for private use.
-void write_capture(const std::string &path, const std::vector<Bytes> &packets)
-{
-    std::ofstream file(path, std::ios::binary);
-    const auto put = [&](std::initializer_list<std::uint32_t> words) {
-        for (const std::uint32_t word : words) {
-            std::uint8_t bytes[4];
-            ccsds_put32(bytes, word);
-            file.write(reinterpret_cast<const char *>(bytes), sizeof bytes);
-        }
-    };
-    put({0xA1B2C3D4, 0x00020004, 0, 0, 131072, 147}); // big-endian, version 2.4
-    for (const Bytes &packet : packets) {
-        const auto n = static_cast<std::uint32_t>(packet.size());
-        put({0, 0, n, n});
-        file.write(reinterpret_cast<const char *>(packet.data()), n);
-    }
-}
-
 /// What tshark prints of a capture, a line for each packet.
 std::vector<std::string> dissected(const std::string &path)
 {
-    std::string command = "tshark -n -r " + path +
-                          " -o 'uat:user_dlts:\"User 0 (DLT=147)\",\"ccsds\",\"0\",\"\",\"0\",\"\"'" +
-                          " -T fields -E separator=,";
+    std::string fields = "-T fields -E separator=,";
     for (const char *field :
          {"ccsds.version", "ccsds.type", "ccsds.secheader", "ccsds.apid", "ccsds.seqflag", "ccsds.seqnum",
           "ccsds.length", "ccsds.user_data", "_ws.malformed", "ccsds.length.error"}) {
-        command += std::string(" -e ") + field;
+        fields += std::string(" -e ") + field;
     }
-    std::FILE *pipe = popen((command + " 2> /dev/null").c_str(), "r");
-    std::string text;
-    char part[4096];
-    for (std::size_t n; pipe != nullptr && (n = fread(part, 1, sizeof part, pipe)) != 0;) {
-        text.append(part, n);
-    }
-    EXPECT_EQ(pclose(pipe), 0);
+    const std::string text = tshark(path, fields);
     std::istringstream lines(text);
     std::vector<std::string> found;
     for (std::string line; std::getline(lines, line);) {

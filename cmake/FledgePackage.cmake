@@ -11,10 +11,10 @@
 #
 # Headers and sources are installed too: projects include them, and `fledge export` compiles them.
 
-set(libraries fledge_ccsds fledge_ccsds_security fledge_ccsds_keys fledge_math fledge_flight fledge_command
-    fledge_record fledge_sim fledge_tables fledge_world
-    fledge_cosim_protocol fledge_cosim_security fledge_cosim_transport fledge_cosim_controller fledge_cosim_node
-    fledge_cosim_router fledge_cosim_tools fledge_cosim fledge_node)
+set(libraries fledge_ccsds fledge_ccsds_security fledge_ccsds_keys fledge_ccsds_store fledge_math
+    fledge_flight fledge_command fledge_record fledge_sim fledge_tables fledge_world fledge_cosim_protocol
+    fledge_cosim_security fledge_cosim_transport fledge_cosim_controller fledge_cosim_node fledge_cosim_router
+    fledge_cosim_tools fledge_cosim fledge_node)
 foreach(library IN LISTS libraries)
     string(REPLACE fledge_ "" name ${library})
     set_target_properties(${library} PROPERTIES EXPORT_NAME ${name})

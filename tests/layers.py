@@ -27,7 +27,7 @@ class Rule(NamedTuple):
 FLIGHT = ["flight/math", "flight/msg"]
 
 RULES = {
-    "ccsds": Rule("C99", "the protocols between ground and flight: packets, frames, COP-1, security", []),
+    "ccsds": Rule("C99", "the protocols between ground and flight: packets, frames, COP-1, security, files", []),
     "flight/math": Rule("C99", "vectors, attitudes, elementary functions", []),
     "flight/msg": Rule("C99", "the messages", ["flight/math"]),
     "flight/exec": Rule("C99", "the rules of time, for the desktop and for every exported mission", FLIGHT),
