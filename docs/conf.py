@@ -58,7 +58,7 @@ CHAPTERS = {
                             "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
                             "Control theory <docs/linear>", "docs/accuracy", "docs/references", "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
-        "flight-modules", "flight-messages", "world-models", "world-messages", "python", "nodes")],
+        "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",
                    "Elementary functions <flight/math/README>"],
 }
@@ -71,7 +71,7 @@ if not OURS:
     if not (HERE / "README.md").exists():
         root_doc = f"{REFERENCE}/index"
     CHAPTERS = {project: [*(f"{page.title()} <{REFERENCE}/{project}-{page}>"
-                            for page in ("modules", "models", "messages")),
+                            for page in ("modules", "models", "messages")), f"{REFERENCE}/packets",
                           *(path.relative_to(HERE).with_suffix("").as_posix()
                             for folder in ("docs", "missions") for path in sorted(HERE.glob(f"{folder}/**/*.md")))],
                 "Fledge": CHAPTERS["Reference"][:4]}
@@ -96,6 +96,7 @@ def write_reference(app):
     pages = {}
     for name, root in {part[3]: part[0] for part in parts}.items():
         pages |= reference.emit(model.library(name), root)
+    pages |= packet_pages()
     if OURS:
         pages["python.rst"] = python_page()
         pages["nodes.rst"] = "\n".join(["Nodes in Python", "===============", "", *directive("module", "fledge_node")])
@@ -107,6 +108,38 @@ def write_reference(app):
     for name, text in pages.items():
         if not (folder / name).exists() or (folder / name).read_text(encoding="utf-8") != text:
             (folder / name).write_text(text, encoding="utf-8")
+
+
+def packet_pages():
+    """A page of packets, commands and events for each mission with flight software, and one that lists them."""
+    import fledge
+    from fledge import export
+    from fledge.errors import SetupError
+    from fledge.export import ground, packets
+    from fledge.export.page import page
+    from fledge.mission.folder import missions
+
+    pages, rows = {}, []
+    for name, mission in missions().items():
+        if not mission.folder.is_relative_to(HERE / "missions"):
+            continue
+        try:
+            found = export.read_all(fledge.load(name))
+            databases = [packets.database(one) for one in found]
+            text = page(name, found, databases, ground.read(mission.folder, databases)) if found else ""
+        except SetupError as error:     # a prototype, a file of a project that is wrong
+            rows.append(f"| {name} | {str(error).splitlines()[0].replace('|', ' ')} |")
+            continue
+        if text:
+            pages[f"packets-{name}.md"] = text
+            rows.append(f"| [{name}](packets-{name}.md) | {sum(len(one.packets) for one in databases)} packets, "
+                        f"{sum(not c.abstract for one in databases for c in one.commands)} commands |")
+    if rows:
+        pages["packets.md"] = "\n".join([
+            "# Packets of missions", "",
+            "What the flight software of each mission sends and understands, bit by bit.", "",
+            "| mission | |", "|---|---|", *rows, ""])
+    return pages
 
 
 def run_notebooks(app):

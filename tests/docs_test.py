@@ -171,6 +171,8 @@ def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
     assert status == 0, printed
     text = (ROOT / "build/docs/html/build/docs/reference/flight-modules.html").read_text(encoding="utf-8")
     assert "gain on the MRP error" in text
+    text = (ROOT / "build/docs/html/build/docs/reference/packets-earth_imager.html").read_text(encoding="utf-8")
+    assert "flight.tracking.error" in text and "flight.station.contact.visible == 1" in text
 
 
 @pytest.mark.parametrize("expected, printed, absent", [

@@ -127,7 +127,8 @@ def housekeeping(mission: Mission, found: Dictionary) -> Packet:
         number("mode", "u32", "the active mode", enumerators=numbered(found.modes)),
         number("staged", "u32", "the module that is staged", enumerators=modules),
         *(number(name, "u32", f"commands {name}") for name in ("accepted", "executed", "refused")),
-        *(number(f"reasons.{one.name.lower()}", "u32", f"commands refused: {WHY.get(one, 'never')}") for one in Reason),
+        *(number(f"reasons.{one.name.lower()}", "u32", f"refused: {WHY[one]}" if one in WHY else "always 0")
+          for one in Reason),
         number("begun", "u16", "1: a command came by the link from the ground"),
         number("last", "u16", "the sequence of the last one that was accepted")]
     return Packet(f"{mission.process}.housekeeping", "the state of flight", found.telemetry + HOUSEKEEPING, items)
@@ -238,8 +239,8 @@ def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item
     yield replace(one, bounds=LIMITS.get(name, one.bounds))
 
 
-MEANINGS = {"crc": "CRC-16-CCITT of what was staged", "n": "bytes", "every": "so many writings",
-            "offset": "[bytes] of the first", "turns": "of its loops and calls in one instant", "length": "bytes",
+MEANINGS = {"crc": "CRC-16-CCITT of what was staged", "n": "how many bytes", "every": "how many writings",
+            "offset": "of the first byte", "turns": "of its loops and calls in one instant", "length": "how many bytes",
             "slot": "where the procedure lies"}
 LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns": (1, None, False, False),
           "n": (1, DATA_MAX, False, False), "length": (1, None, False, False)}
