@@ -12,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
-from fledge.commands import DATA_MAX, Code, Reason
+from fledge.commands import DATA_MAX, Code
 from fledge.elements import ELEMENTS
-from fledge.export import names
+from fledge.export import dictionary, names
+from fledge.export import packets as model
 from fledge.targets.cfs.export.packets import ARGUMENTS, housekeeping, title
 
 if TYPE_CHECKING:
@@ -158,13 +159,9 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
     prefix = app.prefix
     interfaces = [("CMD", "Telecommand", command), ("SEND_HK", "Telecommand", request)]
     interfaces += [("WAKEUP", "Telecommand", request)] if app.wakeup is None else []
-    report = [("Time", "int64", "of flight [ns]"), *((name, "uint16", "") for name in (
-        "Sequence", "Code", "Executed", "Reason", "Detail", "Count", "Spare1", "Spare2"))]
-    flight = [("Time", "int64", "of flight [ns]"), *((name, "uint32", "") for name in (
-        "Mode", "Staged", "Accepted", "Executed", "Refused")), ("Reasons", f"uint32[{len(Reason)}]", ""), (
-            "Begun", "uint16", "1: a command has come by the link from the ground"),
-        ("Last", "uint16", "the sequence of the last one that was accepted")]
-    for name, rows in (("FLIGHT", flight), ("REPORT", report), ("HK", housekeeping(mission))):
+    known = dictionary(mission)
+    for name, rows in (("FLIGHT", of_model(model.housekeeping(mission, known))),
+                       ("REPORT", of_model(model.reports(mission, known))), ("HK", housekeeping(mission))):
         entries = []
         for entry, type_, doc in rows:
             of, _, count = type_.partition("[")
@@ -202,6 +199,19 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
               f'{names.camel(name.lower())}TopicId" />' for name, _, _ in interfaces]
     return "\n".join([*lines, "          </ParameterMapSet>", "        </Implementation>", "      </Component>",
                       "    </ComponentSet>", "  </Package>", "</PackageFile>", ""])
+
+
+def of_model(packet: model.Packet) -> list[tuple[str, str, str]]:
+    """(name, type, meaning) of a packet's numbers; bytes at its end are in a packet of their own."""
+    renamed = {"t": "Time", "n": "Count"}
+    found = []
+    for item in packet.items:
+        labels = ", ".join(f"{value} {label}" for label, value in item.enumerators.items())
+        if not item.count:
+            found.append((renamed.get(item.name) or names.camel(item.name.replace(".", "_")),
+                          base(item.type).rpartition("/")[2], ": ".join(filter(None, (item.meaning, labels)))
+                          + (f" [{item.unit}]" if item.unit else "")))
+    return found
 
 
 def interface(name: str, type_: str, kind: str, content: str) -> list[str]:
