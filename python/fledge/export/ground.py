@@ -118,7 +118,7 @@ class _Reader(Tables):
     def numbers(self, table: dict, at: tuple, key: str, n: int | None) -> tuple[float, ...] | None:
         """Some numbers, n if it is given; of limits, also infinite ones."""
         value: Any = self.value(table, at, key, (list,), "an array of numbers", None)
-        if not value and key not in table:
+        if value is None:
             return None
         good = isinstance(value, list) and value and all(
             isinstance(x, (int, float)) and not isinstance(x, bool) and (math.isfinite(x) if n is None else x == x)
