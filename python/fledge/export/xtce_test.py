@@ -218,7 +218,7 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
         flight.commands.take_packets()          # they are kept from now on
         if name != "plays":
             flight.commands.telemetry()
-    sim.scenarios["downlink"]() if name == "plays" else sim.run(20)
+    sim.scenarios["downlink"]() if name == "plays" else sim.run(10)
     sim.close_outputs()
     record = Archive(tmp_path / "outputs.mcap")
     for flight in sim.flights:
@@ -248,7 +248,7 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
                     assert record[f"{path}.{key.partition('[')[0]}"][(row, *index)] == value, key
         of_flight = {f"{flight.name}.reports", f"{flight.name}.housekeeping"}
         assert of_flight <= set(seen) <= of_flight | {output.path for output in found.outputs}
-        assert len(seen) > 0.6 * len(found.outputs) and max(seen.values()) > 30
+        assert len(seen) > 0.6 * len(found.outputs) and max(seen.values()) > 10
         assert name != "plays" or seen["flight.reports"] == 9
 
 
