@@ -238,18 +238,22 @@ TEST(Sdls, what_is_not_of_an_association_is_refused)
     none.data = zeros.data();
     none.n = zeros.size();
     EXPECT_EQ(sdls_tc_check(&craft.sdls, &commands, &none, craft.memory.data(), &receipt), CCSDS_ASSOCIATION);
+    const Bytes large(TC_FRAME_MAX + 1);
+    none.data = large.data();
+    none.n = large.size();
+    EXPECT_EQ(sdls_tc_check(&craft.sdls, &commands, &none, craft.memory.data(), &receipt), CCSDS_ROOM);
     none.type = TC_BC; // a control command has no protection
+    receipt.association = &craft.associations[0];
     EXPECT_EQ(sdls_tc_check(&craft.sdls, &commands, &none, craft.memory.data(), &receipt), CCSDS_OK);
     EXPECT_EQ(receipt.association, nullptr);
     sdls_accept(&receipt);
     EXPECT_EQ(craft.associations[0].accepted, 0u);
-    const Bytes large(TC_FRAME_MAX);
     none.type = TC_AD;
-    none.data = large.data();
     for (const std::size_t n : {std::size_t{0}, tc_room(&commands) - SDLS_OVERHEAD + 1}) {
         none.n = n;
         EXPECT_EQ(sdls_tc_protect(&ground.sdls, &commands, &none, ground.memory.data()), CCSDS_ROOM);
     }
+    EXPECT_EQ(ground.sdls.faults[CCSDS_ROOM], 2u);
     none.n = tc_room(&commands) - SDLS_OVERHEAD;
     EXPECT_EQ(sdls_tc_protect(&ground.sdls, &commands, &none, ground.memory.data()), CCSDS_OK);
     ground.associations[0].next = UINT64_MAX; // no number is left
@@ -268,6 +272,9 @@ TEST(Sdls, an_association_has_states)
         impossible.window = static_cast<std::uint16_t>(window);
         EXPECT_FALSE(sdls_rekey(&impossible, 1, 0));
     }
+    SdlsAssociation last = one;
+    last.spi = 65534;
+    EXPECT_TRUE(sdls_rekey(&last, 1, 0));
     EXPECT_TRUE(sdls_rekey(&one, 3, 99));
     EXPECT_TRUE(one.state == SDLS_KEYED && one.key == 3 && one.next == 99);
     EXPECT_FALSE(sdls_rekey(&one, 4, 0) || sdls_stop(&one));

@@ -21,7 +21,7 @@ static const char *read_line(char *line, AesGcmKey *keys, size_t n)
     uint8_t bytes[AES_GCM_KEY_MAX];
     char *end = line;
     const unsigned long id = strtoul(line, &end, 10);
-    if (end == line || line[0] == '-' || id < 1u || id > 65535u || (*end != ' ' && *end != '\t')) {
+    if (line[0] == '-' || id < 1u || id > 65535u || (*end != ' ' && *end != '\t')) {
         return "a line is the id of a key, 1 to 65535, a space, and the key in hex";
     }
     end += strspn(end, " \t");

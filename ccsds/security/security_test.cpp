@@ -135,7 +135,7 @@ TEST(KeyFile, is_read_or_refused_with_what_to_do)
     EXPECT_EQ(wrong_with(""), ": it holds no key; ./fledge keys link FILE makes one");
     EXPECT_EQ(wrong_with("\n0 " + key), ", line 2" + form);
     EXPECT_EQ(wrong_with("65536 " + key), ", line 1" + form);
-    EXPECT_EQ(wrong_with("-1 " + key), ", line 1" + form);
+    EXPECT_EQ(wrong_with("-18446744073709551615 " + key), ", line 1" + form); // 1, without its sign
     EXPECT_EQ(wrong_with(key), ", line 1" + form);
     EXPECT_EQ(wrong_with("1 " + key.substr(2)), ", line 1" + size);
     EXPECT_EQ(wrong_with("1 " + key + "20"), ", line 1" + size);
