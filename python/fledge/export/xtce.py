@@ -203,7 +203,8 @@ class _Writer:
                     ElementTree.SubElement(rows, "ArgumentAssignment", {"argumentName": argument,
                                                                         "argumentValue": str(value)})
         rows, entries = Element("ArgumentList"), Element("EntryList")
-        short = names.distinct(item.name for item in command.items)
+        inherited = [item.name for part in one.chain(command)[:-1] for item in part.items]
+        short = names.distinct((item.name for item in command.items), inherited)
         for item in command.items:
             if item.count and self.station == "cosmos":
                 continue

@@ -353,6 +353,14 @@ def test_a_long_array_is_several_commands_each_within_the_longest():
         assert size + spare == sum(block.size for block in one.dictionary.blocks)
 
 
+def test_a_parameter_may_have_the_name_of_an_argument_of_all_commands(folder):
+    one, = databases(fledge.load(folder))
+    more = packets.Command("flight.write.control.offset", "", [packets.number("offset", "u16")], "flight.write",
+                           {"module": 5, "offset": 8})
+    reader = Reader(xtce("plays", [replace(one, commands=[*one.commands, more])], ground.Ground()))
+    assert reader.encode("flight_write_control_offset", 0, offset_2=7)[10:] == struct.pack(">HIH", 5, 8, 7)
+
+
 def test_reports_verify_a_command(folder):
     root = Reader(written(fledge.load(folder), "yamcs")).commands["flight_mode"]
     told = {}
