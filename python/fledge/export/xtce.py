@@ -75,11 +75,14 @@ class _Writer:
         root = f"{one.process}.packet"
         container = named(containers, "SequenceContainer", self.containers[packet.path], packet.path, packet.about)
         entries = ElementTree.SubElement(container, "EntryList")
+        header = [item.name for item in HEADER] if packet.path != root else []
+        short = names.distinct((item.name for item in packet.items), header)
         for item in packet.items:
             path = f"{packet.path}.{item.name}"
             order = one.order if packet.path != root else "big"
             count = self.parameters[f"{packet.path}.{item.count}"] if item.count else ""
-            self.parameter(types, parameters, path, item, order, self.ground.telemetry.get(path, Shown()), count)
+            self.parameter(types, parameters, path, short[item.name], item, order,
+                           self.ground.telemetry.get(path, Shown()), count)
             ElementTree.SubElement(entries, "ParameterRefEntry", {"parameterRef": self.parameters[path]})
         if packet.path == root:
             container.set("abstract", "true")
@@ -89,14 +92,13 @@ class _Writer:
         ElementTree.SubElement(where, "Comparison", {"parameterRef": self.parameters[f"{root}.ccsds_apid"],
                                                      "value": str(packet.stream & 0x7FF)})
 
-    def parameter(self, types: Element, parameters: Element, path: str, item: Item, order: str, shown: Shown,
-                  count: str = "") -> Element:
+    def parameter(self, types: Element, parameters: Element, path: str, short: str, item: Item, order: str,
+                  shown: Shown, count: str = "") -> Element:
+        """short: its name in its packet, which COSMOS shows."""
         name = self.parameters[path]
         self.type(types, "Parameter", name, item, order, shown, count)
         found = named(parameters, "Parameter", name, path, item.meaning, {"parameterTypeRef": name})
-        short = names.identifier(item.name)
-        if short != name:
-            ElementTree.SubElement(found[0], "Alias", {"nameSpace": "COSMOS", "alias": short})
+        ElementTree.SubElement(found[0], "Alias", {"nameSpace": "COSMOS", "alias": short})
         return found
 
     # --- types ---
@@ -210,7 +212,7 @@ class _Writer:
                 continue
             if command.abstract and item.value is not None:
                 path = f"{command.path}.{item.name}"
-                found = self.parameter(types, parameters, path, item, "big", Shown())
+                found = self.parameter(types, parameters, path, item.name, item, "big", Shown())
                 ElementTree.SubElement(found, "ParameterProperties", {"dataSource": "constant"})
                 ElementTree.SubElement(entries, "ParameterRefEntry", {"parameterRef": self.parameters[path]})
                 continue
