@@ -41,7 +41,7 @@ install(EXPORT FledgeTargets NAMESPACE fledge:: DESTINATION ${FLEDGE_HOME}/cmake
 install(TARGETS fledge_controller fledge_board_node fledge_guard DESTINATION ${FLEDGE_HOME}/cosim)
 install(TARGETS fledge_leon3 DESTINATION ${FLEDGE_HOME}/emulator/tools)
 install(DIRECTORY emulator/boards DESTINATION ${FLEDGE_HOME}/emulator)
-install(TARGETS _core _cosim _emulator DESTINATION ${FLEDGE_HOME}/python)
+install(TARGETS _core _cosim _emulator _ground DESTINATION ${FLEDGE_HOME}/python)
 install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
 
 foreach(folder ccsds flight record registers sim world targets cosim introspect missions)

@@ -27,6 +27,7 @@ EXTENSIONS = {
               "cosim"},
     "_cosim": {"cosim"},
     "_emulator": {"emulator"},
+    "_ground": {"ground"},
 }
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)

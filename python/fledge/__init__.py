@@ -30,6 +30,7 @@ _LAZY = {
     "emulator": ("emulator", None),
     "flight": ("flight", None),
     "flight_math": ("flight_math", None),
+    "ground": ("ground", None),
     "learning": ("learning", None),
     "limit_updates": ("mission.simulation", "limit_updates"),
     "linear": ("linear", None),
@@ -44,6 +45,7 @@ _LAZY = {
     "_core": ("_core", None),
     "_cosim": ("_cosim", None),
     "_emulator": ("_emulator", None),
+    "_ground": ("_ground", None),
     "trajectory": ("trajectory", None),
     "units": ("units", None),
     "view": ("scene", "view"),
@@ -53,8 +55,8 @@ __all__ = sorted(n for n in _LAZY if not n.startswith("_"))
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:       # the same for editors
-    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, learning, linear, mission as sim,
-                        montecarlo, plot, prototype, scan, scene, trajectory, units, world)
+    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, learning, linear,
+                        mission as sim, montecarlo, plot, prototype, scan, scene, trajectory, units, world)
     from fledge.archive import Archive, ArchiveError
     from fledge.errors import RunError, SetupError
     from fledge.mission import MissionError, load, missions
@@ -73,7 +75,7 @@ def __getattr__(name):
     try:
         found = import_module(module if module.startswith("_") else f"fledge.{module}")
     except ModuleNotFoundError as error:
-        if error.name not in ("_core", "_cosim", "_emulator"):
+        if error.name not in ("_core", "_cosim", "_emulator", "_ground"):
             raise
         raise ImportError(f"the extension {error.name} is not built, or not on PYTHONPATH; ./fledge setup builds it"
                           ) from None

@@ -7,7 +7,9 @@
     craft.command("mode", "safe")
     craft.wait(lambda t: t.mode == "safe", within=1 * minute)
 
-docs/ground.md has all addresses.
+docs/ground.md has all addresses. Packets of any spacecraft are decoded by its XTCE (docs/packets.md):
+
+    fledge.ground.Database.load("craft.xml").decode(packet).values
 """
 from __future__ import annotations
 
@@ -21,8 +23,20 @@ from fledge.ground.craft import Craft, NoAnswer, NotSeen, Sent, accepts, packets
 from fledge.ground.links import Link
 from fledge.ground.simulated import Simulated, flight_of
 
-__all__ = ["Craft", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of", "open_link",
+__all__ = ["Craft", "Database", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of", "open_link",
            "packets"]
+
+TYPE_CHECKING = False   # of `typing`
+if TYPE_CHECKING:
+    from fledge.ground.database import Database
+
+
+def __getattr__(name: str) -> Any:
+    if name != "Database":      # whose extension no script of a mission needs
+        raise AttributeError(f"fledge.ground has no '{name}'; there are {', '.join(__all__)}")
+    from fledge.ground.database import Database
+
+    return Database
 
 
 def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packets to values, by a database: one decoder for live telemetry, archives, replays and exports.
+//
+// A packet is of the last container, from a root on, whose restrictions hold, the heirs of each in the order of their
+// declaration; an abstract one needs an heir that fits. A container whose places are all fixed has a plan: a few loops
+// over its bytes. Others are decoded entry by entry. Both give the same values, in the order of the entries.
+//
+// A reference means the value in this packet; elsewhere than in a restriction, else the last value of an earlier
+// packet, else the parameter's initial value.
+#pragma once
+
+#include "ground/database/calibrate.h"
+#include "ground/database/numbers.h"
+
+#include <memory>
+#include <span>
+#include <unordered_map>
+
+namespace fledge::ground {
+
+/// A step from a parameter into its members and elements; node 0 is the parameter itself.
+struct PathNode {
+    std::uint32_t parent;
+    std::uint32_t place; ///< of the member, or of the element
+    Id type;             ///< of the aggregate or array
+};
+
+/// What a value is.
+struct Field {
+    Id parameter;
+    Id type;
+    std::uint32_t node;
+    Kind raw, value;
+};
+
+enum class Status : std::uint8_t {
+    good,
+    uncalibrated, ///< the raw value is outside of what its calibrator, epoch or number covers: there is no other
+    unlabelled,   ///< no enumerator has it: the raw value is there
+    malformed     ///< the bits are none of its encoding, as a BCD digit beyond 9
+};
+
+/// A packet that was decoded, until the decoder takes the next one.
+struct Decoded {
+    Id container = no_id; ///< no_id: none fits
+    Id nearest = no_id;   ///< then: the one that came nearest
+    std::string reason;   ///< why values are missing; empty: the packet is whole
+    std::span<const Field> fields;
+    std::span<const PathNode> nodes;
+    std::span<const std::uint64_t> raw, values; ///< of each field, by its kinds; real: std::bit_cast<double>
+    std::span<const Status> status;
+    std::span<const std::uint8_t> bytes; ///< of texts and binary values
+    std::size_t bits = 0;                ///< of the packet up to the last entry
+};
+
+class Decoder {
+public:
+    /// The database must outlive the decoder. plans: false decodes all entry by entry, for tests.
+    explicit Decoder(const Database &database, bool plans = true);
+    ~Decoder();
+
+    /// Decode a packet. root: the container of all packets; no_id: those that extend nothing, that others extend, or,
+    /// if there are none, that no other contains.
+    const Decoded &decode(std::span<const std::uint8_t> packet, Id root = no_id);
+
+    /// "parameter", "parameter.member[3]".
+    std::string name(const Decoded &packet, std::size_t field) const;
+
+    std::span<const Id> roots() const { return roots_; }
+
+private:
+    struct Plan;
+    struct Walk;
+    struct Labels;
+    struct Held;
+    struct Operand;
+    enum class Outcome : std::uint8_t { matched, unmatched, broken };
+
+    const Plan &plan(Id container);
+    void make_plan(Plan &plan, Id container);
+    bool lay_entries(Plan &plan, Id container, std::size_t &at, std::size_t start);
+    bool lay(Plan &plan, Id parameter, Id type, std::uint32_t node, std::size_t &at,
+             const std::vector<Dimension> *dimensions);
+    void join_steps(Plan &plan) const;
+    Id planned(Id container, std::size_t bits);
+    bool by_more_than_numbers(const Plan &plan, const Condition &condition) const;
+    bool holds_planned(const Plan &plan, const Condition &condition) const;
+    void run(const Plan &plan);
+
+    Outcome attempt(Id container, Walk walk, std::size_t depth, bool included);
+    bool entries(Id container, Walk &walk);
+    bool entry(const Entry &entry, Walk &walk);
+    bool once(const Entry &entry, Walk &walk);
+    bool take(Id parameter, Id type, std::uint32_t node, Walk &walk, const std::vector<Dimension> *dimensions);
+    bool take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value, Status &status);
+    bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
+    bool broken(std::string reason);
+    void say_why_not(Id container, std::size_t depth);
+    std::string failing(const Condition &condition);
+    bool spend(std::size_t effort);
+    std::uint64_t copy(std::size_t bit, std::size_t bits);
+
+    Kind value_kind(const Type &type) const;
+    bool refers(const Type &type) const;
+    Status convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
+    std::optional<double> real_of(Kind kind, std::uint64_t word) const;
+    std::optional<Operand> find(const Reference &reference, bool earlier);
+    bool leads(const Reference &reference, std::span<const PathNode> nodes, std::uint32_t node) const;
+    bool holds(const Condition &condition, bool earlier);
+    bool compare(Operator op, const Operand &left, const Literal &literal) const;
+    bool compare(Operator op, const Operand &left, const Operand &right) const;
+    std::string shown(const Operand &operand) const;
+    std::string_view text_of(std::uint64_t word) const;
+    std::optional<std::int64_t> number(const Quantity &quantity);
+    const Labels &labels(Id type) const { return *labels_[type]; }
+    std::uint64_t label(const Type &type, std::int64_t raw) const;
+    void hold(const Condition &condition);
+    void hold(const Quantity &quantity);
+    void hold(const Reference &reference);
+    void keep(std::size_t field, std::uint32_t slot);
+
+    const Database &db_;
+    const bool plans_on_;
+    std::vector<Id> roots_;
+    std::vector<std::unique_ptr<Plan>> plans_;
+    std::vector<std::unique_ptr<Labels>> labels_; ///< of each type with enumerators
+    std::size_t planned_fields_ = 0;
+    std::vector<Held> held_;                                   ///< values of earlier packets that something refers to
+    std::unordered_map<Id, std::vector<std::uint32_t>> slots_; ///< of each parameter, in held_
+
+    Decoded packet_;
+    std::vector<std::uint8_t> bytes_; ///< the packet, 16 zeros, and texts
+    std::size_t used_ = 0, n_bits_ = 0, effort_ = 0, depth_ = 0, best_ = 0;
+    std::vector<Field> fields_;
+    std::vector<PathNode> nodes_;
+    std::vector<std::uint64_t> raw_, values_;
+    std::vector<Status> status_;
+    bool broken_ = false; ///< the packet's reason is that of a packet that ends early or cannot be followed
+    Id found_ = no_id;
+    std::size_t end_ = 0;
+};
+
+} // namespace fledge::ground

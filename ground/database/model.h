@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// The database of a spacecraft in memory: space systems with their parameters, containers, commands and types. A reader
+// fills it (xtce.h); the decoder and the encoder are compiled from it. Things refer to others by their place in a list.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fledge::ground {
+
+using Id = std::uint32_t;
+inline constexpr Id no_id = std::numeric_limits<Id>::max();
+
+/// What is wrong with a database, a packet's root or a command: "file:line: reason" or a sentence.
+struct Refusal : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+struct Place {
+    std::uint32_t file = 0; ///< of Database::files
+    std::uint32_t line = 0;
+};
+
+/// What all named things have.
+struct Named {
+    std::string name;
+    std::string path; ///< "/System/Subsystem/name"
+    std::string description;
+    std::vector<std::pair<std::string, std::string>> aliases; ///< name space, alias
+    Place place;
+};
+
+/// A value that is known while a packet is decoded or a command is encoded.
+struct Reference {
+    enum class Of : std::uint8_t { nothing, parameter, argument };
+    Of of = Of::nothing;
+    bool calibrated = true;
+    Id parameter = no_id;
+    std::vector<std::uint32_t> steps; ///< into it: places of members and of elements
+    std::string name;                 ///< of an argument, or of a member beside the one that refers
+};
+
+/// A constant of a comparison, as it is written, and as a number if it is one.
+struct Literal {
+    std::string text;
+    std::optional<std::int64_t> integer;
+    std::optional<double> real;
+};
+
+enum class Operator : std::uint8_t { equal, unequal, less, at_most, more, at_least };
+
+/// What must hold of values.
+struct Condition {
+    enum class What : std::uint8_t { always, compare, all, any };
+    What what = What::always;
+    Operator op = Operator::equal;
+    Reference left, right; ///< right: of nothing if the literal counts
+    Literal literal;
+    std::vector<Condition> parts; ///< of all and any
+    std::string text;             ///< of a comparison, for messages
+};
+
+/// A number that a description fixes or finds in a value: a size, a count, a place.
+struct Quantity {
+    std::int64_t fixed = 0;
+    bool looked_up = false;
+    Reference from; ///< of nothing: fixed
+    double slope = 1, intercept = 0;
+    std::vector<std::pair<Condition, std::int64_t>> cases; ///< of a lookup: the first that holds
+
+    bool is_fixed() const { return !looked_up && from.of == Reference::Of::nothing; }
+};
+
+/// A step of a calculation on a stack.
+struct MathStep {
+    enum class What : std::uint8_t { number, this_value, value, function };
+    What what = What::number;
+    double number = 0;
+    Reference value;
+    std::uint8_t function = 0; ///< place in math_functions
+};
+
+/// From a raw number. One without coefficients, points and steps gives none.
+struct Calibrator {
+    enum class What : std::uint8_t { none, polynomial, spline, math };
+    struct Point {
+        double raw, calibrated;
+    };
+    What what = What::none;
+    std::vector<double> coefficients; ///< of a polynomial, from the constant on
+    std::vector<Point> points;        ///< of a spline, ascending
+    std::uint32_t order = 1;
+    bool extrapolate = false;
+    std::vector<MathStep> steps;
+    bool refers = false; ///< to other values
+};
+
+enum class NumberForm : std::uint8_t {
+    plain, ///< unsigned
+    twos_complement,
+    ones_complement,
+    sign_magnitude,
+    bcd,        ///< a digit in each byte
+    packed_bcd, ///< a digit in four bits
+    ieee754,
+    mil1750a
+};
+
+enum class Charset : std::uint8_t {
+    utf8,
+    ascii,
+    latin1,
+    windows1252,
+    utf16,
+    utf16le,
+    utf16be,
+    utf32,
+    utf32le,
+    utf32be
+};
+
+/// How a value lies in a packet.
+struct Encoding {
+    enum class What : std::uint8_t { none, integer, real, text, binary };
+    What what = What::none;
+    NumberForm form = NumberForm::plain;
+    Charset charset = Charset::utf8;
+    bool bits_reversed = false;           ///< the least significant bit comes first
+    std::uint32_t bits = 0;               ///< of a number
+    std::vector<std::uint8_t> byte_order; ///< the significance of each byte in memory; empty: most significant first
+    bool sized = false;                   ///< of text and binary: `size` counts
+    Quantity size;                        ///< [bits]; -1: what an algorithm finds, or what a command is given
+    std::uint32_t size_tag = 0;           ///< [bits] in front of text, which hold its size in bytes
+    std::vector<std::uint8_t> terminator; ///< of text; empty: none
+    std::uint32_t most_bits = 0;          ///< of text of variable size; 0: not limited
+    std::string algorithm;                ///< that only its author's program has; empty: none
+    Calibrator calibrator;
+    std::vector<std::pair<Condition, Calibrator>> contexts; ///< the first that holds counts instead
+};
+
+struct Range {
+    double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+    bool low_open = false, high_open = false;
+    bool calibrated = true; ///< of the calibrated value
+
+    bool holds(double x) const { return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high); }
+};
+
+enum class Concern : std::uint8_t { normal, watch, warning, distress, critical, severe };
+
+struct Alarm {
+    struct Limits {
+        Concern level;
+        Range range;
+        bool inside; ///< the alarm is inside of the range, not outside
+    };
+    Condition when; ///< always: the default
+    std::uint32_t violations = 1;
+    bool on_change = false; ///< of the value, not of the value itself
+    std::vector<Limits> limits;
+    std::vector<std::pair<std::string, Concern>> labels; ///< of enumerators and texts
+    Concern otherwise = Concern::normal;
+};
+
+struct Enumerator {
+    std::int64_t low, high; ///< raw values
+    std::string label;
+};
+
+struct Member {
+    std::string name;
+    Id type;
+    std::optional<std::string> initial;
+};
+
+struct Dimension {
+    Quantity first, last; ///< index
+};
+
+struct Type : Named {
+    enum class Sort : std::uint8_t {
+        integer,
+        real,
+        enumerated,
+        boolean,
+        text,
+        binary,
+        absolute_time,
+        relative_time,
+        aggregate,
+        array
+    };
+    Sort sort = Sort::integer;
+    bool is_signed = true;
+    std::vector<std::string> units;
+    Encoding encoding;
+    std::vector<Enumerator> enumerators;
+    std::string zero = "False", one = "True";
+    std::vector<Member> members;
+    Id element = no_id;
+    std::vector<Dimension> dimensions;
+    std::string epoch;              ///< of an absolute time
+    Reference offset_from;          ///< of nothing: the epoch
+    double scale = 1e9, offset = 0; ///< [ns] a time is scale raw + offset
+    std::vector<Range> valid;       ///< empty: all
+    std::vector<Alarm> alarms;      ///< those of contexts in their order, the default last
+    std::optional<std::string> initial;
+};
+
+struct Parameter : Named {
+    Id type = no_id;
+    std::string source; ///< telemetered, derived, constant, local, ground
+    std::optional<std::string> initial;
+};
+
+struct Entry {
+    enum class What : std::uint8_t { parameter, container, argument, fixed, indirect };
+    enum class From : std::uint8_t { previous, start, end };
+    What what = What::parameter;
+    From from = From::previous;
+    bool repeats = false;
+    Id id = no_id;                   ///< of the parameter or container
+    std::string name;                ///< of the argument; of indirect: the name space of the alias
+    std::vector<std::uint8_t> bytes; ///< of fixed, the least significant bits count
+    std::uint32_t bits = 0;          ///< of fixed
+    Quantity offset;                 ///< [bits]
+    Condition include;
+    Quantity count, gap;               ///< of what repeats; [bits] behind each
+    std::vector<Dimension> dimensions; ///< instead of the type's
+    Reference selector;                ///< of indirect: the value that is the alias
+    Place place;
+};
+
+struct Container : Named {
+    bool is_abstract = false;
+    bool of_command = false;
+    Id base = no_id;
+    Condition restriction;
+    std::vector<Entry> entries;
+    std::vector<Id> heirs; ///< in the order of their declaration
+};
+
+struct Argument {
+    std::string name, description;
+    Id type = no_id;
+    std::optional<std::string> initial;
+};
+
+struct Verifier {
+    std::string stage; ///< Accepted, Execution, Complete, ...
+    Condition condition;
+    Id container = no_id; ///< whose arrival verifies it
+    Reference changes;    ///< the parameter that must change by `change`
+    double change = 0;
+    std::string algorithm;      ///< that only its author's program has
+    double start = 0, stop = 0; ///< [s] of the window; stop 0: not limited
+    std::string relative_to;    ///< commandRelease or timeLastVerifierPassed
+};
+
+struct Command : Named {
+    bool is_abstract = false;
+    Id base = no_id;
+    std::vector<Argument> arguments; ///< its own
+    std::vector<std::pair<std::string, std::string>> assignments;
+    Id container = no_id;
+    std::string consequence, reason; ///< of its significance
+    std::vector<Condition> constraints;
+    std::vector<Verifier> verifiers;
+};
+
+struct Database {
+    std::vector<std::string> files;
+    std::vector<Named> systems;
+    std::vector<Type> types;
+    std::vector<Parameter> parameters;
+    std::vector<Container> containers;
+    std::vector<Command> commands;
+    std::vector<std::string> notes; ///< "file:line: what was read but is not computed here"
+
+    std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }
+
+    /// A container or command by its path, or by its name if it is the only one. Throws Refusal.
+    Id container(const std::string &name) const { return one_of(containers, name, "container"); }
+    Id command(const std::string &name) const { return one_of(commands, name, "command"); }
+
+private:
+    template <class Things> static Id one_of(const Things &things, const std::string &name, const char *what)
+    {
+        Id found = no_id;
+        for (Id i = 0; i < things.size(); i++) {
+            if (things[i].path == name) {
+                return i;
+            }
+            if (things[i].name == name) {
+                if (found != no_id) {
+                    throw Refusal(name + " is the name of several " + what + "s: give the path of one, as " +
+                                  things[i].path);
+                }
+                found = i;
+            }
+        }
+        return found != no_id ? found : throw Refusal(std::string("the database has no ") + what + " " + name);
+    }
+};
+
+} // namespace fledge::ground

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bits in packets as numbers and texts, and back.
+#pragma once
+
+#include "ground/database/model.h"
+
+#include <bit>
+#include <cstring>
+#include <span>
+#include <string_view>
+
+namespace fledge::ground {
+
+__extension__ using Wide = __int128;
+
+/// What the 64 bits of a value mean.
+enum class Kind : std::uint8_t {
+    none,
+    natural, ///< without a sign
+    integer,
+    real,
+    label,   ///< the place of an enumerator in its type; no_id: none has this value
+    boolean, ///< 0 or 1
+    text,    ///< UTF-8, a slice of bytes
+    binary,  ///< a slice of bytes, the last bit of which is the last one of the value
+    time     ///< [ns]
+};
+
+/// Where bytes are: the place in the upper 32 bits, how many in the lower ones.
+constexpr std::uint64_t slice(std::size_t at, std::size_t n)
+{
+    return static_cast<std::uint64_t>(at) << 32 | static_cast<std::uint32_t>(n);
+}
+
+/// The 8 bytes from p on, most significant first.
+inline std::uint64_t load64(const std::uint8_t *p)
+{
+    std::uint64_t word;
+    std::memcpy(&word, p, 8);
+    return std::endian::native == std::endian::little ? __builtin_bswap64(word) : word;
+}
+
+/// `bits` bits, 1 to 64, from a bit on; up to 9 bytes from there must be readable.
+inline std::uint64_t load_bits(const std::uint8_t *p, std::size_t bit, unsigned bits)
+{
+    const std::uint8_t *const from = p + bit / 8;
+    const unsigned shift = bit % 8;
+    std::uint64_t word = load64(from) << shift;
+    if (shift + bits > 64) {
+        word |= from[8] >> (8 - shift);
+    }
+    return word >> (64 - bits);
+}
+
+/// Write `bits` bits, 1 to 64, at a bit of bytes that are there.
+void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t value);
+
+/// The kind of a number as it lies in a packet.
+Kind raw_kind(const Encoding &encoding);
+
+/// A number from its bits, in the 64 bits of raw_kind. False: a BCD digit is beyond 9.
+bool number_of(const Encoding &encoding, std::uint64_t bits, std::uint64_t &number);
+
+/// The bits of a whole number or a real one. Nothing: they do not hold it.
+std::optional<std::uint64_t> bits_of(const Encoding &encoding, Wide number);
+std::optional<std::uint64_t> bits_of(const Encoding &encoding, double number);
+
+/// Text in UTF-8, from a character set, and back. What is no text becomes U+FFFD; nothing: the set lacks a character.
+std::string utf8(Charset charset, std::span<const std::uint8_t> bytes);
+std::optional<std::vector<std::uint8_t>> characters(Charset charset, std::string_view utf8);
+/// [bytes] of a character set's unit.
+std::size_t unit_of(Charset charset);
+
+/// The nearest whole number, the ends of the range beyond it; 0 for no number.
+inline std::int64_t nearest(double x)
+{
+    constexpr double limit = 9223372036854775808.0;
+    return x >= limit    ? std::numeric_limits<std::int64_t>::max()
+           : x <= -limit ? std::numeric_limits<std::int64_t>::min()
+           : x != x      ? 0
+                         : __builtin_llround(x);
+}
+
+} // namespace fledge::ground

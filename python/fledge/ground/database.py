@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The database of the ground: packets to values, and commands to packets, by files of XTCE.
+
+    from fledge.ground import Database
+
+    craft = Database.load("craft.xml")
+    packet = craft.decode(received)
+    packet.values["battery_voltage"], packet.container, packet.reason
+    uplink = craft.encode("SET_MODE", mode="SAFE")
+"""
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from fledge import _ground
+
+Packet = _ground.Packet
+
+
+class Database:
+    """What packets and commands are. Its lists have the paths of `containers`, `parameters` and `commands`; `notes`
+    says what its files hold that is not computed here, with file and line."""
+
+    def __init__(self, files: list[tuple[str, str]]) -> None:
+        self._read = _ground.Database.read(files)
+        self.containers: list[str] = self._read.containers
+        self.parameters: list[str] = self._read.parameters
+        self.commands: list[str] = self._read.commands
+        self.notes: list[str] = self._read.notes
+
+    @classmethod
+    def load(cls, *files: str | os.PathLike[str], under: dict[str, str] | None = None) -> Database:
+        """Read files of XTCE, which may refer to one another. under: file -> path of the space system that its own one
+        belongs to. Raises SetupError with file and line."""
+        given = under or {}
+        return cls([(os.fspath(one), given.get(os.fspath(one), "")) for one in files])
+
+    def decode(self, packet: bytes, root: str | None = None) -> Packet:
+        """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that
+        fits none has a reason and no values; one that ends early has those in front of its end. Booleans are bool,
+        times int [ns] after their epoch, and enumerators their label, or a number if they have none."""
+        return self._read.decode(packet, root)
+
+    def encode(self, name: str, **arguments: Any) -> bytes:
+        """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
+        lists and dicts. Raises SetupError."""
+        return self._read.encode(name, arguments)
+
+    def units(self, parameter: str) -> list[str]:
+        """The units of a parameter."""
+        return self._read.units(parameter)

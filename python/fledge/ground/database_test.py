@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The database, against a second reader of XTCE in Python. FLEDGE_CASES=100000 decodes so many random packets, and
+FLEDGE_XTCE=FOLDER reads all files of XTCE there and prints a table of those that are read, and why not."""
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from fledge import SetupError, _ground
+from fledge.ground import Database
+from fledge.ground.testing.databases import Random, same
+from fledge.ground.testing.second import Second
+
+CASES = int(os.environ.get("FLEDGE_CASES", 1500))
+
+
+def written(tmp_path, text, name="s.xml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_second_reader_decodes_random_packets_of_random_databases_to_the_same_values(tmp_path):
+    rows = whole = 0
+    for seed in range(CASES // 50):
+        database = Random(seed)
+        path = str(written(tmp_path, database.text))
+        both = [_ground.Database.read([(path, "")], plans) for plans in (True, False)]
+        second = Second(database.text)
+        for _ in range(50):
+            packet = database.packet()
+            container, expected = second.decode(packet, "Root")
+            for one in both:
+                found = one.decode(packet, "Root")
+                place = f"seed {seed}, packet {packet.hex()}"
+                assert (found.container or "/S/None") == f"/S/{container}", f"{place}: {found.reason}"
+                assert len(found.rows) == len(expected), f"{place}: {found.reason}\n{found.rows}\n{expected}"
+                for row, wanted in zip(found.rows, expected):
+                    assert row[0] == wanted[0], place
+                    assert wanted[1] is None or same(row[1], wanted[1]), f"{place}: {row}, not {wanted}"
+                    assert same(row[2], wanted[2]), f"{place}: {row}, not {wanted}"
+            rows += len(expected)
+            whole += not found.reason
+    assert rows > 3 * CASES and whole > CASES / 4
+
+
+def test_a_second_reader_encodes_random_commands_to_the_same_bytes(tmp_path):
+    done = 0
+    for seed in range(CASES // 5):
+        database = Random(seed)
+        read = Database.load(written(tmp_path, database.text))
+        second = Second(database.text)
+        given = database.given(second)
+        if None in given.values():
+            continue
+        try:
+            expected = second.encode("K", given)
+        except (KeyError, OverflowError, ValueError, TypeError):    # a calibrated number that does not fit
+            with pytest.raises(SetupError):
+                read.encode("K", **given)
+            continue
+        try:
+            found = read.encode("K", **given)
+        except SetupError as reason:
+            assert re.search("too few for|no raw number", str(reason)), f"seed {seed}: {reason}"
+            continue
+        assert found.hex() == expected.hex(), f"seed {seed}: {given}"
+        done += 1
+    assert done > CASES / 20
+
+
+def test_values_are_dicts_and_lists(tmp_path):
+    text = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
+      <IntegerParameterType name='u8'><UnitSet><Unit>V</Unit></UnitSet><IntegerDataEncoding/></IntegerParameterType>
+      <ArrayParameterType name='r' arrayTypeRef='u8'><DimensionList><Size><FixedValue>2</FixedValue></Size>
+      </DimensionList></ArrayParameterType><AggregateParameterType name='g'><MemberList><Member name='x' typeRef='u8'/>
+      <Member name='y' typeRef='r'/></MemberList></AggregateParameterType>
+      <ArrayParameterType name='q' arrayTypeRef='g'><DimensionList><Size><FixedValue>2</FixedValue></Size>
+      </DimensionList></ArrayParameterType></ParameterTypeSet><ParameterSet><Parameter name='a' parameterTypeRef='u8'/>
+      <Parameter name='b' parameterTypeRef='q'/></ParameterSet><ContainerSet><SequenceContainer name='P'><EntryList>
+      <ParameterRefEntry parameterRef='a'/><ParameterRefEntry parameterRef='b'/></EntryList></SequenceContainer>
+      </ContainerSet></TelemetryMetaData></SpaceSystem>"""
+    database = Database.load(written(tmp_path, text))
+    packet = database.decode(bytes(range(1, 8)))
+    assert packet.values == {"a": 1, "b": [{"x": 2, "y": [3, 4]}, {"x": 5, "y": [6, 7]}]}
+    assert (packet.container, packet.reason, packet.bits) == ("/S/P", "", 56)
+    assert [name for name, _, _ in packet.rows][-1] == "b[1].y[1]"
+    assert database.units("a") == ["V"] and database.parameters == ["/S/a", "/S/b"]
+    short = database.decode(b"\1\2")
+    assert short.values == {"a": 1, "b": [{"x": 2}]} and short.reason == "the packet ends within b"
+    with pytest.raises(SetupError, match="the database has no container Q"):
+        database.decode(b"", root="Q")
+
+
+def test_an_error_names_file_and_line(tmp_path):
+    path = written(tmp_path, "<SpaceSystem name='S'>\n<Bogus/></SpaceSystem>")
+    with pytest.raises(SetupError, match=re.escape(f"{path}:2: <Bogus> is not known in <SpaceSystem>")):
+        Database.load(path)
+
+
+@pytest.mark.skipif("FLEDGE_XTCE" not in os.environ, reason="FLEDGE_XTCE=FOLDER names files of XTCE")
+def test_a_folder_of_files_is_read():
+    """A file is read alone, or with those of its folder whose space systems it names."""
+    folder = Path(os.environ["FLEDGE_XTCE"])
+    system = re.compile(r"<(?:\w+:)?SpaceSystem\b[^>]*?\bname=\"([^\"]+)\"")
+    files = {path: found[1] for path in sorted(folder.rglob("*.xml")) if (found := system.search(path.read_text()))}
+    for path in files:
+        together = [path]
+        while True:
+            try:
+                Database.load(*together)
+                reason = ""
+            except SetupError as error:
+                reason = str(error).replace(f"{folder}/", "")
+            named = re.search("there is no [a-z]+ /([^/]+)/", reason)
+            beside = [other for other, name in files.items() if other.parent == path.parent and other not in together
+                      and named and name == named[1]]
+            if not beside:
+                break
+            together.append(min(beside, key=lambda one: one.stem.lower() != files[one].lower()))
+        how = "refused" if reason else "read" if len(together) == 1 else f"read with {len(together) - 1} more"
+        print(f"{how:16} {path.relative_to(folder)}" + (f"\n{'':17}{reason}" if reason else ""))
+    assert files

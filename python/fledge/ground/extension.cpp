@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: Apache-2.0
+// The extension `_ground`: a database of XTCE, packets to values of Python, and commands to packets.
+#include "ground/capture/frames.h"
+#include "ground/database/decoder.h"
+#include "ground/database/encoder.h"
+#include "ground/database/xtce.h"
+
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace fledge::ground {
+
+namespace {
+
+/// A packet in objects of Python.
+struct Packet {
+    py::object container, nearest; ///< paths, or None
+    std::string reason;
+    py::list rows; ///< (name, raw, value)
+    py::dict raw, values;
+    std::size_t bits;
+};
+
+/// The nested dicts and lists of a packet's parameters.
+class Tree {
+public:
+    Tree(const Database &database, const Decoded &packet) : db_(database), packet_(packet), inner_(packet.nodes.size())
+    {
+    }
+
+    void put(py::dict &top, const Field &field, const py::object &value)
+    {
+        const py::str name(db_.parameters[field.parameter].name);
+        if (field.node == 0) {
+            top[name] = value;
+            return;
+        }
+        const PathNode &node = packet_.nodes[field.node];
+        insert(holder(top, name, field.parameter, node.parent, node), field.node, value);
+    }
+
+private:
+    /// The dict or list whose items are the children of a node.
+    py::object holder(py::dict &top, const py::str &name, Id parameter, std::uint32_t at, const PathNode &child)
+    {
+        const bool array = db_.types[child.type].sort == Type::Sort::array;
+        const auto fresh = [&]() -> py::object { return array ? py::object(py::list()) : py::object(py::dict()); };
+        if (at == 0) { // a parameter that comes again begins with its first place
+            if (parameter != parameter_ || child.place < place_) {
+                parameter_ = parameter;
+                outer_ = fresh();
+                top[name] = outer_;
+            }
+            place_ = child.place;
+            return outer_;
+        }
+        const PathNode &node = packet_.nodes[at];
+        const py::object parent = holder(top, name, parameter, node.parent, node);
+        if (!inner_[at]) {
+            inner_[at] = fresh();
+            insert(parent, at, inner_[at]);
+        }
+        return inner_[at];
+    }
+
+    void insert(const py::object &holder, std::uint32_t at, const py::object &value)
+    {
+        const PathNode &node = packet_.nodes[at];
+        if (py::isinstance<py::list>(holder)) {
+            holder.cast<py::list>().append(value);
+        } else {
+            holder[py::str(db_.types[node.type].members[node.place].name)] = value;
+        }
+    }
+
+    const Database &db_;
+    const Decoded &packet_;
+    std::vector<py::object> inner_; ///< of each node
+    py::object outer_;
+    Id parameter_ = no_id;
+    std::uint32_t place_ = 0;
+};
+
+py::object object(const Decoded &packet, const Type &type, Kind kind, std::uint64_t word, std::uint64_t raw)
+{
+    const char *const bytes = reinterpret_cast<const char *>(packet.bytes.data()) + (word >> 32);
+    const auto size = static_cast<Py_ssize_t>(word & 0xFFFFFFFF);
+    switch (kind) {
+    case Kind::natural: return py::int_(word);
+    case Kind::integer:
+    case Kind::time: return py::int_(static_cast<std::int64_t>(word));
+    case Kind::real: return py::float_(std::bit_cast<double>(word));
+    case Kind::boolean: return py::bool_(word != 0);
+    case Kind::label:
+        return word != no_id ? py::object(py::str(type.enumerators[word].label))
+                             : object(packet, type, raw_kind(type.encoding), raw, raw);
+    case Kind::text: return py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(bytes, size, "replace"));
+    case Kind::binary: return py::bytes(bytes, static_cast<std::size_t>(size));
+    default: return py::none();
+    }
+}
+
+Given given(const py::handle &value, int depth = 0)
+{
+    Given made;
+    if (depth > 64) {
+        throw Refusal("a value is nested deeper than 64");
+    }
+    const py::object number = py::module_::import("numbers");
+    if (py::isinstance<py::str>(value)) {
+        made.what = Given::What::text;
+        made.text = value.cast<std::string>();
+    } else if (py::isinstance<py::bytes>(value) || PyByteArray_Check(value.ptr())) {
+        const std::string text = py::bytes(py::reinterpret_borrow<py::object>(value));
+        made.what = Given::What::bytes;
+        made.bytes.assign(text.begin(), text.end());
+    } else if (py::isinstance<py::dict>(value)) {
+        made.what = Given::What::members;
+        for (const auto &[key, one] : py::reinterpret_borrow<py::dict>(value)) {
+            made.names.push_back(key.cast<std::string>());
+            made.list.push_back(given(one, depth + 1));
+        }
+    } else if (py::isinstance(value, number.attr("Integral")) || py::hasattr(value, "__index__")) {
+        const py::int_ whole = py::reinterpret_steal<py::int_>(PyNumber_Index(value.ptr()));
+        const py::object bound = py::int_(1).attr("__lshift__")(64);
+        if (!py::bool_(whole.attr("__lt__")(bound)) || !py::bool_(whole.attr("__gt__")(bound.attr("__neg__")()))) {
+            throw Refusal("a whole number has at most 64 bits; found " + py::repr(whole).cast<std::string>());
+        }
+        const bool negative = py::bool_(whole.attr("__lt__")(0));
+        const auto size = py::object(whole.attr("__abs__")()).cast<std::uint64_t>();
+        made.integer = negative ? -Wide(size) : Wide(size);
+    } else if (py::isinstance<py::float_>(value) || py::hasattr(value, "__float__")) {
+        made.what = Given::What::real;
+        made.real = value.cast<double>();
+    } else if (py::isinstance<py::sequence>(value) || py::hasattr(value, "__len__")) {
+        made.what = Given::What::list;
+        for (const auto &one : value) {
+            made.list.push_back(given(one, depth + 1));
+        }
+    } else {
+        throw Refusal("a command's value is a number, text, bytes, a list or a dict; found " +
+                      py::repr(value).cast<std::string>());
+    }
+    return made;
+}
+
+class Loaded {
+public:
+    Loaded(Database database, bool plans) : db_(std::move(database)), decoder_(db_, plans) {}
+
+    Packet decode(const py::bytes &bytes, const std::optional<std::string> &root)
+    {
+        const std::string_view view = bytes;
+        const Id from = root ? db_.container(*root) : no_id;
+        const Decoded &done = decoder_.decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, from);
+        Packet made{path(done.container), path(done.nearest), done.reason, py::list(),
+                    py::dict(),           py::dict(),         done.bits};
+        Tree raws(db_, done), values(db_, done);
+        for (std::size_t i = 0; i < done.fields.size(); i++) {
+            const Field &field = done.fields[i];
+            const Type &type = db_.types[field.type];
+            const bool good = done.status[i] == Status::good || done.status[i] == Status::unlabelled;
+            const py::object raw = object(done, type, field.raw, done.raw[i], done.raw[i]);
+            const py::object value =
+                good ? object(done, type, field.value, done.values[i], done.raw[i]) : py::object(py::none());
+            made.rows.append(py::make_tuple(decoder_.name(done, i), raw, value));
+            raws.put(made.raw, field, raw);
+            values.put(made.values, field, value);
+        }
+        return made;
+    }
+
+    py::bytes encode(const std::string &name, const py::dict &arguments) const
+    {
+        std::map<std::string, Given> all;
+        for (const auto &[key, value] : arguments) {
+            all.emplace(key.cast<std::string>(), given(value));
+        }
+        const auto bytes = ground::encode(db_, db_.command(name), all);
+        return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+    }
+
+    template <class Things> static std::vector<std::string> paths(const Things &things)
+    {
+        std::vector<std::string> made;
+        for (const auto &one : things) {
+            made.push_back(one.path);
+        }
+        return made;
+    }
+
+    const Database &database() const { return db_; }
+
+    std::vector<std::string> units(const std::string &parameter) const
+    {
+        for (const Parameter &one : db_.parameters) {
+            if (one.name == parameter || one.path == parameter) {
+                return db_.types[one.type].units;
+            }
+        }
+        throw Refusal("the database has no parameter " + parameter);
+    }
+
+private:
+    py::object path(Id id) const
+    {
+        return id == no_id ? py::object(py::none()) : py::object(py::str(db_.containers[id].path));
+    }
+
+    Database db_;
+    Decoder decoder_;
+};
+
+} // namespace
+
+} // namespace fledge::ground
+
+PYBIND11_MODULE(_ground, m)
+{
+    using namespace fledge::ground;
+    m.doc() = "The database of the ground. Use the package fledge.ground instead.";
+    py::module_::import("_core"); // for its exception
+    py::register_exception_translator([](std::exception_ptr thrown) {
+        try {
+            if (thrown) {
+                std::rethrow_exception(thrown);
+            }
+        } catch (const Refusal &refusal) {
+            PyErr_SetString(py::module_::import("_core").attr("SetupError").ptr(), refusal.what());
+        }
+    });
+    m.def(
+        "packets_of_frames",
+        [](const py::bytes &bytes, std::size_t size, std::size_t skip) {
+            const std::string_view view = bytes;
+            py::list all;
+            for (const Found &one :
+                 packets_of_frames({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, size, skip)) {
+                all.append(py::make_tuple(
+                    one.at, py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
+                    one.problem));
+            }
+            return all;
+        },
+        py::arg("bytes"), py::arg("size"), py::arg("skip"));
+    py::class_<Packet>(m, "Packet", "A packet that was decoded.")
+        .def_readonly("container", &Packet::container, "The path of its container; None: none fits.")
+        .def_readonly("nearest", &Packet::nearest, "Then the path of the one that came nearest.")
+        .def_readonly("reason", &Packet::reason, "Why values are missing; empty: the packet is whole.")
+        .def_readonly("rows", &Packet::rows, "(name, raw value, value) of each field, in the packet's order.")
+        .def_readonly("raw", &Packet::raw, "Parameter -> raw value; the last one of those that repeat.")
+        .def_readonly("values", &Packet::values,
+                      "Parameter -> value: dicts of members, lists of elements; None: no value.")
+        .def_readonly("bits", &Packet::bits, "How many bits its entries take.");
+    py::class_<Loaded>(m, "Database", "A database of packets and commands.")
+        .def_static(
+            "read",
+            [](const std::vector<std::pair<std::string, std::string>> &files, bool plans) {
+                std::vector<XtceFile> all;
+                for (const auto &[name, under] : files) {
+                    all.push_back({name, under});
+                }
+                return std::make_unique<Loaded>(read_xtce(all), plans);
+            },
+            py::arg("files"), py::arg("plans") = true)
+        .def("decode", &Loaded::decode, py::arg("packet"), py::arg("root") = py::none())
+        .def("encode", &Loaded::encode, py::arg("name"), py::arg("arguments"))
+        .def("units", &Loaded::units, py::arg("parameter"), "The units of a parameter.")
+        .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
+        .def_property_readonly("containers", [](const Loaded &one) { return Loaded::paths(one.database().containers); })
+        .def_property_readonly("parameters", [](const Loaded &one) { return Loaded::paths(one.database().parameters); })
+        .def_property_readonly("commands", [](const Loaded &one) { return Loaded::paths(one.database().commands); });
+}
