@@ -25,6 +25,10 @@ __attribute__((visibility("default"))) double time_filter_update(const char *mod
 /// a negative number if there is no such layer.
 __attribute__((visibility("default"))) double time_link_layer(const char *layer, long n);
 
+/// Decode n packets by a database: "369 integers" of 32 bits, "mixed" or "mixed, of varying size"; seconds per
+/// parameter, or a negative number if there is no such packet.
+__attribute__((visibility("default"))) double time_decoder(const char *packet, long n);
+
 /// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
 /// per evaluation. Plain: by the textbook's recursion, else by the world's.
 __attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);

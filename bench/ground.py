@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The time of a packet of 200 bytes in each layer of the link, in telemetry frames of 1024 bytes and as a CLTU; of the
 protection of such a frame, and of that of a command; of a PDU of 1000 bytes of a file; and the bytes of each layer's
-code and of its deepest stack on a LEON3, where its compiler is installed."""
+code and of its deepest stack on a LEON3, where its compiler is installed. Before that, the parameters that one core
+decodes in a second by a database, of packets of 1500 bytes with a header: 369 integers of 32 bits, as in the
+performance test of Yamcs; and 200 numbers of eight kinds with calibrators, once with a size that varies, which is
+decoded entry by entry."""
 from __future__ import annotations
 
 import ctypes
@@ -10,7 +13,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from bench.rows import Rows, in_turn, options, report
+from bench.rows import PEER, Rows, in_turn, options, report
 from bench.sim import library
 from fledge.files import ROOT
 from fledge.targets import TARGETS
@@ -19,6 +22,8 @@ LAYERS = {"header": 1_000_000, "telemetry, framed": 100_000, "telemetry, read": 
           "command, read": 20_000, "frame of telemetry, protected": 20_000, "frame of telemetry, opened": 20_000,
           "frame of a command, protected": 50_000, "frame of a command, checked": 50_000, "PDU of a file, sent": 50_000,
           "PDU of a file, written and received": 50_000}
+DECODED = {"369 integers": 20_000, "mixed": 20_000, "mixed, of varying size": 5_000}
+YAMCS = 0.738       # million parameters/s that its performance test sends, at half a core; 5 % of them are decoded
 
 
 def sizes() -> dict[str, tuple[int, int]]:
@@ -60,6 +65,13 @@ def main(arguments: list[str]) -> int:
     rows = Rows()
     for layer, values in samples.items():
         rows.add(layer, layer.split()[0] if layer.startswith(("frame", "PDU")) else "packet", values, "ns")
+    lib.time_decoder.argtypes = [ctypes.c_char_p, ctypes.c_long]
+    lib.time_decoder.restype = ctypes.c_double
+    decoded = in_turn({packet: lambda packet=packet, n=n: 1e-6 / lib.time_decoder(packet.encode(), n)
+                       for packet, n in DECODED.items()}, chosen.runs)
+    rows.add("peer's 369 integers", "decoded", YAMCS, "million/s", note=PEER)
+    for packet, values in decoded.items():
+        rows.add(packet, "decoded", values, "million/s", ratio_to="peer's 369 integers")
     if TARGETS["leon3"].missing():
         print("no sizes: the compiler for LEON3 is not installed; ./fledge setup --on leon3 does it")
     else:
