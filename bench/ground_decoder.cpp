@@ -53,25 +53,32 @@ std::string file(const std::vector<std::string> &types, int n, const std::string
            "</ContainerSet></TelemetryMetaData></SpaceSystem>";
 }
 
-const std::string line =
-    "<DefaultCalibrator><PolynomialCalibrator><Term exponent='0' coefficient='-40'/><Term exponent='1' "
-    "coefficient='0.01'/></PolynomialCalibrator></DefaultCalibrator>";
-const std::vector<std::string> integers = {"<IntegerParameterType name='NAME'><IntegerDataEncoding sizeInBits='32' "
-                                           "encoding='twosComplement'/></IntegerParameterType>"};
+/// A type of a number; behind: what follows its encoding.
+std::string number(const std::string &kind, const std::string &encoding, const std::string &attributes,
+                   const std::string &calibrator = "", const std::string &behind = "")
+{
+    const std::string inside = calibrator.empty() ? "" : "<DefaultCalibrator>" + calibrator + "</DefaultCalibrator>";
+    return "<" + kind + "ParameterType name='NAME'><" + encoding + "DataEncoding " + attributes + ">" + inside + "</" +
+           encoding + "DataEncoding>" + behind + "</" + kind + "ParameterType>";
+}
+
+const std::string line = "<PolynomialCalibrator><Term exponent='0' coefficient='-40'/><Term exponent='1' "
+                         "coefficient='0.01'/></PolynomialCalibrator>";
+const std::string spline = "<SplineCalibrator><SplinePoint raw='0' calibrated='1'/><SplinePoint raw='1000' "
+                           "calibrated='20'/><SplinePoint raw='4095' calibrated='30'/></SplineCalibrator>";
+const std::string labels = "<EnumerationList><Enumeration value='0' label='OFF'/><Enumeration value='1' label='ON'/>"
+                           "</EnumerationList>";
+const std::vector<std::string> integers = {number("Integer", "Integer", "sizeInBits='32' encoding='twosComplement'")};
 const std::vector<std::string> mixed = {
-    "<FloatParameterType name='NAME'><FloatDataEncoding sizeInBits='32'/></FloatParameterType>",
-    "<FloatParameterType name='NAME'><IntegerDataEncoding sizeInBits='16' encoding='twosComplement'>" + line +
-        "</IntegerDataEncoding></FloatParameterType>",
-    "<FloatParameterType name='NAME'><FloatDataEncoding sizeInBits='64'/></FloatParameterType>",
-    "<EnumeratedParameterType name='NAME'><IntegerDataEncoding sizeInBits='4'/><EnumerationList><Enumeration value='0' "
-    "label='OFF'/><Enumeration value='1' label='ON'/></EnumerationList></EnumeratedParameterType>",
-    "<BooleanParameterType name='NAME'><IntegerDataEncoding sizeInBits='1'/></BooleanParameterType>",
-    "<IntegerParameterType name='NAME'><IntegerDataEncoding sizeInBits='11'/></IntegerParameterType>",
-    "<FloatParameterType name='NAME'><IntegerDataEncoding sizeInBits='12'><DefaultCalibrator><SplineCalibrator>"
-    "<SplinePoint raw='0' calibrated='1'/><SplinePoint raw='1000' calibrated='20'/><SplinePoint raw='4095' "
-    "calibrated='30'/></SplineCalibrator></DefaultCalibrator></IntegerDataEncoding></FloatParameterType>",
-    "<IntegerParameterType name='NAME'><IntegerDataEncoding sizeInBits='32' byteOrder='leastSignificantByteFirst'/>"
-    "</IntegerParameterType>"};
+    number("Float", "Float", "sizeInBits='32'"),
+    number("Float", "Integer", "sizeInBits='16' encoding='twosComplement'", line),
+    number("Float", "Float", "sizeInBits='64'"),
+    number("Enumerated", "Integer", "sizeInBits='4'", "", labels),
+    number("Boolean", "Integer", "sizeInBits='1'"),
+    number("Integer", "Integer", "sizeInBits='11'"),
+    number("Float", "Integer", "sizeInBits='12'", spline),
+    number("Integer", "Integer", "sizeInBits='32' byteOrder='leastSignificantByteFirst'"),
+};
 const std::string repeated = "<ParameterRefEntry parameterRef='version'><RepeatEntry><Count><DynamicValue>"
                              "<ParameterInstanceRef parameterRef='part'/></DynamicValue></Count></RepeatEntry>"
                              "</ParameterRefEntry>";

@@ -403,7 +403,8 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import compare, export, flips, fly, ground, keys, montecarlo, node, profile, prompt, replay, up
+    from fledge.cli import (compare, export, flips, fly, ground, keys, montecarlo, node, packets, profile, prompt,
+                            replay, up)
 
     node.add_parameters(one)
     node.add(command)
@@ -415,6 +416,7 @@ def parser() -> argparse.ArgumentParser:
     prompt.add(command)
     compare.add(command)
     replay.add(command)
+    packets.add(command)
     keys.add(command)
     up.add(command)
     ground.add(command)

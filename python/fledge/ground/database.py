@@ -15,8 +15,6 @@ from typing import Any
 
 from fledge import _ground
 
-Packet = _ground.Packet
-
 
 class Database:
     """What packets and commands are. Its lists have the paths of `containers`, `parameters` and `commands`; `notes`
@@ -36,7 +34,7 @@ class Database:
         given = under or {}
         return cls([(os.fspath(one), given.get(os.fspath(one), "")) for one in files])
 
-    def decode(self, packet: bytes, root: str | None = None) -> Packet:
+    def decode(self, packet: bytes, root: str | None = None) -> Any:
         """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that
         fits none has a reason and no values; one that ends early has those in front of its end. Booleans are bool,
         times int [ns] after their epoch, and enumerators their label, or a number if they have none."""

@@ -185,6 +185,7 @@ public:
     template <class Things> static std::vector<std::string> paths(const Things &things)
     {
         std::vector<std::string> made;
+        made.reserve(things.size());
         for (const auto &one : things) {
             made.push_back(one.path);
         }
@@ -224,9 +225,7 @@ PYBIND11_MODULE(_ground, m)
     py::module_::import("_core"); // for its exception
     py::register_exception_translator([](std::exception_ptr thrown) {
         try {
-            if (thrown) {
-                std::rethrow_exception(thrown);
-            }
+            std::rethrow_exception(std::move(thrown));
         } catch (const Refusal &refusal) {
             PyErr_SetString(py::module_::import("_core").attr("SetupError").ptr(), refusal.what());
         }
@@ -259,6 +258,7 @@ PYBIND11_MODULE(_ground, m)
             "read",
             [](const std::vector<std::pair<std::string, std::string>> &files, bool plans) {
                 std::vector<XtceFile> all;
+                all.reserve(files.size());
                 for (const auto &[name, under] : files) {
                     all.push_back({name, under});
                 }

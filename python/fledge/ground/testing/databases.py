@@ -19,7 +19,7 @@ class Random:
         self.parameters = {"id": "u8", "n": "u2"}
         self.scalars = [self.scalar(f"t{i}") for i in range(8)]
         self.texts = [self.text_type(f"s{i}", True) for i in range(2)]
-        kinds = self.scalars + self.texts + [self.group("g"), self.list("l")]
+        kinds = self.scalars + self.texts + [self.group("g"), self.array("l")]
         for i in range(12):
             self.parameters[f"p{i}"] = self.r.choice(kinds)
         containers = [self.container("Root", ["id", "n"], "abstract='true'")]
@@ -82,7 +82,10 @@ class Random:
 
     def calibrator(self, kind: str) -> str:
         whole = kind == "Integer"
-        value = (lambda: self.r.randint(-9, 9)) if whole else (lambda: round(self.r.uniform(-9, 9), 3))
+
+        def value():
+            return self.r.randint(-9, 9) if whole else round(self.r.uniform(-9, 9), 3)
+
         form = "Polynomial" if whole else self.r.choice(["Polynomial", "Spline", "MathOperation"])
         if form == "Polynomial":
             inside = "".join(f"<Term exponent='{i}' coefficient='{value()}'/>" for i in range(self.r.randint(1, 4)))
@@ -106,8 +109,8 @@ class Random:
                 "'/><LinearAdjustment slope='16' intercept='8'/></DynamicValue>"
             inside = f"<Variable maxSizeInBits='48'>{size}{ends}</Variable>"
         else:
-            size = 8 * self.r.randint(1, 6)
-            inside = f"<SizeInBits><Fixed><FixedValue>{size}</FixedValue></Fixed>{ends}</SizeInBits>"
+            bits = 8 * self.r.randint(1, 6)
+            inside = f"<SizeInBits><Fixed><FixedValue>{bits}</FixedValue></Fixed>{ends}</SizeInBits>"
         self.types[name] = f"<StringParameterType name='{name}'><StringDataEncoding encoding='{codec}'>{inside}" \
             "</StringDataEncoding></StringParameterType>"
         return name
@@ -118,7 +121,7 @@ class Random:
             "</AggregateParameterType>"
         return name
 
-    def list(self, name: str) -> str:
+    def array(self, name: str) -> str:
         last = "<FixedValue>2</FixedValue>" if self.chance(0.5) else \
             "<DynamicValue><ParameterInstanceRef parameterRef='n'/></DynamicValue>"
         self.types[name] = f"<ArrayParameterType name='{name}' arrayTypeRef='{self.r.choice([*self.scalars, 'g'])}'>" \

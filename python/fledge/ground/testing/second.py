@@ -210,7 +210,11 @@ class Second:
     # --- commands to bytes
 
     def encode(self, name: str, given: dict[str, Any]) -> bytes:
-        command, self.bits, self.size, self.given = self.commands[name], 0, 0, given
+        self.bits = self.size = 0
+        self._write(self.commands[name], given)
+        return (self.bits << -self.size % 8).to_bytes((self.size + 7) // 8, "big")
+
+    def _write(self, command, given):
         arguments = {one.get("name"): one.get("argumentTypeRef") for one in command.iter("Argument")}
         for entry in command.find("CommandContainer/EntryList"):
             if entry.tag == "FixedValueEntry":
@@ -218,7 +222,6 @@ class Second:
                 self._put(n, int(entry.get("binaryValue"), 16) & ((1 << n) - 1))
             else:
                 self._give(self.types[arguments[entry.get("argumentRef")]], given[entry.get("argumentRef")])
-        return (self.bits << -self.size % 8).to_bytes((self.size + 7) // 8, "big")
 
     def _put(self, n, value):
         self.bits, self.size = self.bits << n | value, self.size + n

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`./fledge packets FILE`: the space packets of a file, one by one, with every field by a database.
+
+Exit codes as of all commands: 0 read to its end; 1 parts of the file are no packets, or a packet has values missing;
+2 the command line, the file or the database is wrong.
+"""
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+from fledge.errors import Failure, printable
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("packets", packets, "decode the packets of a capture",
+                  "packets received.pcap --database craft.xml")
+    one.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), or packets one behind the other")
+    one.add_argument("--database", metavar="XTCE", action="append", default=[],
+                     help="what the packets are; several files may refer to one another. Without it, headers alone")
+    one.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
+                     "extends nothing")
+    one.add_argument("--skip", metavar="N", type=int, default=0, help="bytes in front of each packet, or of each frame")
+    one.add_argument("--frames", metavar="N", type=int, default=0, help="the file is of telemetry frames of N bytes")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--csv", action="store_true", help="a line for each field")
+    kind.add_argument("--json", action="store_true", help="a line for each packet")
+
+
+def packets(options: argparse.Namespace) -> int:
+    from fledge.ground.captures import pieces
+
+    if options.skip < 0 or options.frames < 0:
+        raise Failure("packets: --skip and --frames are numbers of bytes, from 0 on")
+    database = None
+    if options.database:
+        from fledge.ground import Database
+
+        database = Database.load(*options.database)
+    write = _csv if options.csv else _json if options.json else _text
+    show = write(database)
+    good = True
+    for piece in pieces(Path(options.file).read_bytes(), options.skip, options.frames):
+        if piece.problem:
+            good = False
+            print(f"fledge: {options.file}, byte {piece.at}: {piece.problem}", file=sys.stderr)
+            continue
+        found = database.decode(piece.packet, options.root) if database else None
+        good = good and not (found and found.reason)
+        show(piece, found)
+    return 0 if good else 1
+
+
+def _about(piece, found):
+    """What is known of a packet before its fields."""
+    from fledge.ground.captures import header
+
+    head = header(piece.packet)
+    assert head is not None     # a piece without a problem has one
+    about = {"byte": piece.at, "time": piece.time, "kind": "command" if head.command else "telemetry",
+             "application": head.application, "count": head.sequence, "bytes": head.size}
+    return {key: value for key, value in about.items() if value is not None} | (
+        {"container": found.container, "reason": found.reason or None} if found else {})
+
+
+def _plain(value):
+    return value.hex() if isinstance(value, bytes) else value
+
+
+def _text(database):
+    def show(piece, found):
+        about = _about(piece, found)
+        when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
+        print(f"byte {piece.at}{when}: {about['kind']}, application {about['application']}, count {about['count']}, "
+              f"{about['bytes']} bytes" + (f", {found.container or 'not decoded'}" if found else ""))
+        if found and found.reason:
+            print(f"  ! {printable(found.reason)}")
+        width = max((len(name) for name, _, _ in found.rows), default=0) if found else 0
+        for name, raw, value in found.rows if found else ():
+            unit = " ".join(database.units(name.partition(".")[0].partition("[")[0]))
+            shown = "no value" if value is None else str(_plain(value))
+            beside = f"  (raw {_plain(raw)})" if value is None or (raw != value and str(raw) != str(value)) else ""
+            print(printable(f"  {name:{width}}  {shown}{' ' + unit if unit else ''}{beside}"))
+
+    return show
+
+
+def _csv(database):
+    lines = csv.writer(sys.stdout, lineterminator="\n")
+    lines.writerow(["byte", "application", "count", "container", "field", "value", "raw"])
+
+    def show(piece, found):
+        about = _about(piece, found)
+        head = [about[key] for key in ("byte", "application", "count")]
+        for name, raw, value in found.rows if found else ():
+            lines.writerow([*head, found.container, name, _plain(value), _plain(raw)])
+        if not found or not found.rows:
+            lines.writerow([*head, found.container if found else "", "", "", ""])
+
+    return show
+
+
+def _json(database):
+    def show(piece, found):
+        fields = {"values": found.values, "raw": found.raw} if found else {}
+        print(json.dumps(_about(piece, found) | fields, default=_plain))
+
+    return show

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""fledge packets: captures, frames and packets one behind the other, with damage between them."""
+import binascii
+import csv
+import io
+import json
+import struct
+
+import pytest
+
+from fledge.cli import main
+from fledge.ground.captures import header, pieces
+
+XTCE = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
+  <IntegerParameterType name='u16'><IntegerDataEncoding sizeInBits='16'/></IntegerParameterType>
+  <FloatParameterType name='volt'><UnitSet><Unit>V</Unit></UnitSet><IntegerDataEncoding><DefaultCalibrator>
+    <PolynomialCalibrator><Term exponent='1' coefficient='0.5'/></PolynomialCalibrator></DefaultCalibrator>
+  </IntegerDataEncoding></FloatParameterType></ParameterTypeSet><ParameterSet>
+  <Parameter name='id' parameterTypeRef='u16'/><Parameter name='count' parameterTypeRef='u16'/>
+  <Parameter name='size' parameterTypeRef='u16'/><Parameter name='bus' parameterTypeRef='volt'/></ParameterSet>
+  <ContainerSet><SequenceContainer name='P' abstract='true'><EntryList><ParameterRefEntry parameterRef='id'/>
+    <ParameterRefEntry parameterRef='count'/><ParameterRefEntry parameterRef='size'/></EntryList></SequenceContainer>
+  <SequenceContainer name='Q'><EntryList><ParameterRefEntry parameterRef='bus'/></EntryList>
+    <BaseContainer containerRef='P'><RestrictionCriteria><Comparison parameterRef='id' value='5'/></RestrictionCriteria>
+    </BaseContainer></SequenceContainer></ContainerSet></TelemetryMetaData></SpaceSystem>"""
+
+
+def packet(count, content=b"\x14", application=5):
+    return struct.pack(">3H", application, 0xC000 | count, len(content) - 1) + content
+
+
+ALL = [packet(i, bytes([i + 1] * (1 + 3 * i))) for i in range(8)]
+
+
+def found(data, **options):
+    """(the packets, the places and texts of problems)"""
+    all_ = list(pieces(data, **options))
+    return [one.packet for one in all_ if not one.problem], [(one.at, one.problem) for one in all_ if one.problem]
+
+
+def test_packets_may_have_bytes_in_front_and_padding_behind():
+    assert found(b"".join(ALL)) == (ALL, [])
+    assert found(b"".join(b"mark" + one for one in ALL), skip=4) == (ALL, [])
+    assert found(b"".join(one + bytes(5) for one in ALL)) == (ALL, [])
+    assert found(b"") == ([], [])
+    assert header(ALL[3]) == (False, False, 5, 3, 3, 16)
+
+
+def test_reading_goes_on_behind_damage():
+    assert found(ALL[0] + b"\xff" * 9 + b"".join(ALL[1:])) == (ALL, [(7, "9 bytes are no packet")])
+    cut = b"".join(ALL)[:-1]
+    assert found(cut) == (ALL[:-1], [(len(cut) - len(ALL[-1]) + 1, f"{len(ALL[-1]) - 1} bytes are no packet")])
+
+
+def datagram(payload, version=4):
+    udp = struct.pack(">4H", 1234, 10015, 8 + len(payload), 0) + payload
+    if version == 6:
+        return bytes(12) + b"\x86\xdd" + struct.pack(">IHBB", 6 << 28, len(udp), 17, 64) + bytes(32) + udp
+    ip = struct.pack(">BBHHHBBHII", 0x45, 0, 20 + len(udp), 0, 0, 64, 17, 0, 0, 0)
+    return bytes(12) + b"\x81\x00\0\1\x08\x00" + ip + udp + b"\0\0"     # with a tag, and filled
+
+
+def pcap(frames, order="<", magic=0xA1B2C3D4, link=1):
+    return struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, 65535, link) + b"".join(
+        struct.pack(order + "4I", 100 + i, 7, len(one), len(one)) + one for i, one in enumerate(frames))
+
+
+def pcapng(frames, order="<"):
+    def block(kind, body):
+        body += bytes(-len(body) % 4)
+        return struct.pack(order + "2I", kind, len(body) + 12) + body + struct.pack(order + "I", len(body) + 12)
+
+    ticks = struct.pack(order + "2HB3x2H", 9, 1, 9, 0, 0)
+    return block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1)) + \
+        block(1, struct.pack(order + "HHI", 1, 0, 65535) + ticks) + b"".join(
+            block(6, struct.pack(order + "5I", 0, *divmod((100 + i) * 10**9 + 7, 2**32), len(one), len(one)) + one)
+            for i, one in enumerate(frames))
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_captures_of_a_network(order):
+    frames = [datagram(one, 4 + 2 * (i % 2)) for i, one in enumerate(ALL)]
+    for data, nanoseconds in [(pcap(frames, order), 7000), (pcap(frames, order, 0xA1B23C4D), 7),
+                              (pcapng(frames, order), 7)]:
+        assert found(data) == (ALL, [])
+        first = next(pieces(data))
+        assert first.time == 100 * 10**9 + nanoseconds and data[first.at:first.at + len(ALL[0])] == ALL[0]
+        whole, problems = found(data[:-20])
+        assert whole == ALL[:-1] and "the file ends within" in problems[0][1]
+    assert found(pcap(ALL, order, link=147)) == (ALL, [])
+    other = pcap([b"\0" * 60, *frames], order)
+    assert found(other) == (ALL, [(0, "1 packets of the network are no whole UDP datagrams: they are left out")])
+
+
+def frames_of(data, size=64, check=True):
+    """Frames of one virtual channel with all the packets."""
+    room = size - 6 - 2 * check
+    starts = [sum(map(len, ALL[:i])) for i in range(len(ALL))]
+    made = []
+    for i in range(0, len(data), room):
+        zone = data[i:i + room].ljust(room, b"\0") if i + room <= len(data) else \
+            data[i:] + packet(0, bytes(room - len(data[i:]) - 6), 0x7FF)
+        first = next((start - i for start in starts if i <= start < i + room), 0x7FF)
+        frame = struct.pack(">HBBH", 77 << 4, len(made), len(made), 3 << 11 | first) + zone
+        made.append(frame + struct.pack(">H", binascii.crc_hqx(frame, 0xFFFF)) * check)
+    return made
+
+
+def test_telemetry_frames():
+    for check in (True, False):
+        frames = frames_of(b"".join(ALL), check=check)
+        assert len(frames) > 2
+        assert found(b"".join(frames), frames=64) == (ALL, [])
+        assert found(b"".join(b"mark" + one for one in frames), frames=64, skip=4) == (ALL, [])
+        whole, problems = found(frames[0] + b"".join(frames[2:]), frames=64)
+        assert whole == [one for one in ALL if one in whole] and 0 < len(whole) < len(ALL)
+        assert problems == [(64, "1 frames of virtual channel 0 are missing in front of this one")]
+    frames = frames_of(b"".join(ALL))
+    frames[1] = frames[1][:20] + b"\xff" + frames[1][21:]
+    assert (64, "a frame is passed over: its CRC does not hold") in found(b"".join(frames), frames=64)[1]
+    assert found(b"".join(frames)[:-1], frames=64)[1][-1][1] == "the file ends within a frame"
+    assert "a frame has 13 to 2048 bytes" in found(b"x", frames=5)[1][0][1]
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "all.bin").write_bytes(ALL[0] + packet(9, application=6) + b"\xff\xff" + ALL[1] + ALL[2])
+    (tmp_path / "s.xml").write_text(XTCE, encoding="utf-8")
+
+
+def test_each_packet_is_printed_with_its_fields(files, capsys):
+    assert main(["packets", "all.bin", "--database", "s.xml"]) == 1
+    out, err = capsys.readouterr()
+    assert out.startswith("byte 0: telemetry, application 5, count 0, 7 bytes, /S/Q\n  id     5\n")
+    assert "  bus    0.5 V  (raw 1)\n" in out
+    assert "not decoded\n  ! no container that extends /S/P fits; the nearest, /S/Q, needs id == 5 (found 6)\n" in out
+    assert err == "fledge: all.bin, byte 14: 2 bytes are no packet\n"
+    assert main(["packets", "all.bin"]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "byte 26: telemetry, application 5, count 2, 13 bytes"
+
+
+def test_tables_and_json(files, capsys):
+    main(["packets", "all.bin", "--database", "s.xml", "--csv"])
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert rows[3] == {"byte": "0", "application": "5", "count": "0", "container": "/S/Q", "field": "bus",
+                       "value": "0.5", "raw": "1"}
+    main(["packets", "all.bin", "--database", "s.xml", "--json"])
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert lines[0]["values"] == {"id": 5, "count": 0xC000, "size": 0, "bus": 0.5} and lines[0]["reason"] is None
+    assert lines[1]["container"] is None and "found 6" in lines[1]["reason"]
+
+
+def test_bad_input_gets_one_line(files, capsys):
+    assert main(["packets", "absent.bin"]) == 2
+    assert main(["packets", "all.bin", "--database", "all.bin"]) == 2
+    assert main(["packets", "all.bin", "--skip", "-1"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 3

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The space packets of a file: a capture of a network, telemetry frames, or packets one behind the other.
+
+Captures are pcap and pcapng; each UDP datagram, or packet of a link that is a user's own, holds packets.
+"""
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import NamedTuple
+
+IDLE = 0x7FF
+PCAP = {b"\xd4\xc3\xb2\xa1": ("<", 10**3), b"\xa1\xb2\xc3\xd4": (">", 10**3), b"\x4d\x3c\xb2\xa1": ("<", 1),
+        b"\xa1\xb2\x3c\x4d": (">", 1)}      # byte order, and nanoseconds of a fraction
+PCAPNG = b"\x0a\x0d\x0d\x0a"
+MCAP = b"\x89MCAP0\r\n"
+NULL, ETHERNET, RAW_IP, LINUX, USER = 0, 1, {12, 14, 101, 228, 229}, 113, range(147, 163)     # kinds of links
+
+
+class Piece(NamedTuple):
+    """A packet, or a problem with the file."""
+
+    at: int                     # [bytes] into the file
+    packet: bytes
+    time: int | None = None     # [ns] since 1970, of a capture
+    problem: str = ""
+
+
+class Header(NamedTuple):
+    """What a packet says of itself."""
+
+    command: bool
+    secondary: bool
+    application: int
+    part: int                   # 3: whole
+    sequence: int
+    size: int                   # [bytes] of the whole packet
+
+
+def header(packet: bytes, at: int = 0) -> Header | None:
+    """The header of the packet that begins there; None: none does, or it has another version."""
+    if len(packet) < at + 7 or packet[at] >> 5:
+        return None
+    first, second, length = struct.unpack_from(">HHH", packet, at)
+    return Header(bool(first >> 12 & 1), bool(first >> 11 & 1), first & 0x7FF, second >> 14, second & 0x3FFF,
+                  length + 7)
+
+
+def pieces(data: bytes, skip: int = 0, frames: int = 0) -> Iterator[Piece]:
+    """All packets of a file, in its order. skip: [bytes] in front of each packet, or of each frame; frames: [bytes] of
+    a frame, 0: the file is none of frames."""
+    if frames:
+        from fledge import _ground
+
+        for at, packet, problem in _ground.packets_of_frames(data, frames, skip):
+            yield Piece(at, packet, None, problem)
+    elif data[:4] in PCAP:
+        yield from _datagrams(_pcap(data), skip)
+    elif data[:4] == PCAPNG:
+        yield from _datagrams(_pcapng(data), skip)
+    elif data[:8] == MCAP:
+        yield Piece(0, b"", None, "a record of a run: it holds values, and fledge convert writes them")
+    else:
+        yield from packets(data, skip)
+
+
+def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:
+    """Packets one behind the other, with what may stand between them. Behind damage, the next place at which two
+    headers follow one another, or one that reaches the end, begins the next packet."""
+    at = 0
+    while at < len(data):
+        one = _whole(data, at, skip)
+        if one is None:
+            found = next((i for i in range(at + 1, len(data)) if _follows(data, i, skip)), len(data))
+            padding = not any(data[at:found])
+            if not padding:
+                yield Piece(base + at, b"", time, f"{found - at} bytes are no packet")
+            at = found
+            continue
+        yield Piece(base + at + skip, data[at + skip:at + skip + one.size], time)
+        at += skip + one.size
+
+
+def _whole(data, at, skip):
+    one = header(data, at + skip)
+    padding = not any(data[at + skip:at + skip + 2]) and one and one.part != 3  # rather than a part for application 0
+    return one if one and not padding and at + skip + one.size <= len(data) else None
+
+
+def _follows(data, at, skip):
+    one = _whole(data, at, skip)
+    behind = at + skip + one.size if one else 0
+    return one is not None and (behind == len(data) or _whole(data, behind, skip) is not None
+                                or not any(data[behind:behind + skip + 6]))
+
+
+# --- captures --------------------------------------------------------------------------------------
+
+def _pcap(data):
+    """(place, time, kind of link, bytes) of each packet of the network, or (place, None, None, problem)."""
+    order, tick = PCAP[data[:4]]
+    if len(data) < 24:
+        yield len(data), None, None, "the file ends within its header"
+        return
+    link = struct.unpack_from(order + "I", data, 20)[0] & 0xFFFF
+    at = 24
+    while at < len(data):
+        if at + 16 > len(data):
+            yield at, None, None, "the file ends within a header"
+            return
+        seconds, part, n, _ = struct.unpack_from(order + "4I", data, at)
+        if at + 16 + n > len(data):
+            yield at, None, None, f"the file ends within a packet of {n} bytes"
+            return
+        yield at + 16, seconds * 10**9 + part * tick, link, data[at + 16:at + 16 + n]
+        at += 16 + n
+
+
+def _pcapng(data):
+    at, order = 0, "<"
+    links: list[tuple[int, int]] = []       # kind, ticks of a second
+    while at < len(data):
+        if data[at:at + 4] == PCAPNG:
+            order, links = (">" if data[at + 8:at + 12] == b"\x1a\x2b\x3c\x4d" else "<"), []
+        if at + 12 > len(data):
+            yield at, None, None, "the file ends within a block"
+            return
+        kind, n = struct.unpack_from(order + "2I", data, at)
+        body = data[at + 8:at + n - 4]
+        if n < 12 or n % 4 or at + n > len(data):
+            yield at, None, None, f"the file ends within a block of {n} bytes"
+            return
+        if kind == 1 and len(body) >= 8:        # a description of an interface
+            links.append((struct.unpack_from(order + "H", body)[0], _resolution(body[8:], order)))
+        elif kind == 6 and len(body) >= 20:     # a packet
+            interface, high, low, size, _ = struct.unpack_from(order + "5I", body)
+            if interface < len(links) and 20 + size <= len(body):
+                link, resolution = links[interface]
+                yield at + 28, (high << 32 | low) * 10**9 // resolution, link, body[20:20 + size]
+            else:
+                yield at, None, None, "a packet of an interface that is not described, or longer than its block"
+        elif kind == 3 and len(body) >= 4 and links:    # a simple packet, without a time
+            yield at + 12, None, links[0][0], body[4:4 + struct.unpack_from(order + "I", body)[0]]
+        at += n
+
+
+def _resolution(options, order):
+    """Ticks of a second."""
+    at = 0
+    while at + 4 <= len(options):
+        code, n = struct.unpack_from(order + "2H", options, at)
+        if code == 9 and n == 1 and at + 4 < len(options):
+            value = options[at + 4]
+            return 2 ** (value & 0x7F) if value & 0x80 else 10 ** value
+        at += 4 + (n + 3) // 4 * 4
+    return 10**6
+
+
+def _datagrams(captured, skip):
+    other = 0
+    for at, time, link, content in captured:
+        if link is None:
+            yield Piece(at, b"", None, content)
+            continue
+        place, payload = (0, content) if link in USER else _udp(content, link)
+        if place is None:
+            other += 1
+        else:
+            yield from packets(payload, skip, at + place, time)
+    if other:
+        yield Piece(0, b"", None, f"{other} packets of the network are no whole UDP datagrams: they are left out")
+
+
+def _udp(frame, link):
+    """(place, bytes) of the payload of a datagram; place None: it is none, or a fragment."""
+    if link == ETHERNET:
+        at = 12
+        while frame[at:at + 2] in (b"\x81\x00", b"\x88\xa8"):   # tags of virtual networks
+            at += 4
+        at = at + 2 if frame[at:at + 2] in (b"\x08\x00", b"\x86\xdd") else len(frame)
+    else:
+        at = 0 if link in RAW_IP else 4 if link == NULL else 16 if link == LINUX else len(frame)
+    ip = frame[at:]
+    if len(ip) >= 28 and ip[0] >> 4 == 4 and ip[9] == 17 and not int.from_bytes(ip[6:8], "big") & 0x3FFF:
+        head, end = 4 * (ip[0] & 15), int.from_bytes(ip[2:4], "big")
+    elif len(ip) >= 48 and ip[0] >> 4 == 6 and ip[6] == 17:
+        head, end = 40, 40 + int.from_bytes(ip[4:6], "big")
+    else:
+        return None, b""
+    udp = ip[head:end]
+    size = int.from_bytes(udp[4:6], "big")
+    return (at + head + 8, udp[8:size]) if 8 <= size <= len(udp) else (None, b"")
