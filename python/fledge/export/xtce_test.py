@@ -479,3 +479,31 @@ def test_the_link_of_cosmos_gives_a_command_what_is_missing(folder, tmp_path):
     expected = [ours.mode("rest"), ours.noop()] * 2
     expected[2:] = [Packets(found[0].dictionary, 0x4000).mode("rest"), Packets(found[0].dictionary, 1).noop()]
     assert [bytes.fromhex(line) for line in done.stdout.split()] == expected
+
+
+def test_the_database_of_the_ground_reads_flights_packets_by_this_file(tmp_path):
+    sim = fledge.load("nadir_spin")
+    text = written(sim)
+    path = tmp_path / "nadir_spin.xml"
+    path.write_text(text, encoding="utf-8")
+    database, reader = fledge.ground.Database.load(path), Reader(text)
+    assert database.notes == []
+    commands = sim.flight.commands
+    commands.take_packets()
+    commands.telemetry()
+    commands.telemetry("housekeeping", every=2)
+    sim.run(5 * fledge.units.s)
+    all_ = commands.take_packets()
+    assert len(all_) > 50
+    for one in all_:
+        found = database.decode(one.packet)
+        alias, values_ = reader.decode(one.packet, "flight_packet")
+        assert found.reason == "" and found.bits == 8 * len(one.packet)
+        assert reader.alias(reader.containers[found.container.rpartition("/")[2]]) == alias
+        assert {reader.alias(reader.parameters[name]): raw for name, raw, _ in found.rows} == pytest.approx(
+            values_, rel=0, abs=0, nan_ok=True)
+    raw = bytearray(database.encode("flight_write_control_K", K=3.0))     # its link fills in what follows
+    raw[4:6] = (len(raw) - 7).to_bytes(2, "big")
+    ours, = commands.packets.write("flight.control", K=3.0)
+    raw[2:4], raw[7] = ours[2:4], ours[7]
+    assert bytes(raw) == ours
