@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from pathlib import Path
 
 from fledge.errors import Failure, printable
 
@@ -23,7 +22,8 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one = command("packets", packets, "decode the packets of a capture",
                   "packets received.pcap --database craft.xml")
-    one.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), or packets one behind the other")
+    one.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), the record of a "
+                     "co-simulation's exchange, or packets one behind the other")
     one.add_argument("--database", metavar="XTCE", action="append", default=[],
                      help="what the packets are; several files may refer to one another. Without it, headers alone")
     one.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
@@ -36,7 +36,7 @@ def add(command: Callable) -> None:
 
 
 def packets(options: argparse.Namespace) -> int:
-    from fledge.ground.captures import pieces
+    from fledge.ground.captures import read
 
     if options.skip < 0 or options.frames < 0:
         raise Failure("packets: --skip and --frames are numbers of bytes, from 0 on")
@@ -48,7 +48,7 @@ def packets(options: argparse.Namespace) -> int:
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True
-    for piece in pieces(Path(options.file).read_bytes(), options.skip, options.frames):
+    for piece in read(options.file, options.skip, options.frames):
         if piece.problem:
             good = False
             print(f"fledge: {options.file}, byte {piece.at}: {piece.problem}", file=sys.stderr)

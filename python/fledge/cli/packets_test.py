@@ -8,8 +8,9 @@ import struct
 
 import pytest
 
+from fledge.archive.archive_test import Maker
 from fledge.cli import main
-from fledge.ground.captures import header, pieces
+from fledge.ground.captures import header, pieces, read
 
 XTCE = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
   <IntegerParameterType name='u16'><IntegerDataEncoding sizeInBits='16'/></IntegerParameterType>
@@ -120,6 +121,23 @@ def test_telemetry_frames():
     assert (64, "a frame is passed over: its CRC does not hold") in found(b"".join(frames), frames=64)[1]
     assert found(b"".join(frames)[:-1], frames=64)[1][-1][1] == "the file ends within a frame"
     assert "a frame has 13 to 2048 bytes" in found(b"x", frames=5)[1][0][1]
+
+
+def test_the_record_of_an_exchange_has_the_packets_of_its_queues(tmp_path):
+    maker = Maker(tmp_path / "exchange.mcap")
+    queues = [maker.channel(f"/flight/{name}", "fledge/Bytes", "uint32 n\nuint8[64] bytes\n") for name in "ab"]
+    other = maker.channel("/flight/rate", "fledge/Rate", "float64 rate\n")
+    for i, two in enumerate(zip(ALL[::2], ALL[1::2])):
+        whole = b"".join(two)
+        maker.message(other, 10 * i, i, struct.pack("<d", 1.5))
+        maker.message(queues[1 - i % 2], 10 * i, i, struct.pack("<I", len(whole)) + whole.ljust(64, b"\xff"))
+    maker.close()
+    all_ = list(read(maker.path))
+    assert [one.packet for one in all_] == ALL and [one.time for one in all_] == [0, 0, 10, 10, 20, 20, 30, 30]
+    maker = Maker(tmp_path / "run.mcap")
+    maker.message(maker.channel("/flight/rate", "fledge/Rate", "float64 rate\n"), 0, 0, struct.pack("<d", 1.5))
+    maker.close()
+    assert [one.problem for one in read(maker.path)] == ["a record without packets: fledge convert writes its values"]
 
 
 @pytest.fixture

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The space packets of a file: a capture of a network, telemetry frames, or packets one behind the other.
 
-Captures are pcap and pcapng; each UDP datagram, or packet of a link that is a user's own, holds packets.
+Captures are pcap and pcapng; each UDP datagram, or packet of a link that is a user's own, holds packets. So does each
+message of a queue of packets in the record of a co-simulation's exchange.
 """
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 IDLE = 0x7FF
@@ -22,7 +25,7 @@ class Piece(NamedTuple):
 
     at: int                     # [bytes] into the file
     packet: bytes
-    time: int | None = None     # [ns] since 1970, of a capture
+    time: int | None = None     # [ns] since 1970, of a capture; of a record: simulated
     problem: str = ""
 
 
@@ -58,10 +61,29 @@ def pieces(data: bytes, skip: int = 0, frames: int = 0) -> Iterator[Piece]:
         yield from _datagrams(_pcap(data), skip)
     elif data[:4] == PCAPNG:
         yield from _datagrams(_pcapng(data), skip)
-    elif data[:8] == MCAP:
-        yield Piece(0, b"", None, "a record of a run: it holds values, and fledge convert writes them")
     else:
         yield from packets(data, skip)
+
+
+def read(path: str | os.PathLike[str], skip: int = 0, frames: int = 0) -> Iterator[Piece]:
+    """The same of a file by its path, which may be the record of a co-simulation's exchange: it has the messages of
+    queues of packets, in the order of their times."""
+    data = Path(path).read_bytes()
+    yield from _recorded(path, skip) if data[:8] == MCAP else pieces(data, skip, frames)
+
+
+def _recorded(path, skip):
+    from fledge.archive import Archive
+
+    record = Archive(path)
+    found: list[tuple] = []
+    for topic, channel in record.topics.items():
+        if channel.problem is None and {"n", "bytes"} <= set(channel.fields):
+            found += zip(record.time_ns(topic).tolist(), channel._raw.offsets, record[topic])
+    for time, at, message in sorted(found, key=lambda one: one[:2]):
+        yield from packets(message["bytes"].tobytes()[:int(message["n"])], skip, at, time)
+    if record.problem or not found:
+        yield Piece(0, b"", None, record.problem or "a record without packets: fledge convert writes its values")
 
 
 def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:
