@@ -163,6 +163,7 @@ class Struct:
     path: str                   # of the header, for messages to people
     line: int
     library: str = ""           # empty: declared outside the folders that were asked for
+    service: bool = False       # a module with a CommandService
 
     @property
     def folder(self) -> str:

@@ -74,6 +74,7 @@ class _Reader:
         self._declarations = [c for c in self._unit.cursor.get_children() if libclang.file_of(c)]
         self._typedefs = self._by_name(CursorKind.TYPEDEF_DECL)
         self._functions = self._by_name(CursorKind.FUNCTION_DECL)
+        self._variables = self._by_name(CursorKind.VAR_DECL)
         self._structs: dict[str, Struct] = {}
         self._enums: dict[str, Enumeration] = {}
         # By struct: its problems, and the structs of its members.
@@ -165,6 +166,7 @@ class _Reader:
                         self._headers.library(file))
         if kind is Kind.MODULE:
             self._check_prototypes(cursor, struct)
+            struct = replace(struct, service=f"{struct.snake_name}_service" in self._variables)
         self._problems[name] += rules.check(struct, complete=name not in self._incomplete)
         self._reading.pop()
         self._structs[name] = struct

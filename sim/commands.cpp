@@ -75,6 +75,27 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     };
     procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};
     table_.procedures = &procedures_;
+    for (const auto &one : process.instances()) {
+        if (const CommandService *service = one->type().service) {
+            services_.push_back(service);
+            service_modules_.push_back(one.get());
+        }
+    }
+    table_of_services_ = {services_.data(),
+                          static_cast<std::uint32_t>(services_.size()),
+                          [](void *c, std::uint32_t place) -> void * {
+                              return static_cast<Commands *>(c)->service_modules_[place]->memory();
+                          },
+                          [](const void *c, std::uint16_t place, std::uint32_t *size) -> const void * {
+                              const auto &me = *static_cast<const Commands *>(c);
+                              const Dictionary::Output &one = me.dictionary_->outputs[place];
+                              *size = one.size;
+                              return me.process_.find(one.instance)->memory() + one.offset;
+                          },
+                          command_service_check,
+                          command_service_execute,
+                          command_service_run};
+    table_.services = services_.empty() ? nullptr : &table_of_services_;
     begin();
 }
 
@@ -112,6 +133,16 @@ void Commands::accept_script(Ns t, Ns last)
 Ns Commands::scripted() const
 {
     return place_ < process_.script().size() ? process_.script()[place_].after : Runtime::never;
+}
+
+Ns Commands::next(Ns now) const
+{
+    Ns after = state_.waiting > 0 ? now : scripted();
+    for (std::size_t i = 0; i < services_.size(); i++) {
+        const Ns due = services_[i]->next(service_modules_[i]->memory());
+        after = due == Runtime::never ? after : std::min(after, due - 1);
+    }
+    return std::max(after, now);
 }
 
 void Commands::find_place(Ns t)

@@ -24,8 +24,8 @@ public:
     void forget(); ///< as the computer's reset does: what waits is lost, the script goes on
     /// Accept what the script has for the instant t; `last` is the one before it.
     void accept_script(Ns t, Ns last);
-    /// The time after which the next command of the script comes; never if there is none.
-    Ns scripted() const;
+    /// The time after which the process' next instant executes something; never: as things stand, none does.
+    Ns next(Ns now) const;
     /// The instant t is the last one that has run.
     void find_place(Ns t);
     CommandReason accept(const std::vector<std::uint8_t> &packet, Ns last); ///< after the instant `last`
@@ -35,7 +35,6 @@ public:
     bool run_procedure(Ns t);
     CommandReason enter(std::uint16_t mode) { return command_enter(&context_, mode); } ///< of a procedure
 
-    bool waiting() const { return state_.waiting > 0; }
     /// Whether telemetry is on that counts flight's instants, of all of its tasks.
     bool counts_instants() const { return rates_[0].on != 0; }
     /// At the end of flight's instant t: send the telemetry that is due.
@@ -51,6 +50,7 @@ public:
     void visit_state(const std::function<void(void *, std::size_t)> &block);
 
 private:
+    Ns scripted() const; ///< after which the next command of the script comes; never if there is none
     static CommandReason start(const CommandContext *context, std::uint16_t slot, std::uint32_t n, std::uint32_t turns);
     static CommandReason stop(const CommandContext *context, std::uint16_t slot);
     void end_procedure(Ns t, bool killed, const std::string &why);
@@ -66,6 +66,9 @@ private:
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<CommandBlock> blocks_;
     std::vector<std::uint8_t> staged_, queue_;
+    std::vector<const CommandService *> services_;
+    std::vector<Instance *> service_modules_;
+    CommandServices table_of_services_{};
     CommandTable table_{};
     CommandState state_{};
     static constexpr std::uint16_t slots = 2;        // as targets/micropython/procedure.c has

@@ -482,16 +482,17 @@ void Runtime::take_parameters()
             continue;
         }
         one.refresh();
+        changes_ = true;
         for (Configuration &module : configuration_) {
             if (module.instance == one.instance && now < 0) {
                 publish(module, 0);
             } else if (module.instance == one.instance) {
                 module.changed = module.process->publishes = 1;
-                changes_ = true;
             }
         }
         one.see();
     }
+    next = next_instant();
 }
 
 void Runtime::ready_for(Ns t, bool same_parameters)
@@ -554,6 +555,8 @@ void Runtime::event_added(const Process &process)
 void Runtime::set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary)
 {
     of(process).commands = std::make_unique<Commands>(*this, process, std::move(dictionary));
+    changes_ = true;
+    next = next_instant();
 }
 
 /// The last instant until t at which a target's clock ticks: on the grids of all tasks; -1: none.
@@ -584,9 +587,7 @@ inline Ns Runtime::next_of(const RunTask &task) const
     const RunProcess &process = *task.process;
     Ns commanded = process.reset ? time() : never; // at which a target ticks, whatever its mode
     if (process.commands && !process.reset) {
-        commanded = process.commands->waiting() || process.commands->counts_instants()
-                        ? time()
-                        : std::max(process.commands->scripted(), time());
+        commanded = process.commands->counts_instants() ? time() : process.commands->next(time());
     }
     const bool asked = process.asked != process.mode && task.runs_in[static_cast<std::size_t>(process.asked)];
     return std::min(exec_next(&task.state, task.rate, asked, time()),
@@ -607,7 +608,7 @@ Ns Runtime::next_instant() const
 /// processes. Called when the process' turn comes, so that the processes before it still see it as it was.
 void Runtime::make_changes(RunProcess &process, Ns t)
 {
-    const bool commanded = process.commands && (process.commands->waiting() || process.commands->scripted() < t);
+    const bool commanded = process.commands && process.commands->next(t - 1) < t;
     if (process.asked == process.mode && !process.publishes && !commanded) {
         return;
     }
@@ -867,9 +868,9 @@ void Runtime::instant()
     }
     end_turn();
     if (changes_) {
-        changes_ = std::any_of(processes_.begin(), processes_.end(), [](const RunProcess &process) {
+        changes_ = std::any_of(processes_.begin(), processes_.end(), [t](const RunProcess &process) {
             return process.asked != process.mode || process.publishes ||
-                   (process.commands && (process.commands->waiting() || process.commands->scripted() < never));
+                   (process.commands && process.commands->next(t) < never);
         });
     }
     if (now < 0) {

@@ -15,7 +15,7 @@ extern "C" {
 #endif
 
 /** Changes whenever a struct below does; a library built with another one is refused. */
-#define FLEDGE_TABLE_VERSION 2u
+#define FLEDGE_TABLE_VERSION 3u
 
 #define FLEDGE_DIMS_MAX 4
 
@@ -39,6 +39,7 @@ enum {
 };
 
 struct FledgeStruct;
+struct CommandService;
 
 typedef struct FledgeEnumerator {
     const char *name;
@@ -96,6 +97,7 @@ typedef struct FledgeStruct {
     /* Modules: the C functions, as void (*)(T *) and void (*)(T *, Tick). Models: NULL. */
     void (*reset)(void);
     void (*update)(void);
+    const struct CommandService *service; /* of a module that commands need (flight/command/command.h); else NULL */
 } FledgeStruct;
 
 typedef struct FledgeLibrary {

@@ -44,7 +44,8 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 
 static int has_length(uint32_t code, uint32_t n)
 {
-    static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u, 0u, 14u, 12u, 10u, 14u, 18u, 16u, 0u, 22u, 12u, 0u};
+    static const uint8_t lengths[COMMAND_CODES] = {8u,  8u, 12u, 0u,  0u, 14u, 12u, 10u, 14u, 18u,
+                                                   16u, 0u, 22u, 12u, 0u, 0u,  14u, 16u, 12u};
     return lengths[code] != 0u ? n == lengths[code] : n > (uint32_t)COMMAND_DATA && n <= (uint32_t)COMMAND_MAX;
 }
 
@@ -97,8 +98,8 @@ static CommandReason check_procedure(const CommandProcedures *procedures, uint32
     }
 }
 
-/* What does not depend on the commands before it. */
-static CommandReason check(const CommandTable *table, const uint8_t *packet, uint32_t n)
+/* What does not depend on the commands before it. stream: on which it should have come. */
+static CommandReason check(const CommandTable *table, uint32_t stream, const uint8_t *packet, uint32_t n)
 {
     uint8_t sum = 0u;
     if (n < (uint32_t)COMMAND_HEADER || n != length_of(packet)) {
@@ -111,7 +112,7 @@ static CommandReason check(const CommandTable *table, const uint8_t *packet, uin
     if (sum != 0xFFu) {
         return COMMAND_CHECKSUM;
     }
-    if (word(packet, 0) != table->stream || (word(packet, 2) & 0xC000u) != 0xC000u) {
+    if (word(packet, 0) != stream || (word(packet, 2) & 0xC000u) != 0xC000u) {
         return COMMAND_STREAM;
     }
     if (code >= (uint32_t)COMMAND_CODES) {
@@ -142,6 +143,10 @@ static CommandReason check(const CommandTable *table, const uint8_t *packet, uin
     case COMMAND_START_PROCEDURE:
     case COMMAND_STOP_PROCEDURE:
     case COMMAND_EVALUATE: return check_procedure(table->procedures, code, packet, n);
+    case COMMAND_STORE:
+    case COMMAND_DELETE:
+    case COMMAND_CONTROL:
+    case COMMAND_LIST: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
     default: return COMMAND_OK;
     }
 }
@@ -178,10 +183,10 @@ static int is_ahead(const CommandLink *link, uint16_t sequence)
     return link->begun == 0u || (by > 0u && by <= SEQUENCES / 2u);
 }
 
-CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
-                             uint32_t n, CommandSink sink, void *user)
+static CommandReason accept(CommandState *s, const CommandTable *table, uint32_t stream, CommandLink *link,
+                            const uint8_t *packet, uint32_t n, CommandSink sink, void *user)
 {
-    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)check(table, packet, n), 0u, 0u, {0u, 0u}};
+    CommandReport report = {s->t, 0u, 0u, 0u, (uint16_t)check(table, stream, packet, n), 0u, 0u, s->from, 0u};
     if (n >= (uint32_t)COMMAND_HEADER) {
         report.sequence = word(packet, 2) & SEQUENCES;
         report.code = packet[6];
@@ -203,6 +208,12 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, Command
     }
     finish(s, &report, packet, sink, user);
     return (CommandReason)report.reason;
+}
+
+CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
+                             uint32_t n, CommandSink sink, void *user)
+{
+    return accept(s, table, table->stream, link, packet, n, sink, user);
 }
 
 /* ---- execution */
@@ -375,17 +386,23 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
         reason = table->procedures->evaluate(&context, packet + COMMAND_DATA,
                                              length_of(packet) - (uint32_t)COMMAND_DATA, offset_of(packet));
         break;
+    case COMMAND_STORE:
+    case COMMAND_DELETE:
+    case COMMAND_CONTROL:
+    case COMMAND_LIST: reason = table->services->execute(&context, packet, report, data); break;
     default: break;
     }
     return reason;
 }
 
-void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink, void *user)
+/* Execute what waits. */
+static void execute_queue(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink,
+                          void *user)
 {
     uint8_t data[COMMAND_DATA_MAX];
     for (uint32_t at = 0u; at < s->waiting; at += length_of(table->queue + at)) {
         const uint8_t *packet = table->queue + at;
-        CommandReport report = {t, word(packet, 2) & SEQUENCES, packet[6], 1u, COMMAND_OK, 0u, 0u, {0u, 0u}};
+        CommandReport report = {t, word(packet, 2) & SEQUENCES, packet[6], 1u, COMMAND_OK, 0u, 0u, s->from, 0u};
         report.reason = (uint16_t)execute(s, table, mission, packet, &report, data);
         finish(s, &report, data, sink, user);
         if (report.code == COMMAND_RESET_COUNTERS) {
@@ -393,5 +410,83 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
         }
     }
     s->waiting = 0u;
+}
+
+void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink, void *user)
+{
+    execute_queue(s, table, mission, t, sink, user);
     s->t = t;
+    if (table->services != NULL) {
+        const CommandContext context = {s, table, mission, t, 0u};
+        table->services->run(&context, sink, user);
+    }
+}
+
+/* ---- services */
+
+/* The place of the service of a function code; n: there is none. */
+static uint32_t service_of(const CommandServices *services, uint32_t code)
+{
+    uint32_t i = 0u;
+    while (i < services->n &&
+           (code < services->list[i]->first || code - services->list[i]->first >= services->list[i]->n)) {
+        i++;
+    }
+    return i;
+}
+
+CommandReason command_service_check(const CommandTable *table, const uint8_t *packet, uint32_t n)
+{
+    const uint32_t place = service_of(table->services, packet[6]);
+    return place < table->services->n ? table->services->list[place]->check(packet, n) : COMMAND_ABSENT;
+}
+
+CommandReason command_service_execute(const CommandContext *context, const uint8_t *packet, CommandReport *report,
+                                      uint8_t *data)
+{
+    const CommandServices *services = context->table->services;
+    const uint32_t place = service_of(services, packet[6]);
+    if (packet[6] == (uint8_t)COMMAND_STORE) {
+        const CommandReason reason = check(context->table, word(packet, 0), packet + COMMAND_STORED,
+                                           length_of(packet) - (uint32_t)COMMAND_STORED);
+        if (reason != COMMAND_OK) {
+            return reason;
+        }
+    }
+    return services->list[place]->execute(context, services->module(context->mission, place), packet, report, data);
+}
+
+/* Execute what a service has; `left`: how many commands this instant may still have. Returns what is left then. */
+static uint32_t run_service(const CommandContext *context, uint32_t place, uint32_t left, CommandSink sink, void *user)
+{
+    const CommandTable *table = context->table;
+    CommandState *s = context->state;
+    void *module = table->services->module(context->mission, place);
+    uint8_t packet[COMMAND_STORED_MAX];
+    for (; left > 0u; left--) {
+        CommandReport report = {context->t, 0u, 0u, 1u, COMMAND_OK, 0u, 0u, 0u, 0u};
+        const uint32_t n = table->services->list[place]->take(context, module, packet, &report);
+        if (n == 0u) {
+            break;
+        }
+        s->from = report.from;
+        if (report.reason == COMMAND_OK) {
+            (void)accept(s, table, word(packet, 0), NULL, packet, n, sink, user); /* a link has checked its stream */
+            execute_queue(s, table, context->mission, context->t, sink, user);
+        } else {
+            report.sequence = word(packet, 2) & SEQUENCES;
+            report.code = packet[6];
+            finish(s, &report, packet, sink, user);
+        }
+        s->from = 0u;
+    }
+    return left;
+}
+
+void command_service_run(const CommandContext *context, CommandSink sink, void *user)
+{
+    uint32_t left = (uint32_t)COMMAND_AT_ONCE;
+    for (uint32_t i = 0u; i < context->table->services->n; i++) {
+        left = run_service(context, i, left, sink, user);
+    }
 }

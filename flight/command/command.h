@@ -54,6 +54,10 @@ typedef enum CommandCode {
     COMMAND_START_PROCEDURE = 12, ///< slot, length, command_crc of the procedure, turns in one instant
     COMMAND_STOP_PROCEDURE = 13,  ///< slot
     COMMAND_EVALUATE = 14,        ///< 0, turns, a line of text for the interpreter
+    COMMAND_STORE = 15,           ///< command_crc of what follows: list, step, time (64 bits), a command to be stored
+    COMMAND_DELETE = 16,          ///< list or COMMAND_ALL, step or COMMAND_ALL
+    COMMAND_CONTROL = 17,         ///< list or COMMAND_ALL, ListAction, to start: command_crc of the list's report, or 0
+    COMMAND_LIST = 18,            ///< list: the report of the execution has 16 bytes of each of its commands
     COMMAND_CODES
 } CommandCode;
 
@@ -73,19 +77,36 @@ typedef enum CommandReason {
     COMMAND_BUSY = 10,       ///< the commands that wait for the next instant leave no room
     COMMAND_NOT_STAGED = 11, ///< a commit without a stage, or of another module
     COMMAND_CRC = 12,        ///< what is staged is not what the commit or the start names
-    COMMAND_ABSENT = 13,     ///< this flight software has no interpreter, or none that evaluates text
-    COMMAND_RUNNING = 14,    ///< a procedure runs already; of a stop: that of the slot does not run
-    COMMAND_BYTECODE = 15,   ///< the procedure is not bytecode for this interpreter
-    COMMAND_FAILED = 16,     ///< the text was not evaluated to its end; a text of telemetry says why
-    COMMAND_SEQUENCE = 17,   ///< it came before, or later than one behind it; detail: the last sequence accepted
+    COMMAND_ABSENT = 13,  ///< this flight software has no interpreter, or none that evaluates text, or not this service
+    COMMAND_RUNNING = 14, ///< a procedure or a list runs, stands or is held already
+    COMMAND_BYTECODE = 15,  ///< the procedure is not bytecode for this interpreter
+    COMMAND_FAILED = 16,    ///< the text was not evaluated to its end; a text of telemetry says why
+    COMMAND_SEQUENCE = 17,  ///< it came before, or later than one behind it; detail: the last sequence accepted
+    COMMAND_LATE = 18,      ///< a stored command came due too long ago
+    COMMAND_INHIBITED = 19, ///< its list is inhibited
     COMMAND_REASONS
 } CommandReason;
+
+/** What COMMAND_CONTROL does with a list of stored commands. */
+typedef enum ListAction {
+    LIST_START = 0, ///< a sequence
+    LIST_STOP = 1,
+    LIST_HOLD = 2,    ///< nothing comes due, a sequence's time stands
+    LIST_RELEASE = 3, ///< from there on
+    LIST_INHIBIT = 4, ///< what comes due is not executed
+    LIST_ALLOW = 5
+} ListAction;
 
 enum {
     COMMAND_HEADER = 8,     ///< [bytes]
     COMMAND_DATA = 16,      ///< [bytes] in front of parameters, bytecode and text
     COMMAND_DATA_MAX = 512, ///< [bytes] of them in one command or report
     COMMAND_MAX = COMMAND_DATA + COMMAND_DATA_MAX,
+    COMMAND_STORED = 24,      ///< [bytes] in front of a command to be stored
+    COMMAND_STORED_MAX = 112, ///< [bytes] of one
+    COMMAND_AT_ONCE = 4,      ///< stored commands of one instant
+    COMMAND_OF_LIST = 1,      ///< in reports
+    COMMAND_OF_MONITOR = 32,
     COMMAND_RECENT = 16, ///< reports that the state keeps for records
     COMMAND_ALL = 0xFFFF
 };
@@ -124,6 +145,40 @@ typedef struct CommandProcedures {
     CommandReason (*evaluate)(const CommandContext *context, const uint8_t *text, uint32_t n, uint32_t turns);
 } CommandProcedures;
 
+struct CommandReport;
+
+/** How flight drives a module that commands need, a service. Such a module's header declares one, by the name
+ *  MODULE_service; a process has one module of a kind. Its memory is the mission's, and its update is that of any
+ *  module. */
+typedef struct CommandService {
+    uint16_t first, n; ///< its function codes
+    /** As a command is accepted, whose length and version are right. */
+    CommandReason (*check)(const uint8_t *packet, uint32_t n);
+    /** As a command is executed; data: for the n bytes of a report. */
+    CommandReason (*execute)(const CommandContext *context, void *module, const uint8_t *packet,
+                             struct CommandReport *report, uint8_t *data);
+    /** At an instant, after the commands of the ground: take the next command that the module has for flight, and
+     *  return its length; 0: there is none. report: reason: why it is not to be executed; from. */
+    uint32_t (*take)(const CommandContext *context, void *module, uint8_t *packet, struct CommandReport *report);
+    /** [ns] when it will have one, as things stand; INT64_MAX: never. */
+    int64_t (*next)(const void *module);
+} CommandService;
+
+/** Those of a process. The last three are the functions below: the table names them, so that flight software without
+ *  services does not link them. */
+typedef struct CommandServices {
+    const CommandService *const *list;
+    uint32_t n;
+    void *(*module)(void *mission, uint32_t place); ///< of a service
+    /** One of n_outputs, and its size. */
+    const void *(*output)(const void *mission, uint16_t place, uint32_t *size);
+    CommandReason (*check)(const struct CommandTable *table, const uint8_t *packet, uint32_t n);
+    CommandReason (*execute)(const CommandContext *context, const uint8_t *packet, struct CommandReport *report,
+                             uint8_t *data);
+    void (*run)(const CommandContext *context, void (*sink)(void *, const struct CommandReport *, const uint8_t *),
+                void *user);
+} CommandServices;
+
 /** A mission's dictionary, as `fledge export` writes it and the desktop makes it, and the functions of what they
  *  command. `mission` is the host's own. */
 typedef struct CommandTable {
@@ -141,6 +196,7 @@ typedef struct CommandTable {
     void (*reset)(void *mission, int64_t t);
     void (*telemetry)(void *mission, uint16_t output, int on, uint16_t every);
     const CommandProcedures *procedures; ///< NULL: none
+    const CommandServices *services;     ///< NULL: none
 } CommandTable;
 
 typedef struct CommandCounters {
@@ -152,14 +208,16 @@ typedef struct CommandCounters {
 
 /** What was done with a command. */
 typedef struct CommandReport {
-    int64_t t;         ///< [ns] the instant of execution; of acceptance: the last instant before, -1: none
+    int64_t t;         ///< [ns] the instant of execution; of acceptance: the last instant before, -1: none; of what was
+                       ///< stored: its own
     uint16_t sequence; ///< of the command, 14 bits
     uint16_t code;     ///< its function code
     uint16_t executed; ///< 0: about its acceptance; 1: about its execution
     uint16_t reason;   ///< CommandReason
     uint16_t detail;   ///< of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
     uint16_t n;        ///< [bytes] read back
-    uint16_t spare[2];
+    uint16_t from;     ///< COMMAND_OF_LIST + its list, COMMAND_OF_MONITOR + its place; 0: from elsewhere
+    uint16_t spare;
 } CommandReport;
 
 typedef void (*CommandSink)(void *user, const CommandReport *report, const uint8_t *data);
@@ -176,9 +234,9 @@ typedef struct CommandLink {
 typedef struct CommandState {
     int64_t t; ///< [ns] the last instant; -1: none
     CommandCounters counters;
-    uint32_t waiting; ///< [bytes] in the queue
-    uint16_t staging; ///< the module that is staged, plus 1; 0: none
-    uint16_t spare;
+    uint32_t waiting;                     ///< [bytes] in the queue
+    uint16_t staging;                     ///< the module that is staged, plus 1; 0: none
+    uint16_t from;                        ///< of the reports that are made now
     CommandLink ground;                   ///< of a host with one link
     uint32_t reported;                    ///< how many reports there were
     CommandReport recent[COMMAND_RECENT]; ///< report i, the first is 0, at i modulo COMMAND_RECENT
@@ -192,7 +250,8 @@ void command_begin(CommandState *s);
 CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
                              uint32_t n, CommandSink sink, void *user);
 
-/** At the beginning of flight's instant t: execute what was accepted, in order, and report each. */
+/** At the beginning of flight's instant t: execute what was accepted, in order, then what services have, and report
+ *  each. */
 void command_execute(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink sink,
                      void *user);
 
@@ -201,6 +260,12 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
 CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
                             uint32_t n, uint16_t *detail);
 CommandReason command_enter(const CommandContext *context, uint16_t mode);
+
+/** What flight/command does for services: the last members of CommandServices. */
+CommandReason command_service_check(const CommandTable *table, const uint8_t *packet, uint32_t n);
+CommandReason command_service_execute(const CommandContext *context, const uint8_t *packet, CommandReport *report,
+                                      uint8_t *data);
+void command_service_run(const CommandContext *context, CommandSink sink, void *user);
 
 /** CRC-16-CCITT (as of CCSDS 131.0-B, from 0xFFFF) of a block with big-endian numbers. */
 uint16_t command_crc(const uint8_t *bytes, uint32_t n);

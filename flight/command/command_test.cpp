@@ -103,7 +103,8 @@ CommandTable table = {
     [](void *m, uint16_t output, int on, uint16_t every) {
         note(m, "telemetry " + std::to_string(output) + " " + std::to_string(on) + " " + std::to_string(every));
     },
-    &procedures};
+    &procedures,
+    nullptr};
 
 /// A packet with a good header around these bytes, by the layout in command.h.
 Bytes packet(uint8_t code, const Bytes &rest, uint16_t stream = 0x1855, uint16_t sequence = 7)
@@ -472,7 +473,8 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     for (const uint8_t bits : {0x40, 0x80, 0xC0}) { // neither bit of its flags may miss
         refused(COMMAND_STREAM, on(on(mode, 2, bits), 7, bits), "a part of a packet");
     }
-    refused(COMMAND_UNKNOWN, packet(15, version), "no such code");
+    refused(COMMAND_UNKNOWN, packet(19, version), "no such code");
+    refused(COMMAND_ABSENT, packet(18, version + Bytes{0, 1}), "of a service that is not there");
     refused(COMMAND_VERSION, packet(2, {0xAB, 0xCE, 0, 1}), "another version");
     refused(COMMAND_PLACE, packet(2, version + Bytes{0, 2}), "no such mode");
     refused(COMMAND_PLACE, packet(8, version + Bytes{0, 2, 0, 1}), "no such event");

@@ -155,11 +155,11 @@ TEST_F(Telemetry, HousekeepingHasTheCountersAndTheMode)
 TEST_F(Telemetry, AReportHasTheBytesThatWereReadBack)
 {
     const uint8_t data[] = {1, 2, 3};
-    const CommandReport report = {-1, 9, COMMAND_READ, 1, COMMAND_OK, 0, 3, {0, 0}};
+    const CommandReport report = {-1, 9, COMMAND_READ, 1, COMMAND_OK, 0, 3, 2, 0};
     telemetry_report(&table, &report, data, sink, this);
     EXPECT_EQ(packets.at(0)[1], 0x91);
     const Packet expected{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0, 9, 0, 9, 0, 1,
-                          0,    0,    0,    0,    0,    3,    0,    0,    0, 0, 1, 2, 3};
+                          0,    0,    0,    0,    0,    3,    0,    2,    0, 0, 1, 2, 3};
     EXPECT_EQ(Packet(packets[0].begin() + 16, packets[0].end()), expected);
     telemetry_native(&table, packet);
     EXPECT_EQ(std::memcmp(packet + 16, &report, sizeof report), 0);

@@ -64,7 +64,8 @@ class CStruct(ctypes.Structure):
                 ("folder", ctypes.c_char_p), ("kind", ctypes.c_int), ("size", ctypes.c_uint32),
                 ("align", ctypes.c_uint32), ("hash", ctypes.c_uint64), ("n", ctypes.c_uint32),
                 ("fields", ctypes.POINTER(CField)), ("schema", ctypes.c_char_p),
-                ("reset", ctypes.c_void_p), ("update", ctypes.c_void_p)]
+                ("reset", ctypes.c_void_p), ("update", ctypes.c_void_p),
+                ("service", ctypes.c_void_p)]
 
 
 class CLibrary(ctypes.Structure):
@@ -86,7 +87,7 @@ def link(model, folder, includes):
     stubs = "".join(f'#include "{s.header}"\n' for s in modules) + "".join(
         f"void {s.snake_name}_reset({s.name} *m)\n{{\n    (void)m;\n}}\n"
         f"void {s.snake_name}_update({s.name} *m, Tick t)\n{{\n    (void)m;\n    (void)t;\n}}\n"
-        for s in modules)
+        + f"const CommandService {s.snake_name}_service = {{0}};\n" * s.service for s in modules)
     foreign = '#include "sim/table.h"\n' + "".join(
         f"extern const FledgeStruct fledge_struct_{s.name};\n"
         f"const FledgeStruct fledge_struct_{s.name} = {{.size = {s.size}u}};\n"
@@ -135,7 +136,7 @@ def compare_field(c, f, so):
 
 def compare_library(so, library):
     c_library = CLibrary.in_dll(so, f"fledge_library_{library.name}")
-    assert (c_library.version, text(c_library.name)) == (2, library.name)
+    assert (c_library.version, text(c_library.name)) == (3, library.name)
     assert c_library.n == len(library.structs)
     for pointer, s in zip(c_library.structs[:c_library.n], library.structs):
         c = pointer.contents
@@ -149,6 +150,8 @@ def compare_library(so, library):
             function = getattr(so, f"{s.snake_name}_{verb}") if s.kind is Kind.MODULE else None
             assert getattr(c, verb) == (ctypes.cast(function, ctypes.c_void_p).value
                                         if function else None)
+        service = ctypes.c_char.in_dll(so, f"{s.snake_name}_service") if s.service else None
+        assert c.service == (ctypes.addressof(service) if service is not None else None)
         assert c.n == len(s.fields)
         for c_field, f in zip(c.fields[:c.n], s.fields):
             compare_field(c_field, f, so)

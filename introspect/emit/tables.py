@@ -67,6 +67,7 @@ def _struct(s: Struct) -> str:
     if s.kind is Kind.MODULE:
         members += [(verb, f"(void (*)(void)){s.snake_name}_{verb}")
                     for verb in ("reset", "update")]
+        members += [("service", f"&{s.snake_name}_service")] * s.service
     return (f"\nstatic const FledgeField fields_{s.name}[] = {{\n"
             + "".join(_field(f) for f in s.fields) + "};\n"
             f"\nconst FledgeStruct fledge_struct_{s.name} = {{\n"

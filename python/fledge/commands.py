@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import binascii
 import json
+import re
 import struct as packing
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field as with_default
@@ -34,6 +35,9 @@ COMMAND_MAX = HEADER + DATA_MAX
 REPORT_LEAST = HEADER + 24               # with a CommandReport or a TelemetryText
 ALL = 0xFFFF                             # all outputs
 TURNS = 10_000                           # of a procedure in one instant, unless the caller says
+LARGEST = 1e100                          # of a parameter
+STORED_MAX = 112                         # [bytes] of a command that is stored on board
+LISTS = 16                               # of stored commands: 0 has those of absolute times, the others are sequences
 
 
 class Code(IntEnum):
@@ -53,6 +57,20 @@ class Code(IntEnum):
     START_PROCEDURE = 12
     STOP_PROCEDURE = 13
     EVALUATE = 14
+    STORE = 15
+    DELETE = 16
+    CONTROL = 17
+    LIST = 18
+
+
+class Action(IntEnum):
+    """What Code.CONTROL does with a list of stored commands."""
+    START = 0
+    STOP = 1
+    HOLD = 2
+    RELEASE = 3
+    INHIBIT = 4
+    ALLOW = 5
 
 
 class Reason(IntEnum):
@@ -75,6 +93,8 @@ class Reason(IntEnum):
     BYTECODE = 15
     FAILED = 16
     SEQUENCE = 17
+    LATE = 18
+    INHIBITED = 19
 
 
 WHY = {
@@ -86,11 +106,12 @@ WHY = {
     Reason.INITIAL: "an initial value counts only before flight's first instant",
     Reason.BUSY: "the commands that wait for the next instant leave no room",
     Reason.NOT_STAGED: "nothing of this module is staged", Reason.CRC: "what is staged is not what it names",
-    Reason.ABSENT: "this flight software has no interpreter, or none that evaluates text",
-    Reason.RUNNING: "a procedure runs already, or the one to be stopped does not run",
+    Reason.ABSENT: "this flight software has no interpreter, none that evaluates text, or no stored commands",
+    Reason.RUNNING: "a procedure or list runs, stands or is held already",
     Reason.BYTECODE: "the procedure is no bytecode for this interpreter",
     Reason.FAILED: "the text was not evaluated to its end",
-    Reason.SEQUENCE: "it came before, or a later one did"}
+    Reason.SEQUENCE: "it came before, or a later one did", Reason.LATE: "it was stored and came due too long ago",
+    Reason.INHIBITED: "its list is inhibited"}
 
 
 class Kind(IntEnum):
@@ -113,7 +134,9 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.TELEMETRY: ["version", "output", "on", "every"],
     Code.STAGE_PROCEDURE: ["version", "slot", "offset", "bytes"],
     Code.START_PROCEDURE: ["version", "slot", "length", "crc", "turns"], Code.STOP_PROCEDURE: ["version", "slot"],
-    Code.EVALUATE: ["version", "zero", "turns", "bytes"]}
+    Code.EVALUATE: ["version", "zero", "turns", "bytes"],
+    Code.STORE: ["version", "crc", "list", "step", "time", "bytes"], Code.DELETE: ["version", "list", "step"],
+    Code.CONTROL: ["version", "list", "action", "crc"], Code.LIST: ["version", "list"]}
 
 
 # --- the dictionary --------------------------------------------------------------------------------
@@ -190,6 +213,11 @@ class Dictionary:
            stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big") -> Dictionary:
         """modules: (path, struct, whether it is of the configuration) of each, in the order of the mission."""
         modules = list(modules)
+        services: dict[str, str] = {}
+        for path, struct, _ in modules:
+            if struct.service and services.setdefault(struct.name, path) != path:
+                raise SetupError(f"{path} is another {struct.name}: {services[struct.name]} is there already, and a "
+                                 "process has one of a kind, which its commands address")
         blocks = [block for path, struct, configuration in modules
                   if (block := block_of(path, struct, configuration))]
         ports = [(f"{path}.{f.name}", f.struct) for path, struct, _ in modules for f in struct.fields
@@ -232,6 +260,28 @@ class Dictionary:
 
     def output(self, path: str) -> tuple[int, Output]:
         return _place(self.outputs, [o.path for o in self.outputs], path, "output", self.name)
+
+    def number(self, path: str, measure: str = "") -> tuple[int, Field, int, int]:
+        """(place of the output, field, [bytes] from the output's beginning, how many) of a number of an output, as
+        "flight.tracking.error.sigma_BR[2]", or with a measure of all numbers of a field."""
+        for place, output in enumerate(self.outputs):
+            for name, field, at in leaves(output.fields, prefix=f"{output.path}."):
+                index = path.removeprefix(name)
+                n = field.size // ELEMENTS[field.type].size
+                if index == path or index and not re.fullmatch(r"(\[\d+\])+", index):
+                    continue
+                found = [int(one) for one in re.findall(r"\d+", index)]
+                if field.type == "char" or measure not in ("", "norm", "max_abs"):
+                    break
+                if measure and not found:
+                    return place, field, at, n
+                if not measure and len(found) == len(field.shape) and all(map(int.__lt__, found, field.shape)):
+                    flat = 0
+                    for i, length in zip(found, field.shape):
+                        flat = flat * length + i
+                    return place, field, at + flat * ELEMENTS[field.type].size, 1
+        raise SetupError(f"{path} is no number of an output of {self.name}: give one, as in "
+                         "'flight.tracking.error.sigma_BR[2]', or a field and the measure 'norm' or 'max_abs'")
 
     # --- in words ---
 
@@ -526,6 +576,68 @@ class Packets:
             raise SetupError(f"a text for flight has 1 to {DATA_MAX} bytes; found {len(raw)}")
         return self.packet(Code.EVALUATE, packing.pack(">HI", 0, turns) + raw)
 
+    # --- stored commands (flight/services/stored_commands.h) ---
+
+    def store(self, number: int, step: int, time: int, packet: bytes) -> bytes:
+        """Store a command on board, as the step of a list, in place of one that is there. time [ns]: of list 0 that of
+        its clock, of a sequence that since its start."""
+        if not 0 <= number < LISTS or not 0 <= step < ALL or not 0 <= time < 2**63:
+            raise SetupError(f"a stored command has a list from 0 to {LISTS - 1}, a step from 0 to {ALL - 1} and a "
+                             f"time from 0 ns on; found {number}, {step}, {time} ns")
+        if not 8 <= len(packet) <= STORED_MAX:
+            raise SetupError(f"a stored command has 8 to {STORED_MAX} bytes; found {len(packet)}: write fewer "
+                             "parameters at once")
+        body = packing.pack(">HHq", number, step, time) + packet
+        return self.packet(Code.STORE, binascii.crc_hqx(body, 0xFFFF).to_bytes(2, "big") + body)
+
+    def store_sequence(self, number: int, steps: Sequence[tuple[int, bytes]]) -> list[bytes]:
+        """Store a block of commands as a list: (time since its start [ns], packet) of each."""
+        return [self.store(number, i, t, packet) for i, (t, packet) in enumerate(steps)]
+
+    def control(self, action: Action, number: int = ALL, stored: Sequence[Stored] | None = None) -> bytes:
+        """Start, stop, hold, release, inhibit or allow a list, or all. stored: what a list that starts must be."""
+        crc = binascii.crc_hqx(b"".join(packing.pack(">qHHHH", *one) for one in stored or []), 0xFFFF)
+        return self.packet(Code.CONTROL, packing.pack(">HHH", number, action, crc if stored else 0))
+
+    def delete(self, number: int = ALL, step: int = ALL) -> bytes:
+        """Delete a stored command, a list, or all."""
+        return self.packet(Code.DELETE, packing.pack(">HH", number, step))
+
+    def stored(self, number: int) -> bytes:
+        """Ask for what a list has: stored() reads the data of the report."""
+        return self.packet(Code.LIST, packing.pack(">H", number))
+
+    def monitor(self, place: int, number: str = "", *, on: bool = True, low: float | None = None,
+                high: float | None = None, equals: float | None = None, change: bool = False, measure: str = "",
+                hold: int = 0, count: int = 0, starts: int = 0) -> bytes:
+        """Write a monitor (flight/services/monitors.h), or turn it off by on=False alone.
+
+        number: "flight.tracking.error.sigma_BR[2]" or, with the measure "norm" or "max_abs", all numbers of a field.
+        It is right from low to high, or where it equals a number; with change, its change from writing to writing is.
+        hold [ns], count: how long, and at how many instants, it is wrong before the monitor fires. starts: a list.
+        """
+        path, block = next(((b.path, b) for b in self.dictionary.blocks if b.type == "Monitors"), ("", None))
+        if block is None:
+            raise SetupError(f"{self.dictionary.name} has no module Monitors")
+        rows = self._field(block, "monitors")
+        if not 0 <= place < rows.shape[0]:
+            raise SetupError(f"{path} has the monitors 0 to {rows.shape[0] - 1}; found {place}")
+        if equals is not None and (low is not None or high is not None or change):
+            raise SetupError("a monitor has either equals, or low and high")
+        values: dict[str, Any] = dict.fromkeys((f.name for f in rows.fields), 0)
+        if number:
+            output, field, offset, n = self.dictionary.number(number, measure)
+            values |= {"output": output, "type": NUMBERS.index(field.type), "offset": offset, "n": n,
+                       "measure": ["", "norm", "max_abs"].index(measure)}
+        elif on:
+            raise SetupError("a monitor that is on needs a number")
+        kind = 0 if not number else 3 if equals is not None else 2 if change else 1
+        values |= {"kind": kind, "on": int(on), "hold": hold, "count": count, "list": starts,
+                   "low": equals if equals is not None else -LARGEST if low is None else low,
+                   "high": LARGEST if high is None else high}
+        raw = encoded(rows, values, [])
+        return self.write_bytes(path, {rows.offset + place * len(raw): raw})[0]
+
     def _field(self, block, name):
         return _place(block.fields, [f.name for f in block.fields], name, "parameter", block.path)[1]
 
@@ -588,6 +700,8 @@ class Report(NamedTuple):
     reason: Reason
     detail: int                 # of a rule: its place in the module's list; of a sequence: the last that was accepted
     data: bytes                 # read back, big-endian
+    stored_on: int | None = None    # the list of a stored command
+    monitor: int | None = None      # which has started a list
 
     @property
     def good(self) -> bool:
@@ -599,7 +713,33 @@ class Report(NamedTuple):
         detail = f", the last was {self.detail}" if self.reason == Reason.SEQUENCE else \
             f", rule {self.detail}" if self.detail else ""
         why = "" if self.good else self.reason.name.lower() + detail
-        return f"<{name} {self.sequence} {what}{why}, t = {self.t / 1e9:g} s>"
+        where = "" if self.stored_on is None else f" of list {self.stored_on}"
+        return f"<{name} {self.sequence}{where} {what}{why}, t = {self.t / 1e9:g} s>"
+
+
+def origins(number: int) -> tuple[int | None, int | None]:
+    """(list, monitor) of the member `from` of a CommandReport."""
+    return (None, number - 32) if number >= 32 else (number - 1 if number else None, None)
+
+
+class Stored(NamedTuple):
+    """A command that is stored on board, as a report of its list has it."""
+    time: int                   # [ns]
+    step: int
+    size: int                   # [bytes] of the packet
+    crc: int                    # of list, step, time and packet
+    code: int
+
+
+def stored(data: bytes) -> list[Stored]:
+    """What the report of Code.LIST has read back: the commands of a list, in the order of their execution."""
+    return [Stored(*row) for row in packing.iter_unpack(">qHHHH", data)]
+
+
+def storing(packets: Iterable[bytes]) -> list[Stored]:
+    """The same of a list that is made by these packets of Code.STORE."""
+    return sorted(Stored(int.from_bytes(one[16:24], "big"), int.from_bytes(one[14:16], "big"), len(one) - 24,
+                         int.from_bytes(one[10:12], "big"), one[30]) for one in packets)
 
 
 class Text(NamedTuple):
@@ -621,7 +761,7 @@ class Text(NamedTuple):
 
 HOUSEKEEPING_FIELDS = [("t", "q"), ("mode", "I"), ("staged", "I"), ("accepted", "I"), ("executed", "I"),
                        ("refused", "I")]
-REPORT = "qHHHHHH4x"                # CommandReport
+REPORT = "qHHHHHHH2x"               # CommandReport
 TEXT = "qHHHHI4x"                   # TelemetryText
 
 
@@ -653,8 +793,9 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
         content["last"] = last if begun else None       # the sequence of the last command by the link from the ground
         path = "housekeeping"
     elif place == REPORTS:
-        t, number, code, executed, reason, detail, n = packing.unpack_from(mark + REPORT, body)
-        content = Report(t, number, code, bool(executed), Reason(reason), detail, body[24:24 + n])
+        t, number, code, executed, reason, detail, n, origin = packing.unpack_from(mark + REPORT, body)
+        content = Report(t, number, code, bool(executed), Reason(reason), detail, body[24:24 + n],
+                         *origins(origin))
         path = "reports"
     elif stream == dictionary.texts:
         t, kind, number, line, n, lost = packing.unpack_from(mark + TEXT, body)

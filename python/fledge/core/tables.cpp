@@ -247,6 +247,8 @@ void bind_tables(py::module_ &m)
         .def_readonly("hash", &FledgeStruct::hash)
         .def_property_readonly(
             "kind", [](const FledgeStruct &s) { return kind_name(s.kind); }, "plain, message, module or model")
+        .def_property_readonly(
+            "service", [](const FledgeStruct &s) { return s.service != nullptr; }, "whether commands need the module")
         .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
         .def_property_readonly("fields", [](const py::object &self) {
             const auto &s = self.cast<const FledgeStruct &>();

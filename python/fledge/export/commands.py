@@ -11,7 +11,7 @@ from fledge.export.c_source import extern, row, written
 from fledge.export.c_text import string, wrap
 
 if TYPE_CHECKING:
-    from fledge.export.read import Mission
+    from fledge.export.read import Mission, Module
 
 
 def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
@@ -45,6 +45,7 @@ def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
     composed = mission.form == "micropython"
+    services = [m for m in mission.modules if m.struct.service]
     script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
@@ -72,14 +73,15 @@ def source(mission: Mission, found: Dictionary) -> str:
               f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
-              f"const CommandTable {name}_commands = {{"]
+              *drives(struct, services), f"const CommandTable {name}_commands = {{"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
         ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
         ("n_events", f"{len(found.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if found.blocks else "0"),
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
         ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
-        *[("procedures", "&script_procedures")] * composed)]
+        *[("procedures", "&script_procedures")] * composed,
+        *[("services", "&services")] * bool(services))]
     return "\n".join([*lines, "};", ""])
 
 
@@ -120,6 +122,24 @@ def executive(memory: list[str]) -> list[str]:
                 ("void arm(void *mission, uint16_t event, int on)", "executive_arm(event, on)"),
                 ("void reset(void *mission, int64_t t)", "executive_restart(t)"))
               for line in function(f"static {head}", ["    (void)mission;", f"    {call};"]))]
+
+
+def drives(struct: str, services: Sequence[Module]) -> list[str]:
+    """The table of the services, where they are, and the outputs, which they may see."""
+    if not services:
+        return []
+    return [*wrap([f"&{one.function}_service," for one in services],
+                  "static const CommandService *const list[] = {", "    ", "};"), "",
+            *function("static void *module(void *mission, uint32_t place)",
+                      [*wrap([f"offsetof({struct}, {one.name})," for one in services],
+                             "    static const size_t places[] = {", "        ", "};"),
+                       "    return (uint8_t *)mission + places[place];"]),
+            *function("static const void *output(const void *mission, uint16_t place, uint32_t *size)",
+                      ["    *size = outputs[place].size;",
+                       "    return (const uint8_t *)mission + outputs[place].offset;"]),
+            "static const CommandServices services = {",
+            f"    list, {len(services)}u, module, output, command_service_check, command_service_execute,",
+            "    command_service_run};", ""]
 
 
 def function(head: str, lines: Sequence[str]) -> list[str]:

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, REPORTS, TURNS, WHY, Code, Kind, Reason, leaves,
-                             parameters)
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, REPORTS, TURNS, WHY, Action, Code, Kind, Reason,
+                             leaves, parameters)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
@@ -142,7 +142,9 @@ def reports(mission: Mission, found: Dictionary) -> Packet:
         number("executed", "u16", "what this is about", enumerators={"accepted": 0, "executed": 1}),
         number("reason", "u16", "ok, or why it was refused", enumerators=lower(Reason)),
         number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted"),
-        number("n", "u16", "bytes read back"), bits("spare", 32),
+        number("n", "u16", "bytes read back"),
+        number("from", "u16", "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 0: from elsewhere"),
+        bits("spare", 16),
         Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n")]
     return Packet(f"{mission.process}.reports", "what was done with a command, and what was read back",
                   found.telemetry + REPORTS, items)
@@ -195,7 +197,9 @@ ABOUT = {
     Code.READ: "read parameters back: the report of the execution has them",
     Code.TELEMETRY: "send an output, or do not", Code.STAGE_PROCEDURE: "stage a part of a procedure",
     Code.START_PROCEDURE: "start the procedure of a slot", Code.STOP_PROCEDURE: "stop the procedure of a slot",
-    Code.EVALUATE: "evaluate a line of text in flight"}
+    Code.EVALUATE: "evaluate a line of text in flight", Code.STORE: "store a command until its time",
+    Code.DELETE: "delete stored commands", Code.CONTROL: "control lists of stored commands",
+    Code.LIST: "report a list of stored commands: the report of the execution has them"}
 
 
 def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
@@ -210,12 +214,14 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
     choices: dict[str, dict[str, int]] = {
         "mode": numbered(found.modes), "event": numbered(found.events), "module": blocks,
         "output": {one.path: i for i, one in enumerate(found.outputs)}
-        | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1}}
+        | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
+        "action": lower(Action)}
+    stores = any(one.type == "StoredCommands" for one in mission.modules)
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
         of = {**choices, "module": published if code == Code.PUBLISH else blocks}
         names = [name for name in ARGUMENTS[code] if name != "version"]
-        if code != Code.WRITE and all(of.get(name, True) for name in names):
+        if code != Code.WRITE and (stores or code < Code.STORE) and all(of.get(name, True) for name in names):
             parent = header if "version" in ARGUMENTS[code] else plain
             yield Command(f"{process}.{code.name.lower()}", ABOUT.get(code, ""),
                           [one for name in names for one in argument(code, name, of.get(name, {}))], parent,
@@ -234,16 +240,20 @@ def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item
         yield Item("bytes", "char" if text else "bytes", 0, "text" if text else "", count="n")
         return
     values = {"zero": 0, "turns": TURNS, "every": 1, "on": 1}
-    one = number(name, "u32" if name in ("offset", "length", "turns") else "u16", MEANINGS.get(name, ""),
-                 enumerators=choices, value=values.get(name))
+    types = {"time": "i64", "offset": "u32", "length": "u32", "turns": "u32"}
+    one = number(name, types.get(name, "u16"), MEANINGS.get(name, ""), "ns" if name == "time" else "",
+                 choices, values.get(name))
     yield replace(one, bounds=LIMITS.get(name, one.bounds))
 
 
-MEANINGS = {"crc": "CRC-16-CCITT of what was staged", "n": "how many bytes", "every": "how many writings",
-            "offset": "of the first byte", "turns": "of its loops and calls in one instant", "length": "how many bytes",
-            "slot": "where the procedure lies"}
+MEANINGS = {"crc": "CRC-16-CCITT of what was staged, or is to be stored or started", "n": "how many bytes",
+            "every": "how many writings", "offset": "of the first byte",
+            "turns": "of its loops and calls in one instant", "length": "how many bytes",
+            "slot": "where the procedure lies", "list": "0: absolute times; 1 to 15: a sequence; 65535: all",
+            "step": "of the list; 65535: all", "time": "absolute, or since the start of the sequence"}
 LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns": (1, None, False, False),
-          "n": (1, DATA_MAX, False, False), "length": (1, None, False, False)}
+          "n": (1, DATA_MAX, False, False), "length": (1, None, False, False),
+          "time": (0, None, False, False)}
 
 
 def writes(module: Any, parent: str, place: int) -> Iterator[Command]:

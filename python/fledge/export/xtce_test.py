@@ -237,7 +237,7 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
                        if key.startswith(f"{path}.")}
             if path == f"{flight.name}.reports":
                 assert (content["t"], content["sequence"], content["code"], content["executed"], content["reason"],
-                        content["detail"], content["data"]) == ours.content
+                        content["detail"], content["data"]) == ours.content[:7] and content["from"] == 0
             elif path == f"{flight.name}.housekeeping":
                 assert [content[key] for key in ("t", "mode", "accepted", "executed", "refused", "last")] == [
                     ours.content[key] for key in ("t", "mode", "accepted", "executed", "refused", "last")]

@@ -253,6 +253,8 @@ class Craft:
         return found
 
     def _report(self, report: Report) -> None:
+        if report.stored_on is not None or report.monitor is not None:
+            return              # of a command that flight had itself
         if report.reason == Reason.SEQUENCE and not self._in_step and not report.executed:
             behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
             if behind and report.code in Code._value2member_map_:

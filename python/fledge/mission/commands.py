@@ -15,11 +15,12 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import (NUMBERS, TURNS, Dictionary, Packets, Reason, Report, Text, Timed, byte_runs, parameters,
-                             reversed_numbers)
+from fledge.commands import (ALL, NUMBERS, TURNS, Action, Dictionary, Packets, Reason, Report, Text, Timed, byte_runs,
+                             origins, parameters, reversed_numbers)
 from fledge.errors import SetupError
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
+from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
     from fledge.mission.process import Flight
@@ -143,6 +144,30 @@ class Commands:
         """Stop the procedure of a slot."""
         return self._send([self.packets.stop(slot)])
 
+    def at(self, time: Any, packet: bytes, step: int = 0) -> list[Report]:
+        """Store a command of `packets` that is executed at a time."""
+        return self._send([self.packets.store(0, step, time_ns(time, "at"), packet)])
+
+    def sequence(self, number: int, steps: Iterable[tuple[Any, bytes]]) -> list[Report]:
+        """Store a block of commands as a list, 1 to 15: (time since its start, packet) of each."""
+        return self._send(self.packets.store_sequence(number, [(time_ns(t, "sequence"), one) for t, one in steps]))
+
+    def control(self, action: Action, number: int = ALL) -> list[Report]:
+        """Start, stop, hold, release, inhibit or allow a list of stored commands, or all."""
+        return self._send([self.packets.control(action, number)])
+
+    def delete(self, number: int = ALL, step: int = ALL) -> list[Report]:
+        """Delete a stored command, a list, or all."""
+        return self._send([self.packets.delete(number, step)])
+
+    def stored(self, number: int) -> list[Report]:
+        """Ask for what a list has: fledge.commands.stored() reads the data of the report of the execution."""
+        return self._send([self.packets.stored(number)])
+
+    def monitor(self, place: int, number: str = "", *, hold: Any = 0, **values: Any) -> list[Report]:
+        """Write one of the monitors, as Packets.monitor() says."""
+        return self._send([self.packets.monitor(place, number, hold=time_ns(hold, "monitor"), **values)])
+
     def noop(self) -> list[Report]:
         return self._send([self.packets.noop()])
 
@@ -163,8 +188,8 @@ class Commands:
     @property
     def reports(self) -> list[Report]:
         """All reports since these commands were first used, in order."""
-        self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data)
-                          for t, sequence, code, executed, reason, detail, data in self._core.take_reports()]
+        self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data, *origins(origin))
+                          for t, sequence, code, executed, reason, detail, data, origin in self._core.take_reports()]
         return list(self._reports)
 
     def take_packets(self) -> list[Timed]:

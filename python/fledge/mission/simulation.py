@@ -314,6 +314,9 @@ class Simulation:
     def _begin(self):
         """Before a run: of the first one, warn of what is implausible."""
         if self._core.now < 0:
+            for flight in self.flights:
+                if any(_core.struct(one).service for one in flight.instances.values()):
+                    flight.commands     # the kernel needs the dictionary
             check(self.processes)
 
     def reset(self) -> None:

@@ -15,7 +15,7 @@ from fledge.export.run_test import FLIGHT, WORLD
 CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
 FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
 REASONS = ("ok length checksum stream unknown version place value rule initial busy not_staged crc absent "
-           "running bytecode failed sequence").split()
+           "running bytecode failed sequence late inhibited").split()
 HOUSEKEEPING = ("time command_counter command_errors spare mode accepted executed refused", " ".join(REASONS),
                 "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt "
                 "io_saturated inputs inputs_refused inputs_missing wakeups_early "
@@ -61,8 +61,8 @@ def housekeeping(core, first=None):
     if first:
         core.until(first)
     raw = core.telemetry(core.app.ids(core.mission)["NAV_HK_TLM_MID"])
-    assert len(raw) == 176
-    found = dict(zip(HOUSEKEEPING, struct.unpack("<qBBH37I", raw[16:]), strict=True))
+    assert len(raw) == 184
+    found = dict(zip(HOUSEKEEPING, struct.unpack("<qBBH39I", raw[16:]), strict=True))
     assert found["command_counter"] == found["accepted"] % 256
     assert found["command_errors"] == (found["refused"] + found["request_errors"]) % 256
     assert found["refused"] == sum(found[reason] for reason in REASONS)
@@ -133,7 +133,7 @@ REFUSED = [
     (bytes.fromhex("18c0c000000000"), "length"),
     (command(CMD, 0, b"x"), "length"),
     (command(CMD, 2, b"\0\0\0"), "length"),
-    (command(CMD, 15), "unknown"),
+    (command(CMD, 19), "unknown"),
     (command(CMD, 127), "unknown"),
     (command(CMD, 2, bytes(4)), "version"),
     (lambda core: flown(core, 2, 3), "place"),

@@ -16,7 +16,7 @@ from fledge.commands import DATA_MAX, Code
 from fledge.elements import ELEMENTS
 from fledge.export import dictionary, names
 from fledge.export import packets as model
-from fledge.targets.cfs.export.packets import ARGUMENTS, housekeeping, title
+from fledge.targets.cfs.export.packets import arguments, housekeeping, title
 
 if TYPE_CHECKING:
     from fledge.targets.cfs.export.app import App
@@ -127,15 +127,17 @@ def numbers(fields: Sequence[Any], start: int, prefix: str = "") -> Iterator[tup
             yield name, field.type, field.offset - start + first * size, many, about
 
 
-def commands(types: Types, command: str, found: Sequence[Table]) -> None:
-    """All commands but those without arguments."""
-    for code, arguments in ARGUMENTS.items():
+def commands(types: Types, command: str, found: Sequence[Table], mission: Mission) -> None:
+    """All commands but those without arguments, and the one that stores another, of any length."""
+    for code, sizes in arguments(mission).items():
+        if code == Code.STORE:
+            continue
         payload = types.container(f"{title(code)}Cmd_Payload", [
             (name, types.number("u16" if size == 2 else "u32"), "")
-            for name, size in ({"Version": 2} | arguments).items() if name != "Bytes"])
+            for name, size in ({"Version": 2} | sizes).items() if name != "Bytes"])
         packet = types.container(f"{title(code)}Cmd", [("Payload", payload, "")], command,
                                  where=[("Sec.FunctionCode", int(code))])
-        if "Bytes" in arguments:
+        if "Bytes" in sizes:
             for i, table in enumerate(found):
                 for name, element, offset, n, about in numbers(table.fields, table.start):
                     of = types.number(element)
@@ -155,7 +157,7 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
     request = types.container("RequestCmd", [], "CFE_HDR/CommandHeader")
     for plain in (Code.NOOP, Code.RESET_COUNTERS):
         types.container(f"{title(plain)}Cmd", [], command, where=[("Sec.FunctionCode", int(plain))])
-    commands(types, command, found)
+    commands(types, command, found, mission)
     prefix = app.prefix
     interfaces = [("CMD", "Telecommand", command), ("SEND_HK", "Telecommand", request)]
     interfaces += [("WAKEUP", "Telecommand", request)] if app.wakeup is None else []

@@ -175,9 +175,9 @@ def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path)
         core.kill()
 
 
-HK = "<qBBH37I"
+HK = "<qBBH39I"
 COUNTERS = {name: 4 + i for i, name in enumerate(
-    "mode accepted executed refused".split())} | {name: 4 + 4 + 18 + i for i, name in enumerate(
+    "mode accepted executed refused".split())} | {name: 4 + 4 + 20 + i for i, name in enumerate(
         "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated "
         "inputs inputs_refused inputs_missing wakeups_early wakeups_missing time_sets".split())} | {
             "time": 0, "inputs_stale": 3}

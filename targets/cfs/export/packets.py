@@ -2,11 +2,11 @@
 """Packets and tables as C structs that need nothing of Fledge: for the app, for its tables, for the ground."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import DATA_MAX, Code, Reason
+from fledge.commands import DATA_MAX, STORED_MAX, Code, Reason
 from fledge.elements import ELEMENTS
 from fledge.export import dictionary, ground, names
 from fledge.export import packets as ground_packets
@@ -72,6 +72,14 @@ ARGUMENTS: dict[Code, dict[str, int]] = {
     Code.STAGE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX}, Code.COMMIT: {"Module": 2, "Crc": 2},
     Code.PUBLISH: {"Module": 2}, Code.RESET_FLIGHT: {}, Code.ARM: {"Event": 2, "On": 2},
     Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2}}
+STORED: dict[Code, dict[str, int]] = {
+    Code.STORE: {"Crc": 2, "List": 2, "Step": 2, "Time": 8, "Command": STORED_MAX},
+    Code.DELETE: {"List": 2, "Step": 2}, Code.CONTROL: {"List": 2, "Action": 2, "Crc": 2}, Code.LIST: {"List": 2}}
+
+
+def arguments(mission: Mission) -> dict[Code, dict[str, int]]:
+    """Name -> bytes of the arguments behind the version, of each command that the mission has."""
+    return ARGUMENTS | (STORED if any(m.type == "StoredCommands" for m in mission.modules) else {})
 
 
 def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
@@ -89,7 +97,7 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
                      "inputs.", defines({one: f"0x{value:02X}" for one, value in topics.items()})),
         "fcncodes": (f"The function codes of {prefix}'s commands.",
                      defines({f"{prefix}_{code.name}_CC": str(int(code))
-                              for code in (Code.NOOP, Code.RESET_COUNTERS, *ARGUMENTS)})),
+                              for code in (Code.NOOP, Code.RESET_COUNTERS, *arguments(mission))})),
         "interface_cfg": (f"What others know of {prefix}: the names of its tables.",
                           defines({f"{prefix}_{t.name.upper()}_TABLE": f'"{prefix}.{t.name}"' for t in found})),
         "mission_cfg": (f"What is the same on all processors of a mission with {prefix}.",
@@ -160,11 +168,11 @@ def title(code: Code) -> str:
     return code.name.title().replace("_", "")
 
 
-def command(prefix: str, code: Code) -> list[str]:
+def command(prefix: str, code: Code, sizes: Mapping[str, int]) -> list[str]:
     """The payload of a command."""
     name = f"{prefix}_{title(code)}Cmd_Payload"
     return [f"typedef struct {name} {{", "    uint8 Version[2];",
-            *(f"    uint8 {argument}[{size}];" for argument, size in ARGUMENTS[code].items()), f"}} {name}_t;", ""]
+            *(f"    uint8 {argument}[{size}];" for argument, size in sizes.items()), f"}} {name}_t;", ""]
 
 
 def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
@@ -210,7 +218,7 @@ def payloads(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
     parts = ['#include "common_types.h"', f'#include "{app.name}_fcncodes.h"', "",
              "/* Commands: numbers are big-endian, and the first is the version of the dictionary. */", "",
-             *(line for code in ARGUMENTS for line in command(prefix, code)),
+             *(line for one in arguments(mission).items() for line in command(prefix, *one)),
              f"typedef struct {prefix}_HkTlm_Payload {{",
              *with_notes([(f"{type_.partition('[')[0]} {name}{''.join(type_.partition('[')[1:])};", about)
                           for name, type_, about in housekeeping(mission)], "    "),
@@ -234,7 +242,7 @@ def packets(mission: Mission, app: App) -> list[str]:
                 f"}} {prefix}_{name}_t;", ""]
 
     parts = ['#include "cfe.h"', "", f'#include "{app.name}_msgdefs.h"', "", *packet("NoArgsCmd", "Command", "")]
-    for code in ARGUMENTS:
+    for code in arguments(mission):
         parts += packet(f"{title(code)}Cmd", "Command", f"{prefix}_{title(code)}Cmd_Payload")
     parts += packet("HkTlm", "Telemetry", f"{prefix}_HkTlm_Payload")
     for message in (*mission.inputs, *mission.outputs):

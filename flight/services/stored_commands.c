@@ -1,0 +1,341 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/services/stored_commands.h"
+
+#include "ccsds/bytes.h"
+#include "flight/exec/task.h"
+
+#include <string.h>
+
+enum { CRC = 10, LIST = 12, STEP = 14, TIME = 16 };              /* [bytes] places in COMMAND_STORE */
+enum { CHOSEN = 10, ACTION = 12, CHOSEN_STEP = 12, CHECK = 14 }; /* and in the others */
+enum { ROW = 16 };                                               /* [bytes] of a command in a report */
+
+#define NEVER INT64_MAX
+
+static int has(uint32_t set, uint32_t list)
+{
+    return (set >> list & 1u) != 0u;
+}
+
+/* list, step, time and packet: as the ground sends them */
+static uint16_t crc_of(const StoredCommand *c)
+{
+    uint8_t bytes[COMMAND_STORED - LIST + COMMAND_STORED_MAX];
+    const uint32_t size = c->size <= COMMAND_STORED_MAX ? c->size : COMMAND_STORED_MAX;
+    ccsds_put16(bytes, c->list);
+    ccsds_put16(bytes + STEP - LIST, c->step);
+    ccsds_put32(bytes + TIME - LIST, (uint32_t)((uint64_t)c->time >> 32));
+    ccsds_put32(bytes + TIME - LIST + 4, (uint32_t)c->time);
+    memcpy(bytes + COMMAND_STORED - LIST, c->packet, size);
+    return ccsds_crc16(bytes, (uint32_t)(COMMAND_STORED - LIST) + size);
+}
+
+/* ---- what is due */
+
+/* Whether a command of a list comes before a time and step of it. */
+static int is_before(const StoredCommand *c, int64_t time, uint32_t step)
+{
+    return c->time < time || (c->time == time && c->step < step);
+}
+
+/* [ns] Of flight: when a command is due, as things stand. */
+static int64_t due_at(const StoredCommands *m, const StoredCommand *c)
+{
+    if (c->size == 0u || c->list >= STORED_LISTS) {
+        return NEVER;
+    }
+    const StoredList *list = &m->mem.lists[c->list];
+    if ((list->state & STORED_HELD) != 0u) {
+        return NEVER;
+    }
+    if (c->list == 0u) {
+        return m->par.clocked != 0u && m->mem.known == 0u ? NEVER : tick_since(c->time, m->mem.ahead);
+    }
+    return (list->state & STORED_RUNS) == 0u || is_before(c, list->time, list->step) ? NEVER
+                                                                                     : exec_later(list->begun, c->time);
+}
+
+/* The place of the command that is due first, and when; STORED_COMMANDS: none is. */
+static uint32_t first(const StoredCommands *m, int64_t *due)
+{
+    uint32_t found = STORED_COMMANDS;
+    *due = NEVER;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        const StoredCommand *c = &m->par.commands[i];
+        const int64_t t = due_at(m, c);
+        const StoredCommand *best = &m->par.commands[found < STORED_COMMANDS ? found : i];
+        if (t < *due || (t == *due && t < NEVER &&
+                         (c->list < best->list || (c->list == best->list && is_before(c, best->time, best->step))))) {
+            found = i;
+            *due = t;
+        }
+    }
+    return found;
+}
+
+/* Sequences of which nothing is left have ended. */
+static void end_lists(StoredCommands *m)
+{
+    uint32_t left = 0u;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        const StoredCommand *c = &m->par.commands[i];
+        if (c->size > 0u && c->list < STORED_LISTS &&
+            !is_before(c, m->mem.lists[c->list].time, m->mem.lists[c->list].step)) {
+            left |= 1u << c->list;
+        }
+    }
+    for (uint32_t i = 1u; i < STORED_LISTS; i++) {
+        if (!has(left, i)) {
+            m->mem.lists[i].state = 0u;
+        }
+    }
+}
+
+static uint32_t take(const CommandContext *context, void *module, uint8_t *packet, CommandReport *report)
+{
+    StoredCommands *m = module;
+    int64_t due;
+    const uint32_t place = first(m, &due);
+    if (place == STORED_COMMANDS || due > context->t) {
+        return 0u;
+    }
+    StoredCommand *c = &m->par.commands[place];
+    const uint32_t n = c->size;
+    const double late = tick_seconds(tick_since(context->t, due));
+    memcpy(packet, c->packet, sizeof c->packet);
+    report->from = (uint16_t)(COMMAND_OF_LIST + c->list);
+    const CommandReason reason = n > COMMAND_STORED_MAX || crc_of(c) != c->crc ? COMMAND_CRC
+                                 : has(m->par.inhibited, c->list)              ? COMMAND_INHIBITED
+                                 : m->par.late > 0.0 && late > m->par.late     ? COMMAND_LATE
+                                                                               : COMMAND_OK;
+    report->reason = (uint16_t)reason;
+    m->mem.released += reason == COMMAND_OK;
+    m->mem.skipped += reason != COMMAND_OK;
+    if (c->list == 0u) {
+        memset(c, 0, sizeof *c);
+    } else {
+        m->mem.lists[c->list].time = c->time;
+        m->mem.lists[c->list].step = c->step + 1u;
+        end_lists(m);
+    }
+    return n;
+}
+
+static int64_t next(const void *module)
+{
+    int64_t due;
+    (void)first(module, &due);
+    return due;
+}
+
+/* ---- its commands */
+
+static CommandReason check(const uint8_t *packet, uint32_t n)
+{
+    const uint32_t list = ccsds_get16(packet + CHOSEN), action = ccsds_get16(packet + ACTION);
+    switch (packet[6]) {
+    case COMMAND_STORE:
+        return n < (uint32_t)COMMAND_STORED + (uint32_t)COMMAND_HEADER ||
+                       n > (uint32_t)COMMAND_STORED + COMMAND_STORED_MAX
+                   ? COMMAND_LENGTH
+               : ccsds_crc16(packet + LIST, n - (uint32_t)LIST) != ccsds_get16(packet + CRC) ? COMMAND_CRC
+               : ccsds_get16(packet + LIST) >= STORED_LISTS                                  ? COMMAND_PLACE
+               : (packet[TIME] & 0x80u) != 0u || ccsds_get16(packet + STEP) == COMMAND_ALL   ? COMMAND_VALUE
+                                                                                             : COMMAND_OK;
+    case COMMAND_DELETE: return list < STORED_LISTS || list == COMMAND_ALL ? COMMAND_OK : COMMAND_PLACE;
+    case COMMAND_CONTROL:
+        return list >= STORED_LISTS && list != COMMAND_ALL ? COMMAND_PLACE
+               : action > LIST_ALLOW || (action == LIST_START && list == COMMAND_ALL) ||
+                       (action <= LIST_STOP && list == 0u)
+                   ? COMMAND_VALUE
+                   : COMMAND_OK;
+    default: return list < STORED_LISTS ? COMMAND_OK : COMMAND_PLACE;
+    }
+}
+
+/* The place of a list's step, else a free one, else STORED_COMMANDS. */
+static uint32_t place_of(const StoredCommands *m, uint32_t list, uint32_t step)
+{
+    uint32_t found = STORED_COMMANDS;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        const StoredCommand *c = &m->par.commands[i];
+        if (c->size > 0u && c->list == list && c->step == step) {
+            return i;
+        }
+        found = c->size == 0u && found == STORED_COMMANDS ? i : found;
+    }
+    return found;
+}
+
+static CommandReason store(StoredCommands *m, const uint8_t *packet)
+{
+    const uint16_t list = ccsds_get16(packet + LIST), step = ccsds_get16(packet + STEP);
+    const uint32_t place = place_of(m, list, step);
+    if (place == STORED_COMMANDS) {
+        return COMMAND_BUSY;
+    }
+    StoredCommand *c = &m->par.commands[place];
+    const uint32_t n = (uint32_t)ccsds_get16(packet + 4) + 7u - (uint32_t)COMMAND_STORED;
+    memset(c, 0, sizeof *c);
+    c->time = (int64_t)((uint64_t)ccsds_get32(packet + TIME) << 32 | ccsds_get32(packet + TIME + 4));
+    c->list = list;
+    c->step = step;
+    c->size = (uint16_t)n;
+    c->crc = ccsds_get16(packet + CRC);
+    memcpy(c->packet, packet + COMMAND_STORED, n);
+    end_lists(m);
+    return COMMAND_OK;
+}
+
+static CommandReason erase(StoredCommands *m, uint32_t list, uint32_t step)
+{
+    uint32_t n = 0u;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        StoredCommand *c = &m->par.commands[i];
+        if (c->size > 0u && (list == COMMAND_ALL || c->list == list) && (step == COMMAND_ALL || c->step == step)) {
+            memset(c, 0, sizeof *c);
+            n++;
+        }
+    }
+    end_lists(m);
+    return n > 0u || list == COMMAND_ALL || step == COMMAND_ALL ? COMMAND_OK : COMMAND_PLACE;
+}
+
+/* Write a list's commands into the rows of a report, in their order. */
+static uint32_t report_list(const StoredCommands *m, uint32_t list, uint8_t *data)
+{
+    const StoredCommand *last = NULL;
+    uint32_t n = 0u;
+    for (;;) {
+        const StoredCommand *found = NULL;
+        for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+            const StoredCommand *c = &m->par.commands[i];
+            if (c->size > 0u && c->list == list && (last == NULL || is_before(last, c->time, c->step)) &&
+                (found == NULL || is_before(c, found->time, found->step))) {
+                found = c;
+            }
+        }
+        if (found == NULL) {
+            return n;
+        }
+        uint8_t *row = data + n;
+        ccsds_put32(row, (uint32_t)((uint64_t)found->time >> 32));
+        ccsds_put32(row + 4, (uint32_t)found->time);
+        ccsds_put16(row + 8, found->step);
+        ccsds_put16(row + 10, found->size);
+        ccsds_put16(row + 12, found->crc);
+        ccsds_put16(row + 14, found->packet[6]);
+        n += (uint32_t)ROW;
+        last = found;
+    }
+}
+
+static CommandReason start(StoredCommands *m, uint32_t i, uint16_t crc, int64_t t)
+{
+    StoredList *list = &m->mem.lists[i];
+    uint8_t rows[STORED_COMMANDS * ROW];
+    const uint32_t n = report_list(m, i, rows);
+    if (n == 0u) {
+        return COMMAND_PLACE;
+    }
+    if (crc != 0u && ccsds_crc16(rows, n) != crc) {
+        return COMMAND_CRC;
+    }
+    if ((list->state & STORED_RUNS) != 0u) {
+        return COMMAND_RUNNING;
+    }
+    if (has(m->par.inhibited, i)) {
+        return COMMAND_INHIBITED;
+    }
+    *list = (StoredList){t, 0, 0, 0u, STORED_RUNS};
+    return COMMAND_OK;
+}
+
+/* Stop, hold or release a list. */
+static CommandReason control(StoredCommands *m, uint32_t i, uint32_t action, int64_t t)
+{
+    StoredList *list = &m->mem.lists[i];
+    const int held = (list->state & STORED_HELD) != 0u;
+    if ((i > 0u && (list->state & STORED_RUNS) == 0u) || (action == LIST_HOLD && held) ||
+        (action == LIST_RELEASE && !held)) {
+        return COMMAND_RUNNING;
+    }
+    if (action == LIST_STOP) {
+        list->state = 0u;
+    } else if (action == LIST_HOLD) {
+        list->state |= STORED_HELD;
+        list->held = t;
+    } else {
+        list->state &= ~(uint32_t)STORED_HELD;
+        list->begun = exec_later(list->begun, tick_since(t, list->held));
+    }
+    return COMMAND_OK;
+}
+
+static CommandReason control_lists(StoredCommands *m, uint32_t list, uint32_t action, uint16_t crc, int64_t t)
+{
+    const uint32_t all = list == COMMAND_ALL;
+    const uint32_t set = all ? (1u << STORED_LISTS) - 1u : 1u << list;
+    CommandReason reason = COMMAND_OK;
+    switch (action) {
+    case LIST_START: return start(m, list, crc, t);
+    case LIST_INHIBIT: m->par.inhibited |= set; break;
+    case LIST_ALLOW: m->par.inhibited &= ~set; break;
+    default:
+        for (uint32_t i = action == LIST_STOP; i < STORED_LISTS; i++) {
+            reason = has(set, i) ? control(m, i, action, t) : reason;
+        }
+    }
+    return all ? COMMAND_OK : reason;
+}
+
+static CommandReason execute(const CommandContext *context, void *module, const uint8_t *packet, CommandReport *report,
+                             uint8_t *data)
+{
+    StoredCommands *m = module;
+    const uint32_t list = ccsds_get16(packet + CHOSEN);
+    switch (packet[6]) {
+    case COMMAND_STORE: return store(m, packet);
+    case COMMAND_DELETE: return erase(m, list, ccsds_get16(packet + CHOSEN_STEP));
+    case COMMAND_CONTROL:
+        return control_lists(m, list, ccsds_get16(packet + ACTION), ccsds_get16(packet + CHECK), context->t);
+    default: report->n = (uint16_t)report_list(m, list, data); return COMMAND_OK;
+    }
+}
+
+const CommandService stored_commands_service = {COMMAND_STORE, 4u, check, execute, take, next};
+
+/* ---- the module */
+
+void stored_commands_reset(StoredCommands *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void stored_commands_update(StoredCommands *m, Tick t)
+{
+    StoredState *s = &m->out.state;
+    int64_t due;
+    if (head_written(m->in.clock.head)) {
+        m->mem.ahead = tick_since(m->in.clock.time, m->in.clock.head.t);
+        m->mem.known = 1u;
+    }
+    (void)first(m, &due);
+    s->next = due == NEVER ? -1 : due;
+    s->running = s->held = s->stored = 0u;
+    for (uint32_t i = 0u; i < STORED_LISTS; i++) {
+        s->running |= ((m->mem.lists[i].state & STORED_RUNS) != 0u ? 1u : 0u) << i;
+        s->held |= ((m->mem.lists[i].state & STORED_HELD) != 0u ? 1u : 0u) << i;
+    }
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        s->stored += m->par.commands[i].size > 0u;
+    }
+    s->inhibited = m->par.inhibited;
+    s->released = m->mem.released;
+    s->skipped = m->mem.skipped;
+    s->head = head_next(s->head, t.t,
+                        m->par.clocked != 0u && m->mem.known == 0u ? QUALITY_DEGRADED
+                        : m->par.clocked != 0u                     ? quality_through(m->in.clock.head)
+                                                                   : QUALITY_GOOD);
+}
