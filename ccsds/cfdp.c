@@ -583,7 +583,6 @@ static void deliver(Cfdp *cfdp, CfdpTransaction *t)
     t->incomplete = 0u;
     t->due = DUE_FINISHED;
     t->tries = 0u;
-    t->expires = INT64_MAX;
     CfdpTlv tlv;
     CfdpFilestore one;
     const uint8_t *at = t->options;
@@ -1190,7 +1189,6 @@ static size_t write_eof(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remote
         t->inactive = INT64_MAX;
         t->expires = after(cfdp, remote->check_timer);
         if (t->closure == 0u || t->condition != 0u) {
-            t->file_status = CFDP_UNREPORTED;
             end(cfdp, t, CFDP_TOLD_ENDED);
         }
     }

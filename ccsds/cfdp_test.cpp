@@ -91,6 +91,9 @@ struct Memory {
         };
         made.rename = [](void *user, const char *from, const char *to) -> int {
             Memory &self = of(user);
+            for (const auto &[handle, name] : self.opened) {
+                EXPECT_NE(name, from) << "a file is renamed while it is open";
+            }
             if (!self.has(from) || *to == '/' || std::string(to).find("..") != std::string::npos) {
                 return CFDP_REFUSED;
             }
@@ -370,6 +373,10 @@ TEST(CfdpF1, many_pdus_in_each_class_checksum_and_id)
                     link.ground.remote.crc = crc;
                     link.ground.cfdp.set.entity_bytes = static_cast<std::uint8_t>(1 + 7 * crc);
                     link.ground.cfdp.set.sequence_bytes = static_cast<std::uint8_t>(8 - 7 * crc);
+                    link.drops = [=](const CfdpPdu &pdu, bool) {
+                        EXPECT_EQ(pdu.crc, crc); // both ways
+                        return false;
+                    };
                     link.file(54321);
                     link.ground.put("source", "target", class1, {}, 0, closure);
                     link.finish();
@@ -642,6 +649,7 @@ TEST(CfdpF2, limits_of_acknowledgements)
     EXPECT_EQ(link.ground.ended()->condition, CFDP_ACK_LIMIT);
     EXPECT_EQ(link.ground.count(CFDP_TOLD_FAULT, CFDP_ACK_LIMIT), 2);
     EXPECT_EQ(link.sent[CFDP_EOF], 2 * 5);
+    EXPECT_EQ(link.ground.ended()->file_status, CFDP_UNREPORTED);
     EXPECT_FALSE(link.craft.memory.has("target"));
 
     Link back; // no FINISHED is acknowledged: the file is there all the same
@@ -661,11 +669,18 @@ TEST(CfdpF2, limit_of_naks)
 {
     Link link;
     link.file(5000);
-    link.drops = [](const CfdpPdu &pdu, bool) { return pdu.kind == CFDP_FILE_DATA && pdu.offset == 2000; };
+    Bytes where;
+    link.drops = [&](const CfdpPdu &pdu, bool) {
+        if (pdu.kind == CFDP_FINISHED) {
+            where.assign(pdu.data, pdu.data + pdu.n);
+        }
+        return pdu.kind == CFDP_FILE_DATA && pdu.offset == 2000;
+    };
     link.ground.put("source", "target");
     link.finish();
     link.expect_none(CFDP_NAK_LIMIT);
     EXPECT_EQ(link.sent[CFDP_NAK], 1 + 5);
+    EXPECT_EQ(where, (Bytes{CFDP_TLV_ENTITY, 2, 0, 2})); // of the fault
 }
 
 TEST(CfdpF2, inactivity_at_either_end)
@@ -892,14 +907,23 @@ TEST(CfdpF2, reports_and_requests_that_cannot_be)
     EXPECT_EQ(cfdp_next(&link.ground.cfdp, &link.ground.remote, bytes.data(), bytes.size()), 0u);
     link.ground.remote.frozen = 0;
     EXPECT_GT(cfdp_next(&link.ground.cfdp, &link.ground.remote, bytes.data(), bytes.size()), 0u);
-    // A PDU of the other class changes nothing.
+    // Acknowledgements wait for the link, too.
     CfdpPdu pdu{};
     pdu.kind = CFDP_EOF;
+    pdu.condition = CFDP_CANCEL_REQUEST;
     pdu.source = id.source;
-    pdu.sequence = id.sequence;
+    pdu.sequence = 77;
     pdu.destination = 2;
     pdu.entity_bytes = 1;
     pdu.sequence_bytes = 4;
+    link.craft.remote.frozen = 1;
+    cfdp_take(&link.craft.cfdp, bytes.data(), cfdp_pdu_write(&pdu, bytes.data(), bytes.size()));
+    EXPECT_EQ(cfdp_next(&link.craft.cfdp, nullptr, bytes.data(), bytes.size()), 0u);
+    link.craft.remote.frozen = 0;
+    EXPECT_GT(cfdp_next(&link.craft.cfdp, nullptr, bytes.data(), bytes.size()), 0u);
+    // A PDU of the other class changes nothing.
+    pdu.condition = 0;
+    pdu.sequence = id.sequence;
     pdu.unacknowledged = 1;
     cfdp_take(&link.craft.cfdp, bytes.data(), cfdp_pdu_write(&pdu, bytes.data(), bytes.size()));
     EXPECT_EQ(link.craft.cfdp.live.faults[CCSDS_TYPE], 1u);
@@ -1023,6 +1047,13 @@ TEST(CfdpF3, requests_to_the_store)
     EXPECT_FALSE(link.craft.memory.has("b"));
     EXPECT_TRUE(link.craft.memory.has("c"));
     EXPECT_EQ(status(request(CFDP_DELETE_FILE, ".cfdp0"), link), Found{2}); // unfinished files are not for peers
+    Bytes most;
+    for (int i = 0; i < CFDP_REQUESTS; i++) {
+        most = joined({most, request(CFDP_DENY_FILE, "n")});
+    }
+    EXPECT_EQ(status(most, link), Found(CFDP_REQUESTS, 0));
+    EXPECT_EQ(status(joined({most, request(CFDP_DELETE_FILE, "c")}), link), Found{}); // too many: none is done
+    EXPECT_EQ(link.ground.ended()->condition, CFDP_FILESTORE_REJECTION);
     link.craft.remote.allowed = 0;
     EXPECT_EQ(status(request(CFDP_DELETE_FILE, "c"), link), Found{2});
     EXPECT_TRUE(link.craft.memory.has("c"));
@@ -1442,6 +1473,22 @@ TEST(CfdpReset, an_end_that_kept_its_memory_goes_on)
             EXPECT_EQ(link.craft.memory.files["target"], link.ground.memory.files["source"]);
         }
     }
+}
+
+TEST(CfdpReset, a_clock_that_begins_anew_moves_the_timers)
+{
+    Link link;
+    link.craft.remote.keep_alive = 10 * s;
+    link.file(300000);
+    link.ground.put("source", "target");
+    link.run(200 * ms);
+    const Kept kept(link.craft);
+    const CfdpTransaction before = link.craft.transactions[0];
+    kept.restore(link.craft, 5);
+    const CfdpTransaction &now = link.craft.transactions[0];
+    EXPECT_EQ(now.inactive - 5, before.inactive - link.now);
+    EXPECT_EQ(now.keep_alive - 5, before.keep_alive - link.now);
+    EXPECT_EQ(now.expires, INT64_MAX); // it does not run
 }
 
 TEST(CfdpReset, a_file_that_lost_bytes_in_the_reset_is_not_delivered)
