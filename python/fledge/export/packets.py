@@ -262,8 +262,8 @@ def writes(module: Any, parent: str, place: int) -> Iterator[Command]:
     process, _, name = module.path.partition(".")
     fields, start, _ = parameters(module.struct)
     for path, f, at in leaves(fields, -start):
-        if f.name.startswith("spare"):
-            continue
+        if f.name.startswith("spare") or module.type == "StoredCommands" and path.startswith("commands["):
+            continue                    # the store: Code.STORE writes it
         items = list(numbers([f]))
         size = f.size // len(items)
         most = max(1, DATA_MAX // size)

@@ -20,12 +20,13 @@ import pytest
 import fledge
 from fledge import cli, export
 from fledge.archive import Archive
-from fledge.commands import DATA_MAX, Code, Packets, decoded, encoded, leaves, values
+from fledge.commands import DATA_MAX, Action, Code, Packets, decoded, encoded, leaves, values
 from fledge.errors import SetupError
 from fledge.export import ground, packets, stations
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce import xtce
 from fledge.mission.folder import missions
+from fledge.targets.services_test import STORED
 from fledge.targets.testing import Draft
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -507,3 +508,20 @@ def test_the_database_of_the_ground_reads_flights_packets_by_this_file(tmp_path)
     ours, = commands.packets.write("flight.control", K=3.0)
     raw[2:4], raw[7] = ours[2:4], ours[7]
     assert bytes(raw) == ours
+
+
+def test_stored_commands_are_commanded_alike(folder):
+    (folder / "flight.py").write_text(STORED)
+    sim = fledge.load(folder)
+    reader, ours = Reader(written(sim)), Packets(sim.flight.commands.dictionary)
+    step = ours.mode("rest")
+    for name, sent, given in (
+            ("store", ours.store(2, 7, 1_500_000_000, step), {"list": 2, "step": 7, "time": 1_500_000_000,
+                                                              "n": len(step), "bytes": step}),
+            ("delete", ours.delete(2), {"list": 2, "step": 65535}), ("list", ours.stored(2), {"list": 2}),
+            ("control", ours.control(Action.HOLD, 2), {"list": 2, "action": "hold", "crc": 0})):
+        crc = int.from_bytes(sent[10:12], "big") if name == "store" else 0
+        given |= {"crc": crc} if name == "store" else {}
+        assert reader.encode(f"flight_{name}", int.from_bytes(sent[2:4], "big") & 0x3FFF, **given) == sent, name
+    assert [name for name in reader.commands if name.startswith("flight_write_stored_")] == [
+        f"flight_write_stored_{name}" for name in ("late", "clocked", "inhibited")]
