@@ -54,7 +54,7 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     table_.telemetry = [](void *c, std::uint16_t output, int on, std::uint16_t every) {
         telemetry_rate(&static_cast<Commands *>(c)->telemetry_, output, on, every);
     };
-    Commands *self = this;
+    void *self = this;
     image_.resize(sizeof self);
     std::memcpy(image_.data(), &self, sizeof self);
     std::size_t longest = TELEMETRY_REPORT_MAX;
@@ -69,8 +69,9 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     packet_.resize(longest);
     telemetry_ = {d.telemetry, table_.n_outputs, outputs_.data(), rates_.data(), packet_.data(), nullptr, nullptr};
     telemetry_.mode = [](const void *image) {
-        Commands *me;
-        std::memcpy(&me, image, sizeof me);
+        void *place;
+        std::memcpy(&place, image, sizeof place);
+        const auto *me = static_cast<const Commands *>(place);
         return static_cast<std::uint16_t>(std::max(me->runtime_.of(me->process_).mode, 0));
     };
     procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};

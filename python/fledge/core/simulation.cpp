@@ -279,10 +279,11 @@ void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t t
         dictionary->blocks.push_back(std::move(block));
     }
     for (const auto &[instance, offset, size, runs] : outputs) {
-        sim::Dictionary::Output &one = dictionary->outputs.emplace_back(instance, offset, size, std::vector<ExecRun>{});
+        sim::Dictionary::Output one{instance, offset, size, {}};
         for (const auto &[width, n] : runs) {
             one.runs.push_back({width, n});
         }
+        dictionary->outputs.push_back(std::move(one));
     }
     process.set_dictionary(std::move(dictionary));
 }
