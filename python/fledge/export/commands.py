@@ -73,7 +73,7 @@ def source(mission: Mission, found: Dictionary) -> str:
               f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
-              *drives(struct, services), f"const CommandTable {name}_commands = {{"]
+              *drives(struct, services, n > 0), f"const CommandTable {name}_commands = {{"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
         ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
@@ -124,7 +124,7 @@ def executive(memory: list[str]) -> list[str]:
               for line in function(f"static {head}", ["    (void)mission;", f"    {call};"]))]
 
 
-def drives(struct: str, services: Sequence[Module]) -> list[str]:
+def drives(struct: str, services: Sequence[Module], outputs: bool) -> list[str]:
     """The table of the services, where they are, and the outputs, which they may see."""
     if not services:
         return []
@@ -136,7 +136,8 @@ def drives(struct: str, services: Sequence[Module]) -> list[str]:
                        "    return (uint8_t *)mission + places[place];"]),
             *function("static const void *output(const void *mission, uint16_t place, uint32_t *size)",
                       ["    *size = outputs[place].size;",
-                       "    return (const uint8_t *)mission + outputs[place].offset;"]),
+                       "    return (const uint8_t *)mission + outputs[place].offset;"] if outputs else
+                      ["    (void)mission;", "    (void)place;", "    *size = 0u;", "    return 0;"]),
             "static const CommandServices services = {",
             f"    list, {len(services)}u, module, output, command_service_check, command_service_execute,",
             "    command_service_run};", ""]
