@@ -16,14 +16,7 @@ from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
 
-SIMULATION = """
-simulation = "link"
-until = 80
-pace = 20
-join = 300
-exchange = true
-watch = ["/flight/telemetry"]
-
+NODES = """
 [[node]]
 mission = "./plays"
 process = "world"
@@ -34,7 +27,15 @@ mission = "./plays"
 process = "flight"
 free = true
 target = "{target}"
-
+"""
+SIMULATION = """
+simulation = "link"
+until = 80
+pace = 20
+join = 300
+exchange = true
+watch = ["/flight/telemetry"]
+""" + NODES + """
 [[asynchronous]]
 name = "ground"
 command = ["{python}", "ground.py"]
@@ -123,17 +124,7 @@ until = 40
 join = 300
 exchange = true
 
-[[node]]
-mission = "./plays"
-process = "world"
-free = true
-
-[[node]]
-mission = "./plays"
-process = "flight"
-free = true
-target = "{target}"
-
+""" + NODES + """
 [[node]]
 name = "script"
 command = ["{python}", "script.py", "cosim:flight?every=0.1"]
@@ -160,17 +151,7 @@ pace = 10
 join = 300
 exchange = true
 
-[[node]]
-mission = "./plays"
-process = "world"
-free = true
-
-[[node]]
-mission = "./plays"
-process = "flight"
-free = true
-target = "linux"
-
+""" + NODES.replace("{target}", "linux") + """
 [[asynchronous]]
 name = "tool"
 process = "flight"
