@@ -154,6 +154,8 @@ void telemetry_report(const TelemetryTable *table, const CommandReport *done, co
                       void *user)
 {
     memcpy(table->packet + TELEMETRY_HEADER, done, sizeof *done);
-    memcpy(table->packet + TELEMETRY_HEADER + sizeof *done, data, done->n);
+    if (done->n > 0u) { /* else there may be no data */
+        memcpy(table->packet + TELEMETRY_HEADER + sizeof *done, data, done->n);
+    }
     send(table, REPORTS, (uint32_t)sizeof *done + done->n, done->t, sink, user);
 }
