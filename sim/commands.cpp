@@ -89,9 +89,8 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
                           },
                           [](const void *c, std::uint16_t place, std::uint32_t *size) -> const void * {
                               const auto &me = *static_cast<const Commands *>(c);
-                              const Dictionary::Output &one = me.dictionary_->outputs[place];
-                              *size = one.size;
-                              return me.process_.find(one.instance)->memory() + one.offset;
+                              *size = me.outputs_[place].size;
+                              return me.live_[place];
                           },
                           command_service_check,
                           command_service_execute,

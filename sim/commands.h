@@ -84,7 +84,7 @@ private:
     std::vector<TelemetryOutput> outputs_;
     std::vector<const std::byte *> live_; ///< the messages themselves
     std::vector<TelemetryRate> rates_;
-    std::vector<std::byte> image_; ///< what telemetry takes for a mission's memory: these commands' place, the outputs
+    std::vector<std::byte> image_; ///< a mission's memory for telemetry: the address of this object, then the outputs
     std::vector<std::uint8_t> packet_;
     TelemetryTable telemetry_{};
     Ns told_ = -1;          ///< the instant that telemetry is about

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import select
 import socket
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from threading import Lock
@@ -16,29 +17,30 @@ from fledge.commands import Timed
 from fledge.errors import SetupError
 
 PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
+CHUNK = 1 << 16                             # [bytes] that are read or written at once
 OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
 SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
 GONE = "the other end of the link is gone"
 
 
-class Link:
+class Link(ABC):
     """A way to a spacecraft and back. One thread receives; send() may come from another."""
 
     skipped = 0     #: bytes that were no packet
     dropped = 0     #: packets that a slow reader missed
 
     @property
+    @abstractmethod
     def t(self) -> int:
         """[ns] of the link's clock: simulated time in a simulation, else since the link was opened."""
-        raise NotImplementedError
 
+    @abstractmethod
     def send(self, packet: bytes) -> None:
         """Send a packet. Raises OSError if the link is broken."""
-        raise NotImplementedError
 
+    @abstractmethod
     def receive(self, until: int) -> list[Timed]:
         """The packets that arrive next, each with the time [ns] of its arrival; [] when the clock reaches `until`."""
-        raise NotImplementedError
 
     def close(self) -> None:
         """Let go of the link."""
@@ -102,9 +104,9 @@ class _ByTheClock(Link):
         self._arrived.clear()
         return found
 
+    @abstractmethod
     def _work(self, wait: float) -> None:
         """Receive and send what is possible; wait at most so long [s]."""
-        raise NotImplementedError
 
 
 class Udp(_ByTheClock):
@@ -164,7 +166,8 @@ class _Stream:
         """Send what the other end takes now."""
         with self._lock:
             try:
-                del self._waiting[:self._write(bytes(self._waiting))]
+                while self._waiting and (n := self._write(bytes(self._waiting[:CHUNK]))):
+                    del self._waiting[:n]
             except (BlockingIOError, InterruptedError):
                 return
             except OSError:
@@ -173,7 +176,7 @@ class _Stream:
     def take(self) -> list[bytes] | None:
         """The packets that have come; None: the other end is gone."""
         try:
-            data = self._read(1 << 16)
+            data = self._read(CHUNK)
         except (BlockingIOError, InterruptedError):
             return []
         except OSError:

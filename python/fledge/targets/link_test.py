@@ -14,6 +14,7 @@ from fledge.activity import happenings
 from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
+from fledge.ground.links import split
 from fledge.targets import TARGETS
 
 NODES = """
@@ -79,7 +80,8 @@ def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
     (place / "link.toml").write_text(SIMULATION.format(target=target, python=sys.executable))
     assert cli.main(["up", "link.toml"]) == 0, capfd.readouterr()
     log = (place / "runs/link/log/ground.log").read_text()
-    packets = list(split(bytes.fromhex(log.split()[-1])))
+    packets, rest = split(bytes.fromhex(log.split()[-1]))
+    assert rest == b""
     reports = [struct.unpack_from(">HH", packet, 28) for packet in packets
                if packet[:2] == b"\x08\x81"]
     assert reports == [(0, 0), (0, 0), (0, 1), (1, 0), (1, 0)]  # executed, reason: the third has a wrong length
@@ -211,14 +213,6 @@ def free_port():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
-
-
-def split(packets):
-    """The packets that follow one another, by their lengths."""
-    while packets:
-        n = int.from_bytes(packets[4:6], "big") + 7
-        yield packets[:n]
-        packets = packets[n:]
 
 
 def fly(target, place):

@@ -66,13 +66,17 @@ def passes(sim):
 '''
 
 
-@pytest.fixture
-def mission(tmp_path):
-    folder = tmp_path / "passes"
+def written(folder, flight, scenarios):
+    """A mission in a new folder."""
     folder.mkdir()
-    for name, text in (("flight", STORED), ("world", WORLD), ("scenarios", PLAY)):
+    for name, text in (("flight", flight), ("world", WORLD), ("scenarios", scenarios)):
         (folder / f"{name}.py").write_text(text)
     return folder
+
+
+@pytest.fixture
+def mission(tmp_path):
+    return written(tmp_path / "passes", STORED, PLAY)
 
 
 def test_stored_commands_are_the_same_on_every_target(mission, tmp_path, capsys):
@@ -178,11 +182,7 @@ def watches(sim):
 
 @pytest.fixture
 def watched(tmp_path):
-    folder = tmp_path / "watched"
-    folder.mkdir()
-    for name, text in (("flight", WATCHED), ("world", WORLD), ("scenarios", WATCHES)):
-        (folder / f"{name}.py").write_text(text)
-    return folder
+    return written(tmp_path / "watched", WATCHED, WATCHES)
 
 
 def test_monitors_are_the_same_on_every_target(watched, tmp_path, capsys):
