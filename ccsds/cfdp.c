@@ -13,6 +13,8 @@ enum { /* bits of `due`, in the order in which they are sent */
        DUE_PROMPT_KEEP_ALIVE = 64
 };
 
+enum { FAULT_LOCATION = 12 }; /* [bytes] at most, with a CRC behind it */
+
 static const char own[] = ".cfdp"; /* the names of unfinished files begin so, and no file of a remote entity */
 
 /* ---- small things */
@@ -1160,7 +1162,7 @@ static size_t write_finished(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *r
         if (tlv.type == (uint8_t)CFDP_TLV_REQUEST && cfdp_filestore_read(&one, &tlv) == CCSDS_OK) {
             one.response = 1u;
             one.status = t->results[i++];
-            pdu.n += cfdp_filestore_write(&one, bytes + head + pdu.n, room - head - pdu.n);
+            pdu.n += cfdp_filestore_write(&one, bytes + head + pdu.n, room - head - pdu.n - FAULT_LOCATION);
         }
     }
     write_fault_location(cfdp, t, &pdu, bytes + head);
@@ -1229,7 +1231,11 @@ static size_t write_next(Cfdp *cfdp, CfdpTransaction *t, const CfdpRemote *remot
         break;
     default: return write_data(cfdp, t, remote, bytes, room);
     }
-    return cfdp_pdu_write(&pdu, bytes, room);
+    const size_t n = cfdp_pdu_write(&pdu, bytes, room);
+    if (n == 0) { /* the options of Metadata are too long for the link */
+        cancel(cfdp, t, CFDP_INVALID_STRUCTURE);
+    }
+    return n;
 }
 
 /* Whether a remote entity is the one that is asked for, and can be reached. */

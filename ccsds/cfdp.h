@@ -26,7 +26,7 @@ enum {
     CFDP_OPTIONS = 512, ///< [bytes] of the TLVs of Metadata
     CFDP_REQUESTS = 16, ///< to the store, in one transaction
     CFDP_ANSWERS = 16,  ///< acknowledgements that wait for the link
-    CFDP_ROOM = 1024    ///< [bytes] that cfdp_next() needs at least
+    CFDP_ROOM = 512     ///< [bytes] that cfdp_next() needs at least
 };
 
 /* ---- the store */
@@ -257,7 +257,7 @@ void cfdp_time(Cfdp *cfdp, int64_t now);
 void cfdp_take(Cfdp *cfdp, const uint8_t *bytes, size_t n);
 
 /** Write the next PDU to a remote entity, or to any (NULL), by the transactions' priorities. room: at least CFDP_ROOM.
- * Returns its size, 0 if there is none. */
+ * A transaction whose Metadata is longer is cancelled: names alone always fit. Returns its size, 0 if there is none. */
 size_t cfdp_next(Cfdp *cfdp, const CfdpRemote *remote, uint8_t *bytes, size_t room);
 
 /** A file to be sent. */

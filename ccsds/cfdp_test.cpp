@@ -932,6 +932,26 @@ TEST(CfdpF2, reports_and_requests_that_cannot_be)
     EXPECT_EQ(link.craft.memory.files[longest], link.ground.memory.files["source"]);
 }
 
+TEST(CfdpF2, metadata_that_is_longer_than_the_link_takes_cancels)
+{
+    Link link;
+    link.file(1000);
+    Bytes options(500);
+    options[0] = options[250] = CFDP_TLV_MESSAGE;
+    options[1] = options[251] = 248;
+    const CfdpId id = link.ground.put("source", "target", 0, options);
+    Bytes bytes(CFDP_ROOM);
+    CfdpPdu pdu{};
+    const std::size_t n = cfdp_next(&link.ground.cfdp, nullptr, bytes.data(), bytes.size());
+    ASSERT_EQ(cfdp_pdu_read(&pdu, bytes.data(), n), CCSDS_OK);
+    EXPECT_EQ(pdu.kind, CFDP_EOF);
+    EXPECT_EQ(pdu.sequence, id.sequence);
+    EXPECT_EQ(pdu.condition, CFDP_INVALID_STRUCTURE);
+    link.finish();
+    EXPECT_EQ(link.ground.ended()->condition, CFDP_INVALID_STRUCTURE);
+    EXPECT_FALSE(link.craft.memory.has("target"));
+}
+
 TEST(CfdpF2, a_handler_that_suspends_can_be_resumed_or_cancelled_at_any_state)
 {
     // At the end, too: the file is delivered, or the transaction is cancelled, and the other end does not answer.
