@@ -99,19 +99,27 @@ static int copy_name(char *to, CfdpText name)
     return 1;
 }
 
+/* A word, a number and an end, behind a text. Returns where they end. */
+static char *write_number(char *to, const char *word, uint64_t number, char end)
+{
+    uint32_t digits = 1u;
+    for (uint64_t rest = number / 10u; rest != 0u; rest /= 10u) {
+        digits++;
+    }
+    while (*word != '\0') {
+        *to++ = *word++;
+    }
+    for (uint32_t i = digits; i-- != 0u; number /= 10u) {
+        to[i] = (char)('0' + number % 10u);
+    }
+    to[digits] = end;
+    return to + digits + 1;
+}
+
 /* The name of a transaction's unfinished file: that of its place, so that a reset leaves no more files than places. */
 static void own_name(const Cfdp *cfdp, const CfdpTransaction *t, char name[CFDP_NAME])
 {
-    uint32_t place = (uint32_t)(t - cfdp->set.transactions), digits = 1u;
-    for (uint32_t rest = place / 10u; rest != 0u; rest /= 10u) {
-        digits++;
-    }
-    memcpy(name, own, sizeof own);
-    char *end = name + sizeof own - 1 + digits;
-    *end = '\0';
-    for (; digits-- != 0u; place /= 10u) {
-        *--end = (char)('0' + place % 10u);
-    }
+    (void)write_number(name, own, (uint64_t)(t - cfdp->set.transactions), '\0');
 }
 
 static CfdpEvent event_of(const CfdpTransaction *t, CfdpTold what)
@@ -318,6 +326,21 @@ static void suspend(Cfdp *cfdp, CfdpTransaction *t)
     tell(cfdp, t, CFDP_TOLD_SUSPENDED);
 }
 
+static int missing(const CfdpTransaction *t)
+{
+    return t->metadata == 0u || t->ranges != 0u || (t->eof != 0u && t->progress < t->size);
+}
+
+static void resume(Cfdp *cfdp, CfdpTransaction *t)
+{
+    t->suspended = 0u;
+    tell(cfdp, t, CFDP_TOLD_RESUMED);
+    if (t->state == (uint8_t)CFDP_RECEIVING && t->class1 == 0u && missing(t)) {
+        t->asked = 0;
+        t->due |= DUE_NAK;
+    }
+}
+
 static void fault(Cfdp *cfdp, CfdpTransaction *t, CfdpCondition condition)
 {
     const uint8_t before = t->condition;
@@ -446,52 +469,113 @@ static uint8_t perform(Cfdp *cfdp, const CfdpTransaction *t, const CfdpFilestore
     return result >= 0 || (deny && result == CFDP_ABSENT) ? 0u : result == CFDP_ABSENT ? 1u : refused[one->action];
 }
 
-/* Send the list of a directory to the entity that asks. */
-static void list(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *asked)
+/* Make a file for an answer. Returns a handle. */
+static int make(const Cfdp *cfdp)
 {
-    const CfdpStore *store = &cfdp->set.store;
     const CfdpTransaction *place = vacant(cfdp);
-    char directory[CFDP_NAME], name[CFDP_NAME], to[CFDP_NAME];
+    char name[CFDP_NAME];
+    if (place == NULL) {
+        return CFDP_FULL;
+    }
+    own_name(cfdp, place, name);
+    return cfdp->set.store.open(cfdp->set.store.user, name, CFDP_OPEN_NEW);
+}
+
+/* Answer a message with another one, and, where `to` names one, with the file that was made. */
+static void reply(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *answer, const char *to)
+{
+    const CfdpTransaction *place = vacant(cfdp);
+    char name[CFDP_NAME];
     uint8_t options[CFDP_OPTIONS];
-    if (place == NULL || !copy_name(to, asked->second)) {
+    if (place == NULL) {
         return;
     }
     own_name(cfdp, place, name);
-    int result = copy_name(directory, asked->first) ? store->open(store->user, name, CFDP_OPEN_NEW) : CFDP_REFUSED;
-    if (result >= 0) {
-        const int file = result;
-        result = store->list(store->user, directory, file);
-        store->close(store->user, file);
-    }
-    const CfdpMessage listed = {
-        .type = CFDP_LISTED, .value = result < 0 ? 0x80u : 0u, .first = asked->first, .second = asked->second};
     const CfdpMessage origin = {.type = CFDP_ORIGIN,
                                 .entity = t->id.source,
                                 .sequence = t->id.sequence,
                                 .entity_bytes = t->entity_bytes,
                                 .sequence_bytes = t->sequence_bytes};
-    size_t n = cfdp_message_write(&listed, options, sizeof options);
+    size_t n = cfdp_message_write(answer, options, sizeof options);
     n += cfdp_message_write(&origin, options + n, sizeof options - n);
     const CfdpPut put = {.destination = t->peer,
-                         .from = result < 0 ? "" : name,
-                         .to = result < 0 ? "" : to,
+                         .from = to[0] != '\0' ? name : "",
+                         .to = to,
                          .options = options,
                          .options_n = n,
                          .class1 = t->class1,
                          .priority = t->priority};
     CfdpId id;
     if (cfdp_put(cfdp, &put, &id) >= 0) {
-        find(cfdp, id, 0)->created = 1u; /* the list is removed at the end */
+        find(cfdp, id, 0)->created = 1u; /* the file is removed at the end */
     } else {
-        (void)store->remove(store->user, name);
+        (void)cfdp->set.store.remove(cfdp->set.store.user, name);
     }
+}
+
+/* Send the list of a directory to the entity that asks. */
+static void list(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *asked)
+{
+    const CfdpStore *store = &cfdp->set.store;
+    char directory[CFDP_NAME], to[CFDP_NAME];
+    const int named = asked->second.n != 0u && copy_name(to, asked->second) && copy_name(directory, asked->first);
+    const int file = named ? make(cfdp) : CFDP_REFUSED;
+    int result = file;
+    if (file >= 0) {
+        result = store->list(store->user, directory, file);
+        store->close(store->user, file);
+    }
+    const CfdpMessage listed = {
+        .type = CFDP_LISTED, .value = result < 0 ? 0x80u : 0u, .first = asked->first, .second = asked->second};
+    reply(cfdp, t, &listed, result < 0 ? "" : to);
+}
+
+/* Suspend, resume or report a transaction for the entity at its other end, or for which it is done by proxy. */
+static void control(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *asked)
+{
+    const CfdpStore *store = &cfdp->set.store;
+    const CfdpId id = {asked->entity, asked->sequence};
+    CfdpTransaction *one = find(cfdp, id, id.source != cfdp->set.entity);
+    if (one == t || (one != NULL && one->peer != t->peer && (one->proxy == 0u || one->origin.source != t->peer))) {
+        one = NULL;
+    }
+    const uint32_t status = one != NULL ? CFDP_ACTIVE : is_past(cfdp, id) ? CFDP_TERMINATED : CFDP_UNRECOGNIZED;
+    CfdpMessage answer = *asked; /* about the same transaction */
+    char to[CFDP_NAME] = "";
+    answer.type++;
+    if (asked->type == (uint8_t)CFDP_REMOTE_REPORT) {
+        const int named = one != NULL && asked->first.n != 0u && copy_name(to, asked->first);
+        const int file = named ? make(cfdp) : CFDP_REFUSED;
+        int result = file;
+        if (file >= 0) {
+            char text[128];
+            char *end = write_number(text, "progress ", one->progress, '\n');
+            end = write_number(end, "size ", one->size, '\n');
+            end = write_number(end, "state ", one->state, '\n');
+            end = write_number(end, "condition ", one->condition, '\n');
+            end = write_number(end, "suspended ", one->suspended, '\n');
+            result = store->write(store->user, file, 0, (const uint8_t *)text, (size_t)(end - text));
+            store->close(store->user, file);
+        }
+        if (result < 0) {
+            to[0] = '\0';
+        }
+        answer.value = (uint8_t)(status << 6 | (result < 0));
+    } else {
+        const int suspends = asked->type == (uint8_t)CFDP_REMOTE_SUSPEND;
+        if (one != NULL && one->condition == 0u && suspends != one->suspended) {
+            (suspends ? suspend : resume)(cfdp, one);
+        }
+        answer.value = (uint8_t)((one != NULL && one->suspended != 0u ? 0x80u : 0u) | status << 5);
+    }
+    reply(cfdp, t, &answer, to);
 }
 
 /* The messages of a delivered transaction: the user has them all, those of proxies and directories are done here. */
 static void serve(Cfdp *cfdp, const CfdpTransaction *t)
 {
     const uint8_t allowed = remote_of(cfdp, t->peer)->allowed, *at = t->options;
-    CfdpMessage message, wanted = {.type = CFDP_ORIGIN}, listing = {.type = CFDP_ORIGIN};
+    CfdpMessage message, wanted = {.type = CFDP_ORIGIN}, listing = wanted, remote = wanted;
     CfdpId origin = t->id;
     CfdpPut put = {.class1 = t->class1, .priority = t->priority};
     CfdpTlv tlv;
@@ -526,6 +610,9 @@ static void serve(Cfdp *cfdp, const CfdpTransaction *t)
         case CFDP_ORIGIN: origin = (CfdpId){message.entity, message.sequence}; break;
         case CFDP_PROXY_CANCEL: cancels = 1; break;
         case CFDP_LIST: listing = message; break;
+        case CFDP_REMOTE_REPORT:
+        case CFDP_REMOTE_SUSPEND:
+        case CFDP_REMOTE_RESUME: remote = message; break;
         default: break;
         }
     }
@@ -547,6 +634,9 @@ static void serve(Cfdp *cfdp, const CfdpTransaction *t)
     }
     if (listing.type == (uint8_t)CFDP_LIST && (allowed & CFDP_ALLOW_LIST) != 0u) {
         list(cfdp, t, &listing);
+    }
+    if (remote.type != (uint8_t)CFDP_ORIGIN && (allowed & CFDP_ALLOW_REMOTE) != 0u) {
+        control(cfdp, t, &remote);
     }
     for (uint32_t i = 0u; cancels && i < cfdp->set.transactions_n; i++) {
         CfdpTransaction *one = &cfdp->set.transactions[i];
@@ -627,11 +717,6 @@ static void check(Cfdp *cfdp, CfdpTransaction *t, int read)
 }
 
 /* ---- receiving */
-
-static int missing(const CfdpTransaction *t)
-{
-    return t->metadata == 0u || t->ranges != 0u || (t->eof != 0u && t->progress < t->size);
-}
 
 /* Something came: is all there? */
 static void step(Cfdp *cfdp, CfdpTransaction *t)
@@ -1046,7 +1131,10 @@ void cfdp_time(Cfdp *cfdp, int64_t now)
         }
         if (now >= t->expires) {
             expire(cfdp, t, remote);
-        } else if (t->state == (uint8_t)CFDP_RECEIVING || t->state == (uint8_t)CFDP_CHECKING) {
+            continue;
+        }
+        step(cfdp, t); /* a remote entity may have resumed it */
+        if (t->state == (uint8_t)CFDP_RECEIVING || t->state == (uint8_t)CFDP_CHECKING) {
             check(cfdp, t, 1);
         }
     }
@@ -1414,12 +1502,7 @@ int cfdp_resume(Cfdp *cfdp, CfdpId id)
     if (t == NULL || t->suspended == 0u) {
         return 0;
     }
-    t->suspended = 0u;
-    tell(cfdp, t, CFDP_TOLD_RESUMED);
-    if (t->state == (uint8_t)CFDP_RECEIVING && t->class1 == 0u && missing(t)) {
-        t->asked = 0;
-        t->due |= DUE_NAK;
-    }
+    resume(cfdp, t);
     step(cfdp, t);
     return 1;
 }

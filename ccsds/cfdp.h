@@ -65,7 +65,13 @@ typedef struct CfdpStore {
 
 typedef enum CfdpHandler { CFDP_CANCEL = 1, CFDP_SUSPEND = 2, CFDP_IGNORE = 3, CFDP_ABANDON = 4 } CfdpHandler;
 
-enum { CFDP_ALLOW_FILESTORE = 1, CFDP_ALLOW_PROXY = 2, CFDP_ALLOW_LIST = 4 }; ///< what a remote entity may ask for
+/** What a remote entity may ask for. */
+enum {
+    CFDP_ALLOW_FILESTORE = 1,
+    CFDP_ALLOW_PROXY = 2,
+    CFDP_ALLOW_LIST = 4,
+    CFDP_ALLOW_REMOTE = 8 ///< to suspend, resume and report its transactions
+};
 
 /** Another entity, and how files go to it and come from it. */
 typedef struct CfdpRemote {

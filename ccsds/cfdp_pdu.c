@@ -347,6 +347,12 @@ static const char *fields(uint8_t type)
     case CFDP_ORIGIN: return "o";
     case CFDP_LIST: return "tu";
     case CFDP_LISTED: return "vtu";
+    case CFDP_REMOTE_REPORT: return "ot";
+    case CFDP_REMOTE_SUSPEND:
+    case CFDP_REMOTE_RESUME: return "o";
+    case CFDP_REMOTE_REPORTED:
+    case CFDP_REMOTE_SUSPENDED:
+    case CFDP_REMOTE_RESUMED: return "vo";
     default: return NULL;
     }
 }

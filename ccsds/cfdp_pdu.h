@@ -207,18 +207,27 @@ typedef enum CfdpMessageType {
     CFDP_ORIGIN = 0x0A, ///< the transaction that asked
     CFDP_PROXY_CLOSURE = 0x0B,
     CFDP_LIST = 0x10, ///< a directory, into a file
-    CFDP_LISTED = 0x11
+    CFDP_LISTED = 0x11,
+    CFDP_REMOTE_REPORT = 0x20, ///< of a transaction, into a file
+    CFDP_REMOTE_REPORTED = 0x21,
+    CFDP_REMOTE_SUSPEND = 0x30,
+    CFDP_REMOTE_SUSPENDED = 0x31,
+    CFDP_REMOTE_RESUME = 0x38,
+    CFDP_REMOTE_RESUMED = 0x39
 } CfdpMessageType;
 
 typedef struct CfdpMessage {
-    uint64_t entity;      ///< PROXY_PUT: destination; ORIGIN: source
-    uint64_t sequence;    ///< ORIGIN
-    CfdpText first;       ///< PROXY_PUT: source file; LIST, LISTED: directory; MESSAGE, REQUEST, FLOW, RESPONSE: value
-    CfdpText second;      ///< PROXY_PUT: destination file; LIST, LISTED: file for the list
-    uint8_t type;         ///< CfdpMessageType
-    uint8_t entity_bytes; ///< 1 to 8
+    uint64_t entity;        ///< PROXY_PUT: destination; ORIGIN, REMOTE_...: source
+    uint64_t sequence;      ///< ORIGIN, REMOTE_...
+    CfdpText first;         ///< PROXY_PUT: source file; LIST, LISTED: directory; REMOTE_REPORT: file for the report;
+                            ///< MESSAGE, REQUEST, FLOW, RESPONSE: value
+    CfdpText second;        ///< PROXY_PUT: destination file; LIST, LISTED: file for the list
+    uint8_t type;           ///< CfdpMessageType
+    uint8_t entity_bytes;   ///< 1 to 8
     uint8_t sequence_bytes; ///< 1 to 8
-    uint8_t value; ///< HANDLER; MODE, RECORDS, CLOSURE: 0, 1; PUT_RESPONSE: as in FINISHED; LISTED: 0x80 if it failed
+    uint8_t value; ///< HANDLER; MODE, RECORDS, CLOSURE: 0, 1; PUT_RESPONSE: as in FINISHED; LISTED: 0x80 if it failed;
+                   ///< REPORTED: CfdpStatus * 64, + 1 if it failed; SUSPENDED, RESUMED: CfdpStatus * 32, + 0x80 if it
+                   ///< is suspended
 } CfdpMessage;
 
 /** Read one. CCSDS_TYPE: not one of these; CCSDS_LENGTH. */

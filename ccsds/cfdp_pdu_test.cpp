@@ -159,6 +159,23 @@ TEST(CfdpPdu, messages_and_requests_are_those_of_the_tables)
     one.first = text("d");
     one.second = text("l");
     EXPECT_EQ(message(one), hex("02 0A" + cfdp + "11 80 01 64 01 6C"));
+    one = {};
+    one.entity = 5;
+    one.sequence = 0x60708;
+    one.entity_bytes = 1;
+    one.sequence_bytes = 3;
+    one.first = text("r");
+    one.value = 0xA0;
+    for (const auto &[type, digits] :
+         std::initializer_list<std::pair<int, const char *>>{{CFDP_REMOTE_REPORT, "0C 63666470 20 02 05 060708 01 72"},
+                                                             {CFDP_REMOTE_REPORTED, "0B 63666470 21 A0 02 05 060708"},
+                                                             {CFDP_REMOTE_SUSPEND, "0A 63666470 30 02 05 060708"},
+                                                             {CFDP_REMOTE_SUSPENDED, "0B 63666470 31 A0 02 05 060708"},
+                                                             {CFDP_REMOTE_RESUME, "0A 63666470 38 02 05 060708"},
+                                                             {CFDP_REMOTE_RESUMED, "0B 63666470 39 A0 02 05 060708"}}) {
+        one.type = static_cast<std::uint8_t>(type);
+        EXPECT_EQ(message(one), hex("02 " + std::string(digits)));
+    }
     CfdpFilestore store{};
     store.action = CFDP_RENAME_FILE;
     store.status = 2;
@@ -230,7 +247,8 @@ Bytes any_tlvs(std::mt19937 &random, bool responses)
                             2,
                             static_cast<std::uint8_t>(random())};
             if (random() % 4 == 0) {
-                one.type = random() % 2 != 0 ? CFDP_LIST : CFDP_LISTED;
+                static const std::uint8_t others[] = {0x10, 0x11, 0x20, 0x21, 0x30, 0x31, 0x38, 0x39};
+                one.type = others[random() % std::size(others)];
             } else if (one.type == CFDP_PROXY_REQUEST || one.type == CFDP_PROXY_RESPONSE) {
                 one.first = text({"\0\1f\0", one.type == CFDP_PROXY_REQUEST ? 3u : 4u}); // creates a file f
             }

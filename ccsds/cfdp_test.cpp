@@ -163,7 +163,7 @@ struct End {
         remote.segment = 1000;
         remote.ack_limit = remote.nak_limit = 5;
         remote.check_limit = 3;
-        remote.allowed = CFDP_ALLOW_FILESTORE | CFDP_ALLOW_PROXY | CFDP_ALLOW_LIST;
+        remote.allowed = CFDP_ALLOW_FILESTORE | CFDP_ALLOW_PROXY | CFDP_ALLOW_LIST | CFDP_ALLOW_REMOTE;
         store = memory.store();
         begin(1);
     }
@@ -1193,6 +1193,101 @@ TEST(CfdpF3, list_a_directory)
     ASSERT_NE(told, link.ground.told.end());
     EXPECT_EQ(told->text[4], CFDP_LISTED);
     EXPECT_EQ(told->text[5], 0x80);
+}
+
+/// Ask the craft about a transaction. Returns the value of its answer; -1: there is none.
+int ask(Link &link, CfdpMessageType type, CfdpId about, const std::string &file = "")
+{
+    CfdpMessage one{};
+    one.type = static_cast<std::uint8_t>(type);
+    one.entity = about.source;
+    one.sequence = about.sequence;
+    one.entity_bytes = one.sequence_bytes = 4;
+    one.first = {reinterpret_cast<const std::uint8_t *>(file.data()), static_cast<std::uint8_t>(file.size())};
+    Bytes options(200);
+    options.resize(cfdp_message_write(&one, options.data(), options.size()));
+    link.ground.told.clear();
+    link.ground.put("", "", 0, options);
+    link.run(2 * s);
+    for (const Told &told : link.ground.told) {
+        if (told.what == CFDP_TOLD_MESSAGE && told.text[4] == type + 1) {
+            CfdpMessage answer{};
+            const CfdpTlv tlv{{told.text.data(), static_cast<std::uint8_t>(told.text.size())}, CFDP_TLV_MESSAGE};
+            EXPECT_EQ(cfdp_message_read(&answer, &tlv), CCSDS_OK);
+            EXPECT_EQ(answer.entity, about.source);
+            EXPECT_EQ(answer.sequence, about.sequence);
+            return answer.value;
+        }
+    }
+    return -1;
+}
+
+TEST(CfdpF3, remote_suspension_and_reports_of_what_the_craft_sends)
+{
+    Link link;
+    link.craft.memory.files["science"] = any_bytes(link.random, 5'000'000);
+    link.ground.put("", "", 0, message(CFDP_PROXY_PUT, "science", "got", 1));
+    link.run(1 * s);
+    const CfdpId id{2, 1};
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, id), 0x80 | CFDP_ACTIVE << 5);
+    EXPECT_EQ(link.craft.count(CFDP_TOLD_SUSPENDED), 1);
+    const int sent = link.sent[CFDP_FILE_DATA];
+    link.run(30 * s);
+    EXPECT_EQ(link.sent[CFDP_FILE_DATA], sent);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, id), 0x80 | CFDP_ACTIVE << 5); // it is already
+    EXPECT_EQ(link.craft.count(CFDP_TOLD_SUSPENDED), 1);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_REPORT, id, "report"), CFDP_ACTIVE << 6);
+    const Bytes &report = link.ground.memory.files["report"];
+    EXPECT_EQ(std::string(report.begin(), report.end()),
+              "progress " + std::to_string(1000 * sent) + "\nsize 5000000\nstate 1\ncondition 0\nsuspended 1\n");
+    EXPECT_EQ(ask(link, CFDP_REMOTE_RESUME, id), CFDP_ACTIVE << 5);
+    EXPECT_EQ(link.craft.count(CFDP_TOLD_RESUMED), 1);
+    link.finish();
+    EXPECT_EQ(link.ground.memory.files["got"], link.craft.memory.files["science"]);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_REPORT, id, "report"), CFDP_TERMINATED << 6 | 1);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, {2, 999}), CFDP_UNRECOGNIZED << 5);
+    link.finish();
+}
+
+TEST(CfdpF3, remote_suspension_of_what_the_craft_receives)
+{
+    for (const int class1 : {0, 1}) {
+        Link link;
+        link.file(3'000'000);
+        const CfdpId id = link.ground.put("source", "target", class1);
+        link.run(1 * s);
+        EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, id), 0x80 | CFDP_ACTIVE << 5);
+        EXPECT_EQ(ask(link, CFDP_REMOTE_REPORT, id, "../report"), -1); // the ground's own store refuses that name
+        link.run(5 * s);
+        EXPECT_FALSE(link.craft.memory.has("target")); // all of it is there
+        EXPECT_EQ(ask(link, CFDP_REMOTE_RESUME, id), CFDP_ACTIVE << 5);
+        EXPECT_EQ(link.craft.memory.files["target"], link.ground.memory.files["source"]);
+        link.finish();
+    }
+}
+
+TEST(CfdpF3, remote_suspension_is_for_those_who_may)
+{
+    Link link;
+    CfdpRemote remotes[] = {link.craft.remote, link.craft.remote};
+    remotes[1].entity = 7;
+    link.craft.cfdp.set.remotes = remotes;
+    link.craft.cfdp.set.remotes_n = 2;
+    link.file(3'000'000);
+    const CfdpId id = link.ground.put("source", "target");
+    link.run(1 * s);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, {1, id.sequence + 1}), CFDP_UNRECOGNIZED << 5); // itself
+    remotes[0].allowed = CFDP_ALLOW_PROXY;
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, id), -1);
+    remotes[0].allowed = CFDP_ALLOW_REMOTE;
+    link.craft.memory.files["source"] = {1};
+    CfdpPut put{};
+    put.destination = 7;
+    put.from = put.to = "source";
+    CfdpId other{};
+    ASSERT_EQ(cfdp_put(&link.craft.cfdp, &put, &other), 0);
+    EXPECT_EQ(ask(link, CFDP_REMOTE_SUSPEND, other), CFDP_UNRECOGNIZED << 5);
+    EXPECT_EQ(link.craft.count(CFDP_TOLD_SUSPENDED), 0);
 }
 
 // ---- defects that others have had
