@@ -61,11 +61,18 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     for (const Dictionary::Output &one : d.outputs) {
         outputs_.push_back({one.runs.data(), static_cast<std::uint32_t>(one.runs.size()),
                             static_cast<std::uint32_t>(image_.size()), one.size});
-        live_.push_back(process.find(one.instance)->memory() + one.offset);
+        const Instance &from = *process.find(one.instance);
+        live_.push_back(from.memory() + one.offset);
+        for (const FledgeField &field : fields(from.type())) {
+            if (field.offset == one.offset && field.sub != nullptr &&
+                field.sub->name == std::string_view("FlightEvent")) {
+                events_.push_back(static_cast<std::uint16_t>(outputs_.size() - 1));
+            }
+        }
         image_.resize(image_.size() + one.size);
         longest = std::max<std::size_t>(longest, TELEMETRY_HEADER + one.size);
     }
-    rates_.resize(outputs_.size() + 3);
+    rates_.resize(outputs_.size() + 3 + COMMAND_STREAMS);
     packet_.resize(longest);
     telemetry_ = {d.telemetry, table_.n_outputs, outputs_.data(), rates_.data(), packet_.data(), nullptr, nullptr};
     telemetry_.mode = [](const void *image) {
@@ -92,9 +99,13 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
                               *size = me.outputs_[place].size;
                               return me.live_[place];
                           },
+                          events_.data(),
+                          static_cast<std::uint32_t>(events_.size()),
+                          nullptr,
                           command_service_check,
                           command_service_execute,
-                          command_service_run};
+                          command_service_run,
+                          telemetry_services};
     table_.services = services_.empty() ? nullptr : &table_of_services_;
     begin();
 }
@@ -139,7 +150,7 @@ Ns Commands::next(Ns now) const
 {
     Ns after = state_.waiting > 0 ? now : scripted();
     for (std::size_t i = 0; i < services_.size(); i++) {
-        const Ns due = services_[i]->next(service_modules_[i]->memory());
+        const Ns due = services_[i]->next ? services_[i]->next(service_modules_[i]->memory()) : Runtime::never;
         after = due == Runtime::never ? after : std::min(after, due - 1);
     }
     return std::max(after, now);
@@ -298,6 +309,10 @@ void Commands::tell(Ns t)
     }
     told_ = t;
     telemetry_send(&telemetry_, image_.data(), t, &state_, keep, this);
+    if (table_.services) {
+        const CommandContext context{&state_, &table_, this, t, 0};
+        telemetry_services(&telemetry_, &context, report, keep, this);
+    }
 }
 
 void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)

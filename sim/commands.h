@@ -68,6 +68,7 @@ private:
     std::vector<std::uint8_t> staged_, queue_;
     std::vector<const CommandService *> services_;
     std::vector<Instance *> service_modules_;
+    std::vector<std::uint16_t> events_; ///< the places of outputs that are events
     CommandServices table_of_services_{};
     CommandTable table_{};
     CommandState state_{};

@@ -53,6 +53,10 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
         mission_io_read(io, w, host->mission, t, counts);
         host->tick(t);
         telemetry_send(host->telemetry, host->mission, t, host->state, send_packet, &link);
+        if (host->commands->services != NULL) {
+            const CommandContext context = {host->state, host->commands, host->mission, t, 0u};
+            host->commands->services->tell(host->telemetry, &context, send_report, send_packet, &link);
+        }
     }
     mission_io_write(io, w, host->mission, counts);
 }

@@ -45,8 +45,9 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 static int has_length(uint32_t code, uint32_t n)
 {
     static const uint8_t lengths[COMMAND_CODES] = {8u,  8u, 12u, 0u,  0u, 14u, 12u, 10u, 14u, 18u,
-                                                   16u, 0u, 22u, 12u, 0u, 0u,  14u, 16u, 12u};
-    return lengths[code] != 0u ? n == lengths[code] : n > (uint32_t)COMMAND_DATA && n <= (uint32_t)COMMAND_MAX;
+                                                   16u, 0u, 22u, 12u, 0u, 0u,  14u, 16u, 12u, 0u};
+    const uint32_t least = code == (uint32_t)COMMAND_PDU ? (uint32_t)COMMAND_HEADER : (uint32_t)COMMAND_DATA;
+    return lengths[code] != 0u ? n == lengths[code] : n > least && n <= (uint32_t)COMMAND_MAX;
 }
 
 /* Whether n > 0 bytes of a block from its byte `at` are whole numbers. */
@@ -121,7 +122,8 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     if (!has_length(code, n)) {
         return COMMAND_LENGTH;
     }
-    if (code > (uint32_t)COMMAND_RESET_COUNTERS && word(packet, VERSION) != table->version) {
+    if (code > (uint32_t)COMMAND_RESET_COUNTERS && code != (uint32_t)COMMAND_PDU &&
+        word(packet, VERSION) != table->version) {
         return COMMAND_VERSION;
     }
     switch (code) {
@@ -146,26 +148,27 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     case COMMAND_STORE:
     case COMMAND_DELETE:
     case COMMAND_CONTROL:
-    case COMMAND_LIST: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
+    case COMMAND_LIST:
+    case COMMAND_PDU: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
     default: return COMMAND_OK;
     }
 }
 
-static void count(CommandState *s, CommandReason reason, int executed)
+static void count(CommandState *s, CommandReason reason, CommandStage stage)
 {
     if (reason != COMMAND_OK) {
         s->counters.refused++;
         s->counters.reasons[reason]++;
-    } else if (executed) {
+    } else if (stage == COMMAND_DONE) {
         s->counters.executed++;
-    } else {
+    } else if (stage == COMMAND_ACCEPTED) {
         s->counters.accepted++;
     }
 }
 
-static void finish(CommandState *s, CommandReport *report, const uint8_t *data, CommandSink sink, void *user)
+void command_report(CommandState *s, const CommandReport *report, const uint8_t *data, CommandSink sink, void *user)
 {
-    count(s, (CommandReason)report->reason, report->executed != 0u);
+    count(s, (CommandReason)report->reason, (CommandStage)report->executed);
     s->recent[s->reported++ % (uint32_t)COMMAND_RECENT] = *report;
     sink(user, report, data);
 }
@@ -191,6 +194,10 @@ static CommandReason accept(CommandState *s, const CommandTable *table, uint32_t
         report.sequence = word(packet, 2) & SEQUENCES;
         report.code = packet[6];
     }
+    const int pdu = report.code == (uint16_t)COMMAND_PDU;
+    if (pdu) { /* CFDP repeats and orders what it needs itself */
+        link = NULL;
+    }
     if (report.reason == COMMAND_OK && link != NULL && !is_ahead(link, report.sequence)) {
         report.reason = COMMAND_SEQUENCE;
         report.detail = link->last;
@@ -206,7 +213,9 @@ static CommandReason accept(CommandState *s, const CommandTable *table, uint32_t
             link->last = report.sequence;
         }
     }
-    finish(s, &report, packet, sink, user);
+    if (!pdu || report.reason != COMMAND_OK) {
+        command_report(s, &report, packet, sink, user);
+    }
     return (CommandReason)report.reason;
 }
 
@@ -284,7 +293,7 @@ CommandReason command_write(const CommandContext *context, uint16_t module, uint
             table->publish(context->mission, module, context->t);
         }
     }
-    count(context->state, reason, 1);
+    count(context->state, reason, COMMAND_DONE);
     return reason;
 }
 
@@ -294,7 +303,7 @@ CommandReason command_enter(const CommandContext *context, uint16_t mode)
     if (reason == COMMAND_OK) {
         context->table->enter(context->mission, mode);
     }
-    count(context->state, reason, 1);
+    count(context->state, reason, COMMAND_DONE);
     return reason;
 }
 
@@ -402,9 +411,14 @@ static void execute_queue(CommandState *s, const CommandTable *table, void *miss
     uint8_t data[COMMAND_DATA_MAX];
     for (uint32_t at = 0u; at < s->waiting; at += length_of(table->queue + at)) {
         const uint8_t *packet = table->queue + at;
+        if (packet[6] == (uint8_t)COMMAND_PDU) {
+            const CommandContext context = {s, table, mission, t, 0u};
+            (void)table->services->execute(&context, packet, NULL, NULL);
+            continue;
+        }
         CommandReport report = {t, word(packet, 2) & SEQUENCES, packet[6], 1u, COMMAND_OK, 0u, 0u, s->from, 0u};
         report.reason = (uint16_t)execute(s, table, mission, packet, &report, data);
-        finish(s, &report, data, sink, user);
+        command_report(s, &report, data, sink, user);
         if (report.code == COMMAND_RESET_COUNTERS) {
             memset(&s->counters, 0, sizeof s->counters);
         }
@@ -427,18 +441,21 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
 /* The place of the service of a function code; n: there is none. */
 static uint32_t service_of(const CommandServices *services, uint32_t code)
 {
-    uint32_t i = 0u;
-    while (i < services->n &&
-           (code < services->list[i]->first || code - services->list[i]->first >= services->list[i]->n)) {
-        i++;
+    for (uint32_t i = 0u; i < services->n; i++) {
+        const CommandService *one = services->list[i];
+        if (code == (uint32_t)COMMAND_PDU ? one->arrive != NULL : code >= one->first && code - one->first < one->n) {
+            return i;
+        }
     }
-    return i;
+    return services->n;
 }
 
 CommandReason command_service_check(const CommandTable *table, const uint8_t *packet, uint32_t n)
 {
     const uint32_t place = service_of(table->services, packet[6]);
-    return place < table->services->n ? table->services->list[place]->check(packet, n) : COMMAND_ABSENT;
+    return place == table->services->n         ? COMMAND_ABSENT
+           : packet[6] == (uint8_t)COMMAND_PDU ? COMMAND_OK
+                                               : table->services->list[place]->check(packet, n);
 }
 
 CommandReason command_service_execute(const CommandContext *context, const uint8_t *packet, CommandReport *report,
@@ -446,6 +463,12 @@ CommandReason command_service_execute(const CommandContext *context, const uint8
 {
     const CommandServices *services = context->table->services;
     const uint32_t place = service_of(services, packet[6]);
+    void *module = services->module(context->mission, place);
+    if (packet[6] == (uint8_t)COMMAND_PDU) {
+        services->list[place]->arrive(context, module, packet + COMMAND_HEADER,
+                                      length_of(packet) - (uint32_t)COMMAND_HEADER);
+        return COMMAND_OK;
+    }
     if (packet[6] == (uint8_t)COMMAND_STORE) {
         const CommandReason reason = check(context->table, word(packet, 0), packet + COMMAND_STORED,
                                            length_of(packet) - (uint32_t)COMMAND_STORED);
@@ -453,7 +476,7 @@ CommandReason command_service_execute(const CommandContext *context, const uint8
             return reason;
         }
     }
-    return services->list[place]->execute(context, services->module(context->mission, place), packet, report, data);
+    return services->list[place]->execute(context, module, packet, report, data);
 }
 
 /* Execute what a service has; `left`: how many commands this instant may still have. Returns what is left then. */
@@ -463,7 +486,7 @@ static uint32_t run_service(const CommandContext *context, uint32_t place, uint3
     CommandState *s = context->state;
     void *module = table->services->module(context->mission, place);
     uint8_t packet[COMMAND_STORED_MAX];
-    for (; left > 0u; left--) {
+    for (; left > 0u && table->services->list[place]->take != NULL; left--) {
         CommandReport report = {context->t, 0u, 0u, 1u, COMMAND_OK, 0u, 0u, 0u, 0u};
         const uint32_t n = table->services->list[place]->take(context, module, packet, &report);
         if (n == 0u) {
@@ -476,7 +499,7 @@ static uint32_t run_service(const CommandContext *context, uint32_t place, uint3
         } else {
             report.sequence = word(packet, 2) & SEQUENCES;
             report.code = packet[6];
-            finish(s, &report, packet, sink, user);
+            command_report(s, &report, packet, sink, user);
         }
         s->from = 0u;
     }

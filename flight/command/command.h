@@ -58,6 +58,7 @@ typedef enum CommandCode {
     COMMAND_DELETE = 16,          ///< list or COMMAND_ALL, step or COMMAND_ALL
     COMMAND_CONTROL = 17,         ///< list or COMMAND_ALL, ListAction, to start: command_crc of the list's report, or 0
     COMMAND_LIST = 18,            ///< list: the report of the execution has 16 bytes of each of its commands
+    COMMAND_PDU = 19,             ///< no version: a PDU of CFDP; reported if it is refused only, and without a sequence
     COMMAND_CODES
 } CommandCode;
 
@@ -147,9 +148,12 @@ typedef struct CommandProcedures {
 
 struct CommandReport;
 
+/** What a service sends. Operators know these streams: append, do not renumber. */
+typedef enum CommandStream { STREAM_EVENTS = 0, STREAM_SELECTED = 1, STREAM_FILES = 2, COMMAND_STREAMS } CommandStream;
+
 /** How flight drives a module that commands need, a service. Such a module's header declares one, by the name
  *  MODULE_service; a process has one module of a kind. Its memory is the mission's, and its update is that of any
- *  module. */
+ *  module. A function that it does not need is NULL. */
 typedef struct CommandService {
     uint16_t first, n; ///< its function codes
     /** As a command is accepted, whose length and version are right. */
@@ -162,21 +166,37 @@ typedef struct CommandService {
     uint32_t (*take)(const CommandContext *context, void *module, uint8_t *packet, struct CommandReport *report);
     /** [ns] when it will have one, as things stand; INT64_MAX: never. */
     int64_t (*next)(const void *module);
+    /** At an instant, with the commands of the ground: a PDU of n bytes has come. */
+    void (*arrive)(const CommandContext *context, void *module, const uint8_t *bytes, uint32_t n);
+    /** At the end of an instant, after the packets of outputs: write the content of the next packet, big-endian and at
+     *  most COMMAND_DATA_MAX bytes, and return its length; 0: there is none. */
+    uint32_t (*tell)(const CommandContext *context, void *module, uint8_t *content);
+    /** At the end of an instant: the next report of a command that was executed before; 0: there is none. */
+    int (*report)(const CommandContext *context, void *module, struct CommandReport *report);
+    CommandStream stream; ///< of what it tells
 } CommandService;
 
-/** Those of a process. The last three are the functions below: the table names them, so that flight software without
- *  services does not link them. */
+struct TelemetryTable;
+
+/** Those of a process. The last four are the functions below and telemetry_services: the table names them, so that
+ *  flight software without services does not link them. */
 typedef struct CommandServices {
     const CommandService *const *list;
     uint32_t n;
     void *(*module)(void *mission, uint32_t place); ///< of a service
     /** One of n_outputs, and its size. */
     const void *(*output)(const void *mission, uint16_t place, uint32_t *size);
+    const uint16_t *events; ///< the places of the outputs that are a FlightEvent (flight/msg/event.h)
+    uint32_t n_events;
+    const void *store; ///< of files, from the host; NULL: none
     CommandReason (*check)(const struct CommandTable *table, const uint8_t *packet, uint32_t n);
     CommandReason (*execute)(const CommandContext *context, const uint8_t *packet, struct CommandReport *report,
                              uint8_t *data);
     void (*run)(const CommandContext *context, void (*sink)(void *, const struct CommandReport *, const uint8_t *),
                 void *user);
+    void (*tell)(const struct TelemetryTable *table, const CommandContext *context,
+                 void (*sink)(void *, const struct CommandReport *, const uint8_t *),
+                 void (*send)(void *, const uint8_t *, uint32_t), void *user);
 } CommandServices;
 
 /** A mission's dictionary, as `fledge export` writes it and the desktop makes it, and the functions of what they
@@ -206,13 +226,21 @@ typedef struct CommandCounters {
     uint32_t reasons[COMMAND_REASONS]; ///< of those refused
 } CommandCounters;
 
+/** How far a command is. */
+typedef enum CommandStage {
+    COMMAND_ACCEPTED = 0, ///< or refused when it came
+    COMMAND_DONE = 1,     ///< executed, or refused then
+    COMMAND_STARTED = 2,  ///< executed; what it began goes on, and is reported again
+    COMMAND_UNDER_WAY = 3 ///< detail: [%] of it
+} CommandStage;
+
 /** What was done with a command. */
 typedef struct CommandReport {
     int64_t t;         ///< [ns] the instant of execution; of acceptance: the last instant before, -1: none; of what was
                        ///< stored: its own
     uint16_t sequence; ///< of the command, 14 bits
     uint16_t code;     ///< its function code
-    uint16_t executed; ///< 0: about its acceptance; 1: about its execution
+    uint16_t executed; ///< CommandStage
     uint16_t reason;   ///< CommandReason
     uint16_t detail;   ///< of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
     uint16_t n;        ///< [bytes] read back
@@ -261,7 +289,10 @@ CommandReason command_write(const CommandContext *context, uint16_t module, uint
                             uint32_t n, uint16_t *detail);
 CommandReason command_enter(const CommandContext *context, uint16_t mode);
 
-/** What flight/command does for services: the last members of CommandServices. */
+/** Count a report and give it to a sink. */
+void command_report(CommandState *s, const CommandReport *report, const uint8_t *data, CommandSink sink, void *user);
+
+/** What flight/command does for services: members of CommandServices. */
 CommandReason command_service_check(const CommandTable *table, const uint8_t *packet, uint32_t n);
 CommandReason command_service_execute(const CommandContext *context, const uint8_t *packet, CommandReport *report,
                                       uint8_t *data);

@@ -189,6 +189,37 @@ struct Command : testing::Test {
     int64_t t = 95;
 };
 
+TEST_F(Command, APduGoesToItsServiceInNoOrderAndWithoutAReport)
+{
+    static Bytes arrived;
+    arrived.clear();
+    CommandService files{};
+    files.arrive = [](const CommandContext *, void *, const uint8_t *bytes, uint32_t n) {
+        arrived.insert(arrived.end(), bytes, bytes + n);
+    };
+    const CommandService *const list[] = {&files};
+    CommandServices services{};
+    services.list = list;
+    services.n = 1;
+    services.module = [](void *m, uint32_t) { return m; };
+    services.check = command_service_check;
+    services.execute = command_service_execute;
+    services.run = command_service_run;
+    link = &state.ground;
+    EXPECT_EQ(accept(packet(19, {1, 2}, 0x1855, 0)), COMMAND_ABSENT); // of flight without the service
+    table.services = &services;
+    reports.clear();
+    EXPECT_EQ(accept(packet(19, {1, 2}, 0x1855, 0)), COMMAND_OK);
+    EXPECT_EQ(accept(packet(19, {3}, 0x1855, 0)), COMMAND_OK);
+    EXPECT_EQ(accept(packet(19, {}, 0x1855, 0)), COMMAND_LENGTH);
+    EXPECT_TRUE(arrived.empty());
+    execute();
+    EXPECT_EQ(arrived, (Bytes{1, 2, 3}));
+    EXPECT_EQ(reports.size(), 1u); // of the one refused
+    EXPECT_EQ(state.counters.accepted + state.counters.executed + link->begun, 0u);
+    table.services = nullptr;
+}
+
 TEST_F(Command, ALinkFromTheGroundTakesACommandOnceAndABusAsOftenAsItComes)
 {
     const auto noop = [](uint16_t sequence) { return packet(0, {}, 0x1855, sequence); };
@@ -473,7 +504,7 @@ TEST_F(Command, EveryWrongPacketIsRefusedWithItsReason)
     for (const uint8_t bits : {0x40, 0x80, 0xC0}) { // neither bit of its flags may miss
         refused(COMMAND_STREAM, on(on(mode, 2, bits), 7, bits), "a part of a packet");
     }
-    refused(COMMAND_UNKNOWN, packet(19, version), "no such code");
+    refused(COMMAND_UNKNOWN, packet(COMMAND_CODES, version), "no such code");
     refused(COMMAND_ABSENT, packet(18, version + Bytes{0, 1}), "of a service that is not there");
     refused(COMMAND_VERSION, packet(2, {0xAB, 0xCE, 0, 1}), "another version");
     refused(COMMAND_PLACE, packet(2, version + Bytes{0, 2}), "no such mode");

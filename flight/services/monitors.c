@@ -126,7 +126,7 @@ static int64_t next(const void *module)
     return INT64_MAX;
 }
 
-const CommandService monitors_service = {0u, 0u, NULL, NULL, take, next};
+const CommandService monitors_service = {.take = take, .next = next};
 
 /* ---- the module */
 

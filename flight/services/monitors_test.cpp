@@ -39,8 +39,12 @@ const CommandService lists = {
         static_cast<Mission *>(context->mission)->log += static_cast<char>('0' + packet[11]);
         return refuse;
     },
-    [](const CommandContext *, void *, uint8_t *, CommandReport *) { return uint32_t{0}; },
-    [](const void *) { return INT64_MAX; }};
+    nullptr,
+    nullptr,
+    nullptr,
+    nullptr,
+    nullptr,
+    STREAM_EVENTS};
 const CommandService *const kinds[] = {&monitors_service, &lists};
 const CommandServices services = {kinds,
                                   2,
@@ -49,9 +53,13 @@ const CommandServices services = {kinds,
                                       *size = place == 2 ? sizeof(Output) : sizeof(Head);
                                       return &static_cast<const Mission *>(m)->output;
                                   },
+                                  nullptr,
+                                  0,
+                                  nullptr,
                                   command_service_check,
                                   command_service_execute,
-                                  command_service_run};
+                                  command_service_run,
+                                  nullptr};
 uint8_t queue[2 * COMMAND_MAX];
 
 class Watch : public testing::Test {

@@ -303,7 +303,8 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     }
 }
 
-const CommandService stored_commands_service = {COMMAND_STORE, 4u, check, execute, take, next};
+const CommandService stored_commands_service = {
+    .first = COMMAND_STORE, .n = 4u, .check = check, .execute = execute, .take = take, .next = next};
 
 /* ---- the module */
 

@@ -22,13 +22,18 @@ struct Mission {
 };
 
 const CommandService *const kinds[] = {&stored_commands_service};
-const CommandServices services = {kinds,
-                                  1,
-                                  [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->stored; },
-                                  nullptr,
-                                  command_service_check,
-                                  command_service_execute,
-                                  command_service_run};
+const CommandServices services = {
+    .list = kinds,
+    .n = 1,
+    .module = [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->stored; },
+    .output = nullptr,
+    .events = nullptr,
+    .n_events = 0,
+    .store = nullptr,
+    .check = command_service_check,
+    .execute = command_service_execute,
+    .run = command_service_run,
+    .tell = nullptr};
 uint8_t queue[4 * COMMAND_MAX];
 const CommandTable table = {
     .stream = 0x1880,

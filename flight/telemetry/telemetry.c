@@ -11,7 +11,7 @@ static const ExecRun housekeeping[] = {{8u, 1u}, {4u, 5u + (uint32_t)COMMAND_REA
                      report[] = {{8u, 1u}, {2u, 8u}}, text[] = {{8u, 1u}, {2u, 4u}, {4u, 2u}};
 
 /* Between the order of this machine and big-endian: the n bytes of a content in table->packet. Those read back, which
- * are big-endian, and letters follow the numbers. */
+ * are big-endian, and letters follow the numbers. What services tell is big-endian. */
 static void swap(const TelemetryTable *table, uint32_t stream, uint32_t n)
 {
     uint8_t *content = table->packet + TELEMETRY_HEADER;
@@ -22,7 +22,7 @@ static void swap(const TelemetryTable *table, uint32_t stream, uint32_t n)
     } else if (stream < (uint32_t)OUTPUTS + table->n_outputs) {
         const TelemetryOutput *output = &table->outputs[stream - (uint32_t)OUTPUTS];
         exec_big_endian(output->runs, output->n_runs, content, 0u, n);
-    } else {
+    } else if (stream == (uint32_t)OUTPUTS + table->n_outputs) {
         exec_big_endian(text, 3u, content, 0u, n);
     }
 }
@@ -33,8 +33,8 @@ void telemetry_native(const TelemetryTable *table, const uint8_t *packet)
          (uint32_t)ccsds_get16(packet + 4) + 7u - (uint32_t)TELEMETRY_HEADER);
 }
 
-/* Send table->packet, whose content is there as in memory, as a packet of a stream. */
-static void send(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink, void *user)
+void telemetry_packet(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink,
+                      void *user)
 {
     uint8_t *p = table->packet;
     const SpacePacket head = {(uint32_t)TELEMETRY_HEADER + n,
@@ -65,7 +65,7 @@ static int is_due(TelemetryRate *rate)
 
 void telemetry_begin(const TelemetryTable *table)
 {
-    memset(table->rates, 0, ((size_t)OUTPUTS + table->n_outputs + 1u) * sizeof *table->rates);
+    memset(table->rates, 0, ((size_t)OUTPUTS + table->n_outputs + 1u + COMMAND_STREAMS) * sizeof *table->rates);
 }
 
 void telemetry_rate(const TelemetryTable *table, uint16_t output, int on, uint16_t every)
@@ -88,7 +88,7 @@ static void send_texts(const TelemetryTable *table, int64_t t, TelemetrySink sin
         memcpy(&head, table->texts->memory + at, sizeof head);
         n = (uint32_t)sizeof head + head.n;
         memcpy(table->packet + TELEMETRY_HEADER, table->texts->memory + at, n);
-        send(table, (uint32_t)OUTPUTS + table->n_outputs, n, t, sink, user);
+        telemetry_packet(table, (uint32_t)OUTPUTS + table->n_outputs, n, t, sink, user);
     }
     table->texts->used = 0u;
 }
@@ -118,13 +118,13 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
         rate->seen = head.sequence;
         if (written && is_due(rate)) {
             memcpy(table->packet + TELEMETRY_HEADER, message, output->size);
-            send(table, (uint32_t)OUTPUTS + i, output->size, t, sink, user);
+            telemetry_packet(table, (uint32_t)OUTPUTS + i, output->size, t, sink, user);
         }
     }
     if (is_due(&table->rates[HOUSEKEEPING])) {
         TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters, commands->ground};
         memcpy(table->packet + TELEMETRY_HEADER, &h, sizeof h);
-        send(table, HOUSEKEEPING, sizeof h, t, sink, user);
+        telemetry_packet(table, HOUSEKEEPING, sizeof h, t, sink, user);
     }
     if (table->texts != NULL) {
         send_texts(table, t, sink, user);
@@ -157,5 +157,5 @@ void telemetry_report(const TelemetryTable *table, const CommandReport *done, co
     if (done->n > 0u) { /* else there may be no data */
         memcpy(table->packet + TELEMETRY_HEADER + sizeof *done, data, done->n);
     }
-    send(table, REPORTS, (uint32_t)sizeof *done + done->n, done->t, sink, user);
+    telemetry_packet(table, REPORTS, (uint32_t)sizeof *done + done->n, done->t, sink, user);
 }

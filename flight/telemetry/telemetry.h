@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Telemetry of flight: a packet for each output, with the rate that COMMAND_TELEMETRY sets, a packet of housekeeping,
- * the reports of commands, and texts of a host with an interpreter. All but reports and texts are off until a command
- * turns them on.
+ * the reports of commands, texts of a host with an interpreter, and what services tell. Outputs and housekeeping are
+ * off until a command turns them on.
  *
  * A packet has the telemetry header of cFS (CCSDS 133.0-B-2; cFE's CFE_MSG_TelemetryHeader_t):
  *
@@ -11,7 +11,7 @@
  *          6  flight's time: 32 bits of seconds, 16 bits of 2^-16 s, big-endian
  *         12  four spare bytes
  *         16  the message, TelemetryHousekeeping, CommandReport and the bytes read back, or TelemetryText and its
- *             letters: as in memory, but each number big-endian, whatever the target
+ *             letters: as in memory, but each number big-endian, whatever the target; or what a service tells
  *
  * A host whose readers expect structs of its own machine (the software bus of cFS) calls telemetry_native for a packet
  * that it sends there. */
@@ -88,12 +88,13 @@ typedef struct TelemetryTexts {
     uint32_t lost;
 } TelemetryTexts;
 
-/** What the export writes of a mission. The streams follow one another: housekeeping, reports, outputs, texts. */
+/** What the export writes of a mission. The streams follow one another: housekeeping, reports, outputs, texts, and
+ *  those of services by CommandStream. */
 typedef struct TelemetryTable {
     uint16_t stream; ///< 0x0800 + topic, of housekeeping
     uint16_t n_outputs;
     const TelemetryOutput *outputs;
-    TelemetryRate *rates; ///< memory for 3 + n_outputs
+    TelemetryRate *rates; ///< memory for 3 + n_outputs + COMMAND_STREAMS
     uint8_t *packet;      ///< memory for the largest packet, at least TELEMETRY_REPORT_MAX
     uint16_t (*mode)(const void *mission);
     TelemetryTexts *texts; ///< NULL: none
@@ -113,6 +114,15 @@ void telemetry_repeat(const TelemetryTable *table);
 /** After flight's instant t: send what is due. */
 void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *commands,
                     TelemetrySink sink, void *user);
+
+/** At the end of flight's instant: send the packets and reports that services have. */
+void telemetry_services(const TelemetryTable *table, const CommandContext *context, CommandSink report,
+                        TelemetrySink sink, void *user);
+
+/** Send the content, which lies in table->packet behind its header, as a packet of a stream, by its place. The numbers
+ *  of services are big-endian, all others as in memory. */
+void telemetry_packet(const TelemetryTable *table, uint32_t stream, uint32_t n, int64_t t, TelemetrySink sink,
+                      void *user);
 
 /** Keep a text until telemetry_send sends it; what is longer than COMMAND_DATA_MAX is cut. */
 void telemetry_text(TelemetryTexts *texts, int64_t t, TelemetryTextKind kind, uint16_t sequence, uint32_t line,

@@ -22,7 +22,7 @@ struct Mission {
 const ExecRun numbers[] = {{8, 1}, {4, 2}, {8, 1}};
 const TelemetryOutput outputs[] = {{numbers, 3, offsetof(Mission, slow), sizeof(Message)},
                                    {numbers, 3, offsetof(Mission, fast), sizeof(Message)}};
-TelemetryRate rates[5];
+TelemetryRate rates[5 + COMMAND_STREAMS];
 uint8_t packet[TELEMETRY_REPORT_MAX], letters[100];
 TelemetryTexts texts;
 const TelemetryTable table = {0x0890, 2, outputs, rates, packet, [](const void *) -> uint16_t { return 3; }, &texts};
@@ -81,6 +81,42 @@ struct Telemetry : testing::Test {
     int64_t instant = 0;
     std::vector<Packet> packets;
 };
+
+TEST_F(Telemetry, AServiceTellsAndReportsUntilItHasNothing)
+{
+    static int told, done;
+    static std::vector<uint16_t> stages;
+    told = done = 0;
+    stages.clear();
+    CommandService files{};
+    files.tell = [](const CommandContext *, void *, uint8_t *content) -> uint32_t {
+        content[0] = 0xAB;
+        return told++ < 2 ? 1 : 0;
+    };
+    files.report = [](const CommandContext *, void *, CommandReport *report) {
+        report->executed = done == 0 ? COMMAND_UNDER_WAY : COMMAND_DONE;
+        return done++ < 2 ? 1 : 0;
+    };
+    files.stream = STREAM_FILES;
+    const CommandService *const list[] = {&files};
+    CommandServices services{};
+    services.list = list;
+    services.n = 1;
+    services.module = [](void *m, uint32_t) { return m; };
+    CommandTable commands{};
+    commands.services = &services;
+    const CommandContext context = {&state, &commands, &mission, 7, 0};
+    telemetry_services(
+        &table, &context,
+        [](void *, const CommandReport *report, const uint8_t *) { stages.push_back(report->executed); }, sink, this);
+    ASSERT_EQ(packets.size(), 2u);
+    EXPECT_EQ(at<uint16_t>(packets[1], 0), 0x0890 + 3 + 2 + STREAM_FILES);
+    EXPECT_EQ(at<uint16_t>(packets[1], 2), 0xC001);
+    EXPECT_EQ(packets[1].size(), TELEMETRY_HEADER + 1u);
+    EXPECT_EQ(packets[1].back(), 0xAB);
+    EXPECT_EQ(stages, (std::vector<uint16_t>{COMMAND_UNDER_WAY, COMMAND_DONE}));
+    EXPECT_EQ(state.counters.executed, 1u); // what is under way does not count
+}
 
 TEST_F(Telemetry, NothingIsSentUntilItIsTurnedOn)
 {

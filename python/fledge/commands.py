@@ -27,7 +27,8 @@ from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
-HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs
+HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
+SERVICES = ["events", "selected", "files"]  # and these the texts
 DATA_MAX = 512                           # [bytes] of parameters, bytecode or text in one command or report
 PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
 HEADER = 16                              # [bytes] of a command in front of them, and of a packet of telemetry
@@ -61,6 +62,7 @@ class Code(IntEnum):
     DELETE = 16
     CONTROL = 17
     LIST = 18
+    PDU = 19
 
 
 class Action(IntEnum):
@@ -136,7 +138,8 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.START_PROCEDURE: ["version", "slot", "length", "crc", "turns"], Code.STOP_PROCEDURE: ["version", "slot"],
     Code.EVALUATE: ["version", "zero", "turns", "bytes"],
     Code.STORE: ["version", "crc", "list", "step", "time", "bytes"], Code.DELETE: ["version", "list", "step"],
-    Code.CONTROL: ["version", "list", "action", "crc"], Code.LIST: ["version", "list"]}
+    Code.CONTROL: ["version", "list", "action", "crc"], Code.LIST: ["version", "list"],
+    Code.PDU: ["bytes"]}
 
 
 # --- the dictionary --------------------------------------------------------------------------------
@@ -767,10 +770,10 @@ TEXT = "qHHHHI4x"                   # TelemetryText
 
 class Telemetry(NamedTuple):
     """A packet of telemetry."""
-    path: str                   # flight.control.torque; "housekeeping", "reports" or "texts"
+    path: str                   # flight.control.torque; "housekeeping", "reports", "texts" or one of SERVICES
     sequence: int
     time: float                 # [s] of flight, by the header: to 2^-16 s
-    content: Any                # of an output: field -> value; of a report: a Report; of a text: a Text
+    content: Any                # of an output: field -> value; else a Report, a Text, or bytes of a service
 
 
 def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
@@ -782,7 +785,7 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
     mark = {"little": "<", "big": ">"}[dictionary.order]
     place, body = stream - dictionary.telemetry, packet[16:]
     outputs = dictionary.outputs
-    if not 0 <= place <= OUTPUTS + len(outputs):
+    if not 0 <= place <= OUTPUTS + len(outputs) + len(SERVICES):
         raise SetupError(f"{dictionary.name} sends no packet {packet[:16].hex()}...")
     if place == HOUSEKEEPING:
         numbers = packing.unpack_from(mark + "".join(code for _, code in HOUSEKEEPING_FIELDS), body)
@@ -801,6 +804,8 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
         t, kind, number, line, n, lost = packing.unpack_from(mark + TEXT, body)
         content = Text(t, Kind(kind), number, line, body[24:24 + n].decode(errors="replace"), lost)
         path = "texts"
+    elif stream > dictionary.texts:
+        content, path = body, SERVICES[stream - dictionary.texts - 1]
     else:
         output = outputs[place - OUTPUTS]
         if len(body) != output.size:

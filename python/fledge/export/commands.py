@@ -11,7 +11,7 @@ from fledge.export.c_source import extern, row, written
 from fledge.export.c_text import string, wrap
 
 if TYPE_CHECKING:
-    from fledge.export.read import Mission, Module
+    from fledge.export.read import Message, Mission, Module
 
 
 def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
@@ -49,7 +49,7 @@ def source(mission: Mission, found: Dictionary) -> str:
     script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
-             f"static TelemetryRate rates[{3 + n}];", ""]
+             f"static TelemetryRate rates[{3 + n} + COMMAND_STREAMS];", ""]
     for i, block in enumerate(found.blocks):
         lines += numbers(str(i), block.runs)
         if block.rules:
@@ -73,7 +73,7 @@ def source(mission: Mission, found: Dictionary) -> str:
               f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
-              *drives(struct, services, n > 0), f"const CommandTable {name}_commands = {{"]
+              *drives(struct, services, mission.outputs), f"const CommandTable {name}_commands = {{"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
         ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
@@ -124,10 +124,11 @@ def executive(memory: list[str]) -> list[str]:
               for line in function(f"static {head}", ["    (void)mission;", f"    {call};"]))]
 
 
-def drives(struct: str, services: Sequence[Module], outputs: bool) -> list[str]:
+def drives(struct: str, services: Sequence[Module], outputs: Sequence[Message]) -> list[str]:
     """The table of the services, where they are, and the outputs, which they may see."""
     if not services:
         return []
+    events = [i for i, one in enumerate(outputs) if one.struct.name == "FlightEvent"]
     return [*wrap([f"&{one.function}_service," for one in services],
                   "static const CommandService *const list[] = {", "    ", "};"), "",
             *function("static void *module(void *mission, uint32_t place)",
@@ -138,9 +139,10 @@ def drives(struct: str, services: Sequence[Module], outputs: bool) -> list[str]:
                       ["    *size = outputs[place].size;",
                        "    return (const uint8_t *)mission + outputs[place].offset;"] if outputs else
                       ["    (void)mission;", "    (void)place;", "    *size = 0u;", "    return 0;"]),
+            *(wrap([f"{i}u," for i in events], "static const uint16_t events[] = {", "    ", "};") if events else []),
             "static const CommandServices services = {",
-            f"    list, {len(services)}u, module, output, command_service_check, command_service_execute,",
-            "    command_service_run};", ""]
+            f"    list, {len(services)}u, module, output, {'events' if events else '0'}, {len(events)}u, 0,",
+            "    command_service_check, command_service_execute, command_service_run, telemetry_services};", ""]
 
 
 def function(head: str, lines: Sequence[str]) -> list[str]:

@@ -199,7 +199,8 @@ ABOUT = {
     Code.START_PROCEDURE: "start the procedure of a slot", Code.STOP_PROCEDURE: "stop the procedure of a slot",
     Code.EVALUATE: "evaluate a line of text in flight", Code.STORE: "store a command until its time",
     Code.DELETE: "delete stored commands", Code.CONTROL: "control lists of stored commands",
-    Code.LIST: "report a list of stored commands: the report of the execution has them"}
+    Code.LIST: "report a list of stored commands: the report of the execution has them",
+    Code.PDU: "a PDU of the file delivery protocol"}
 
 
 def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
@@ -216,12 +217,15 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "output": {one.path: i for i, one in enumerate(found.outputs)}
         | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
         "action": lower(Action)}
-    stores = any(one.type == "StoredCommands" for one in mission.modules)
+    of_service = {code: "StoredCommands" for code in (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST)} | {
+        Code.PDU: "Files"}
+    types = {one.type for one in mission.modules}
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
         of = {**choices, "module": published if code == Code.PUBLISH else blocks}
         names = [name for name in ARGUMENTS[code] if name != "version"]
-        if code != Code.WRITE and (stores or code < Code.STORE) and all(of.get(name, True) for name in names):
+        there = of_service.get(code) in types or code not in of_service
+        if code != Code.WRITE and there and all(of.get(name, True) for name in names):
             parent = header if "version" in ARGUMENTS[code] else plain
             yield Command(f"{process}.{code.name.lower()}", ABOUT.get(code, ""),
                           [one for name in names for one in argument(code, name, of.get(name, {}))], parent,

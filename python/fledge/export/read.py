@@ -136,9 +136,10 @@ class Mission:
         return names.camel(self.name)
 
     def sources(self) -> list[str]:
-        """The C files of its modules, from the root that their headers are included from; flight/math is
-        needed beside them."""
-        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules})
+        """The C files of its modules, from the root that their headers are included from, and what drives services;
+        flight/math is needed beside them."""
+        services = {"flight/telemetry/services.c"} if any(m.struct.service for m in self.modules) else set()
+        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | services)
 
 
 def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:

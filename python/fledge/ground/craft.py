@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (OUTPUTS, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, decoded, moved,
-                             sequence_of)
+from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, decoded,
+                             moved, sequence_of)
 from fledge.errors import Failure, SetupError, did_you_mean, listed
 from fledge.ground.links import Link
 from fledge.objects.si import time_ns, to_si
@@ -319,7 +319,7 @@ def _plain(value: Any, path: str, unit: str) -> Any:
 
 def accepts(dictionary: Dictionary) -> Callable[[bytes], bool]:
     """Whether a packet of telemetry of a mission may begin with a header: what a stream is searched for."""
-    first, last = dictionary.telemetry, dictionary.telemetry + OUTPUTS + len(dictionary.outputs)
+    first, last = dictionary.telemetry, dictionary.texts + len(SERVICES)
     longest = dictionary.longest
 
     def check(header: bytes) -> bool:

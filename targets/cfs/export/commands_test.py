@@ -133,7 +133,7 @@ REFUSED = [
     (bytes.fromhex("18c0c000000000"), "length"),
     (command(CMD, 0, b"x"), "length"),
     (command(CMD, 2, b"\0\0\0"), "length"),
-    (command(CMD, 19), "unknown"),
+    (command(CMD, 64), "unknown"),
     (command(CMD, 127), "unknown"),
     (command(CMD, 2, bytes(4)), "version"),
     (lambda core: flown(core, 2, 3), "place"),

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a module says when something happens in it. The events of flight.py are others: conditions of the executive. */
+#ifndef FLIGHT_MSG_EVENT_H
+#define FLIGHT_MSG_EVENT_H
+
+#include "flight/msg/head.h"
+
+typedef enum EventSeverity { EVENT_INFO = 1, EVENT_LOW = 2, EVENT_MEDIUM = 3, EVENT_HIGH = 4 } EventSeverity;
+
+/** Something has happened: the last event of an instant. */
+typedef struct FlightEvent {
+    Head head;
+    double arguments[4];    ///< [SI] what they mean stands with the id
+    uint32_t id;            ///< [-] which event of the module, by an enumeration in its header
+    EventSeverity severity; ///< [-] how grave it is
+    uint32_t count;         ///< [-] the module's events so far
+    uint32_t spare;
+} FlightEvent;
+
+#endif
