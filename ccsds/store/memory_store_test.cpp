@@ -270,7 +270,7 @@ TEST(MemoryStore, ATornCopyHasOldFilesOrNewOnes)
                 }
                 const bool tears = random() % 20 == 0;
                 const auto i = static_cast<std::uint32_t>(page);
-                std::memcpy(copy.page(i), disk.page(i), tears ? random() % MEMORY_PAGE : MEMORY_PAGE);
+                std::memcpy(copy.page(i), disk.page(i), tears ? random() % MEMORY_PAGE : std::size_t{MEMORY_PAGE});
                 memory_store_mark(disk.store(), i, 0);
                 torn += tears;
             }
