@@ -45,7 +45,7 @@ def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
     composed = mission.form == "micropython"
-    services = [m for m in mission.modules if m.struct.service]
+    services = mission.services
     script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",

@@ -138,8 +138,13 @@ class Mission:
     def sources(self) -> list[str]:
         """The C files of its modules, from the root that their headers are included from, and what drives services;
         flight/math is needed beside them."""
-        services = {"flight/telemetry/services.c"} if any(m.struct.service for m in self.modules) else set()
-        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | services)
+        driven = {"flight/telemetry/services.c"} if self.services else set()
+        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | driven)
+
+    @property
+    def services(self) -> list[Module]:
+        """The modules that commands need."""
+        return [m for m in self.modules if m.struct.service]
 
 
 def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fledge.commands import SERVICES
 from fledge.export.read import ExportError, Mission
 from introspect.keywords import C
 
@@ -19,6 +20,11 @@ MODULES = frozenset("""cfe core_api core_private config es evs fs msg resourceid
     elf2cfetbl tblcrctool cfs_core core mission arch ci_lab to_lab sch_lab sample_app sample_lib test ut_assert
     all clean install help prep""".split())
 LONGEST = 12        # of 19: child task, semaphores and pipe are named after it
+
+
+def services(mission: Mission) -> list[str]:
+    """What services tell, as names of streams, in their order."""
+    return [name.upper() for name in SERVICES] if mission.services else []
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,8 @@ class App:
     def topics(self, mission: Mission) -> dict[str, int]:
         """Macro -> topic, of commands and requests, then of telemetry, then of inputs."""
         commands = {"CMD": 0, "SEND_HK": 1, "WAKEUP": 2}
-        telemetry = {f"{name}_TLM": i for i, name in enumerate(("FLIGHT", "REPORT", *(m.name.upper() for m in
-                                                                                      mission.outputs), "HK"))}
+        streams = ["FLIGHT", "REPORT", *(m.name.upper() for m in mission.outputs), "HK", *services(mission)]
+        telemetry = {f"{name}_TLM": i for i, name in enumerate(streams)}
         inputs = {f"{m.name.upper()}_IN": len(telemetry) + i for i, m in enumerate(mission.inputs)}
         return {f"{self.prefix}_MISSION_{name}_TOPICID": value + self.topic
                 for name, value in (commands | telemetry | inputs).items()}

@@ -16,6 +16,7 @@ from fledge.commands import DATA_MAX, Code
 from fledge.elements import ELEMENTS
 from fledge.export import dictionary, names
 from fledge.export import packets as model
+from fledge.targets.cfs.export.app import services
 from fledge.targets.cfs.export.packets import arguments, housekeeping, title
 
 if TYPE_CHECKING:
@@ -181,6 +182,10 @@ def sheet(mission: Mission, app: App, found: Sequence[Table]) -> str:
                                      message.path)
             if kind == "TLM" or message.path not in app.wires:      # others have it in the sheet of their writer
                 interfaces.append((f"{message.name.upper()}_{kind}", "Telemetry", packet))
+    for name in services(mission):
+        data = ("Data", types.array("BASE_TYPES/uint8", [DATA_MAX]), "big-endian, and zeros behind")
+        interfaces.append((f"{name}_TLM", "Telemetry", types.container(f"{name.title()}Tlm", [data],
+                                                                       "CFE_HDR/TelemetryHeader")))
     topics = app.topics(mission)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<!-- SPDX-License-Identifier: Apache-2.0 -->",
              '<PackageFile xmlns="http://www.ccsds.org/schema/sois/seds">',

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from fledge.export.c_source import row
 from fledge.export.c_text import comment
+from fledge.targets.cfs.export.app import services
 from fledge.targets.cfs.export.packets import guarded
 from fledge.targets.cfs.export.tables import HEAD_SIZE, Table, described, layout_checks
 from fledge.export.read import ExportError
@@ -104,7 +105,8 @@ def source(mission: Mission, app: App, found: Sequence[Table]) -> str:
     if kept(mission, app):
         lines += [f"const {prefix}_Range_t {prefix}_Kept[{prefix}_KEPT] = {{",
                   *(f"    {{{offset}, {size}}}," for _, offset, size in kept(mission, app)), "};", ""]
-    telemetry = ["FLIGHT", "REPORT", *(m.name.upper() for m in mission.outputs)]
+    # In the place of texts, which this target does not send, its housekeeping.
+    telemetry = ["FLIGHT", "REPORT", *(m.name.upper() for m in mission.outputs), "HK", *services(mission)]
     inputs = [f"{m.name.upper()}_IN" for m in mission.inputs]
     lines += [f"CFE_SB_MsgId_Atom_t {prefix}_InputIds[{prefix}_INPUTS + 1];",
               f"CFE_SB_MsgId_Atom_t {prefix}_TelemetryIds[{len(telemetry)}];", "",
