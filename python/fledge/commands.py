@@ -474,7 +474,7 @@ class Packets:
 
     def packet(self, code: int, rest: bytes = b"", version: int | None = None) -> bytes:
         """A packet with any code and any bytes behind its header: version, None: that of the dictionary."""
-        if code > Code.RESET_COUNTERS:
+        if code > Code.RESET_COUNTERS and code != Code.PDU:
             rest = (self.dictionary.version if version is None else version).to_bytes(2, "big") + rest
         head = packing.pack(">3H2B", self.dictionary.stream, 0xC000 | self.sequence & 0x3FFF, 8 + len(rest) - 7, code,
                             0)
@@ -483,6 +483,10 @@ class Packets:
 
     def noop(self) -> bytes:
         return self.packet(Code.NOOP)
+
+    def pdu(self, pdu: bytes) -> bytes:
+        """A PDU of CFDP for the files of flight."""
+        return self.packet(Code.PDU, pdu)
 
     def reset_counters(self) -> bytes:
         return self.packet(Code.RESET_COUNTERS)

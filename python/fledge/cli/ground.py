@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person on the ground does by hand: `fledge command` makes or sends a command, `fledge link` lets foreign tools
-command a flight computer of a co-simulation.
+"""What a person on the ground does by hand: `fledge command` makes or sends a command, `fledge send` and `fledge fetch`
+move files, `fledge link` lets foreign tools command a flight computer of a co-simulation.
 
 Exit codes: 0 all went well; 1 the spacecraft refused a command or did not answer, or a link broke; 2 the command line,
 the mission or the address is wrong; 130 Ctrl-C.
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import ast
 import re
+
+from fledge.cli.arguments import number
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -19,17 +21,36 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommands, by the function of cli.parser() that adds one."""
+    mission = "the name of a mission, or its folder, or MISSION_packets.json of an export"
+    address = "udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N"
     one = command("command", command_, "write or send a command to flight",
                   "command nadir_spin flight.control K=3")
-    one.add_argument("mission", help="the name of a mission, or its folder, or MISSION_packets.json of an export")
+    one.add_argument("mission", help=mission)
     one.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
                      "or a command and its arguments, as in `mode science`, `arm EVENT off`, `noop`")
     one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
-    one.add_argument("--to", metavar="ADDRESS", help="send it, and wait for its execution: "
-                     "udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N; without, "
+    one.add_argument("--to", metavar="ADDRESS", help=f"send it, and wait for its execution: {address}; without, "
                      "print its packets in hexadecimal, a line each")
     one.add_argument("--within", default="10s", metavar="DURATION", help="how long to wait; default: 10s")
     one.add_argument("--sequence", type=int, default=0, metavar="N", help="of the first packet; default: 0")
+
+    for name, does, what, example, other in (
+            ("send", send, "send a file to flight", "send plan.bin --as next", "its name on board; default: the same"),
+            ("fetch", fetch, "fetch a file from flight", "fetch science.bin",
+             "the file here; default: the same name, in this folder")):
+        one = command(name, does, what, f"{example} --to 'udp://127.0.0.1:10025?listen=10015' nadir_spin")
+        one.description += " By CFDP (docs/ground.md)."
+        one.add_argument("file", help="the file" if name == "send" else
+                         "its name on board; a name that ends with / lists that directory, / alone lists all")
+        one.add_argument("mission", help=mission)
+        one.add_argument("--as", dest="name", metavar="NAME", help=other)
+        one.add_argument("--to", metavar="ADDRESS", required=True, help=f"where flight is: {address}")
+        one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+        one.add_argument("--within", default="1h", metavar="DURATION", help="how long to wait; default: 1h")
+        one.add_argument("--rate", type=number("a rate"), metavar="BYTES_PER_S", help="of the packets that go up; "
+                         "default: 4000")
+        one.add_argument("--class1", action="store_true", help="without acknowledgements; what is lost stays lost")
+        one.add_argument("--entities", default="1,2", metavar="OWN,PEER", help="their numbers; default: 1,2")
 
     one = command("link", link, "let foreign tools command a flight computer of a co-simulation",
                   "link flight listen://127.0.0.1:10025")
@@ -91,6 +112,64 @@ def _value(text: str) -> Any:
         return ast.literal_eval(text)
     except (ValueError, SyntaxError):
         return text
+
+
+# --- send, fetch -----------------------------------------------------------------------------------
+
+def send(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    name = options.name or Path(options.file).name
+    return _move(options, f"sent     {options.file} as {name}",
+                 lambda craft, progress: craft.put(options.file, name, class1=options.class1, progress=progress))
+
+
+def fetch(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    if options.file.endswith("/"):
+        return _move(options, "", None)
+    name = options.name or Path(options.file).name
+    return _move(options, f"fetched  {options.file} as {name}",
+                 lambda craft, progress: craft.fetch(options.file, name, class1=options.class1, progress=progress))
+
+
+def _move(options, done, begin):
+    """Begin a transfer, and wait for it; without `begin`, print a directory."""
+    import sys
+
+    from fledge import ground
+    from fledge.cli.arguments import parse_duration
+    from fledge.cli.console import say
+    from fledge.errors import Failure
+    from fledge.ground.files import RATE, Files
+    from fledge.progress import Bar
+
+    if not re.fullmatch(r"\d{1,5},\d{1,5}", options.entities):
+        raise Failure(f"--entities: expected two numbers from 0 to 65535, as in 1,2; found '{options.entities}'")
+    own, peer = map(int, options.entities.split(","))
+    within = parse_duration(options.within, "--within")
+    with ground.connect(options.to, ground.dictionary_of(options.mission, options.process)) as craft:
+        craft.files = Files(craft, rate=options.rate or RATE, own=own, peer=peer)
+        if begin is None:
+            for line in craft.directory(options.file.rstrip("/"), within):
+                say(line)
+            return 0
+        with Bar(options.file) as bar:
+            def draw(one):
+                bar.draw(one.done / max(one.size, 1), f"{one.done} of {one.size} bytes")
+
+            start = craft.link.t
+            one = begin(craft, draw if sys.stderr.isatty() else None)
+            try:
+                one.completed(within)
+            except (ground.NoAnswer, KeyboardInterrupt):
+                if not one.problem:     # so that nothing of it stays on board
+                    one.cancel()
+                    craft.listen(1.0)
+                raise
+        say(f"  {done}, {one.size} bytes in {(craft.link.t - start) / 1e9:.3g} s")
+    return 0
 
 
 # --- link ------------------------------------------------------------------------------------------

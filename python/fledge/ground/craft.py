@@ -2,12 +2,13 @@
 """A spacecraft as a script of the ground sees it: commands with their verification, and the newest telemetry."""
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, decoded,
+from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, Timed, decoded,
                              moved, sequence_of)
 from fledge.errors import Failure, SetupError, did_you_mean, listed
 from fledge.ground.links import Link
@@ -17,7 +18,9 @@ from fledge.units import unit_of
 if TYPE_CHECKING:
     from typing import Self
 
-_MAKERS = {"packet", "write_bytes", "change"}   # of packets, but no commands of their own
+    from fledge.ground.files import Files, Transfer
+
+_MAKERS = {"packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
 
 
@@ -181,11 +184,14 @@ class Craft:
         self._packets = Packets(dictionary, sequence)
         self._sequences: dict[int, int] = {}        # the last of each stream
         self._in_step = False                       # flight has accepted a command from here
+        self._files: Files | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: Any) -> None:
+        if self._files:
+            self._files.close()
         self.link.close()
 
     def command(self, what: str, *arguments: Any, **values: Any) -> Sent:
@@ -202,6 +208,43 @@ class Craft:
             self.link.send(packet)
         return one
 
+    # --- files ---
+
+    @property
+    def files(self) -> Files:
+        """How files go, by CFDP: fledge.ground.files.Files(craft, rate=9600) sets what is not as usual."""
+        if self._files is None:
+            from fledge.ground.files import Files       # whose extension no script without files needs
+
+            self._files = Files(self)
+        return self._files
+
+    @files.setter
+    def files(self, files: Files) -> None:
+        if self._files:
+            self._files.close()
+        self._files = files
+
+    def put(self, local: str | os.PathLike[str], to: str | None = None, *, within: Any = None, class1: bool = False,
+            progress: Callable[[Transfer], Any] | None = None) -> Transfer:
+        """Send a file. to: its name on board; None: the same. within: wait until it is there; None: go on, and send
+        while the script waits for anything. class1: without acknowledgements. progress: is called as it goes.
+        Raises SetupError, and NoAnswer if it does not arrive."""
+        one = self.files.put(local, to, class1, progress)
+        return one if within is None else one.completed(within)
+
+    def fetch(self, name: str, to: str | os.PathLike[str] | None = None, *, within: Any = None, class1: bool = False,
+              progress: Callable[[Transfer], Any] | None = None) -> Transfer:
+        """Ask for a file on board. to: where it shall be, whole; None: under its name here. The others: as of put()."""
+        one = self.files.fetch(name, to, class1, progress)
+        return one if within is None else one.completed(within)
+
+    def directory(self, name: str = "", within: Any = 6 * WITHIN) -> list[str]:
+        """The names in a directory on board; those of directories end with /. Raises NoAnswer."""
+        return self.files.directory(name, within)
+
+    # --- time ---
+
     def wait(self, condition: Callable[[Newest], Any], within: Any, otherwise: Callable[[], str] | None = None
              ) -> Newest:
         """Wait until a condition on the newest telemetry is true; it is looked at after each packet. within: a
@@ -211,10 +254,12 @@ class Craft:
         absent = self._holds(condition)
         while absent is not None and self.link.t < end:
             try:
-                arrived = deque(self.link.receive(end))
+                arrived = deque(self._receive(end))
             except ConnectionError as error:
                 raise NoAnswer(f"{self._missing(absent, otherwise, '')}: {error}") from None
             try:
+                if not arrived:         # but a file may have ended
+                    absent = self._holds(condition)
                 while arrived and absent is not None:
                     self.take(arrived.popleft().packet)
                     absent = self._holds(condition)
@@ -229,9 +274,13 @@ class Craft:
         """Take what comes for a duration on the link's clock."""
         end = self.link.t + time_ns(duration, "listen")
         while self.link.t < end:
-            for _, packet in self.link.receive(end):
+            for _, packet in self._receive(end):
                 self.take(packet)
         return self.telemetry
+
+    def _receive(self, until: int) -> list[Timed]:
+        """The same as the link's, but files go on: it may return [] earlier."""
+        return self.link.receive(min(until, self._files.work()) if self._files else until)
 
     def take(self, packet: bytes) -> Telemetry | None:
         """A packet has come. None: the dictionary does not know it, and it is counted."""
@@ -250,6 +299,8 @@ class Craft:
             self._report(found.content)
         elif isinstance(found.content, Text):
             self.texts.append(found.content)
+        elif found.path == "files":
+            self.files.take(found.content)
         return found
 
     def _report(self, report: Report) -> None:
@@ -259,6 +310,10 @@ class Craft:
             behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
             if behind and report.code in Code._value2member_map_:
                 self._count_on(report.detail + 1)
+            return
+        if report.code == Code.PDU:
+            if report.reason == Reason.ABSENT and self._files:
+                self._files.absent()
             return
         self._in_step = self._in_step or report.good
         next((one for one in reversed(self.sent) if one.take(report)), None)

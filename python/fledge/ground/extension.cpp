@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The extension `_ground`: a database of XTCE, packets to values of Python, and commands to packets.
+// The extension `_ground`: a database of XTCE, packets to values of Python, and commands to packets; an entity of files.
 #include "ground/capture/frames.h"
 #include "ground/database/decoder.h"
 #include "ground/database/encoder.h"
@@ -11,6 +11,8 @@
 namespace py = pybind11;
 
 namespace fledge::ground {
+
+void bind_entity(py::module_ &m); // entity.cpp
 
 namespace {
 
@@ -221,7 +223,7 @@ private:
 PYBIND11_MODULE(_ground, m)
 {
     using namespace fledge::ground;
-    m.doc() = "The database of the ground. Use the package fledge.ground instead.";
+    m.doc() = "The database and the files of the ground. Use the package fledge.ground instead.";
     py::module_::import("_core"); // for its exception
     py::register_exception_translator([](std::exception_ptr thrown) {
         try {
@@ -230,6 +232,7 @@ PYBIND11_MODULE(_ground, m)
             PyErr_SetString(py::module_::import("_core").attr("SetupError").ptr(), refusal.what());
         }
     });
+    bind_entity(m);
     m.def(
         "packets_of_frames",
         [](const py::bytes &bytes, std::size_t size, std::size_t skip) {

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from threading import Lock
-from time import monotonic_ns
+from time import monotonic_ns, time_ns
 from typing import Any
 
 from fledge.commands import Timed
@@ -33,6 +33,11 @@ class Link(ABC):
     @abstractmethod
     def t(self) -> int:
         """[ns] of the link's clock: simulated time in a simulation, else since the link was opened."""
+
+    @property
+    def origin(self) -> int:
+        """[ms] Rises from one link to a spacecraft to the next, so that each may number what it sends from there."""
+        return self.t // 10**6 + 1
 
     @abstractmethod
     def send(self, packet: bytes) -> None:
@@ -93,6 +98,10 @@ class _ByTheClock(Link):
     @property
     def t(self) -> int:
         return monotonic_ns() - self._opened
+
+    @property
+    def origin(self) -> int:
+        return time_ns() // 10**6 % 2**32
 
     def receive(self, until: int) -> list[Timed]:
         while not self._arrived:

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files to a craft and from it, over a link in memory that loses, repeats and delays packets: the other end is another
+entity of the same class, without flight around it."""
+from functools import reduce
+from heapq import heappop, heappush
+from operator import xor
+from pathlib import Path
+from random import Random
+import struct
+
+import pytest
+
+from fledge import _ground, ground
+from fledge.cli import main
+from fledge.commands import SERVICES, Code, Timed
+from fledge.errors import SetupError
+from fledge.ground.files import CRAFT, GROUND, Files
+from fledge.ground.links import Link
+from fledge.units import minute, s
+
+STEP = 10_000_000
+
+
+class Board(Link):
+    """A craft that knows files alone: a PDU each way at each 10 ms."""
+
+    def __init__(self, dictionary, folder, loss=0.0, twice=0.0, delay=100_000_000, seed=1):
+        folder.mkdir(exist_ok=True)
+        self.dictionary, self.loss, self.twice, self.delay = dictionary, loss, twice, delay
+        self.random, self.flying, self.n, self.now, self.up, self.out = Random(seed), [], 0, 0, 0, False
+        self.entity = _ground.Entity(folder=str(folder), own=CRAFT, peer=GROUND, sequence=1, timeout=2 * 10**9,
+                                     inactivity=60 * 10**9, limit=10, allowed=15)
+
+    @property
+    def t(self):
+        return self.now
+
+    def carry(self, up, data):
+        for _ in range(1 + (self.random.random() < self.twice)):
+            if self.random.random() >= self.loss and not self.out:
+                self.n += 1
+                late = self.random.randrange(2) * self.random.randrange(300) * 10**6 if self.twice else 0
+                heappush(self.flying, (self.now + self.delay + late, self.n, up, data))
+
+    def send(self, packet):
+        assert packet[6] == Code.PDU and reduce(xor, packet) == 0xFF and len(packet) <= 8 + 512
+        self.up += len(packet)
+        self.carry(True, packet[8:])
+
+    def receive(self, until):
+        found = []
+        while self.now < until and not found:
+            self.now = min(until, self.now + STEP)
+            self.entity.time(self.now)
+            while self.flying and self.flying[0][0] <= self.now:
+                _, _, up, data = heappop(self.flying)
+                if up:
+                    self.entity.take(data)
+                else:
+                    found.append(Timed(self.now, data))
+            if pdu := self.entity.next():
+                self.carry(False, struct.pack(">3H10x", self.dictionary.texts + 1 + SERVICES.index("files"), 0xC000,
+                                              9 + len(pdu)) + pdu)
+        return found
+
+
+DICTIONARY = ground.dictionary_of("nadir_spin")
+
+
+@pytest.fixture()
+def connected(tmp_path):
+    """Makes a craft with a board, whose files are in the folder `board`."""
+    def make(**link):
+        craft = ground.Craft(Board(DICTIONARY, tmp_path / "board", **link), DICTIONARY)
+        craft.files = Files(craft, timeout=2 * s)
+        return craft
+
+    return make
+
+
+def some(path, n, seed=1):
+    path.write_bytes(Random(seed).randbytes(n))
+    return path
+
+
+def test_files_go_both_ways_at_the_rate_of_the_link(connected, tmp_path):
+    plan, board = some(tmp_path / "plan", 30_000), tmp_path / "board"
+    with connected() as craft:
+        seen = []
+        sent = craft.put(plan, to="next", progress=lambda one: seen.append(one.done))
+        assert sent.completed(within=1 * minute) is sent and sent.ended and repr(sent) == \
+            "<send plan as next: complete>"
+        assert (board / "next").read_bytes() == plan.read_bytes()
+        assert 0.95 < craft.link.up / craft.files.rate / (craft.link.t / 1e9) < 1.3 and len(seen) > 50
+        assert seen == sorted(seen) and seen[-1] == 30_000
+        some(board / "science", 50_000, 2)
+        got = craft.fetch("science", to=tmp_path / "got", within=1 * minute)
+        assert got.ended and (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
+        assert craft.directory("") == ["next", "science"]
+        craft.put(plan, class1=True, within=1 * minute)
+        craft.listen(1 * s)
+        assert (board / "plan").read_bytes() == plan.read_bytes()
+        some(board / "empty", 0)
+        craft.fetch("empty", to=tmp_path / "empty", class1=True, within=10 * s)
+        assert (tmp_path / "empty").read_bytes() == b""
+        craft.files.rate = 40_000
+        begin = craft.link.t
+        craft.put(plan, to="fast", within=1 * minute)
+        assert craft.link.t - begin < 2 * 10**9 and list(craft.files.folder.iterdir()) == []
+    assert not craft.files.folder.exists()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_link_that_loses_repeats_and_delays_loses_no_byte(connected, tmp_path, seed):
+    plan, board = some(tmp_path / "plan", 20_000, seed), tmp_path / "board"
+    with connected(loss=0.1, twice=0.05, seed=seed) as craft:
+        some(board / "science", 20_000)
+        both = [craft.put(plan), craft.fetch("science", to=tmp_path / "got")]
+        for one in both:
+            one.completed(within=10 * minute)
+        assert craft.directory("", within=1 * minute) == ["plan", "science"]
+    assert (board / "plan").read_bytes() == plan.read_bytes()
+    assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
+
+
+def test_what_fails_says_why(connected, tmp_path):
+    plan = some(tmp_path / "plan", 3_000)
+    with connected() as craft:
+        for call, says in [
+                (lambda: craft.fetch("none", to=tmp_path / "x", within=10 * s),
+                 "fetch none: the file store refused it on board"),
+                (lambda: craft.fetch("../x", to=tmp_path / "x", within=10 * s), "the file store refused it on board"),
+                (lambda: craft.put(plan, to="../x", within=10 * s), "send plan as ../x: the file store refused it"),
+                (lambda: craft.put(plan, to="a/b", within=10 * s), "the file store refused it"),
+                (lambda: craft.directory("none"), "list none: there is no such directory on board"),
+                (lambda: craft.put(plan, within=0.1), r"send plan as plan did not end, \d+ of 3000 bytes went within")]:
+            with pytest.raises(ground.NoAnswer, match=says):
+                call()
+        for call, says in [
+                (lambda: craft.put(tmp_path / "none"), "there is no such file"),
+                (lambda: craft.put(plan, to="n" * 200), "a name has at most 127 bytes"),
+                (lambda: craft.fetch("a", to=tmp_path / "none/a"), "there is no folder"),
+                (lambda: Files(craft, rate=0), "the rate is more than 0"),
+                (lambda: Files(craft, folder=tmp_path / "none"), "there is no folder")]:
+            with pytest.raises(SetupError, match=says):
+                call()
+        craft.link.out = True
+        silent = craft.put(plan)
+        with pytest.raises(ground.NoAnswer, match="it was sent again and again, and not acknowledged"):
+            silent.completed(within=10 * minute)
+        assert not (tmp_path / "x").exists() and {one.name for one in tmp_path.iterdir()} == {"plan", "board"}
+
+
+def test_cancel_suspend_and_resume(connected, tmp_path):
+    plan, board = some(tmp_path / "plan", 30_000), tmp_path / "board"
+    with connected() as craft:
+        some(board / "science", 300_000)
+        for begin in [lambda: craft.put(plan, to="next"), lambda: craft.fetch("science", to=tmp_path / "got")]:
+            one = begin()
+            craft.listen(2 * s)
+            one.suspend()
+            craft.listen(5 * s)
+            done = one.done
+            craft.listen(100 * s)       # longer than the inactivity of the board
+            assert 0 < done == one.done and not one.ended and not one.problem
+            one.resume()
+            one.completed(within=1 * minute)
+        assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
+        for begin in [lambda: craft.put(plan, to="other"), lambda: craft.fetch("science", to=tmp_path / "more")]:
+            for after in (1e-3, 2.0):
+                one = begin()
+                craft.listen(after)
+                one.cancel()
+                with pytest.raises(ground.NoAnswer, match="it was cancelled"):
+                    one.completed(within=1 * minute)
+        craft.listen(10 * s)
+        assert not craft.files.entity.busy and not craft.link.entity.busy
+    assert {one.name for one in board.iterdir()} == {"next", "science"} and not (tmp_path / "more").exists()
+
+
+def test_what_the_craft_sends_unasked_is_kept(connected, tmp_path):
+    (tmp_path / "down").mkdir()
+    with connected(loss=0.1) as craft:
+        craft.files = Files(craft, tmp_path / "down", timeout=2 * s)
+        some(tmp_path / "board/science", 5000)
+        craft.link.entity.put("science", "tonight", b"", False)
+        craft.wait(lambda _: craft.files.received, within=1 * minute)
+        assert craft.files.received == [tmp_path / "down/tonight"]
+        assert (tmp_path / "down/tonight").read_bytes() == (tmp_path / "board/science").read_bytes()
+
+
+def test_by_hand(tmp_path, monkeypatch, capsys):
+    board = tmp_path / "board"
+    plan = some(tmp_path / "plan", 8000)
+    monkeypatch.setattr(ground, "open_link", lambda *_: Board(DICTIONARY, board))
+    monkeypatch.chdir(tmp_path)
+    assert main(["send", "plan", "--to", "udp://x", "nadir_spin", "--as", "next", "--rate", "8000"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("  sent     plan as next, 8000 bytes in ")
+    assert (board / "next").read_bytes() == plan.read_bytes()
+    assert main(["fetch", "next", "--to", "udp://x", "nadir_spin"]) == 0 and Path("next").read_bytes() == \
+        plan.read_bytes()
+    assert main(["fetch", "/", "--to", "udp://x", "nadir_spin"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "next"
+    assert main(["fetch", "none", "--to", "udp://x", "nadir_spin"]) == 1
+    assert "fetch none: the file store refused it on board" in capsys.readouterr().err
+    assert main(["send", "none", "--to", "udp://x", "nadir_spin"]) == 2
+    assert main(["send", "plan", "--to", "udp://x", "nadir_spin", "--within", "0.1s"]) == 1
