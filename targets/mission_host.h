@@ -78,6 +78,7 @@ typedef struct MissionHost {
     const CommandTable *commands;
     const TelemetryTable *telemetry;
     const MissionExecutive *executive;
+    const void **store;    ///< where to put a CfdpStore for the files of flight; NULL: it has none
     CommandState *state;   ///< memory for that of the commands
     McapSchema *schemas;   ///< memory for the schemas of the record
     McapChannel *channels; ///< memory for the channels of the record

@@ -43,7 +43,7 @@ RULES = {
     "introspect": Rule("Python", "the reader of headers, and the emitters", []),
     "targets": Rule("C99, Python", "what hosts an exported mission (`mission.h`), and a folder for each target, whose "
                     "Python is a part of `fledge`",
-                    [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record"]),
+                    [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record", "ccsds"]),
     "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
                 [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "record"]),
     "world": Rule("C++20", "dynamics, environment, sensors, actuators, avionics", [*FLIGHT, "flight/exec", "sim"]),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
           "targets/linux/crash.c", "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c",
           "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
-          "registers/message.c", "registers/shared_file.c"]
+          "registers/message.c", "registers/shared_file.c", "ccsds/store/posix_store.c"]
 
 
 class Linux(Target):

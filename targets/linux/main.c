@@ -7,6 +7,7 @@
  * The loop does not allocate. At the end the program prints its results on the standard output, a key and a value on
  * each line. Exit codes: 0 flown to the end, 1 the register file or the record failed, 2 wrong options. */
 #define _POSIX_C_SOURCE 200809L
+#include "ccsds/store/posix_store.h"
 #include "record/file_sink.h"
 #include "registers/shared_file.h"
 #include "targets/linux/crash.h"
@@ -31,6 +32,7 @@ typedef struct Options {
     const char *registers; ///< the file, or NULL
     const char *record;    ///< the file, or NULL
     const char *inputs;    ///< the file, or NULL
+    const char *files;     ///< the folder, or NULL
     double wait;           ///< [s] how long to wait for the register file
     double duration;       ///< [s] with the machine's clock; 0: until a signal
     int priority;          ///< of SCHED_FIFO; 0: do not request it
@@ -57,6 +59,8 @@ typedef struct Runner {
     MissionRecord record;
     const RegisterWindow *clock; ///< the window of the board with the clock
     Inputs inputs;
+    PosixStore folder;
+    CfdpStore store;
     volatile int64_t now; ///< [ns] of the present exchange
     int64_t cpu;          ///< [ns] of all exchanges
     int64_t faults;
@@ -85,12 +89,13 @@ static int complain(const char *what, const char *why)
 /* ---- the command line */
 
 static const char usage[] =
-    "usage: %s [--record FILE] [--wait S] REGISTERS        paced by the registers' clock\n"
-    "       %s --clock [--priority N] [--for S] [--record FILE] [--wait S] [REGISTERS]\n"
-    "       %s --inputs FILE [--clock [--priority N]] [--for S] [--record FILE]\n"
+    "usage: %s [--record FILE] [--files FOLDER] [--wait S] REGISTERS        paced by the registers' clock\n"
+    "       %s --clock [--priority N] [--for S] [--record FILE] [--files FOLDER] [--wait S] [REGISTERS]\n"
+    "       %s --inputs FILE [--clock [--priority N]] [--for S] [--record FILE] [--files FOLDER]\n"
     "\n"
     "REGISTERS is the register file of the boards, or /dev/fd/N; --clock works without it.\n"
     "  --record FILE   write all outputs of flight into an MCAP file\n"
+    "  --files FOLDER  where flight keeps files; default: in its memory\n"
     "  --wait S        how long to wait for the register file; default: 10\n"
     "  --clock         pace flight by this machine's clock, in real time\n"
     "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
@@ -127,6 +132,8 @@ static int read_options(Options *o, int n, char **words)
                 o->record = words[i];
             } else if (strcmp(word, "--inputs") == 0) {
                 o->inputs = words[i];
+            } else if (strcmp(word, "--files") == 0 && fledge_mission.store != NULL) {
+                o->files = words[i];
             } else if (strcmp(word, "--wait") == 0 && number(words[i], &value)) {
                 o->wait = value;
             } else if (strcmp(word, "--for") == 0 && number(words[i], &value)) {
@@ -172,6 +179,15 @@ static int attach(const Options *o)
     runner.clock = &runner.windows[mission_io_clock(io)];
     const char *wrong = o->inputs != NULL ? inputs_open(&runner.inputs, o->inputs, io) : NULL;
     return wrong != NULL ? complain(o->inputs, wrong) : FLOWN;
+}
+
+static int open_files(const char *folder)
+{
+    if (!posix_store_open(&runner.folder, folder, INT64_MAX, &runner.store)) {
+        return complain(folder, strerror(errno));
+    }
+    *fledge_mission.store = &runner.store;
+    return FLOWN;
 }
 
 static int open_record(const char *path)
@@ -382,7 +398,10 @@ int main(int argc, char **argv)
         fledge_mission.describe(print_line);
         return FLOWN;
     }
-    int result = options.record != NULL ? open_record(options.record) : FLOWN;
+    int result = options.files != NULL ? open_files(options.files) : FLOWN;
+    if (result == FLOWN && options.record != NULL) {
+        result = open_record(options.record);
+    }
     if (result == FLOWN) {
         result = attach(&options);
     }

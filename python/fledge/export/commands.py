@@ -11,7 +11,7 @@ from fledge.export.c_source import extern, row, written
 from fledge.export.c_text import string, wrap
 
 if TYPE_CHECKING:
-    from fledge.export.read import Message, Mission, Module
+    from fledge.export.read import Mission
 
 
 def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
@@ -38,14 +38,15 @@ def header(mission: Mission) -> str:
                       '#include "flight/telemetry/telemetry.h"\n',
                       f"/** What can be commanded; the `mission` of its functions is a {mission.struct()}. */",
                       extern("CommandTable", f"{name}_commands"), "/** What is sent. */",
-                      extern("TelemetryTable", f"{name}_telemetry"), "#endif\n"])
+                      extern("TelemetryTable", f"{name}_telemetry"),
+                      *(["/** The modules that commands drive; the host may put a store of files there. */",
+                         f"extern CommandServices {name}_services;"] if mission.services else []), "#endif\n"])
 
 
 def source(mission: Mission, found: Dictionary) -> str:
     name, struct, n = mission.name, mission.struct(), len(mission.outputs)
     largest = max((b.size for b in found.blocks), default=1)
     composed = mission.form == "micropython"
-    services = mission.services
     script = [f'#include "targets/micropython/{one}.h"' for one in ("executive", "procedure")] if composed else []
     lines = [*written(mission), f'#include "{name}_commands.h"', *script, "", f"static uint8_t staged[{largest}];",
              f"static uint8_t queue[{found.room}];", f"static uint8_t packet[{found.longest}];",
@@ -73,7 +74,7 @@ def source(mission: Mission, found: Dictionary) -> str:
               f"{'&executive_texts' if script else '0'}", "};", "",
               *function("static void telemetry(void *mission, uint16_t output, int on, uint16_t every)",
                         ["    (void)mission;", f"    telemetry_rate(&{name}_telemetry, output, on, every);"]),
-              *drives(struct, services, mission.outputs), f"const CommandTable {name}_commands = {{"]
+              *drives(mission), f"const CommandTable {name}_commands = {{"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("stream", f"{found.stream:#06x}u"), ("version", f"{found.version:#06x}u"),
         ("n_blocks", f"{len(found.blocks)}u"), ("n_modes", f"{len(found.modes)}u"),
@@ -81,7 +82,7 @@ def source(mission: Mission, found: Dictionary) -> str:
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
         ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
         *[("procedures", "&script_procedures")] * composed,
-        *[("services", "&services")] * bool(services))]
+        *[("services", f"&{name}_services")] * bool(mission.services))]
     return "\n".join([*lines, "};", ""])
 
 
@@ -124,15 +125,16 @@ def executive(memory: list[str]) -> list[str]:
               for line in function(f"static {head}", ["    (void)mission;", f"    {call};"]))]
 
 
-def drives(struct: str, services: Sequence[Module], outputs: Sequence[Message]) -> list[str]:
+def drives(mission: Mission) -> list[str]:
     """The table of the services, where they are, and the outputs, which they may see."""
-    if not services:
+    struct, outputs = mission.struct(), mission.outputs
+    if not mission.services:
         return []
     events = [i for i, one in enumerate(outputs) if one.struct.name == "FlightEvent"]
-    return [*wrap([f"&{one.function}_service," for one in services],
+    return [*wrap([f"&{one.function}_service," for one in mission.services],
                   "static const CommandService *const list[] = {", "    ", "};"), "",
             *function("static void *module(void *mission, uint32_t place)",
-                      [*wrap([f"offsetof({struct}, {one.name})," for one in services],
+                      [*wrap([f"offsetof({struct}, {one.name})," for one in mission.services],
                              "    static const size_t places[] = {", "        ", "};"),
                        "    return (uint8_t *)mission + places[place];"]),
             *function("static const void *output(const void *mission, uint16_t place, uint32_t *size)",
@@ -140,8 +142,8 @@ def drives(struct: str, services: Sequence[Module], outputs: Sequence[Message]) 
                        "    return (const uint8_t *)mission + outputs[place].offset;"] if outputs else
                       ["    (void)mission;", "    (void)place;", "    *size = 0u;", "    return 0;"]),
             *(wrap([f"{i}u," for i in events], "static const uint16_t events[] = {", "    ", "};") if events else []),
-            "static const CommandServices services = {",
-            f"    list, {len(services)}u, module, output, {'events' if events else '0'}, {len(events)}u, 0,",
+            f"CommandServices {mission.name}_services = {{",
+            f"    list, {len(mission.services)}u, module, output, {'events' if events else '0'}, {len(events)}u, 0,",
             "    command_service_check, command_service_execute, command_service_run, telemetry_services};", ""]
 
 

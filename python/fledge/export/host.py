@@ -57,6 +57,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
+        *[("store", f"&{name}_services.store")] * any(one.type == "Files" for one in mission.modules),
         ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded) + 2}u"),
         ("n_channels", f"{len(mission.outputs) + 2}u"), ("n_rates", f"{len(mission.tasks)}u"),

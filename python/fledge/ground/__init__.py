@@ -19,8 +19,8 @@ from typing import Any
 from fledge.commands import Dictionary
 from fledge.errors import SetupError
 from fledge.ground.address import open_link
-from fledge.ground.craft import Craft, NoAnswer, NotSeen, Sent, accepts, packets
-from fledge.ground.links import Link
+from fledge.ground.craft import Craft, NotSeen, Sent, accepts, packets
+from fledge.ground.links import Link, NoAnswer
 from fledge.ground.simulated import Simulated, flight_of
 
 __all__ = ["Craft", "Database", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of", "open_link",

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, Timed, decoded,
                              moved, sequence_of)
-from fledge.errors import Failure, SetupError, did_you_mean, listed
-from fledge.ground.links import Link
+from fledge.errors import SetupError, did_you_mean, listed
+from fledge.ground.links import Link, NoAnswer
 from fledge.objects.si import time_ns, to_si
 from fledge.units import unit_of
 
@@ -22,13 +22,6 @@ if TYPE_CHECKING:
 
 _MAKERS = {"packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
-
-
-class NoAnswer(Failure):
-    """What a script waited for did not happen in time, or the spacecraft refused it."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text, 1)
 
 
 class NotSeen(LookupError):

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The extension `_ground`: a database of XTCE, packets to values of Python, and commands to packets; an entity of files.
+// The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files.
 #include "ground/capture/frames.h"
 #include "ground/database/decoder.h"
 #include "ground/database/encoder.h"

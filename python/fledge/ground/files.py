@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from fledge import _ground
 from fledge.commands import Packets
 from fledge.errors import SetupError
+from fledge.ground.links import NoAnswer
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
@@ -76,15 +77,13 @@ class Transfer:
     def completed(self, within: Any) -> Self:
         """Wait until the file is there, whole; of class 1 that is sent: until it is sent. within: a duration on the
         link's clock. Raises NoAnswer with the reason."""
-        from fledge.ground.craft import NoAnswer
-
         def over(_: Any) -> bool:
             if self.problem:
                 raise NoAnswer(f"{self.what}: {self.problem}")
             return self.ended
 
-        self._files.craft.wait(over, within, lambda: f"{self.what} did not end, {self.done} of {self.size or '?'} "
-                               "bytes went")
+        self._files.craft.wait(over, within, lambda: f"{self.what}: {self.done} of {self.size or '?'} bytes went, "
+                               "and it did not end")
         return self
 
     def suspend(self) -> None:

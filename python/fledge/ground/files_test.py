@@ -133,7 +133,8 @@ def test_what_fails_says_why(connected, tmp_path):
                 (lambda: craft.put(plan, to="../x", within=10 * s), "send plan as ../x: the file store refused it"),
                 (lambda: craft.put(plan, to="a/b", within=10 * s), "the file store refused it"),
                 (lambda: craft.directory("none"), "list none: there is no such directory on board"),
-                (lambda: craft.put(plan, within=0.1), r"send plan as plan did not end, \d+ of 3000 bytes went within")]:
+                (lambda: craft.put(plan, within=0.1),
+                 r"send plan as plan: \d+ of 3000 bytes went, and it did not end within")]:
             with pytest.raises(ground.NoAnswer, match=says):
                 call()
         for call, says in [

@@ -14,13 +14,20 @@ from time import monotonic_ns, time_ns
 from typing import Any
 
 from fledge.commands import Timed
-from fledge.errors import SetupError
+from fledge.errors import Failure, SetupError
 
 PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
 CHUNK = 1 << 16                             # [bytes] that are read or written at once
 OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
 SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
 GONE = "the other end of the link is gone"
+
+
+class NoAnswer(Failure):
+    """What a script waited for did not happen in time, or the spacecraft refused it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text, 1)
 
 
 class Link(ABC):
