@@ -105,6 +105,53 @@ typedef struct InterconnectState {
     uint32_t resets;    ///< [-] of the computer that it has seen
 } InterconnectState;
 
+#define RECORDER_PAGE 256
+
+/** Asks the recorder to write or read a page. */
+typedef enum RecorderCode { RECORDER_NOTHING = 0, RECORDER_WRITE = 1, RECORDER_READ = 2 } RecorderCode;
+
+/** What became of a request. */
+typedef enum RecorderAnswer {
+    RECORDER_DONE = 0,
+    RECORDER_CORRECTED = 1, ///< read; wrong bits were set right
+    RECORDER_DAMAGED = 2,   ///< there are more wrong bits in a word of the page than its code corrects
+    RECORDER_WORN = 3,      ///< the page takes nothing new
+    RECORDER_REFUSED = 4    ///< there is no such page, or no such code
+} RecorderAnswer;
+
+/** A request to the recorder. */
+typedef struct RecorderRequest {
+    Head head;
+    RecorderCode code;
+    uint32_t number; ///< [-] another one than that of the last request
+    uint32_t page;   ///< [-] from 0
+    uint32_t spare;
+    uint8_t data[RECORDER_PAGE]; ///< [-] the content to be written
+} RecorderRequest;
+
+/** The recorder's answer to the request that it served last. */
+typedef struct RecorderReply {
+    Head head;
+    RecorderAnswer answer;
+    uint32_t number;             ///< [-] of the request; 0 after the recorder was switched on
+    uint32_t page;               ///< [-] of the request
+    uint32_t pages;              ///< [-] how many the recorder has
+    uint8_t data[RECORDER_PAGE]; ///< [-] the content that was read
+} RecorderReply;
+
+/** What the recorder reports of itself, since the vehicle was switched on. */
+typedef struct RecorderState {
+    Head head;
+    uint32_t written;   ///< [-] pages
+    uint32_t read;      ///< [-] pages, damaged ones included
+    uint32_t corrected; ///< [-] words that had a wrong bit when they were read
+    uint32_t damaged;   ///< [-] pages that had more wrong bits when they were read
+    uint32_t worn;      ///< [-] requests to write that a worn page refused
+    uint32_t refused;   ///< [-] other requests
+    uint32_t torn;      ///< [-] pages of which a part was written when the power failed
+    uint32_t busy;      ///< [-] in [0, 1]: 1: a request is being served
+} RecorderState;
+
 /** How the computer started. */
 typedef struct BootState {
     Head head;
