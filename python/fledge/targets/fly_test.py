@@ -352,7 +352,7 @@ def test_telemetry_is_what_the_record_has(tmp_path):
     from fledge import export
     from fledge.commands import decoded, read_script
 
-    on = [name for name in ("linux", "sparc64", *OTHER_CODE[1:]) if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "aarch64", "sparc64", *OTHER_CODE[1:]) if not TARGETS[name].missing()]
     out = str(tmp_path / "out")
     assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
     mission = export.read(fledge.load(tmp_path / "plays"))
