@@ -99,7 +99,7 @@ const MissionIo IO = {MESSAGES, BOARDS, ROWS, 4, 1, 3, nullptr, {0, 3}, {0, 4}, 
 const ExecRun NUMBERS[] = {{8, 2}};
 const CommandBlock BLOCKS[] = {{NUMBERS, nullptr, 16, 1, 0, 0, 0}};
 std::uint8_t staged[16], waiting[128], packet[TELEMETRY_REPORT_MAX];
-TelemetryRate rates[3];
+TelemetryRate rates[3 + COMMAND_STREAMS];
 const CommandTable COMMANDS = {
     0x1880,
     0x1234,
