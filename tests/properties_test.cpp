@@ -541,7 +541,7 @@ TEST(Models, FaultySensorsAndActuatorsGoOnBitForBitFromSnapshotsAndInClones)
     int faulty = 0;
     for (const auto &instance : world.instances) {
         for (const FledgeField &field : sim::fields(instance->type())) {
-            if (std::string(field.name) == "faults") {
+            if (field.type == FLEDGE_STRUCT && std::string(field.sub->name) == "Fault") {
                 std::memcpy(instance->memory() + field.offset, faults, sizeof faults);
                 World::set(*instance, "n_faults", std::uint32_t{FAULTS_MAX});
                 faulty++;

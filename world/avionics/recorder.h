@@ -21,7 +21,7 @@ typedef struct RecorderFault {
     uint32_t page; ///< [-] in [0, 1023]: whose memory it is
     uint32_t bit;  ///< [-] in [0, 2047]: the first that flips; bit b is of byte b / 8
     uint32_t bits; ///< [-] in [0, 64]: how many flip, in a row
-    int64_t begin; ///< [ns] > 0: when it happens
+    int64_t begin; ///< [ns] >= 0: when it happens
 } RecorderFault;
 
 /** A solid-state recorder: writes and reads pages of 256 bytes, one request after another; the next one waits until it

@@ -61,9 +61,10 @@ void RecorderModel::flip(std::uint32_t page, std::uint32_t bit)
 void RecorderModel::upset(Tick tick)
 {
     const auto &par = interface_.par;
+    const sim::Ns last = tick.t - std::max(tick.dt, sim::Ns{1}); // at the first update dt is 0
     for (std::uint32_t i = 0; i < par.n_faults; i++) {
         const RecorderFault &fault = par.faults[i];
-        if (fault.kind == RECORDER_FLIP && fault.begin > tick.t - tick.dt && fault.begin <= tick.t) {
+        if (fault.kind == RECORDER_FLIP && fault.begin > last && fault.begin <= tick.t) {
             for (std::uint32_t k = 0; k < fault.bits && fault.bit + k < 8 * RECORDER_PAGE; k++) {
                 flip(fault.page, fault.bit + k);
             }

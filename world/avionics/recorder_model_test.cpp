@@ -129,9 +129,11 @@ TEST(Recorder, OneWrongBitOfAWordIsSetRightAndTwoAreFound)
 TEST(Recorder, PlannedBitsFlipOnceAtTheirTime)
 {
     Bench b;
-    b.r.par.n_faults = 2;
+    b.r.par.n_faults = 3;
     b.r.par.faults[0] = {RECORDER_FLIP, 2, 100, 1, 1050 * ms};
     b.r.par.faults[1] = {RECORDER_FLIP, 3, 63, 2, 1100 * ms}; // of two words
+    b.r.par.faults[2] = {RECORDER_FLIP, 4, 0, 1, 0};
+    b.step(0);
     while (b.t < 1 * second) {
         b.step();
     }
@@ -140,6 +142,7 @@ TEST(Recorder, PlannedBitsFlipOnceAtTheirTime)
         b.step();
         EXPECT_EQ(b.r.mem.memory[2][12], 1 << 4);
     }
+    EXPECT_EQ(b.r.mem.memory[4][0], 1);
     EXPECT_EQ(b.r.mem.memory[3][7], 0x80);
     EXPECT_EQ(b.r.mem.memory[3][8], 0x01);
     EXPECT_EQ(b.read(3), Page(RECORDER_PAGE));
