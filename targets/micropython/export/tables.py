@@ -22,6 +22,7 @@ GROUPS = {"": "NONE", "in": "IN", "out": "OUT", "par": "PAR", "mem": "MEM"}
 
 
 HEAP = 64 * 1024     # [bytes] of the interpreter
+LARGE = 16 * 1024    # [bytes] of a module for which it has more
 
 
 def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[str], computed: bool = False
@@ -37,8 +38,10 @@ def emit_tables(mission: Mission, module: str, whole: bool, processes: Sequence[
     for one in mission.modules:
         if parameters(one.struct)[0]:
             blocks[one.name] = len(blocks)
+    largest = max((one.struct.size for one in mission.modules), default=0)     # it is made in the heap, then moved
+    heap = HEAP + (largest if largest > LARGE else 0)
     lines = [*written(mission), '#include "targets/micropython/tables.h"', "", f'#include "{name}_commands.h"', "",
-             f"{struct} {name}_memory;", f"static uint64_t heap[{HEAP // 8}];", "",
+             f"{struct} {name}_memory;", f"static uint64_t heap[{heap // 8}];", "",
              *type_tables(types, {m.type for m in mission.modules})]
 
     def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
