@@ -41,12 +41,15 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     what is wrong in words; "" if its checks hold. With --report, what `fledge run --report` writes goes into the folder
     TARGET_run beside the records."""
     import fledge
+    from fledge.commands import read_script
     from fledge.report import Outcome, Report
     from fledge.targets.playback import stand_in
 
     sim = fledge.load(job.asked, job.seed, **job.parameters)
     assert sim.mission
-    stand_in(sim, records, exchange)
+    packets = {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
+               if one.telemetry(target).exists()}
+    stand_in(sim, records, exchange, packets)
     function = sim.mission.scenarios[job.scenario]
     if not options.report:
         sim.plots = False

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import weakref
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -56,6 +57,7 @@ class Commands:
         self.sent: list[tuple[int, bytes]] = []
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
+        self._played: deque[Timed] | None = None
         self._attach()
 
     def _attach(self):
@@ -195,7 +197,17 @@ class Commands:
     def take_packets(self) -> list[Timed]:
         """The packets of telemetry since the last call, and the instant [ns] of each, as targets send them; -1: before
         the first instant. They are kept from the first call on."""
+        if self._played is not None:
+            now = self._process()._core_simulation.time
+            due: list[Timed] = []
+            while self._played and self._played[0].t <= now:
+                due.append(self._played.popleft())
+            return due
         return [Timed(t, packet) for t, packet in self._core.take_packets()]
+
+    def play(self, packets: Iterable[Timed]) -> None:
+        """Have take_packets() give these, of a target that flew, in the order of time."""
+        self._played = deque(packets)
 
     @property
     def texts(self) -> list[Text]:

@@ -84,9 +84,11 @@ class Part:
     def refusals(self, reports: Iterable[Report]) -> list[tuple[str, bool]]:
         """(which command was refused, when and why; whether flight refused it in the scenario on the desktop, too) of
         those of the reports that are refusals."""
-        found, sent = export.dictionary(self.mission), {sequence_of(one.packet): one.packet for one in self.script}
-        return [(found.refusal(one, sent.get(one.sequence)), (self.process, one.sequence) in self.job.in_vain)
-                for one in reports if not one.good]
+        # PDUs are counted apart, and what flight has itself not at all.
+        sent = {(sequence_of(one.packet), *one.packet[6:7], None, None): one.packet for one in self.script}
+        found = export.dictionary(self.mission)
+        return [(found.refusal(one, sent.get((one.sequence, one.code, one.stored_on, one.monitor))),
+                 (self.process, one.sequence) in self.job.in_vain) for one in reports if not one.good]
 
     def failures(self, target: str) -> list[str]:
         """What went wrong there in updates of the script, the last text of each module."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A target's flight in the place of flight: its outputs come from records, and the world runs as always."""
+"""A target's flight in the place of flight: its outputs and packets come from records, and the world runs as always."""
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fledge import export, objects
@@ -9,17 +10,22 @@ from fledge.errors import Failure
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
+    from fledge.commands import Timed
 
 
-def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = None) -> None:
+def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = None,
+             packets: Mapping[str, Sequence[Timed]] | None = None) -> None:
     """From its first run on, the processes of a simulation put out the messages of records; none of their modules runs,
     so that parameters, modes and commands change nothing. Configuration is published as always.
 
     records: the record of each process by its name, of all outputs at all instants of flight
     exchange: the record of what other processes read of them, where boards round, delay or lose messages
+    packets: the telemetry of each process that sent any, for a ground in the scenario
     """
     for name, record in records.items():
         process = sim.process(name)
+        if packets and name in packets:
+            process.commands.play(packets[name])
         for one in dict.fromkeys(one for task in process.tasks for one in task.run):
             instance = process.instances[one]
             for field in objects.struct(instance).fields:

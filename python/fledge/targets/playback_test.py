@@ -10,6 +10,7 @@ import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.archive.compare import compare
+from fledge.commands import Timed
 from fledge.errors import Failure
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import build
@@ -110,6 +111,14 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     lacking.topics = {name: one for name, one in lacking.topics.items() if name != "/flight/motor/command"}
     with pytest.raises(Failure, match=r"linux.mcap: it has no /flight/motor/command, so flight cannot be judged"):
         stand_in(fledge.load("nadir_spin"), {"flight": lacking})
+
+    sim, packets, heard = fledge.load("nadir_spin"), [Timed(-1, b"first"), Timed(2 * 10**9, b"second")], []
+    stand_in(sim, {"flight": altered.archive}, packets={"flight": packets})
+    sim.flight.commands.noop()                          # whose reports no ground gets: they are not the flight's
+    for end in (1.5, 2.0, 3.0):
+        sim.run(until=end)
+        heard.append(sim.flight.commands.take_packets())
+    assert heard == [packets[:1], packets[1:], []]
 
 
 def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypatch):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn
 
 from fledge import export, mission as missions, objects
-from fledge.commands import moved, parameters, sequence_of
+from fledge.commands import Code, moved, parameters, sequence_of
 from fledge.errors import Failure, SetupError
 from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen, set_up
@@ -114,6 +114,9 @@ class Rehearsal:
         self.sequence[flight.name] = end
         self.script += [Command(now, flight.name, moved(one, -made)) for one in packets]
         for t, one in sent:
+            if one[6:7] == bytes([Code.PDU]):       # counted apart
+                self.script.append(Command(t, flight.name, one))
+                continue
             packet = moved(one, len(packets))
             self.script.append(Command(t, flight.name, packet))
             self.sent_as[flight.name, sequence_of(one)] = sequence_of(packet)
