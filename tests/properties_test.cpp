@@ -259,6 +259,9 @@ TEST(Modules, AResetForgetsEverything)
         }
         reset(module);
         for (const FledgeGroup group : {FLEDGE_OUT, FLEDGE_MEM}) {
+            if (group == FLEDGE_MEM && std::string(module.type().name) == "Files") {
+                continue; // files stay, and transfers go on
+            }
             const auto left = numbers(module.type(), group, module.memory());
             const auto never = numbers(module.type(), group, fresh.memory());
             for (std::size_t i = 0; i < left.size(); i++) {
