@@ -106,6 +106,7 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
                           command_service_execute,
                           command_service_run,
                           telemetry_services};
+    carriers_ = runtime.structure.carriers(process);
     table_.services = services_.empty() ? nullptr : &table_of_services_;
     begin();
 }
@@ -120,22 +121,31 @@ void Commands::begin()
     told_ = -1;
 }
 
-void Commands::forget()
+void Commands::forget(Ns t)
 {
+    for (Carrier *one : carriers_) {
+        one->receive(t, [](Unit) {});
+    }
     runs_ = false;
     command_begin(&state_);
     telemetry_begin(&telemetry_);
 }
 
-CommandReason Commands::accept(const std::vector<std::uint8_t> &packet, Ns last)
+CommandReason Commands::accept(std::span<const std::uint8_t> packet, Ns last)
 {
     state_.t = last;
     return command_accept(&state_, &table_, &state_.ground, packet.data(), static_cast<std::uint32_t>(packet.size()),
                           report, this);
 }
 
-void Commands::accept_script(Ns t, Ns last)
+void Commands::accept_due(Ns t, Ns last)
 {
+    for (Carrier *one : carriers_) {
+        one->receive(t, [&](Unit unit) {
+            process_.heard.put(t - 1, unit);
+            accept(unit, last);
+        });
+    }
     for (; scripted() < t; place_++) {
         accept(process_.script()[place_].packet, last);
     }
@@ -151,6 +161,10 @@ Ns Commands::next(Ns now) const
     Ns after = state_.waiting > 0 ? now : scripted();
     for (std::size_t i = 0; i < services_.size(); i++) {
         const Ns due = services_[i]->next ? services_[i]->next(service_modules_[i]->memory()) : Runtime::never;
+        after = due == Runtime::never ? after : std::min(after, due - 1);
+    }
+    for (const Carrier *one : carriers_) {
+        const Ns due = one->next_up();
         after = due == Runtime::never ? after : std::min(after, due - 1);
     }
     return std::max(after, now);
@@ -318,7 +332,10 @@ void Commands::tell(Ns t)
 void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)
 {
     auto &me = *static_cast<Commands *>(self);
-    me.process_.keep({me.told_, {packet, packet + n}});
+    for (Carrier *one : me.carriers_) {
+        one->send_down(me.told_, {packet, n});
+    }
+    me.process_.telemetry.put(me.told_, {packet, n});
 }
 
 void Commands::visit_state(const std::function<void(void *, std::size_t)> &block)

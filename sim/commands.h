@@ -21,14 +21,14 @@ public:
 
     /// Nothing waits, and nothing was counted.
     void begin();
-    void forget(); ///< as the computer's reset does: what waits is lost, the script goes on
-    /// Accept what the script has for the instant t; `last` is the one before it.
-    void accept_script(Ns t, Ns last);
+    void forget(Ns t); ///< as the computer's reset at t does: what waits is lost, the script goes on
+    /// Accept what carriers and the script have for the instant t; `last` is the one before it.
+    void accept_due(Ns t, Ns last);
     /// The time after which the process' next instant executes something; never: as things stand, none does.
     Ns next(Ns now) const;
     /// The instant t is the last one that has run.
     void find_place(Ns t);
-    CommandReason accept(const std::vector<std::uint8_t> &packet, Ns last); ///< after the instant `last`
+    CommandReason accept(std::span<const std::uint8_t> packet, Ns last); ///< after the instant `last`
     void execute(Ns t);
 
     /// After the events of the instant t: let the procedure have its turn. Returns whether it has changed parameters.
@@ -81,6 +81,7 @@ private:
     std::uint16_t slot_ = 0;   ///< of it
     bool runs_ = false;
     std::vector<CommandReply> reports_;
+    std::vector<Carrier *> carriers_;
 
     std::vector<TelemetryOutput> outputs_;
     std::vector<const std::byte *> live_; ///< the messages themselves

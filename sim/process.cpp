@@ -340,6 +340,23 @@ CommandReason Process::command(const std::vector<std::uint8_t> &packet)
     return owner_->runtime_->command(*this, packet);
 }
 
+Carrier &Process::carrier(const Instance &model)
+{
+    owner_->prepare();
+    for (Carrier *one : owner_->structure_.carriers(*this)) {
+        if (dynamic_cast<Model *>(one) == model.model()) {
+            return *one;
+        }
+    }
+    throw SetupError(model.path + " carries no packets of " + name + ": give a model that serves it");
+}
+
+void Process::send_by(const Instance &model, Unit unit)
+{
+    carrier(model).send_up(std::max<Ns>(owner_->runtime_->time(), 0), unit);
+    owner_->runtime_->expect_changes();
+}
+
 CommandReason Process::command_mode(const std::string &mode)
 {
     const int index = mode_index(mode);
@@ -354,19 +371,6 @@ std::vector<CommandReply> Process::take_reports()
 CommandLink Process::ground() const
 {
     return owner_->runtime_ ? owner_->runtime_->of(*this).commands->ground() : CommandLink{};
-}
-
-std::vector<Packet> Process::take_packets()
-{
-    keeps_packets_ = true;
-    return std::exchange(packets_, {});
-}
-
-void Process::keep(Packet packet)
-{
-    if (keeps_packets_) {
-        packets_.push_back(std::move(packet));
-    }
 }
 
 CommandCounters Process::command_counters() const

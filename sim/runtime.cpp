@@ -428,7 +428,7 @@ bool Runtime::is_down(RunProcess &process, Ns t)
     see_parameters(process);
     restart(process, t);
     if (process.commands) {
-        process.commands->forget();
+        process.commands->forget(t);
     }
     process.process->executive().reset(t, ++process.restarts);
     return false;
@@ -540,8 +540,7 @@ RunEvent &Runtime::of(const Process &process, const Event &event)
 void Runtime::enter(const Process &process, int mode)
 {
     of(process).asked = mode;
-    changes_ = true;
-    next = next_instant(); // a task of that mode may come sooner than what was next
+    expect_changes(); // a task of that mode may come sooner than what was next
 }
 
 void Runtime::event_added(const Process &process)
@@ -555,8 +554,7 @@ void Runtime::event_added(const Process &process)
 void Runtime::set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary)
 {
     of(process).commands = std::make_unique<Commands>(*this, process, std::move(dictionary));
-    changes_ = true;
-    next = next_instant();
+    expect_changes();
 }
 
 /// The last instant until t at which a target's clock ticks: on the grids of all tasks; -1: none.
@@ -575,10 +573,15 @@ CommandReason Runtime::command(const Process &process, const std::vector<std::ui
 {
     const CommandReason reason = of(process).commands->accept(packet, last_tick(process, time()));
     if (reason == COMMAND_OK) {
-        changes_ = true;
-        next = next_instant();
+        expect_changes();
     }
     return reason;
+}
+
+void Runtime::expect_changes()
+{
+    changes_ = true;
+    next = next_instant();
 }
 
 /// The next instant of a task, in the mode that its process is in or was asked to enter.
@@ -623,7 +626,7 @@ void Runtime::make_changes(RunProcess &process, Ns t)
     }
     process.publishes = 0;
     if (commanded) {
-        process.commands->accept_script(t, last_tick(*process.process, t - 1));
+        process.commands->accept_due(t, last_tick(*process.process, t - 1));
         process.commands->execute(t);
         see_parameters(process);
     }

@@ -140,6 +140,7 @@ public:
     void visit_held(const std::function<void(const Wire &, void *, std::size_t)> &block);
     void set_commands(Process &process, std::shared_ptr<const Dictionary> dictionary);
     CommandReason command(const Process &process, const std::vector<std::uint8_t> &packet);
+    void expect_changes(); ///< a command waits, or is on its way
 
     // What commands do.
     void publish(const Instance &module, Ns t);

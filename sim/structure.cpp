@@ -74,6 +74,20 @@ Process &Structure::process(std::string_view name) const
     throw SetupError("there is no process " + std::string(name) + "; there are " + format_list(names));
 }
 
+std::vector<Carrier *> Structure::carriers(const Process &of) const
+{
+    std::vector<Carrier *> found;
+    for (const auto &process : processes) {
+        for (const auto &instance : process->instances()) {
+            auto *carrier = dynamic_cast<Carrier *>(instance->model());
+            if (carrier && carrier->serves() == of.name) {
+                found.push_back(carrier);
+            }
+        }
+    }
+    return found;
+}
+
 std::vector<std::string> Structure::outputs_of_type(const FledgeStruct *type) const
 {
     std::vector<std::string> paths;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "flight/command/command.h"
+#include "sim/carrier.h"
 #include "sim/condition.h"
 #include "sim/error.h"
 #include "sim/executive.h"
@@ -143,12 +144,6 @@ struct Playback {
     void at(Ns t);
 };
 
-/// A packet of telemetry, as a target sends it.
-struct Packet {
-    Ns t; ///< at which it was sent; -1: before the first instant
-    std::vector<std::uint8_t> bytes;
-};
-
 /// What a process can be commanded, as data for its CommandTable: fledge.commands makes it of the live objects.
 struct Dictionary {
     struct Block {
@@ -279,6 +274,9 @@ public:
     const std::shared_ptr<const Dictionary> &dictionary() const { return dictionary_; }
     /// Accept or refuse a packet; what is accepted counts at the next instant of one of its tasks, active or not.
     CommandReason command(const std::vector<std::uint8_t> &packet);
+    /// The model as what carries units between this process and the ground. Throws SetupError if it does not.
+    Carrier &carrier(const Instance &model);
+    void send_by(const Instance &model, Unit unit); ///< from the ground, now
     /// Commands for later, in the order of time: each is accepted before the first instant after its time.
     /// Before the first run they replace the commands that wait.
     void set_script(std::vector<ScriptedCommand> script);
@@ -291,9 +289,8 @@ public:
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
     CommandLink ground() const; ///< the link by which commands come
-    /// The packets of telemetry since the last call, which are kept from the first call on.
-    std::vector<Packet> take_packets();
-    void keep(Packet packet);
+    Units telemetry;            ///< its packets
+    Units heard;                ///< what carriers brought, each after the time before its instant
 
 private:
     friend class Simulation;
@@ -314,8 +311,6 @@ private:
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
-    std::vector<Packet> packets_; ///< since take_packets()
-    bool keeps_packets_ = false;
     ProcedureHost procedure_host_;
     std::optional<ResetLine> reset_;
     int initial_ = -1;
@@ -332,6 +327,9 @@ struct Structure {
     const Feed *feed_of(const Port &input) const;
 
     Process &process(std::string_view name) const; ///< throws SetupError with the valid names
+
+    /// The models that serve a process.
+    std::vector<Carrier *> carriers(const Process &of) const;
 
     /// The paths of all outputs of a type, for messages.
     std::vector<std::string> outputs_of_type(const FledgeStruct *type) const;

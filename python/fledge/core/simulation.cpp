@@ -430,6 +430,13 @@ void bind_log(py::module_ &m)
         });
 }
 
+py::list packets_of(const std::vector<sim::Packet> &packets)
+{
+    return list_of(packets, [](const sim::Packet &one) {
+        return py::make_tuple(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
+    });
+}
+
 void bind_process(py::module_ &m)
 {
     py::class_<sim::Process>(m, "Process")
@@ -473,6 +480,18 @@ void bind_process(py::module_ &m)
                  const std::string_view view = bytes;
                  return static_cast<int>(p.command({view.begin(), view.end()}));
              })
+        .def("send_by",
+             [](sim::Process &p, py::handle carrier, const py::bytes &bytes) {
+                 const std::string_view view = bytes;
+                 p.send_by(*instance_of(carrier), {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
+             })
+        .def("take_from", [](sim::Process &p, py::handle carrier,
+                             Ns t) { return packets_of(p.carrier(*instance_of(carrier)).take(t)); })
+        .def("next_from",
+             [](sim::Process &p, py::handle carrier) { return p.carrier(*instance_of(carrier)).next_down(); })
+        .def(
+            "take_heard", [](sim::Process &p) { return packets_of(p.heard.take()); },
+            "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
         .def_property_readonly(
             "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },
             "its version; -1: none")
@@ -496,13 +515,7 @@ void bind_process(py::module_ &m)
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
         .def(
-            "take_packets",
-            [](sim::Process &p) {
-                return list_of(p.take_packets(), [](const sim::Packet &one) {
-                    return py::make_tuple(
-                        one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
-                });
-            },
+            "take_packets", [](sim::Process &p) { return packets_of(p.telemetry.take()); },
             "(t, packet of telemetry) since the last call; they are kept from the first call on")
         .def_property_readonly(
             "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },

@@ -46,7 +46,7 @@ class Commands:
     """Sends commands to a process, which executes them at its next instant, before its tasks.
 
     Each method returns the reports of the acceptance of its packets; `reports` has all so far. `module` is the object,
-    its name, or its path. sent: (time [ns], packet) of each.
+    its name, or its path.
     """
 
     def __init__(self, process: Flight, core: Any) -> None:
@@ -54,7 +54,8 @@ class Commands:
         self._core = core
         self.dictionary = dictionary(process)
         self._packets = Packets(self.dictionary)
-        self.sent: list[tuple[int, bytes]] = []
+        self._sent: list[tuple[int, bytes]] = []
+        core.take_heard()   # is kept from now on
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
         self._played: deque[Timed] | None = None
@@ -188,6 +189,12 @@ class Commands:
     # --- what became of them ---
 
     @property
+    def sent(self) -> list[tuple[int, bytes]]:
+        """(time [ns], packet) of each command that has come, by radio too: its instant is the next one."""
+        self._sent += self._core.take_heard()
+        return self._sent
+
+    @property
     def reports(self) -> list[Report]:
         """All reports since these commands were first used, in order."""
         self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data, *origins(origin))
@@ -208,6 +215,22 @@ class Commands:
     def play(self, packets: Iterable[Timed]) -> None:
         """Have take_packets() give these, of a target that flew, in the order of time."""
         self._played = deque(packets)
+
+    def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]], Callable[[], int]]:
+        """The ground's end of a radio, a world.Radio that serves this process: send(bytes); take(), what has come since
+        the last call and when [ns], kept from the first one on; and when [ns] the next comes, as things stand.
+        Raises SetupError if it is none."""
+        core, process = self._core, self._process
+
+        def send(packet: bytes) -> None:
+            process().refuse_if_flown()
+            core.send_by(radio, packet)
+
+        def take() -> list[Timed]:
+            return [Timed(*one) for one in core.take_from(radio, process()._core_simulation.time)]
+
+        take()
+        return send, take, lambda: core.next_from(radio)
 
     @property
     def texts(self) -> list[Text]:
