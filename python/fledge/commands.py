@@ -787,13 +787,22 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
                          f"{packet[:16].hex()}..., {len(packet)} bytes")
     stream, sequence, _, seconds, part = packing.unpack_from(">HHHIH", packet)
     mark = {"little": "<", "big": ">"}[dictionary.order]
-    place, body = stream - dictionary.telemetry, packet[16:]
-    outputs = dictionary.outputs
-    if not 0 <= place <= OUTPUTS + len(outputs) + len(SERVICES):
+    if not 0 <= stream - dictionary.telemetry <= OUTPUTS + len(dictionary.outputs) + len(SERVICES):
         raise SetupError(f"{dictionary.name} sends no packet {packet[:16].hex()}...")
+    try:
+        content, path = _content(dictionary, stream, packet[16:], mark)
+    except (packing.error, ValueError) as error:
+        raise SetupError(f"the packet {packet[:16].hex()}... is damaged: {error}") from None
+    return Telemetry(path, sequence & 0x3FFF, seconds + part / 65536, content)
+
+
+def _content(dictionary, stream, body, mark):
+    """(content, path) of a packet."""
+    content: Any
+    place = stream - dictionary.telemetry
     if place == HOUSEKEEPING:
         numbers = packing.unpack_from(mark + "".join(code for _, code in HOUSEKEEPING_FIELDS), body)
-        content: Any = dict(zip([name for name, _ in HOUSEKEEPING_FIELDS], numbers))
+        content = dict(zip([name for name, _ in HOUSEKEEPING_FIELDS], numbers))
         reasons = packing.unpack_from(f"{mark}{len(Reason)}I", body, 28)
         content["reasons"] = {Reason(i): n for i, n in enumerate(reasons) if n}
         begun, last = packing.unpack_from(f"{mark}2H", body, 28 + 4 * len(Reason))
@@ -811,11 +820,11 @@ def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
     elif stream > dictionary.texts:
         content, path = body, SERVICES[stream - dictionary.texts - 1]
     else:
-        output = outputs[place - OUTPUTS]
+        output = dictionary.outputs[place - OUTPUTS]
         if len(body) != output.size:
             raise SetupError(f"{output.path} has {output.size} bytes; the packet has {len(body)}")
         content, path = values(output.fields, body, mark), output.path
-    return Telemetry(path, sequence & 0x3FFF, seconds + part / 65536, content)
+    return content, path
 
 
 def values(fields: Sequence[Field], raw: bytes, mark: str = ">") -> dict[str, Any]:

@@ -279,7 +279,7 @@ class Craft:
         """A packet has come. None: the dictionary does not know it, and it is counted."""
         try:
             found = decoded(self.dictionary, packet)
-        except (SetupError, ValueError):
+        except SetupError:
             self.refused += 1
             return None
         stream = int.from_bytes(packet[:2], "big")
