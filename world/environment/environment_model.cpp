@@ -99,11 +99,15 @@ void EnvironmentModel::prepare(const sim::Setup &setup)
     places_.clear();
     covered_ = 0;
     EnvironmentModel::refresh();
-    if (bodies_.empty() || bodies_[0].mu == 0.0) {
+    if (!has_body() && required_) {
         refuse("." + std::string(what_) + " is missing: give it a body, as in " + what_ + "=world." +
                (turns_ ? "EARTH" : "SUN"));
     }
     for (const GravityBody &body : bodies_) {
+        if (&body == bodies_.data() && !has_body()) {
+            places_.emplace_back();
+            continue;
+        }
         if (!(body.radius > 0.0)) {
             refuse(": " + body.name + " has no radius");
         }
@@ -123,6 +127,9 @@ void EnvironmentModel::prepare(const sim::Setup &setup)
         places_.push_back(place);
     }
     orientation_.reset();
+    if (!has_body()) {
+        return;
+    }
     if (sky_ && turns_) {
         try {
             orientation_ = sky_->orientation(*bodies_[0].naif);

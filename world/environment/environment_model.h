@@ -60,8 +60,14 @@ public:
     std::uint64_t version() const { return version_; }
 
 protected:
-    /// `what`: what the model calls its first body. `turns`: whether the model needs its attitude.
-    EnvironmentModel(const char *what, bool turns) : what_(what), turns_(turns) {}
+    /// `what`: what the model calls its first body. `turns`: whether the model needs its attitude. `required`: whether
+    /// the model needs that body at all.
+    EnvironmentModel(const char *what, bool turns, bool required = true)
+        : what_(what), turns_(turns), required_(required)
+    {
+    }
+
+    bool has_body() const { return !bodies_.empty() && bodies_[0].mu != 0.0; } ///< the first one
 
     virtual void publish(sim::Ns t) = 0;
 
@@ -89,7 +95,7 @@ private:
     void require(const Place &place, sim::Ns from, sim::Ns to) const;
 
     const char *what_;
-    bool turns_;
+    bool turns_, required_;
     std::string name_;
     std::shared_ptr<const Sky> sky_;
     std::vector<GravityBody> bodies_;

@@ -35,6 +35,12 @@ void GroundStationModel::reset(Ns t)
     publish(t);
 }
 
+GroundStationModel::Place GroundStationModel::at(Ns start, double tau) const
+{
+    const Eigen::Matrix3d dcm_NP = attitude(start, tau).dcm_PN.transpose();
+    return {r_PN_N(0, start, tau) + dcm_NP * r_SP_P_, dcm_NP * dcm_LP_.row(2).transpose()};
+}
+
 void GroundStationModel::publish(Ns t)
 {
     const BodyAttitude &turned = attitude(t, 0.0);

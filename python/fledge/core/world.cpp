@@ -3,6 +3,7 @@
 #include "core/extension.h"
 
 #include "sim/error.h"
+#include "world/avionics/radio_model.h"
 #include "world/dynamics/orbit.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/environment/harmonics.h"
@@ -130,6 +131,10 @@ void bind_world(py::module_ &m)
           [](py::handle object, const BodyFields &body) { environment_of(object).add_body(body_from(body)); });
     m.def(
         "bodies", [](py::handle object) { return fields_of(environment_of(object).bodies()); }, "As for gravity.");
+    m.def("set_serves", [](py::handle object, const std::string &process) {
+        model_of<world::RadioModel>(object, "a radio").set_serves(process);
+    });
+    m.def("serves", [](py::handle object) { return model_of<world::RadioModel>(object, "a radio").serves(); });
     m.def("ask", ask);
     m.def("asked", [](py::handle object) {
         PyObject *asked = as_root(object.ptr())->parts;

@@ -40,20 +40,23 @@ def __getattr__(name: str) -> Any:
 
 
 def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,
-            process: str | None = None) -> Craft:
+            process: str | None = None, radio: Any = None) -> Craft:
     """A spacecraft behind a link.
 
     where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
     dictionary: of an address or a Link: what the mission can be commanded; a Dictionary, a file MISSION_packets.json
     of an export, or the name or folder of a mission
     process: the name of the flight process, if the mission has several
+    radio: of a simulation, the world.Radio by which packets pass; None: they go straight to flight, and back
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
 
     Raises SetupError for an address, file or mission that is none.
     """
     if hasattr(where, "processes"):
-        link = Simulated(where, process)
+        link = Simulated(where, process, radio)
         return Craft(link, link.process.commands.dictionary, sequence)
+    if radio is not None:
+        raise SetupError("connect: a radio is in a simulation; give that in place of the address")
     if dictionary is None:
         raise SetupError("connect: give the dictionary: a file MISSION_packets.json of an export, or a mission's name")
     found = dictionary_of(dictionary, process)

@@ -9,6 +9,9 @@ from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.links import Link
 from fledge.mission.process import Flight
 
+NEVER = 1 << 62         # [ns]
+US = 1000               # [ns] more than the numbers of run() are rounded by
+
 
 def flight_of(simulation: Any, name: str | None = None) -> Flight:
     """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
@@ -26,27 +29,31 @@ def flight_of(simulation: Any, name: str | None = None) -> Flight:
 
 
 class Simulated(Link):
-    """Packets go straight to flight, which gets them before its next instant; time passes while the ground waits."""
+    """Time passes while the ground waits. Packets go straight to flight, which gets them before its next instant; or
+    by a radio, a model of the world."""
 
-    def __init__(self, simulation: Any, process: str | None = None) -> None:
+    def __init__(self, simulation: Any, process: str | None = None, radio: Any = None) -> None:
         self.simulation = simulation
         self.process = flight_of(simulation, process)
         self._periods = [(task.period, task.offset) for task in self.process.tasks]
-        self.process.commands.take_packets()    # they are kept from now on
+        commands = self.process.commands
+        self._send, self._take, self._arrival = (
+            commands.by(radio) if radio is not None else (commands.send, commands.take_packets, lambda: NEVER))
+        self._take()    # they are kept from now on
 
     @property
     def t(self) -> int:
         return max(int(self.simulation.time_ns), 0)
 
     def send(self, packet: bytes) -> None:
-        self.process.commands.send(packet)
+        self._send(packet)
 
     def receive(self, until: int) -> list[Timed]:
         while True:
-            found = self.process.commands.take_packets()
+            found = self._take()
             if found or self.simulation.time_ns >= until:
                 return found
-            self.simulation.run(until=min(until, self._next_instant()) / 1e9, progress=False)
+            self.simulation.run(until=min(until, self._arrival() + US, self._next_instant()) / 1e9, progress=False)
 
     def _next_instant(self) -> int:
         """[ns] of flight's next instant."""

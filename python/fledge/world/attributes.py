@@ -127,7 +127,7 @@ def _first_body(name):
         _changes(model)
         _core.set_body(model, _fields(body, f"{_core.path(model)}.{name}"))
 
-    return property(lambda model: next(iter(_bodies(_core.bodies(model))), None), set_body, None,
+    return property(lambda model: next((b for b in _bodies(_core.bodies(model))[:1] if b.mu), None), set_body, None,
                     "The body that it is of, such as world.EARTH; without a sky, where `body.at(r, v)` says.")
 
 
@@ -135,6 +135,11 @@ def _set_shadows(light, bodies):
     _changes(light)
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         _core.add_body(light, _fields(one, f"{_core.path(light)}.shadows"))
+
+
+def _set_serves(radio, process):
+    _changes(radio)
+    _core.set_serves(radio, process if isinstance(process, str) else process.name)
 
 
 def _set_coefficients(field, file):
@@ -163,14 +168,18 @@ def add_attributes(types: dict[str, Any]) -> None:
 
     celestial = types["CelestialBody"]
     celestial.body = property(_get_body, _set_body, None, "The body: world.MARS, a name or a NAIF number.")
-    for one in (celestial, *(types[name] for name in ("Atmosphere", "Magnetism", "GroundStation", "Sunlight"))):
+    in_sky = ("CelestialBody", "Atmosphere", "Magnetism", "GroundStation", "Sunlight", "Radio")
+    for one in (types[name] for name in in_sky):
         one.sky = property(_get_sky, _set_sky, None, "The Sky in which it is.")
     for name in ("Atmosphere", "Magnetism", "GroundStation"):
         types[name].body = _first_body("body")
-    light = types["Sunlight"]
-    light.sun = _first_body("sun")
-    light.shadows = property(lambda model: _bodies(_core.bodies(model))[1:], _set_shadows, None,
-                             "The bodies that may hide the Sun; assigning adds.")
+    for name, hidden in (("Sunlight", "Sun"), ("Radio", "station")):
+        types[name].sun = _first_body("sun")
+        types[name].shadows = property(lambda model: _bodies(_core.bodies(model))[1:], _set_shadows, None,
+                                       f"The bodies that may hide the {hidden}; assigning adds.")
+    types["Radio"].station = _asked("station", "The GroundStation with which it speaks.")
+    types["Radio"].serves = property(_core.serves, _set_serves, None,
+                                     "The flight process whose bytes it carries, or its name.")
     types["Magnetism"].coefficients = property(_core.coefficients, _set_coefficients, None,
                                                "The file of a World Magnetic Model (.COF), or empty.")
     types["Thrusters"].panels = _asked("panels", "The HingedPanels on which some are mounted.")
