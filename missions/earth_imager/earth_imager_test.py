@@ -8,7 +8,7 @@ import fledge
 from fledge.units import minute, s
 
 
-@pytest.mark.parametrize("scenario", ["handover", "seized_wheel"])
+@pytest.mark.parametrize("scenario", ["handover", "seized_wheel", "contact"])
 def test_the_scenarios_pass(scenario):
     sim = fledge.load("earth_imager")
     sim.plots = False

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An Earth imager: nadir, a handover to a ground station and back, and the same with a wheel that seizes."""
+"""An Earth imager: nadir, a handover to a ground station and back, the same with a wheel that seizes, and the radio."""
 import numpy as np
 
+from fledge import ground
 from fledge.attitude import mrp_to_dcm
 from fledge.units import N, m, minute, s
 
@@ -30,6 +31,31 @@ def seized_wheel(sim):
     taken = log.time[log["availability.available"][:, 1] == 1].max() - 8 * 60
     assert 0 < taken < 10, f"it was taken out {taken:g} s after it failed"
     _points(sim, log, disturbed=8 * 60)
+
+
+def contact(sim):
+    """The ground speaks with the imager by radio: in vain before the pass, then for as long as the link holds."""
+    w = sim.world
+    log = sim.record(w.station.contact, w.radio.down, w.radio.down_traffic, every=1 * s)
+    craft = ground.connect(sim, radio=w.radio)
+    early = craft.command("telemetry", "housekeeping")
+    sim.run(16 * minute)
+    assert not early.reports, "a command has come to a spacecraft that nobody sees"
+    while not w.radio.up.lock:
+        sim.run(5 * s)
+    craft.command("telemetry", "flight.tracking.error").completed(within=5 * s)
+    craft.listen(35 * minute - sim.time * s)
+    log.plot(
+        "contact.elevation", "down.eb_n0_dB", "down.lock", "down_traffic.bytes", units={"contact.elevation": "deg"},
+        titles=["(a) elevation over the station", "(b) Eb/N0 of telemetry", "(c) the ground's receiver is locked",
+                "(d) bytes that the ground received"],
+        name="contact", title="An Earth imager and its ground station speak by radio")
+
+    traffic, visible = w.radio.down_traffic, log["contact.visible"] == 1
+    assert w.radio.up_traffic.lost == 1 and traffic.lost > 0, "nothing was lost"
+    assert craft.telemetry.flight.tracking.error.head.t / 1e9 > log.time[log["down.lock"] == 1].max() - 1
+    assert (log["down.lock"][~visible] == 0).all() and log["down.lock"][visible].mean() > 0.9
+    assert traffic.received + traffic.lost == traffic.sent and traffic.damaged <= craft.refused + craft.missed
 
 
 def _record(sim):

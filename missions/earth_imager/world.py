@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth: a polar orbit about the Earth's field of degree 4, four wheels of which one may seize."""
 from fledge import Orbit, world
-from fledge.units import N, deg, kg, km, m, ms, rad, s
+from fledge.units import MHz, N, deg, kg, km, m, ms, rad, s
 
 from .flight import STATION
 
@@ -22,8 +22,15 @@ def build(w, f):
     w.nav     = world.Navigation()
     w.station = world.GroundStation(body=world.EARTH, sky=sky, **STATION)
 
+    # S band: 1 W to a patch beside the camera; a dish of 3 m, and 200 W to it.
+    w.radio   = world.Radio(
+        station=w.station, sky=sky, axis_B=[1, 0, 0], beam=70 * deg, floor_dB=20,
+        down_frequency=2250 * MHz, down_eirp_dBW=6, down_g_t_dBK=13, down_loss_dB=3, down_rate=2e6 / s,
+        down_code="CONVOLUTIONAL", down_required_dB=2,
+        up_frequency=2050 * MHz, up_eirp_dBW=30, up_g_t_dBK=-22, up_loss_dB=3, up_rate=16e3 / s, up_required_dB=8)
+
     w.connect(
-        w.craft.state   >> [w.nav.truth, w.station.truth],
+        w.craft.state   >> [w.nav.truth, w.station.truth, w.radio.truth],
 
         # what flight sees
         w.nav.attitude  >> f.tracking.attitude,
@@ -35,5 +42,5 @@ def build(w, f):
         f.balance.command >> w.wheels.command,
     )
     w.integrator = world.RK4()
-    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav, w.station])
+    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav, w.station, w.radio])
     w.task("ephemeris", every=500 * ms, run=[w.sun])
