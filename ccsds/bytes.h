@@ -67,17 +67,22 @@ static inline void ccsds_put64(uint8_t *p, uint64_t value)
     ccsds_put32(p + 4, (uint32_t)value);
 }
 
-/** The cyclic redundancy check of frames (132.0-B-3, 4.1.6; 232.0-B-4, 4.1.4): x^16 + x^12 + x^5 + 1, begun with
- * 0xFFFF. A frame with its check behind it has the check 0. */
-static inline uint16_t ccsds_crc16(const uint8_t *bytes, size_t n)
+/** The check below of n more bytes behind those with the check `crc`. */
+static inline uint16_t ccsds_crc16_more(uint32_t crc, const uint8_t *bytes, size_t n)
 {
-    uint32_t crc = 0xFFFFu;
     for (size_t i = 0; i < n; i++) {
         uint32_t x = (crc >> 8 ^ bytes[i]) & 0xFFu; /* a byte at once: what the eight shifts add up to */
         x ^= x >> 4;
         crc = (crc << 8 ^ x << 12 ^ x << 5 ^ x) & 0xFFFFu;
     }
     return (uint16_t)crc;
+}
+
+/** The cyclic redundancy check of frames (132.0-B-3, 4.1.6; 232.0-B-4, 4.1.4): x^16 + x^12 + x^5 + 1, begun with
+ * 0xFFFF. A frame with its check behind it has the check 0. */
+static inline uint16_t ccsds_crc16(const uint8_t *bytes, size_t n)
+{
+    return ccsds_crc16_more(0xFFFFu, bytes, n);
 }
 
 #ifdef __cplusplus

@@ -350,7 +350,9 @@ void Commands::report(void *self, const CommandReport *report, const std::uint8_
 {
     auto &me = *static_cast<Commands *>(self);
     me.reports_.push_back({*report, {data, data + report->n}});
-    me.process_.executive().command(*report);
+    if (report->executed <= COMMAND_DONE) {
+        me.process_.executive().command(*report);
+    }
     me.told_ = std::max(me.told_, report->t);
     telemetry_report(&me.telemetry_, report, data, keep, self);
 }

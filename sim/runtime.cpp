@@ -70,6 +70,16 @@ void reset_instance(Instance &instance, Ns t)
     }
 }
 
+/// As in a computer that begins: what modules keep over a reset of flight is gone, too.
+void clear_modules(const Process &process)
+{
+    for (const auto &instance : process.instances()) {
+        if (!instance->model()) {
+            clear(*instance);
+        }
+    }
+}
+
 Copy copy_of(const Wire &wire, const Word *from)
 {
     return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0};
@@ -293,6 +303,7 @@ void Runtime::reset(Ns after)
     feed_again();
     set_begun(false);
     for (RunProcess &process : processes_) {
+        clear_modules(*process.process);
         begin(process, start);
         const Requests &requests = process.process->requests;
         process.asked = requests.mode < 0 ? process.mode : requests.mode;
@@ -426,6 +437,7 @@ bool Runtime::is_down(RunProcess &process, Ns t)
         }
     }
     see_parameters(process);
+    clear_modules(*process.process);
     restart(process, t);
     if (process.commands) {
         process.commands->forget(t);

@@ -131,8 +131,11 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         r->reported = s->reported - (uint32_t)COMMAND_RECENT;
     }
     for (; r->reported < s->reported && status == MCAP_OK; r->reported++) {
-        activity_command(&r->activity, &s->recent[r->reported % (uint32_t)COMMAND_RECENT]);
-        status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
+        const CommandReport *report = &s->recent[r->reported % (uint32_t)COMMAND_RECENT];
+        if (report->executed <= (uint16_t)COMMAND_DONE) { /* how far it is needs no record */
+            activity_command(&r->activity, report);
+            status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
+        }
     }
     for (uint16_t i = 0u; i < host->commands->n_events && status == MCAP_OK; i++) {
         if (e->event(host->mission, i)->fired_at == t) {

@@ -34,8 +34,8 @@ RULES = {
     "flight/command": Rule("C99", "commands to flight: packets, their checks and their execution",
                            [*FLIGHT, "flight/exec", "ccsds"]),
     "flight/telemetry": Rule("C99", "packets of flight's outputs", [*FLIGHT, "flight/exec", "flight/command", "ccsds"]),
-    "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors",
-                            [*FLIGHT, "flight/exec", "flight/command", "ccsds"]),
+    "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors, files",
+                            [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "ccsds"]),
     "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
     "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
     "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "

@@ -44,9 +44,11 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 
 static int has_length(uint32_t code, uint32_t n)
 {
-    static const uint8_t lengths[COMMAND_CODES] = {8u,  8u, 12u, 0u,  0u, 14u, 12u, 10u, 14u, 18u,
-                                                   16u, 0u, 22u, 12u, 0u, 0u,  14u, 16u, 12u, 0u};
-    const uint32_t least = code == (uint32_t)COMMAND_PDU ? (uint32_t)COMMAND_HEADER : (uint32_t)COMMAND_DATA;
+    static const uint8_t lengths[COMMAND_CODES] = {8u,  8u, 12u, 0u,  0u,  14u, 12u, 10u, 14u, 18u, 16u, 0u, 22u,
+                                                   12u, 0u, 0u,  14u, 16u, 12u, 0u,  0u,  18u, 0u,  0u,  0u, 12u};
+    const uint32_t least = code == (uint32_t)COMMAND_PDU         ? (uint32_t)COMMAND_HEADER
+                           : code >= (uint32_t)COMMAND_FILE_SEND ? (uint32_t)SECOND
+                                                                 : (uint32_t)COMMAND_DATA;
     return lengths[code] != 0u ? n == lengths[code] : n > least && n <= (uint32_t)COMMAND_MAX;
 }
 
@@ -65,6 +67,7 @@ static CommandReason check_block(const CommandTable *table, uint32_t code, const
     }
     const CommandBlock *block = &table->blocks[module];
     switch (code) {
+    case COMMAND_CHECK: return COMMAND_OK;
     case COMMAND_PUBLISH: return block->configuration != 0u ? COMMAND_OK : COMMAND_VALUE;
     case COMMAND_COMMIT: return COMMAND_OK;
     case COMMAND_READ: n = word(packet, COUNT); break;
@@ -140,7 +143,8 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     case COMMAND_STAGE:
     case COMMAND_COMMIT:
     case COMMAND_PUBLISH:
-    case COMMAND_READ: return check_block(table, code, packet, n);
+    case COMMAND_READ:
+    case COMMAND_CHECK: return check_block(table, code, packet, n);
     case COMMAND_STAGE_PROCEDURE:
     case COMMAND_START_PROCEDURE:
     case COMMAND_STOP_PROCEDURE:
@@ -149,7 +153,12 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     case COMMAND_DELETE:
     case COMMAND_CONTROL:
     case COMMAND_LIST:
-    case COMMAND_PDU: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
+    case COMMAND_PDU:
+    case COMMAND_FILE_SEND:
+    case COMMAND_FILE_CONTROL:
+    case COMMAND_FILE_REMOVE:
+    case COMMAND_TABLE_LOAD:
+    case COMMAND_TABLE_DUMP: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
     default: return COMMAND_OK;
     }
 }
@@ -279,6 +288,14 @@ static CommandReason write_parameters(const CommandState *s, const CommandBlock 
     return reason;
 }
 
+/* The parameters of a module have changed. */
+static void publish(const CommandContext *context, uint16_t module)
+{
+    if (context->table->blocks[module].configuration != 0u) {
+        context->table->publish(context->mission, module, context->t);
+    }
+}
+
 CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
                             uint32_t n, uint16_t *detail)
 {
@@ -289,8 +306,8 @@ CommandReason command_write(const CommandContext *context, uint16_t module, uint
         const CommandBlock *block = &table->blocks[module];
         uint8_t *memory = table->parameters(context->mission, module);
         reason = write_parameters(context->state, block, memory, at, bytes, n, 0, detail);
-        if (reason == COMMAND_OK && block->configuration != 0u) {
-            table->publish(context->mission, module, context->t);
+        if (reason == COMMAND_OK) {
+            publish(context, module);
         }
     }
     count(context->state, reason, COMMAND_DONE);
@@ -317,26 +334,50 @@ static void stage(CommandState *s, const CommandTable *table, const uint8_t *pac
     memcpy(table->staged + offset_of(packet), packet + COMMAND_DATA, length_of(packet) - (uint32_t)COMMAND_DATA);
 }
 
-static CommandReason commit(CommandState *s, const CommandTable *table, uint8_t *memory, const uint8_t *packet,
-                            uint16_t *detail)
+CommandReason command_activate(const CommandContext *context, uint16_t module, uint16_t *detail)
+{
+    const CommandTable *table = context->table;
+    const CommandBlock *block = &table->blocks[module];
+    uint8_t *memory = table->parameters(context->mission, module);
+    swap(block, table->staged, 0u, block->size);
+    const CommandReason reason = check_change(context->state, block, memory, table->staged, 0u, block->size, detail);
+    if (reason != COMMAND_OK) {
+        swap(block, table->staged, 0u, block->size);
+        return reason;
+    }
+    memcpy(memory, table->staged, block->size);
+    context->state->staging = 0u;
+    publish(context, module);
+    return COMMAND_OK;
+}
+
+static CommandReason commit(const CommandContext *context, const uint8_t *packet, uint16_t *detail)
 {
     const uint16_t module = word(packet, FIRST);
-    const CommandBlock *block = &table->blocks[module];
-    if (s->staging != module + 1u) {
-        return COMMAND_NOT_STAGED;
+    const CommandTable *table = context->table;
+    return context->state->staging != module + 1u ? COMMAND_NOT_STAGED
+           : command_crc(table->staged, table->blocks[module].size) != word(packet, SECOND)
+               ? COMMAND_CRC
+               : command_activate(context, module, detail);
+}
+
+void command_block(const CommandContext *context, uint16_t module, uint32_t at, uint32_t n, uint8_t *bytes)
+{
+    memcpy(bytes, (const uint8_t *)context->table->parameters(context->mission, module) + at, n);
+    swap(&context->table->blocks[module], bytes, at, at + n);
+}
+
+uint16_t command_block_crc(const CommandContext *context, uint16_t module)
+{
+    const uint32_t size = context->table->blocks[module].size, most = COMMAND_DATA_MAX;
+    uint8_t part[COMMAND_DATA_MAX];
+    uint16_t crc = 0xFFFFu;
+    for (uint32_t at = 0u; at < size; at += most) { /* no number lies across the end of a part */
+        const uint32_t n = size - at < most ? size - at : most;
+        command_block(context, module, at, n, part);
+        crc = ccsds_crc16_more(crc, part, n);
     }
-    if (command_crc(table->staged, block->size) != word(packet, SECOND)) {
-        return COMMAND_CRC;
-    }
-    swap(block, table->staged, 0u, block->size);
-    const CommandReason reason = check_change(s, block, memory, table->staged, 0u, block->size, detail);
-    if (reason == COMMAND_OK) {
-        memcpy(memory, table->staged, block->size);
-        s->staging = 0u;
-    } else {
-        swap(block, table->staged, 0u, block->size);
-    }
-    return reason;
+    return crc;
 }
 
 static CommandReason start(const CommandContext *context, const uint8_t *packet)
@@ -358,18 +399,14 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     switch (report->code) {
     case COMMAND_MODE: table->enter(mission, place); break;
     case COMMAND_WRITE:
-    case COMMAND_COMMIT: {
-        const CommandBlock *block = &table->blocks[place];
-        uint8_t *memory = table->parameters(mission, place);
-        reason = report->code == COMMAND_WRITE
-                     ? write_parameters(s, block, memory, offset_of(packet), packet + COMMAND_DATA,
-                                        length_of(packet) - (uint32_t)COMMAND_DATA, 1, &report->detail)
-                     : commit(s, table, memory, packet, &report->detail);
-        if (reason == COMMAND_OK && block->configuration != 0u) {
-            table->publish(mission, place, report->t);
+        reason =
+            write_parameters(s, &table->blocks[place], table->parameters(mission, place), offset_of(packet),
+                             packet + COMMAND_DATA, length_of(packet) - (uint32_t)COMMAND_DATA, 1, &report->detail);
+        if (reason == COMMAND_OK) {
+            publish(&context, place);
         }
         break;
-    }
+    case COMMAND_COMMIT: reason = commit(&context, packet, &report->detail); break;
     case COMMAND_STAGE: stage(s, table, packet); break;
     case COMMAND_PUBLISH: table->publish(mission, place, report->t); break;
     case COMMAND_RESET_FLIGHT:
@@ -377,13 +414,15 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
         s->staging = 0u;
         break;
     case COMMAND_ARM: table->arm(mission, place, word(packet, SECOND) != 0u); break;
-    case COMMAND_READ: {
-        const uint32_t at = offset_of(packet);
+    case COMMAND_READ:
         report->n = word(packet, COUNT);
-        memcpy(data, (const uint8_t *)table->parameters(mission, place) + at, report->n);
-        swap(&table->blocks[place], data, at, at + report->n);
+        command_block(&context, place, offset_of(packet), report->n, data);
         break;
-    }
+    case COMMAND_CHECK:
+        report->n = 6u;
+        ccsds_put32(data, table->blocks[place].size);
+        ccsds_put16(data + 4, command_block_crc(&context, place));
+        break;
     case COMMAND_TELEMETRY: table->telemetry(mission, place, word(packet, SECOND) != 0u, word(packet, THIRD)); break;
     case COMMAND_STAGE_PROCEDURE:
         memcpy(table->procedures->slots + place * table->procedures->room + offset_of(packet), packet + COMMAND_DATA,
@@ -398,7 +437,12 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     case COMMAND_STORE:
     case COMMAND_DELETE:
     case COMMAND_CONTROL:
-    case COMMAND_LIST: reason = table->services->execute(&context, packet, report, data); break;
+    case COMMAND_LIST:
+    case COMMAND_FILE_SEND:
+    case COMMAND_FILE_CONTROL:
+    case COMMAND_FILE_REMOVE:
+    case COMMAND_TABLE_LOAD:
+    case COMMAND_TABLE_DUMP: reason = table->services->execute(&context, packet, report, data); break;
     default: break;
     }
     return reason;

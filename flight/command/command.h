@@ -59,6 +59,13 @@ typedef enum CommandCode {
     COMMAND_CONTROL = 17,         ///< list or COMMAND_ALL, ListAction, to start: command_crc of the list's report, or 0
     COMMAND_LIST = 18,            ///< list: the report of the execution has 16 bytes of each of its commands
     COMMAND_PDU = 19,             ///< no version: a PDU of CFDP; reported if it is refused only, and without a sequence
+    COMMAND_FILE_SEND = 20,       ///< class, name, or name>name for the ground: a file to the ground
+    COMMAND_FILE_CONTROL = 21,    ///< FileAction, 1: a transaction that flight began, its number (32 bits)
+    COMMAND_FILE_REMOVE = 22,     ///< 0, name
+    COMMAND_TABLE_LOAD = 23,      ///< module, name: its parameters become those of a file, by the rules of a commit
+    COMMAND_TABLE_DUMP = 24,      ///< module, name: write them to a file
+    COMMAND_CHECK = 25,           ///< module: the report of the execution has the size (32 bits) and command_crc of its
+                                  ///< parameters
     COMMAND_CODES
 } CommandCode;
 
@@ -70,7 +77,8 @@ typedef enum CommandReason {
     COMMAND_STREAM = 3,      ///< the id of another stream
     COMMAND_UNKNOWN = 4,     ///< no such function code
     COMMAND_VERSION = 5,     ///< for another version of the dictionary
-    COMMAND_PLACE = 6,       ///< no such mode, module, event, output or slot; bytes beyond its end or inside a number
+    COMMAND_PLACE = 6,       ///< no such mode, module, event, output, slot, file or transaction; bytes beyond its end
+                             ///< or inside a number
     COMMAND_VALUE = 7,       ///< an argument that must be 0 or 1, a rate or a length or turns of 0, or a module that
                              ///< publishes nothing
     COMMAND_RULE = 8,        ///< the parameters would break a rule of their header; detail: its place in the list
@@ -81,10 +89,12 @@ typedef enum CommandReason {
     COMMAND_ABSENT = 13,  ///< this flight software has no interpreter, or none that evaluates text, or not this service
     COMMAND_RUNNING = 14, ///< a procedure or a list runs, stands or is held already
     COMMAND_BYTECODE = 15,  ///< the procedure is not bytecode for this interpreter
-    COMMAND_FAILED = 16,    ///< the text was not evaluated to its end; a text of telemetry says why
+    COMMAND_FAILED = 16,    ///< the text was not evaluated to its end, and a text of telemetry says why; a file did not
+                            ///< arrive; detail: CfdpCondition
     COMMAND_SEQUENCE = 17,  ///< it came before, or later than one behind it; detail: the last sequence accepted
     COMMAND_LATE = 18,      ///< a stored command came due too long ago
     COMMAND_INHIBITED = 19, ///< its list is inhibited
+    COMMAND_FULL = 20,      ///< the store of files is full, or too many transactions are under way
     COMMAND_REASONS
 } CommandReason;
 
@@ -288,6 +298,15 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
 CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
                             uint32_t n, uint16_t *detail);
 CommandReason command_enter(const CommandContext *context, uint16_t mode);
+
+/** Let the whole block, big-endian, that stands in table->staged count, as COMMAND_COMMIT. detail: as in a report. */
+CommandReason command_activate(const CommandContext *context, uint16_t module, uint16_t *detail);
+
+/** Copy n bytes of the parameters of a module from the byte `at`, whole numbers, each big-endian. */
+void command_block(const CommandContext *context, uint16_t module, uint32_t at, uint32_t n, uint8_t *bytes);
+
+/** command_crc of all of them. */
+uint16_t command_block_crc(const CommandContext *context, uint16_t module);
 
 /** Count a report and give it to a sink. */
 void command_report(CommandState *s, const CommandReport *report, const uint8_t *data, CommandSink sink, void *user);

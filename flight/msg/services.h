@@ -36,4 +36,21 @@ typedef struct MonitorEvent {
     uint32_t wrong;   ///< [-] in [0, 1]: 1: it has fired
 } MonitorEvent;
 
+/** Files on board, and the protocol that carries them. Counters are since the computer began. */
+typedef struct FilesState {
+    Head head;
+    uint32_t receiving; ///< [-] transactions that bring a file or messages
+    uint32_t sending;   ///< [-] transactions that send some
+    uint32_t sent;      ///< [-] PDUs
+    uint32_t taken;     ///< [-] PDUs without a fault
+    uint32_t refused;   ///< [-] PDUs that were dropped: damaged, for another entity, of no transaction
+    uint32_t lost;      ///< [-] PDUs that came when there was no room for them
+    uint32_t received;  ///< [-] files that are whole
+    uint32_t delivered; ///< [-] files that were sent, and in class 2 have arrived
+    uint32_t failed;    ///< [-] transactions that ended without their file
+    uint32_t condition; ///< [-] CfdpCondition of the last fault; 0: there was none
+    uint32_t used;      ///< [-] bytes of the store; of another one than its own: 0
+    uint32_t free;      ///< [-] bytes of the store
+} FilesState;
+
 #endif

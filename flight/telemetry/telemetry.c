@@ -3,6 +3,7 @@
 
 #include "ccsds/space_packet.h"
 
+#include <stddef.h>
 #include <string.h>
 
 enum { HOUSEKEEPING = 0, REPORTS = 1, OUTPUTS = 2 };
@@ -123,8 +124,9 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
     }
     if (is_due(&table->rates[HOUSEKEEPING])) {
         TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters, commands->ground};
-        memcpy(table->packet + TELEMETRY_HEADER, &h, sizeof h);
-        telemetry_packet(table, HOUSEKEEPING, sizeof h, t, sink, user);
+        const uint32_t n = (uint32_t)offsetof(TelemetryHousekeeping, ground) + (uint32_t)sizeof h.ground;
+        memcpy(table->packet + TELEMETRY_HEADER, &h, n); /* without the bytes that a compiler may put behind it */
+        telemetry_packet(table, HOUSEKEEPING, n, t, sink, user);
     }
     if (table->texts != NULL) {
         send_texts(table, t, sink, user);

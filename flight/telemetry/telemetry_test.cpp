@@ -173,7 +173,8 @@ TEST_F(Telemetry, HousekeepingHasTheCountersAndTheMode)
     telemetry_rate(&table, 2, 1, 4);
     run(9);
     ASSERT_EQ(packets.size(), 2u);
-    ASSERT_EQ(packets[1].size(), 16 + sizeof(TelemetryHousekeeping));
+    const size_t size = offsetof(TelemetryHousekeeping, ground) + sizeof(CommandLink);
+    ASSERT_EQ(packets[1].size(), 16 + size);
     EXPECT_EQ(packets[1][1], 0x90);
     const auto number = [&](size_t place) { return at<uint32_t>(packets[1], 16 + place); };
     EXPECT_EQ(at<int64_t>(packets[1], 16), 1750000000);
@@ -183,7 +184,7 @@ TEST_F(Telemetry, HousekeepingHasTheCountersAndTheMode)
     EXPECT_EQ(at<uint16_t>(packets[1], 16 + offsetof(TelemetryHousekeeping, ground.last)), 0x1234);
     telemetry_native(&table, packet);
     TelemetryHousekeeping h;
-    std::memcpy(&h, packet + 16, sizeof h);
+    std::memcpy(&h, packet + 16, size);
     EXPECT_EQ(h.commands.reasons[COMMAND_CRC], 2u);
     EXPECT_EQ(h.ground.last, 0x1234);
 }

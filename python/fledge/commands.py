@@ -38,6 +38,7 @@ ALL = 0xFFFF                             # all outputs
 TURNS = 10_000                           # of a procedure in one instant, unless the caller says
 LARGEST = 1e100                          # of a parameter
 STORED_MAX = 112                         # [bytes] of a command that is stored on board
+NAME_MAX = 127                           # [bytes] of a file's name on board
 LISTS = 16                               # of stored commands: 0 has those of absolute times, the others are sequences
 
 
@@ -63,6 +64,12 @@ class Code(IntEnum):
     CONTROL = 17
     LIST = 18
     PDU = 19
+    FILE_SEND = 20
+    FILE_CONTROL = 21
+    FILE_REMOVE = 22
+    TABLE_LOAD = 23
+    TABLE_DUMP = 24
+    CHECK = 25
 
 
 class Action(IntEnum):
@@ -73,6 +80,21 @@ class Action(IntEnum):
     RELEASE = 3
     INHIBIT = 4
     ALLOW = 5
+
+
+class FileAction(IntEnum):
+    """What Code.FILE_CONTROL does with a transaction of files."""
+    SUSPEND = 0
+    RESUME = 1
+    CANCEL = 2
+
+
+class Stage(IntEnum):
+    """How far a command is."""
+    ACCEPTED = 0                # or refused when it came
+    DONE = 1                    # executed, or refused then
+    STARTED = 2                 # executed; what it began goes on, and is reported again
+    UNDER_WAY = 3
 
 
 class Reason(IntEnum):
@@ -97,23 +119,25 @@ class Reason(IntEnum):
     SEQUENCE = 17
     LATE = 18
     INHIBITED = 19
+    FULL = 20
 
 
 WHY = {
     Reason.LENGTH: "its length is wrong", Reason.CHECKSUM: "its checksum is wrong",
     Reason.STREAM: "it is for another stream", Reason.UNKNOWN: "there is no such command",
     Reason.VERSION: "it is for another version of the mission's dictionary",
-    Reason.PLACE: "it names a mode, module, event, output, slot or number that is not there",
+    Reason.PLACE: "it names a mode, module, event, output, slot, number, file or transaction that is not there",
     Reason.VALUE: "one of its arguments is out of range", Reason.RULE: "the parameters would break a rule",
     Reason.INITIAL: "an initial value counts only before flight's first instant",
     Reason.BUSY: "the commands that wait for the next instant leave no room",
     Reason.NOT_STAGED: "nothing of this module is staged", Reason.CRC: "what is staged is not what it names",
-    Reason.ABSENT: "this flight software has no interpreter, none that evaluates text, or no stored commands",
+    Reason.ABSENT: "this flight software has no interpreter, none that evaluates text, or not this service",
     Reason.RUNNING: "a procedure or list runs, stands or is held already",
     Reason.BYTECODE: "the procedure is no bytecode for this interpreter",
-    Reason.FAILED: "the text was not evaluated to its end",
+    Reason.FAILED: "it was not done to its end",
     Reason.SEQUENCE: "it came before, or a later one did", Reason.LATE: "it was stored and came due too long ago",
-    Reason.INHIBITED: "its list is inhibited"}
+    Reason.INHIBITED: "its list is inhibited",
+    Reason.FULL: "the store of files is full, or too many files are under way"}
 
 
 class Kind(IntEnum):
@@ -139,7 +163,11 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.EVALUATE: ["version", "zero", "turns", "bytes"],
     Code.STORE: ["version", "crc", "list", "step", "time", "bytes"], Code.DELETE: ["version", "list", "step"],
     Code.CONTROL: ["version", "list", "action", "crc"], Code.LIST: ["version", "list"],
-    Code.PDU: ["bytes"]}
+    Code.PDU: ["bytes"], Code.FILE_SEND: ["version", "class", "bytes"],
+    Code.FILE_CONTROL: ["version", "file_action", "own", "transaction"], Code.FILE_REMOVE: ["version", "zero", "bytes"],
+    Code.TABLE_LOAD: ["version", "module", "bytes"], Code.TABLE_DUMP: ["version", "module", "bytes"],
+    Code.CHECK: ["version", "module"]}
+NAMED = (Code.FILE_SEND, Code.FILE_REMOVE, Code.TABLE_LOAD, Code.TABLE_DUMP)     # their bytes are a name
 
 
 # --- the dictionary --------------------------------------------------------------------------------
@@ -292,8 +320,11 @@ class Dictionary:
         """What a command asks for: "write flight.control.K"."""
         code, place = packet[6], int.from_bytes(packet[10:12], "big")
         name = Code(code).name.lower().replace("_", " ") if code in Code._value2member_map_ else f"the code {code}"
+        file = " " + packet[12:].decode(errors="replace") if code in NAMED else ""
         names = {int(Code.MODE): self.modes, int(Code.ARM): self.events,
                  int(Code.TELEMETRY): [one.path for one in self.outputs]}.get(code, [])
+        if code in (Code.TABLE_LOAD, Code.TABLE_DUMP, Code.CHECK) and place < len(self.blocks):
+            return f"{name} {self.blocks[place].path}{file}"
         if code in (Code.WRITE, Code.STAGE, Code.COMMIT, Code.PUBLISH, Code.READ) and place < len(self.blocks):
             block = self.blocks[place]
             low, whole = int.from_bytes(packet[12:16], "big"), code in (Code.COMMIT, Code.PUBLISH)
@@ -304,12 +335,12 @@ class Dictionary:
         if place < len(names):
             disarms = code == Code.ARM and packet[12:14] == b"\0\0"
             return f"{'disarm' if disarms else name} {names[place]}"
-        return name
+        return name + file
 
     def refusal(self, report: Report, packet: bytes | None) -> str:
         """What was refused, when and why. packet: that of the report, if it is known."""
         what = self.command(packet) if packet else repr(report).split()[0].removeprefix("<")
-        when = (f"at {report.t / 1e9:g} s" if report.executed else
+        when = (f"at {report.t / 1e9:g} s" if report.stage else
                 f"after {report.t / 1e9:g} s" if report.t >= 0 else "before the first instant")
         why = WHY.get(report.reason, "")
         block = int.from_bytes(packet[10:12], "big") if packet else len(self.blocks)
@@ -318,6 +349,8 @@ class Dictionary:
                 rule = rules[report.detail]
                 why += f": {self.blocks[block].path}.{rule.name}" + (
                     f" must be {rule.text}" if report.reason == Reason.RULE else "")
+        if report.code == Code.FILE_SEND and report.reason == Reason.FAILED:
+            why += f": CFDP ended it by its condition {report.detail}"
         return f"{what}, {when}: {why}"
 
     # --- as a file ---
@@ -645,8 +678,81 @@ class Packets:
         raw = encoded(rows, values, [])
         return self.write_bytes(path, {rows.offset + place * len(raw): raw})[0]
 
+    # --- files (flight/services/files.h) ---
+
+    def send_file(self, name: str, to: str = "", unacknowledged: bool = False) -> bytes:
+        """Send a file from on board to the ground, there under the same name or another one. unacknowledged: in CFDP's
+        class 1, without repetition."""
+        return self._named(Code.FILE_SEND, 1 if unacknowledged else 2, f"{name}>{to}" if to else name, 2)
+
+    def control_file(self, action: FileAction, transaction: int, own: bool = True) -> bytes:
+        """Suspend, resume or cancel a transaction. own: one that flight began, else the ground."""
+        return self.packet(Code.FILE_CONTROL, packing.pack(">HHI", action, bool(own), transaction))
+
+    def remove_file(self, name: str) -> bytes:
+        """Remove a file on board."""
+        return self._named(Code.FILE_REMOVE, 0, name)
+
+    def load_table(self, module: str, name: str) -> bytes:
+        """Let the parameters of a module become those of a file on board, which table() makes."""
+        return self._named(Code.TABLE_LOAD, self.dictionary.block(module)[0], name)
+
+    def dump_table(self, module: str, name: str) -> bytes:
+        """Write the parameters of a module to a file on board, which read_table() reads."""
+        return self._named(Code.TABLE_DUMP, self.dictionary.block(module)[0], name)
+
+    def check(self, module: str) -> bytes:
+        """Ask for the size and CRC of the parameters of a module: checked() reads the data of the report."""
+        return self.packet(Code.CHECK, packing.pack(">H", self.dictionary.block(module)[0]))
+
+    def _named(self, code, first, name, most=1):
+        parts = [one.encode() for one in name.split(">")]
+        if len(parts) > most or not all(0 < len(one) <= NAME_MAX and b"\0" not in one for one in parts):
+            raise SetupError(f"a file on board has a name of 1 to {NAME_MAX} bytes without '>' and NUL; found '{name}'")
+        return self.packet(code, packing.pack(">H", first) + name.encode())
+
     def _field(self, block, name):
         return _place(block.fields, [f.name for f in block.fields], name, "parameter", block.path)[1]
+
+
+TABLE = ">4sHHIHxx"                      # the header of a table's file: magic, version, module, size, CRC
+TABLE_MAGIC = b"FLTB"
+
+
+def table(dictionary: Dictionary, module: str, block: bytes | None = None, **values: Any) -> bytes:
+    """The file of a table for Packets.load_table(): the parameters of a module. values: those that differ from the
+    big-endian block; without a block, all of them."""
+    place, found = dictionary.block(module)
+    if block is None:
+        missing = [f.name for f in found.fields if f.name not in values and not f.name.startswith("spare")]
+        if missing:
+            raise SetupError(f"a table has all parameters of {module}: give {listed(missing)} too, or a block")
+    elif len(block) != found.size:
+        raise SetupError(f"{module} has {found.size} bytes of parameters; found {len(block)}")
+    whole = bytearray(block or found.size)
+    for name, value in values.items():
+        field = _place(found.fields, [f.name for f in found.fields], name, "parameter", module)[1]
+        whole[field.offset:field.offset + field.size] = encoded(field, value)
+    return packing.pack(TABLE, TABLE_MAGIC, dictionary.version, place, len(whole),
+                        binascii.crc_hqx(whole, 0xFFFF)) + whole
+
+
+def read_table(dictionary: Dictionary, file: bytes) -> tuple[str, dict[str, Any]]:
+    """(module, its parameters) of such a file, as Packets.dump_table() has it written. Raises SetupError."""
+    head, block = file[:packing.calcsize(TABLE)], file[packing.calcsize(TABLE):]
+    magic, version, place, size, crc = packing.unpack(TABLE, head.ljust(packing.calcsize(TABLE), b"\0"))
+    if (magic, size, crc) != (TABLE_MAGIC, len(block), binascii.crc_hqx(block, 0xFFFF)):
+        raise SetupError(f"the {len(file)} bytes are no table, or not a whole one")
+    if version != dictionary.version or place >= len(dictionary.blocks) or size != dictionary.blocks[place].size:
+        raise SetupError(f"the table is for version {version:#06x} of a dictionary; that of {dictionary.name} is "
+                         f"{dictionary.version:#06x}")
+    return dictionary.blocks[place].path, values(dictionary.blocks[place].fields, block)
+
+
+def checked(data: bytes) -> tuple[int, int]:
+    """(size [bytes], CRC-16-CCITT of the big-endian block) in the report of Code.CHECK."""
+    size, crc = packing.unpack(">IH", data)
+    return size, crc
 
 
 def moved(packet: bytes, by: int) -> bytes:
@@ -703,9 +809,10 @@ class Report(NamedTuple):
     t: int                      # [ns] of its execution; of its acceptance: the last instant before, -1: none
     sequence: int
     code: int
-    executed: bool              # False: about its acceptance
+    stage: Stage
     reason: Reason
-    detail: int                 # of a rule: its place in the module's list; of a sequence: the last that was accepted
+    detail: int                 # of a rule: its place in the list; of a sequence: the last accepted; of a file: its
+    #                             transaction at the start, then [%], CFDP's condition if it failed
     data: bytes                 # read back, big-endian
     stored_on: int | None = None    # the list of a stored command
     monitor: int | None = None      # which has started a list
@@ -714,9 +821,20 @@ class Report(NamedTuple):
     def good(self) -> bool:
         return self.reason == Reason.OK
 
+    @property
+    def executed(self) -> bool:
+        """Whether it is over: done, or refused at its execution."""
+        return self.stage == Stage.DONE
+
+    @property
+    def stage_text(self) -> str:
+        """What it says of a command that was not refused."""
+        return {Stage.ACCEPTED: "accepted", Stage.DONE: "executed", Stage.STARTED: "started"}.get(
+            self.stage, f"under way, {self.detail} %")
+
     def __repr__(self) -> str:
         name = Code(self.code).name.lower() if self.code in Code._value2member_map_ else f"code {self.code}"
-        what = "executed" if self.executed and self.good else "accepted" if self.good else "refused: "
+        what = self.stage_text if self.good else "refused: "
         detail = f", the last was {self.detail}" if self.reason == Reason.SEQUENCE else \
             f", rule {self.detail}" if self.detail else ""
         why = "" if self.good else self.reason.name.lower() + detail
@@ -810,7 +928,7 @@ def _content(dictionary, stream, body, mark):
         path = "housekeeping"
     elif place == REPORTS:
         t, number, code, executed, reason, detail, n, origin = packing.unpack_from(mark + REPORT, body)
-        content = Report(t, number, code, bool(executed), Reason(reason), detail, body[24:24 + n],
+        content = Report(t, number, code, Stage(executed), Reason(reason), detail, body[24:24 + n],
                          *origins(origin))
         path = "reports"
     elif stream == dictionary.texts:

@@ -8,8 +8,8 @@ import pytest
 
 import fledge
 from fledge import export, objects
-from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Text, decoded, encoded,
-                             moved, read_script, script, values)
+from fledge.commands import (Block, Code, Dictionary, Field, Kind, Packets, Reason, Report, Stage, Text, decoded,
+                             encoded, moved, read_script, script, values)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, kg, m, s
@@ -314,7 +314,7 @@ def test_a_packet_that_is_none_is_refused(mission):
         ">qHHHHHH4x", 5, 9, 2, 1, 8, 4, 0)
     telemetry = decoded(found, good)
     assert telemetry[:3] == ("reports", 3, 7.5)
-    assert telemetry.content == Report(5, 9, 2, True, Reason.RULE, 4, b"")
+    assert telemetry.content == Report(5, 9, 2, Stage.DONE, Reason.RULE, 4, b"")
     for bad in (good[:-1], good[:10], b"\x08\xFF" + good[2:]):
         with pytest.raises(SetupError, match="packet"):
             decoded(found, bad)

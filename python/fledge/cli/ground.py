@@ -83,7 +83,7 @@ def command_(options: argparse.Namespace) -> int:
         sent = craft.command(what, *arguments, **values)
         sent.completed(within)
         for report in sent.reports:
-            say(f"  {report.t / 1e9:g} s  {'executed' if report.executed else 'accepted'}"
+            say(f"  {report.t / 1e9:g} s  {report.stage_text}"
                 + (f"  {report.data.hex()}" if report.data else ""))
     return 0
 

@@ -292,7 +292,7 @@ py::list reports(sim::Process &process)
 {
     return list_of(process.take_reports(), [](const sim::CommandReply &one) {
         const CommandReport &r = one.report;
-        return py::make_tuple(r.t, r.sequence, r.code, r.executed != 0, r.reason, r.detail,
+        return py::make_tuple(r.t, r.sequence, r.code, r.executed, r.reason, r.detail,
                               py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.from);
     });
 }
@@ -513,7 +513,7 @@ void bind_process(py::module_ &m)
             "What runs procedures: start(bytecode as numbers, sequence, turns), turn(t), end(t, killed, why).")
         .def("command_mode",
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
-        .def("take_reports", reports, "(t, sequence, code, executed, reason, detail, bytes read back) of each")
+        .def("take_reports", reports, "(t, sequence, code, stage, reason, detail, bytes read back) of each")
         .def(
             "take_packets", [](sim::Process &p) { return packets_of(p.telemetry.take()); },
             "(t, packet of telemetry) since the last call; they are kept from the first call on")

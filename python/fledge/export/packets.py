@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, REPORTS, TURNS, WHY, Action, Code, Kind, Reason,
-                             leaves, parameters)
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, TURNS, WHY, Action, Code,
+                             FileAction, Kind, Reason, Stage, leaves, parameters)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
@@ -139,9 +139,10 @@ def reports(mission: Mission, found: Dictionary) -> Packet:
         number("t", "i64", "the instant of execution; of acceptance, the last instant before; -1: none", "ns"),
         number("sequence", "u16", "of the command"),
         number("code", "u16", "what the command is", enumerators=lower(Code)),
-        number("executed", "u16", "what this is about", enumerators={"accepted": 0, "executed": 1}),
+        number("executed", "u16", "what this is about", enumerators=lower(Stage)),
         number("reason", "u16", "ok, or why it was refused", enumerators=lower(Reason)),
-        number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted"),
+        number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted; under "
+               "way: percent; of a file that failed: CFDP's condition"),
         number("n", "u16", "bytes read back"),
         number("from", "u16", "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 0: from elsewhere"),
         bits("spare", 16),
@@ -200,7 +201,11 @@ ABOUT = {
     Code.EVALUATE: "evaluate a line of text in flight", Code.STORE: "store a command until its time",
     Code.DELETE: "delete stored commands", Code.CONTROL: "control lists of stored commands",
     Code.LIST: "report a list of stored commands: the report of the execution has them",
-    Code.PDU: "a PDU of the file delivery protocol"}
+    Code.PDU: "a PDU of the file delivery protocol", Code.FILE_SEND: "send a file to the ground",
+    Code.FILE_CONTROL: "control a transaction of files", Code.FILE_REMOVE: "remove a file on board",
+    Code.TABLE_LOAD: "let the parameters of a module become those of a file on board",
+    Code.TABLE_DUMP: "write the parameters of a module to a file on board",
+    Code.CHECK: "size and CRC of parameters: the report of the execution has them"}
 
 
 def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
@@ -216,9 +221,10 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "mode": numbered(found.modes), "event": numbered(found.events), "module": blocks,
         "output": {one.path: i for i, one in enumerate(found.outputs)}
         | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
-        "action": lower(Action)}
+        "action": lower(Action), "file_action": lower(FileAction), "own": {"ground": 0, "flight": 1},
+        "class": {"unacknowledged": 1, "acknowledged": 2}}
     of_service = {code: "StoredCommands" for code in (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST)} | {
-        Code.PDU: "Files"}
+        code: "Files" for code in (Code.PDU, Code.FILE_CONTROL, *NAMED)}
     types = {one.type for one in mission.modules}
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
@@ -240,11 +246,12 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
 def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item]:
     """An argument of a command, by its name in ARGUMENTS."""
     if name == "bytes":
-        text = code == Code.EVALUATE
-        yield Item("bytes", "char" if text else "bytes", 0, "text" if text else "", count="n")
+        meaning = "text" if code == Code.EVALUATE else "its name, or NAME>NAME for the ground" \
+            if code == Code.FILE_SEND else "its name" if code in NAMED else ""
+        yield Item("bytes", "char" if meaning else "bytes", 0, meaning, count="n")
         return
     values = {"zero": 0, "turns": TURNS, "every": 1, "on": 1}
-    types = {"time": "i64", "offset": "u32", "length": "u32", "turns": "u32"}
+    types = {"time": "i64", "offset": "u32", "length": "u32", "turns": "u32", "transaction": "u32"}
     one = number(name, types.get(name, "u16"), MEANINGS.get(name, ""), "ns" if name == "time" else "",
                  choices, values.get(name))
     yield replace(one, bounds=LIMITS.get(name, one.bounds))
@@ -254,6 +261,7 @@ MEANINGS = {"crc": "CRC-16-CCITT of what was staged, or is to be stored or start
             "every": "how many writings", "offset": "of the first byte",
             "turns": "of its loops and calls in one instant", "length": "how many bytes",
             "slot": "where the procedure lies", "list": "0: absolute times; 1 to 15: a sequence; 65535: all",
+            "own": "who began it", "transaction": "its number", "class": "of CFDP",
             "step": "of the list; 65535: all", "time": "absolute, or since the start of the sequence"}
 LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns": (1, None, False, False),
           "n": (1, DATA_MAX, False, False), "length": (1, None, False, False),

@@ -139,6 +139,8 @@ class Mission:
         """The C files of its modules, from the root that their headers are included from, and what drives services;
         flight/math is needed beside them."""
         driven = {"flight/telemetry/services.c"} if self.services else set()
+        if any(m.type == "Files" for m in self.modules):
+            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c"}
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | driven)
 
     @property

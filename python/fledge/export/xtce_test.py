@@ -310,6 +310,7 @@ def test_every_command_has_the_bytes_that_fledge_sends(folder):
         "publish": ({"module": "flight.wheels"}, lambda: ours.publish("flight.wheels")),
         "arm": ({"event": "wide", "on": "off"}, lambda: ours.arm("wide", False)),
         "read": ({"module": "flight.control", "offset": 8, "n": 72}, lambda: ours.read("flight.control", "P")[0]),
+        "check": ({"module": "flight.control"}, lambda: ours.check("flight.control")),
         "telemetry": ({"output": "flight.spin.reference", "every": 3},
                       lambda: ours.telemetry("flight.spin.reference", every=3)),
         "stage": ({"module": "flight.control", "offset": 0, "n": 8, "bytes": b"12345678"},

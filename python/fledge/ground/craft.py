@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Telemetry, Text, Timed, decoded,
-                             moved, sequence_of)
+from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Stage, Telemetry, Text, Timed,
+                             decoded, moved, sequence_of)
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.links import Link, NoAnswer
 from fledge.objects.si import time_ns, to_si
@@ -118,25 +118,35 @@ class Sent:
         """What a command read back, big-endian."""
         return b"".join(one.data for one in self.reports if one.executed)
 
+    @property
+    def progress(self) -> int:
+        """[%] of what a command began, as flight has reported it last."""
+        return max((100 if one.executed and one.good else one.detail if one.stage == Stage.UNDER_WAY else 0
+                    for one in self.reports), default=0)
+
     def accepted(self, within: Any = WITHIN) -> Self:
         """Wait until flight has accepted all of it. Raises NoAnswer, also if flight refuses it."""
-        return self._reported(False, within)
+        return self._reported("accepted", {Stage.ACCEPTED}, within)
+
+    def started(self, within: Any = WITHIN) -> Self:
+        """Wait until flight has begun all of it, which may go on. Raises NoAnswer, also if flight refuses it."""
+        return self._reported("started", {Stage.STARTED, Stage.DONE}, within)
 
     def completed(self, within: Any = WITHIN) -> Self:
         """Wait until flight has executed all of it. Raises NoAnswer, also if flight refuses it."""
-        return self._reported(True, within)
+        return self._reported("executed", {Stage.DONE}, within)
 
     def __repr__(self) -> str:
         words = ", ".join(dict.fromkeys(map(self._craft.dictionary.command, self.packets)))
         done = sum(one.executed and one.good for one in self.reports)
         refused = next((one for one in self.reports if not one.good), None)
         return f"<{words}: " + ("refused" if refused else "executed" if done == len(self.packets) else
-                                "accepted" if self.reports else "sent") + ">"
+                                self.reports[-1].stage_text if self.reports else "sent") + ">"
 
     def take(self, report: Report) -> bool:
         """Whether a report is about one of these packets, and new."""
         if not any(sequence_of(one) == report.sequence and one[6] == report.code for one in self.packets) or any(
-                (one.sequence, one.executed) == (report.sequence, report.executed) for one in self.reports):
+                one[1:6] == report[1:6] for one in self.reports):
             return False
         self.reports.append(report)
         return True
@@ -146,17 +156,16 @@ class Sent:
         self.packets = [moved(one, by) for one in self.packets]
         self.reports.clear()
 
-    def _reported(self, executed: bool, within: Any) -> Self:
+    def _reported(self, word: str, stages: set[Stage], within: Any) -> Self:
         def done(_: Newest) -> bool:
             for one in self.reports:
                 if not one.good:
                     packet = next(p for p in self.packets if sequence_of(p) == one.sequence)
                     raise NoAnswer(f"{self._craft.dictionary.name} refused "
                                    + self._craft.dictionary.refusal(one, packet))
-            return sum(one.executed == executed for one in self.reports) == len(self.packets)
+            return len({one.sequence for one in self.reports if one.stage in stages}) == len(self.packets)
 
-        self._craft.wait(done, within, lambda: (
-            f"{self!r} was not reported as {'executed' if executed else 'accepted'}"))
+        self._craft.wait(done, within, lambda: f"{self!r} was not reported as {word}")
         return self
 
 
@@ -299,7 +308,7 @@ class Craft:
     def _report(self, report: Report) -> None:
         if report.stored_on is not None or report.monitor is not None:
             return              # of a command that flight had itself
-        if report.reason == Reason.SEQUENCE and not self._in_step and not report.executed:
+        if report.reason == Reason.SEQUENCE and not self._in_step and report.stage == Stage.ACCEPTED:
             behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
             if behind and report.code in Code._value2member_map_:
                 self._count_on(report.detail + 1)

@@ -4,7 +4,7 @@ import pytest
 
 import fledge
 from fledge import ground
-from fledge.commands import Timed
+from fledge.commands import FileAction, Timed
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.ground.links import Link
@@ -41,6 +41,38 @@ def test_what_flight_refuses_ends_the_wait_with_its_reason(craft):
     with pytest.raises(ground.NoAnswer, match="its checksum is wrong"):
         craft.send([bytes(wrong)]).accepted()
     assert craft.command("noop").completed() and craft.link.t == 2 * 10**9
+
+
+def test_files_and_tables_go_to_flight_and_from_it(tmp_path):
+    (tmp_path / "flight.py").write_text(FLIGHT + "    f.files = fsw.Files(entity=2, ground=1, rate=1000 / s, "
+                                        "segment=50, allowed=7)\n    f.task('files', every=500 * ms, run=[f.files])\n")
+    (tmp_path / "world.py").write_text(WORLD)
+    with ground.connect(fledge.load(tmp_path)) as craft:
+        flight = craft.link.simulation.flight
+        craft.command("telemetry", "flight.files.state")
+        (tmp_path / "table").write_bytes(flight.commands.table(flight.control, K=4))
+        craft.put(tmp_path / "table", within=60 * s)
+        craft.command("load_table", "flight.control", "table").completed()
+        assert flight.control.K == 4
+        craft.command("dump_table", "flight.control", "now").completed()
+        assert craft.directory() == ["now", "table"]
+        craft.fetch("now", tmp_path / "now", within=60 * s)
+        assert (tmp_path / "now").read_bytes() == (tmp_path / "table").read_bytes()
+        (tmp_path / "long").write_bytes(bytes(range(256)) * 20)
+        craft.put(tmp_path / "long", within=60 * s)
+
+        sent = craft.command("send_file", "long").started()
+        assert repr(sent) == "<file send long: started>" and sent.progress == 0
+        craft.wait(lambda _: 20 <= sent.progress < 100, within=10 * s)
+        assert repr(sent) == f"<file send long: under way, {sent.progress} %>"
+        assert sent.completed(60 * s).progress == 100 and repr(sent) == "<file send long: executed>"
+        assert craft.files.received[-1].read_bytes() == (tmp_path / "long").read_bytes()
+        lost = craft.command("send_file", "long").started()
+        craft.command("control_file", FileAction.CANCEL, lost.reports[-1].detail).completed()
+        with pytest.raises(ground.NoAnswer, match="refused file send long, at .* s: it was not done to its end: CFDP "
+                                                  "ended it by its condition 15"):
+            lost.completed(within=200 * s)
+        assert craft.wait(lambda t: t.flight.files.state.failed == 1, within=2 * s).flight.files.state.received == 2
 
 
 def test_telemetry_is_found_by_its_path(craft):

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import (ALL, NUMBERS, TURNS, Action, Dictionary, Packets, Reason, Report, Text, Timed, byte_runs,
-                             origins, parameters, reversed_numbers)
+from fledge.commands import (ALL, NUMBERS, TURNS, Action, Dictionary, Packets, Reason, Report, Stage, Text, Timed,
+                             byte_runs, origins, parameters, reversed_numbers, table)
 from fledge.errors import SetupError
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
@@ -171,6 +171,12 @@ class Commands:
         """Write one of the monitors, as Packets.monitor() says."""
         return self._send([self.packets.monitor(place, number, hold=time_ns(hold, "monitor"), **values)])
 
+    def table(self, module: Any, **values: Any) -> bytes:
+        """The file of a table for packets.load_table(): the parameters of a module with some values, in the units of
+        its header, in their place."""
+        path, one = self._module(module)
+        return table(self.dictionary, path, block_bytes(one), **values)
+
     def noop(self) -> list[Report]:
         return self._send([self.packets.noop()])
 
@@ -197,8 +203,8 @@ class Commands:
     @property
     def reports(self) -> list[Report]:
         """All reports since these commands were first used, in order."""
-        self._reports += [Report(t, sequence, code, executed, Reason(reason), detail, data, *origins(origin))
-                          for t, sequence, code, executed, reason, detail, data, origin in self._core.take_reports()]
+        self._reports += [Report(t, sequence, code, Stage(stage), Reason(reason), detail, data, *origins(origin))
+                          for t, sequence, code, stage, reason, detail, data, origin in self._core.take_reports()]
         return list(self._reports)
 
     def take_packets(self) -> list[Timed]:

@@ -4,7 +4,8 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.commands import ALL, Action, Code, Reason, decoded, read_script, stored, storing
+from fledge.commands import (ALL, Action, Code, Reason, Stage, checked, decoded, read_script, read_table, stored,
+                             storing, table)
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
@@ -228,3 +229,135 @@ def test_a_monitor_names_a_number_of_an_output(watched):
         packets.monitor(0, "flight.stored.state.running", equals=1, low=0)
     with pytest.raises(SetupError, match="a monitor that is on needs a number"):
         packets.monitor(0, low=0)
+
+
+CARRYING = FLIGHT + '''
+    f.files = fsw.Files(entity=2, ground=1, rate=4000 / s, ack_timer=5 * s, ack_limit=3)
+    f.task("services", every=400 * ms, run=[f.files])
+'''
+
+CARRIES = r'''
+from fledge.commands import Code, FileAction, Stage
+from fledge.units import s
+
+
+def carries(sim):
+    """Tables up and a dump down, with parts that come twice or again, while flight changes its mode and is reset."""
+    f = sim.flight
+    c, p = f.commands, f.commands.packets
+    c.telemetry("flight.files.state")
+    c.telemetry("flight.files.event")
+
+    def say(kind, data, number, down=False):
+        ids = b"\0\2%b\0\1" % number.to_bytes(4, "big") if down else b"\1%c\2" % number
+        c.send(p.packet(Code.PDU, b"%c%b%c%b" % (kind, len(data).to_bytes(2, "big"), 0x13 if down else 0, ids) + data))
+
+    sim.run(0.5 * s)
+    for number, (name, K) in enumerate([("good", 3.5), ("wrong", -1)]):
+        table = c.table(f.control, K=K)
+        words = table.ljust(-(-len(table) // 4) * 4, b"\0")
+        check = sum(int.from_bytes(words[i:i + 4], "big") for i in range(0, len(words), 4)) & 0xFFFFFFFF
+        size = len(table).to_bytes(4, "big")
+        say(0x20, b"\7\0%b%c%b%c%b" % (size, len(name), name.encode(), len(name), name.encode()), number)
+        for at in [32, 32, 0, *range(64, len(table), 32)]:
+            say(0x30, at.to_bytes(4, "big") + table[at:at + 32], number)
+        say(0x20, b"\4\0%b%b" % (check.to_bytes(4, "big"), size), number)
+        sim.run(1.3 * s)
+        say(0x20, b"\6\x51\2", number)                  # FINISHED is acknowledged
+    sim.run(1 * s)
+    for name in ("wrong", "good", "none"):
+        c.send(p.load_table("flight.control", name))
+    c.send(p.check("flight.control"))
+    c.send(p.dump_table("flight.control", "dump"))
+    c.mode("point")
+    sim.run(0.7 * s)
+    c.send(p.send_file("dump", "got"))
+    sim.run(1 * s)
+    c.reset()
+    number = next(one.detail for one in c.reports if one.stage == Stage.STARTED)
+    say(0x28, b"\x08" + bytes(4) + b"\0\0\0\x40" + bytes(8) + b"\0\0\0\x10\0\0\0\x40", number, True)    # a NAK
+    sim.run(2 * s)
+    say(0x28, b"\6\x40\1", number, True)                # EOF is acknowledged
+    sim.run(2 * s)
+    say(0x28, b"\5\2", number, True)                    # FINISHED
+    sim.run(2 * s)
+    c.send(p.send_file("good"))
+    sim.run(1 * s)
+    c.send(p.control_file(FileAction.SUSPEND, number + 1))
+    for _ in range(2):
+        c.send(p.remove_file("wrong"))
+    say(0xFF, bytes(30), 0)
+    sim.run(20 * s)
+    c.send(p.control_file(FileAction.RESUME, number + 1))
+    sim.run(40 * s)                                     # nothing answers: it ends by itself
+'''
+
+
+def test_files_are_the_same_on_every_target(tmp_path, capsys):
+    folder = written(tmp_path / "carries", CARRYING, CARRIES)
+    on = [name for name in ("linux", "leon3", "micropython") if not TARGETS[name].missing()]
+    out = tmp_path / "out"
+    assert cli.main(["fly", str(folder), "carries", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    sim = fledge.load(folder)
+    commands = sim.flight.commands
+    commands.take_packets()
+    sim.scenarios["carries"]()
+    said = [(one.code, one.stage, one.reason) for one in commands.reports
+            if one.code >= Code.FILE_SEND and one.stage != Stage.ACCEPTED]
+    number = next(one.detail for one in commands.reports if one.stage == Stage.STARTED)
+    assert [one for one in said if one[1] != Stage.UNDER_WAY] == [
+        (Code.TABLE_LOAD, Stage.DONE, Reason.RULE), (Code.TABLE_LOAD, Stage.DONE, Reason.OK),
+        (Code.TABLE_LOAD, Stage.DONE, Reason.PLACE), (Code.CHECK, Stage.DONE, Reason.OK),
+        (Code.TABLE_DUMP, Stage.DONE, Reason.OK), (Code.FILE_SEND, Stage.STARTED, Reason.OK),
+        (Code.FILE_SEND, Stage.DONE, Reason.OK), (Code.FILE_SEND, Stage.STARTED, Reason.OK),
+        (Code.FILE_CONTROL, Stage.DONE, Reason.OK), (Code.FILE_REMOVE, Stage.DONE, Reason.OK),
+        (Code.FILE_REMOVE, Stage.DONE, Reason.PLACE), (Code.FILE_CONTROL, Stage.DONE, Reason.OK),
+        (Code.FILE_SEND, Stage.DONE, Reason.FAILED)]
+    assert sim.flight.control.K == 3.5 and sim.flight.files.state.failed == 1
+    desktop = [(decoded(commands.dictionary, one.packet).path, one) for one in commands.take_packets()]
+    links = [read_script((out / f"{name}.telemetry.txt").read_text()) for name in on]
+    assert links == links[:1] * len(on)
+    sent = [(one.t, one.packet[16:]) for path, one in desktop if path == "files"]
+    job = Job(str(folder), "carries", folder=out)
+    found = export.dictionary(job.parts[0].mission)
+    assert job.parts[0].reports(on[0]) == commands.reports
+    assert [(one.t, one.packet[16:]) for one in links[0] if decoded(found, one.packet).path == "files"] == sent
+
+    down = {}
+    for _, pdu in sent:                                 # data of the first file that came down
+        if pdu[0] == 0x30 and int.from_bytes(pdu[6:10], "big") == number:
+            down[int.from_bytes(pdu[12:16], "big")] = pdu[16:]
+    path, values = read_table(commands.dictionary, b"".join(down[at] for at in sorted(down) if at != 16))
+    assert (path, values["K"]) == ("flight.control", 3.5)
+    size, crc = checked(next(one.data for one in commands.reports if one.code == Code.CHECK and one.executed))
+    whole = commands.table(sim.flight.control)
+    assert (size, crc) == (len(whole) - 16, int.from_bytes(whole[12:14], "big"))
+
+
+def test_files_on_board_have_names(tmp_path):
+    packets = fledge.load(written(tmp_path / "carries", CARRYING, CARRIES)).flight.commands.packets
+    for wrong in ("", "a>b>c", ">b", "a>", "n" * 128, "a\0"):
+        with pytest.raises(SetupError, match="a file on board has a name of 1 to 127 bytes without '>' and NUL"):
+            packets.send_file(wrong)
+    with pytest.raises(SetupError, match="a file on board has a name"):
+        packets.remove_file("a>b")
+    assert packets.send_file("a", "b", unacknowledged=True)[10:] == b"\0\1a>b"
+
+
+def test_a_table_is_whole(tmp_path):
+    sim = fledge.load(written(tmp_path / "carries", CARRYING, CARRIES))
+    commands = sim.flight.commands
+    found = commands.dictionary
+    whole = commands.table(sim.flight.control, K=4)
+    path, values = read_table(found, whole)
+    assert (path, values["K"], values["P"][1]) == ("flight.control", 4.0, [0.0, 45.0, 0.0])
+    assert table(found, path, **{name: value for name, value in values.items() if name != "spare"}) == whole
+    for wrong in (b"", whole[:-1], b"X" + whole[1:], whole[:-1] + bytes([whole[-1] ^ 1])):
+        with pytest.raises(SetupError, match="bytes are no table, or not a whole one"):
+            read_table(found, wrong)
+    with pytest.raises(SetupError, match="the table is for version 0x0000 of a dictionary; that of flight is"):
+        read_table(found, whole[:4] + b"\0\0" + whole[6:])
+    with pytest.raises(SetupError, match="a table has all parameters of flight.control: give"):
+        table(found, "flight.control", K=1)
+    with pytest.raises(SetupError, match="bytes of parameters; found 1"):
+        table(found, "flight.control", b"1")

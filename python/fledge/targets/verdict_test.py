@@ -9,7 +9,7 @@ import pytest
 import fledge
 from fledge import cli
 from fledge.archive import Archive
-from fledge.commands import Code, Reason, Report
+from fledge.commands import Code, Reason, Report, Stage
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS, Job, Part
 from fledge.targets.linux import Linux
@@ -175,7 +175,7 @@ def test_a_command_that_only_flight_refuses_fails_it(mission, tmp_path, capsys, 
 
     def refuses(self, target):
         sequence = int.from_bytes(self.script[-1].packet[2:4], "big") & 0x3FFF
-        return [*real(self, target), Report(3 * 10**9, sequence, Code.WRITE, True, Reason.BUSY, 0, b"")]
+        return [*real(self, target), Report(3 * 10**9, sequence, Code.WRITE, Stage.DONE, Reason.BUSY, 0, b"")]
 
     monkeypatch.setattr(Part, "reports", refuses)
     assert cli.main(["fly", str(mission), "changed", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
@@ -190,7 +190,7 @@ def test_every_reason_has_words(mission):
     dictionary = part.job.start.flight.commands.dictionary
     packet = part.script[-1].packet
     for reason in list(Reason)[1:]:
-        text = dictionary.refusal(Report(-1, 0, Code.WRITE, False, reason, 0, b""), packet)
+        text = dictionary.refusal(Report(-1, 0, Code.WRITE, Stage.ACCEPTED, reason, 0, b""), packet)
         assert re.fullmatch(r"write flight.control.K, before the first instant: [a-z].{15,}", text)
 
 

@@ -27,6 +27,11 @@ def services(mission: Mission) -> list[str]:
     return [name.upper() for name in SERVICES] if mission.services else []
 
 
+def has_files(mission: Mission) -> bool:
+    """Whether flight has the service of files."""
+    return any(one.type == "Files" for one in mission.modules)
+
+
 @dataclass(frozen=True)
 class App:
     """name: of folder and build target, in lower case; the prefix of its C is the same in upper case."""

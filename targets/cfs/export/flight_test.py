@@ -10,6 +10,7 @@ import pytest
 
 import fledge
 from fledge import export
+from fledge.commands import Reason
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import around
 from fledge.targets.cfs.export.folder import flown_by
@@ -175,9 +176,9 @@ def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path)
         core.kill()
 
 
-HK = "<qBBH39I"
+HK = f"<qBBH{19 + len(Reason) + len(Reason) % 2}I"
 COUNTERS = {name: 4 + i for i, name in enumerate(
-    "mode accepted executed refused".split())} | {name: 4 + 4 + 20 + i for i, name in enumerate(
+    "mode accepted executed refused".split())} | {name: 4 + 4 + len(Reason) + i for i, name in enumerate(
         "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt io_saturated "
         "inputs inputs_refused inputs_missing wakeups_early wakeups_missing time_sets".split())} | {
             "time": 0, "inputs_stale": 3}

@@ -13,7 +13,7 @@ from fledge.export import packets as ground_packets
 from fledge.export.c_text import comment, doc, plain, with_notes, wrap
 from fledge.export.packets import Packet, number
 from fledge.export.xtce import xtce
-from fledge.targets.cfs.export.app import CMD, TLM
+from fledge.targets.cfs.export.app import CMD, TLM, has_files
 
 if TYPE_CHECKING:
     from fledge.targets.cfs.export.app import App
@@ -71,7 +71,8 @@ ARGUMENTS: dict[Code, dict[str, int]] = {
     Code.MODE: {"Mode": 2}, Code.WRITE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX},
     Code.STAGE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX}, Code.COMMIT: {"Module": 2, "Crc": 2},
     Code.PUBLISH: {"Module": 2}, Code.RESET_FLIGHT: {}, Code.ARM: {"Event": 2, "On": 2},
-    Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2}}
+    Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2},
+    Code.CHECK: {"Module": 2}}
 STORED: dict[Code, dict[str, int]] = {
     Code.STORE: {"Crc": 2, "List": 2, "Step": 2, "Time": 8, "Command": STORED_MAX},
     Code.DELETE: {"List": 2, "Step": 2}, Code.CONTROL: {"List": 2, "Action": 2, "Crc": 2}, Code.LIST: {"List": 2}}
@@ -125,7 +126,10 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
             f'#include "{name}_mission_cfg.h"', f'#include "{name}_internal_cfg.h"', "",
             "/* At most 4 messages of each id wait in a pipe of this depth, so none keeps out another. */",
             f"#define {prefix}_PIPE_DEPTH {depth}", "",
-            "/* Of the child task that waits for registers. */", f"#define {prefix}_CHILD_PRIORITY 60", ""]),
+            "/* Of the child task that waits for registers. */", f"#define {prefix}_CHILD_PRIORITY 60", "",
+            *(["/* Where flight's files are, and how many are open at most. */",
+               f'#define {prefix}_FILES_FOLDER "/cf/{name}"', f"#define {prefix}_OPEN_FILES 12", ""]
+              if has_files(mission) else [])]),
         "perfids": (f"The marks of {prefix} in performance logs.",
                     [f"#define {prefix}_APP_PERF_ID {64 + app.topic // 8 % 64}", ""])}
     return {one: guarded(app, one, *headers[one]) for one in (*MISSION, *PLATFORM)}
@@ -198,7 +202,8 @@ def housekeeping(mission: Mission) -> list[tuple[str, str, str]]:
             ("InputsMissing", "uint32", "inputs that never came, when this was asked for"),
             ("WakeupsEarly", "uint32", "of those ignored: within the step that was flown"),
             ("WakeupsMissing", "uint32", "steps that flight did not fly, by the mission elapsed time"),
-            ("TimeSets", "uint32", "how often that time went back, and flight began anew")]
+            ("TimeSets", "uint32", "how often that time went back, and flight began anew"),
+            *[("Spare", "uint32", "so that the size is a multiple of 8 bytes")] * (len(Reason) % 2)]
 
 
 def database(mission: Mission, app: App) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.commands import Dictionary
+from fledge.commands import Dictionary, Reason
 from fledge.elements import ELEMENTS
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.export import eds, sources, tables
@@ -117,7 +117,9 @@ def test_the_data_sheet_has_every_packet_with_its_size_and_topic(nadir, written)
     for kind, messages in (("TLM", nadir.outputs), ("IN", nadir.inputs)):
         for message in messages:
             assert size(packets[f"{message.name.upper()}_{kind}"]) == 16 + message.struct.size
-    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (184, 128, 40)
+    reasons = 4 * len(Reason)
+    assert (size(packets["HK_TLM"]), size(packets["FLIGHT_TLM"]), size(packets["REPORT_TLM"])) == (
+        104 + reasons + reasons % 8, 48 + reasons, 40)
     assert size("ReadReportTlm") == 40 + 512 and size("ArmCmd") == 14
     for command in ("Write", "Stage"):                  # a command for each parameter, and none for another byte
         written_to = {(i, at) for i, table in enumerate(found) for at in range(len(table.content))}
