@@ -12,7 +12,7 @@
 
 /* An id consists of kind, generation and index. Its generation tells the id of a deleted object from the id of the
  * object that took its place. */
-enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_FILE };
+enum { KIND_APP = 1, KIND_TASK, KIND_PIPE, KIND_STORE, KIND_MUTEX, KIND_BINARY, KIND_COUNTING, KIND_FILE, KIND_FOLDER };
 
 static inline uint32 make_id(uint32 kind, uint32 generation, uint32 index)
 {

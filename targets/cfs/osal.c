@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-/* One table holds all semaphores, then all open files. */
+/* One table holds all semaphores, then all open files and folders. */
 enum { FIRST_FILE = POCKET_SEMAPHORES, OBJECTS = FIRST_FILE + POCKET_FILES };
 
 typedef struct Object {
@@ -15,7 +15,7 @@ typedef struct Object {
     uint32 value;   ///< of a semaphore; of a mutex: how often its owner has taken it
     uint32 owner;   ///< of a mutex: the id of a task
     uint32 flushed; ///< of a binary semaphore: how often a task has flushed it
-    int32 port;     ///< of a file: the port's number
+    int32 port;     ///< of a file or folder: the port's number
 } Object;
 
 static struct {
@@ -100,11 +100,11 @@ static Object *object_of(osal_id_t id, uint32 kind)
     return i < OBJECTS && o->used && o->kind == kind && make_id(kind, o->generation, i) == id ? o : NULL;
 }
 
-/* Create an object of the calling app. Files have no name. */
+/* Create an object of the calling app. Files and folders have no name. */
 static int32 create_locked(osal_id_t *id, const char *name, uint32 kind, Object **created)
 {
-    const uint32 first = kind == KIND_FILE ? FIRST_FILE : 0u;
-    const uint32 end = kind == KIND_FILE ? OBJECTS : FIRST_FILE;
+    const uint32 first = kind >= KIND_FILE ? FIRST_FILE : 0u;
+    const uint32 end = kind >= KIND_FILE ? OBJECTS : FIRST_FILE;
     Object *object = NULL;
     for (uint32 i = first; i < end; i++) {
         Object *o = &os.objects[i];
@@ -128,7 +128,9 @@ static int32 create_locked(osal_id_t *id, const char *name, uint32 kind, Object 
 
 static int32 delete_locked(Object *o)
 {
-    const int32 closed = o->kind == KIND_FILE ? port_file_close(o->port) : 0;
+    const int32 closed = o->kind == KIND_FILE     ? port_file_close(o->port)
+                         : o->kind == KIND_FOLDER ? port_folder_close(o->port)
+                                                  : 0;
     o->used = false;
     o->generation++;
     pocket_wake_locked(o);
@@ -329,23 +331,26 @@ int32 OS_CountSemDelete(osal_id_t sem_id)
 
 /* ---- files */
 
-int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode)
+/* Open a file or a folder. */
+static int32 open_path(osal_id_t *id, const char *path, uint32 kind, int32 flags, int32 access)
 {
     Object *f;
-    if (filedes == NULL || path == NULL) {
+    if (id == NULL || path == NULL) {
         return OS_INVALID_POINTER;
     }
-    *filedes = OS_OBJECT_ID_UNDEFINED;
+    *id = OS_OBJECT_ID_UNDEFINED;
     if (strlen(path) >= OS_MAX_PATH_LEN) {
         return OS_FS_ERR_PATH_TOO_LONG;
     }
     pocket_lock();
-    int32 status = create_locked(filedes, NULL, KIND_FILE, &f);
+    int32 status = create_locked(id, NULL, kind, &f);
     if (status == OS_SUCCESS) {
-        f->port = port_file_open(path, access_mode, flags & OS_FILE_FLAG_CREATE, flags & OS_FILE_FLAG_TRUNCATE);
+        f->port = kind == KIND_FOLDER
+                      ? port_folder_open(path)
+                      : port_file_open(path, access, flags & OS_FILE_FLAG_CREATE, flags & OS_FILE_FLAG_TRUNCATE);
         if (f->port < 0) {
             f->used = false;
-            *filedes = OS_OBJECT_ID_UNDEFINED;
+            *id = OS_OBJECT_ID_UNDEFINED;
             status = OS_ERROR;
         }
     }
@@ -353,11 +358,16 @@ int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 acc
     return status;
 }
 
-/* The port's number of a file, or -1. */
-static int32 port_of(osal_id_t id)
+int32 OS_OpenCreate(osal_id_t *filedes, const char *path, int32 flags, int32 access_mode)
+{
+    return open_path(filedes, path, KIND_FILE, flags, access_mode);
+}
+
+/* The port's number of a file or folder, or -1. */
+static int32 port_of(osal_id_t id, uint32 kind)
 {
     pocket_lock();
-    const Object *f = object_of(id, KIND_FILE);
+    const Object *f = object_of(id, kind);
     const int32 port = f != NULL ? f->port : -1;
     pocket_unlock();
     return port;
@@ -365,7 +375,7 @@ static int32 port_of(osal_id_t id)
 
 int32 OS_read(osal_id_t filedes, void *buffer, size_t nbytes)
 {
-    const int32 port = port_of(filedes);
+    const int32 port = port_of(filedes, KIND_FILE);
     if (buffer == NULL) {
         return OS_INVALID_POINTER;
     }
@@ -374,7 +384,7 @@ int32 OS_read(osal_id_t filedes, void *buffer, size_t nbytes)
 
 int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes)
 {
-    const int32 port = port_of(filedes);
+    const int32 port = port_of(filedes, KIND_FILE);
     if (buffer == NULL) {
         return OS_INVALID_POINTER;
     }
@@ -383,7 +393,7 @@ int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes)
 
 int32 OS_lseek(osal_id_t filedes, int32 offset, uint32 whence)
 {
-    const int32 port = port_of(filedes);
+    const int32 port = port_of(filedes, KIND_FILE);
     return port < 0 ? OS_ERR_INVALID_ID : port_file_seek(port, offset, whence);
 }
 
@@ -398,4 +408,51 @@ int32 OS_remove(const char *path)
         return OS_INVALID_POINTER;
     }
     return port_file_remove(path) == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+int32 OS_rename(const char *old_filename, const char *new_filename)
+{
+    if (old_filename == NULL || new_filename == NULL) {
+        return OS_INVALID_POINTER;
+    }
+    return port_file_rename(old_filename, new_filename) == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+int32 OS_mkdir(const char *path, uint32 access)
+{
+    (void)access;
+    if (path == NULL) {
+        return OS_INVALID_POINTER;
+    }
+    return port_folder_make(path) == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+int32 OS_rmdir(const char *path)
+{
+    if (path == NULL) {
+        return OS_INVALID_POINTER;
+    }
+    return port_folder_remove(path) == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+int32 OS_DirectoryOpen(osal_id_t *dir_id, const char *path)
+{
+    return open_path(dir_id, path, KIND_FOLDER, 0, 0);
+}
+
+int32 OS_DirectoryRead(osal_id_t dir_id, os_dirent_t *dirent)
+{
+    const int32 port = port_of(dir_id, KIND_FOLDER);
+    if (dirent == NULL) {
+        return OS_INVALID_POINTER;
+    }
+    if (port < 0) {
+        return OS_ERR_INVALID_ID;
+    }
+    return port_folder_read(port, dirent->FileName, sizeof dirent->FileName) == 0 ? OS_SUCCESS : OS_ERROR;
+}
+
+int32 OS_DirectoryClose(osal_id_t dir_id)
+{
+    return delete_object(dir_id, KIND_FOLDER);
 }

@@ -44,5 +44,12 @@ int32 port_file_write(int32 file, const void *bytes, size_t n);
 int32 port_file_seek(int32 file, int32 offset, uint32 whence);
 int32 port_file_close(int32 file);
 int32 port_file_remove(const char *path);
+int32 port_file_rename(const char *from, const char *to);
+int32 port_folder_make(const char *path);
+int32 port_folder_remove(const char *path);
+int32 port_folder_open(const char *path);
+/** The name of the next entry, cut to `room` with its end; less than 0: there is none. */
+int32 port_folder_read(int32 folder, char *name, size_t room);
+int32 port_folder_close(int32 folder);
 
 #endif

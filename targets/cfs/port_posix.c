@@ -5,6 +5,7 @@
 #include "targets/cfs/config.h"
 #include "targets/cfs/port.h"
 
+#include <dirent.h>
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -13,6 +14,7 @@
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -192,4 +194,50 @@ int32 port_file_remove(const char *path)
 {
     char name[512];
     return translate(path, name, sizeof name) ? unlink(name) : -1;
+}
+
+int32 port_file_rename(const char *from, const char *to)
+{
+    char old[512], new[512];
+    return translate(from, old, sizeof old) && translate(to, new, sizeof new) ? rename(old, new) : -1;
+}
+
+int32 port_folder_make(const char *path)
+{
+    char name[512];
+    return translate(path, name, sizeof name) ? mkdir(name, 0755) : -1;
+}
+
+int32 port_folder_remove(const char *path)
+{
+    char name[512];
+    return translate(path, name, sizeof name) ? rmdir(name) : -1;
+}
+
+/* By their numbers. */
+static DIR *folders[4];
+
+int32 port_folder_open(const char *path)
+{
+    char name[512];
+    for (int32 i = 0; i < (int32)(sizeof folders / sizeof folders[0]); i++) {
+        if (folders[i] == NULL && translate(path, name, sizeof name)) {
+            folders[i] = opendir(name);
+            return folders[i] != NULL ? i : -1;
+        }
+    }
+    return -1;
+}
+
+int32 port_folder_read(int32 number, char *name, size_t room)
+{
+    const struct dirent *entry = readdir(folders[number]);
+    return entry != NULL && snprintf(name, room, "%s", entry->d_name) >= 0 ? 0 : -1;
+}
+
+int32 port_folder_close(int32 number)
+{
+    DIR *one = folders[number];
+    folders[number] = NULL;
+    return closedir(one);
 }

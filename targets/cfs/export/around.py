@@ -11,7 +11,7 @@ from fledge.commands import HEADER, Reason
 from fledge.export.c_text import comment, wrap
 from fledge.files import ROOT
 from fledge.targets.cfs.export import joint
-from fledge.targets.cfs.export.app import App
+from fledge.targets.cfs.export.app import App, has_files
 from fledge.targets.cfs.export.packets import MISSION, PLATFORM, guarded, housekeeping
 from fledge.targets.cfs.export.tables import HEAD_SIZE, Table
 
@@ -140,6 +140,11 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
         return "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_{end}_MID']:#06x} | {m.path} | {m.struct.name} | "
                          f"{16 + m.struct.size} |" for m in messages)
 
+    files = "" if not has_files(mission) else f"""## Files
+
+They are in `/cf/{name}`, which the app makes (`{prefix}_FILES_FOLDER`).
+
+"""
     command, request, wakeup = (ids[f"{prefix}_{one}_MID"] for one in ("CMD", "SEND_HK", "WAKEUP"))
     period = f"every {joint.step(mission) / 1e9:g} s"
     waking = (f"A child task wakes the app, {period}, by the message {wakeup:#06x}." if app.timer else
@@ -205,7 +210,7 @@ Each command is reported twice, when it is accepted and when it is executed, at 
 1 and 7 are executed at once. A refused one is an event and a counter too, with its reason. {request:#06x} asks for
 housekeeping and lets the tables take over what the ground loaded.
 
-## Tables
+{files}## Tables
 
 The parameters of each module, behind a word that tells byte order and version: a file of another is refused. What
 breaks its rules (finite, within its range, ...) is refused, with an event that

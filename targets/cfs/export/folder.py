@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.export import board as boards_of
 from fledge.export import c_source
 from fledge.targets.cfs.export import around, eds, joint, packets, sources, tables
-from fledge.targets.cfs.export.app import CMD, TLM, App, check_taken
+from fledge.targets.cfs.export.app import CMD, TLM, App, check_taken, has_files
 from fledge.export.commands import emit_commands
 from fledge.export.host import emit_host
 from fledge.export.read import ExportError, Mission
@@ -46,6 +46,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
         raise ExportError("--wakeup own: the clock of a board gives flight its time; leave it out")
     left_out = (() if joint.kept(mission, app) else ("keep.c",)) + (() if registers else ("registers.c",)) + (
         () if app.timer else ("timer.c",)) + (
+        ("files.c",) if watched or not has_files(mission) else ()) + (
         () if simulated else ("attach_file.c",)) + (("attach_memory.c",) if simulated or not registers else ())
     for template in sorted((HERE / "templates").glob("*.in")):
         what = template.name.removesuffix(".in")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fledge.export.c_source import row
 from fledge.export.c_text import comment
-from fledge.targets.cfs.export.app import services
+from fledge.targets.cfs.export.app import has_files, services
 from fledge.targets.cfs.export.packets import guarded
 from fledge.targets.cfs.export.tables import HEAD_SIZE, Table, described, layout_checks
 from fledge.export.read import ExportError
@@ -54,6 +54,7 @@ def header(mission: Mission, app: App, found: Sequence[Table], boards: Sequence[
         f"#define {prefix}_STEP_NS INT64_C({step(mission)}) /* between two wake-ups */",
         f"#define {prefix}_BOARDS {len(boards)}",
         f"#define {prefix}_TIMER {int(app.timer)} /* 1: the app wakes itself */",
+        f"#define {prefix}_FILES {int(has_files(mission) and not watched)} /* 1: files are in cFE's file system */",
         *keeping(mission, app),
         f"#define {prefix}_TABLES {len(found)}",
         f"#define {prefix}_TABLE_HEAD {HEAD_SIZE} /* [bytes] in front of the parameters */",

@@ -44,6 +44,11 @@ typedef void (*osal_task_entry)(void);
 #define OS_SEEK_CUR 1U
 #define OS_SEEK_END 2U
 
+typedef struct {
+    char FileName[OS_MAX_FILE_NAME];
+} os_dirent_t;
+#define OS_DIRENTRY_NAME(x) ((x).FileName)
+
 void OS_printf(const char *string, ...) OS_PRINTF(1, 2);
 
 int32 OS_TaskCreate(osal_id_t *task_id, const char *task_name, osal_task_entry function_pointer,
@@ -80,5 +85,13 @@ int32 OS_write(osal_id_t filedes, const void *buffer, size_t nbytes);
 int32 OS_lseek(osal_id_t filedes, int32 offset, uint32 whence);
 int32 OS_close(osal_id_t filedes);
 int32 OS_remove(const char *path);
+int32 OS_rename(const char *old_filename, const char *new_filename);
+
+int32 OS_mkdir(const char *path, uint32 access);
+int32 OS_rmdir(const char *path);
+int32 OS_DirectoryOpen(osal_id_t *dir_id, const char *path);
+/** The next entry, in no order, also `.` and `..`; OS_ERROR behind the last. */
+int32 OS_DirectoryRead(osal_id_t dir_id, os_dirent_t *dirent);
+int32 OS_DirectoryClose(osal_id_t dir_id);
 
 #endif

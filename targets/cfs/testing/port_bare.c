@@ -170,6 +170,45 @@ int32 port_file_remove(const char *path)
     return -1;
 }
 
+int32 port_file_rename(const char *from, const char *to)
+{
+    (void)from;
+    (void)to;
+    return -1;
+}
+
+int32 port_folder_make(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_remove(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_open(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_read(int32 folder, char *name, size_t room)
+{
+    (void)folder;
+    (void)name;
+    (void)room;
+    return -1;
+}
+
+int32 port_folder_close(int32 folder)
+{
+    (void)folder;
+    return -1;
+}
+
 void *port_load(const char *name, const char *entry_name, void (**entry)(void))
 {
     (void)name;
