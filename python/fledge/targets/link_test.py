@@ -146,6 +146,85 @@ def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(tar
     assert len(said) == 8 and said == desktop.splitlines()
 
 
+CARRIES = '''
+import sys
+from pathlib import Path
+from random import Random
+
+import fledge
+from fledge import ground
+from fledge.errors import Failure
+from fledge.ground.files import Files
+from fledge.units import minute, s
+
+with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays"), "./plays") as craft:
+    dice, send, receive = Random(1), craft.link.send, craft.link.receive
+    first = craft.dictionary.texts + 1                  # of the streams of services
+
+    def lossy(packet):
+        if packet[6] != 19 or dice.random() > 0.1:
+            send(packet)
+
+    def say(*what):
+        print(*what, craft.link.t / 1e9)
+
+    craft.link.send = lossy
+    craft.link.receive = lambda until: [one for one in receive(until) if int.from_bytes(one.packet[:2], "big") < first
+                                        or dice.random() > 0.1]
+    craft.files = Files(craft, rate=8000, timeout=2 * s)
+    plan = Random(2).randbytes(9000)
+    Path("plan").write_bytes(plan)
+    craft.listen(1 * s)
+    craft.command("telemetry", "flight.files.state").completed()
+    sent = craft.put("plan")
+    craft.listen(0.4 * s)
+    craft.command("reset").completed()                  # flight begins anew, and the file goes on
+    say(sent.completed(within=1 * minute))
+    got = craft.fetch("plan", to="got")
+    craft.wait(lambda _: got.done > 2000, within=20 * s)
+    got.suspend()
+    craft.listen(1 * s)
+    done = got.done
+    craft.listen(3 * s)
+    say("paused" if done == got.done < got.size else got)
+    got.resume()
+    say(got.completed(within=1 * minute), Path("got").read_bytes() == plan)
+    down = craft.command("send_file", "plan").started()
+    down.completed(within=1 * minute)
+    craft.wait(lambda _: craft.files.received, within=20 * s)       # when the end of the end has come, too
+    say(down.progress, craft.files.received[-1].read_bytes() == plan)
+    say(craft.directory())
+    try:
+        craft.fetch("none", to="none", within=20 * s)
+    except Failure as error:
+        say(error)
+    craft.listen(1 * s)
+    say(craft.telemetry.flight.files.state)
+'''
+
+
+def test_files_go_to_targets_over_a_link_with_losses_as_to_the_desktop(place, capfd):
+    """Each way, over a reset of flight and a pause. Targets say the same at the same times; on the desktop, where the
+    script looks more often than a node, losses meet other packets."""
+    on = [name for name in ("linux", "leon3") if not TARGETS[name].missing()]
+    (place / "plays/flight.py").write_text(FLIGHT + "    f.files = fsw.Files(entity=2, ground=1, rate=8000 / s, "
+                                           "ack_timer=2 * s, nak_timer=2 * s, allowed=15)\n"
+                                           "    f.task('files', every=100 * ms, run=[f.files])\n")
+    (place / "script.py").write_text(CARRIES)
+    said = []
+    for target in on:
+        (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
+        assert cli.main(["up", "node.toml"]) == 0, capfd.readouterr()
+        said.append((place / "runs/link/log/script.log").read_text().splitlines())
+    assert said == said[:1] * len(on)
+    desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
+    for lines in (said[0], desktop.splitlines()):
+        assert [line.rpartition(" ")[0] for line in lines[:-1]] == [
+            "<send plan as plan: complete>", "paused", "<fetch plan: complete> True", "100 True", "['plan']",
+            "fetch none: the file store refused it on board"]
+        assert "'delivered': 3, 'failed': 0" in lines[-1]
+
+
 BRIDGE = """
 simulation = "link"
 until = 120
