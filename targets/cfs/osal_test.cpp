@@ -135,4 +135,32 @@ TEST_F(Osal, FilesAreBelowTwoFolders)
     EXPECT_EQ(OS_remove("/ram/x"), OS_ERROR);
 }
 
+TEST_F(Osal, FoldersHaveEntries)
+{
+    osal_id_t f;
+    EXPECT_EQ(OS_mkdir("/ram/d", OS_READ_WRITE), 0);
+    EXPECT_EQ(OS_mkdir("/ram/d", OS_READ_WRITE), OS_ERROR);
+    EXPECT_EQ(OS_mkdir("/etc/d", OS_READ_WRITE), OS_ERROR);
+    for (const char *name : {"/ram/d/one", "/ram/d/a name that is too long for an entry"}) {
+        ASSERT_EQ(OS_OpenCreate(&f, name, OS_FILE_FLAG_CREATE, OS_READ_WRITE), 0);
+        EXPECT_EQ(OS_close(f), 0);
+    }
+    EXPECT_EQ(OS_rename("/ram/d/one", "/ram/d/two"), 0);
+    EXPECT_EQ(OS_rename("/ram/d/one", "/ram/d/two"), OS_ERROR);
+    EXPECT_EQ(OS_rmdir("/ram/d"), OS_ERROR); // it is not empty
+    osal_id_t d;
+    EXPECT_EQ(OS_DirectoryOpen(&d, "/ram/d/two"), OS_ERROR);
+    ASSERT_EQ(OS_DirectoryOpen(&d, "/ram/d"), 0);
+    EXPECT_EQ(OS_close(d), OS_ERR_INVALID_ID); // it is of another kind
+    std::vector<std::string> names;
+    for (os_dirent_t entry; OS_DirectoryRead(d, &entry) == 0;) {
+        names.emplace_back(OS_DIRENTRY_NAME(entry));
+    }
+    std::sort(names.begin(), names.end());
+    EXPECT_EQ(names, (std::vector<std::string>{".", "..", "a name that is too ", "two"}));
+    EXPECT_EQ(OS_DirectoryClose(d), 0);
+    os_dirent_t entry;
+    EXPECT_EQ(OS_DirectoryRead(d, &entry), OS_ERR_INVALID_ID);
+}
+
 } // namespace

@@ -295,7 +295,7 @@ def carries(sim):
 
 def test_files_are_the_same_on_every_target(tmp_path, capsys):
     folder = written(tmp_path / "carries", CARRYING, CARRIES)
-    on = [name for name in ("linux", "leon3", "micropython") if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
     assert cli.main(["fly", str(folder), "carries", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(folder)
