@@ -199,9 +199,14 @@ void port_add_file(const char *path, const uint8 *bytes, size_t n)
     }
 }
 
+static int is_path(const char *path)
+{
+    return (strncmp(path, "/cf/", 4) == 0 || strncmp(path, "/ram/", 5) == 0) && strlen(path) < PATH;
+}
+
 int32 port_file_open(const char *path, int access, int create, int truncate)
 {
-    if ((strncmp(path, "/cf/", 4) != 0 && strncmp(path, "/ram/", 5) != 0) || strlen(path) >= PATH) {
+    if (!is_path(path)) {
         return -1;
     }
     int32 i = find(path);
@@ -290,6 +295,50 @@ int32 port_file_remove(const char *path)
     }
     files[i].path[0] = '\0';
     return 0;
+}
+
+int32 port_file_rename(const char *from, const char *to)
+{
+    const int32 i = find(from), old = find(to);
+    if (i < 0 || !is_path(to) || (old >= 0 && old != i && port_file_remove(to) != 0)) {
+        return -1;
+    }
+    (void)strcpy(files[i].path, to);
+    return 0;
+}
+
+/* ---- there are no folders */
+
+int32 port_folder_make(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_remove(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_open(const char *path)
+{
+    (void)path;
+    return -1;
+}
+
+int32 port_folder_read(int32 folder, char *name, size_t room)
+{
+    (void)folder;
+    (void)name;
+    (void)room;
+    return -1;
+}
+
+int32 port_folder_close(int32 folder)
+{
+    (void)folder;
+    return -1;
 }
 
 /* ---- apps are linked */
