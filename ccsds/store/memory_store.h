@@ -28,7 +28,7 @@ enum {
 
 /** The head of the block; its pages follow. */
 typedef struct MemoryStore {
-    uint32_t pages;   ///< how many
+    uint32_t pages;   ///< how many; it may be lowered before a mount
     uint32_t free;    ///< pages that are free
     uint32_t serial;  ///< of the next file or change of a name
     uint32_t turn;    ///< the page that is taken next, if it is free, so that all wear equally

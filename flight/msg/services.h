@@ -51,6 +51,8 @@ typedef struct FilesState {
     uint32_t condition; ///< [-] CfdpCondition of the last fault; 0: there was none
     uint32_t used;      ///< [-] bytes of the store; of another one than its own: 0
     uint32_t free;      ///< [-] bytes of the store
+    uint32_t waiting;   ///< [-] pages that are to be read from the recorder, or written to it
+    uint32_t dropped;   ///< [-] files that were not whole in the recorder at the start
 } FilesState;
 
 #endif

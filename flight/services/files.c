@@ -115,6 +115,17 @@ static uint8_t limit(uint32_t value)
     return (uint8_t)(value != 0u ? value : 10u);
 }
 
+/* Its own store begins, if the recorder does not give it back first. */
+static void begin_store(Files *m)
+{
+    if (store_of(m)->pages == 0u) {
+        memory_store_begin(store_of(m), sizeof m->mem.store);
+    }
+    if (m->par.kept == 0u && store_of(m)->mounted == 0u) {
+        memory_store_mount(store_of(m));
+    }
+}
+
 /* Put the entity around the module's memory; leave() keeps what it changes. */
 static void enter(Entity *e, const CommandContext *context, Files *m)
 {
@@ -140,7 +151,7 @@ static void enter(Entity *e, const CommandContext *context, Files *m)
                              .frozen = (uint8_t)m->par.frozen};
     memcpy(e->ground.handlers, m->par.handlers, sizeof e->ground.handlers);
     const CfdpSetup setup = {.entity = m->par.entity,
-                             .store = host != NULL ? *host : memory_store_files(store_of(m)),
+                             .store = host != NULL && m->par.kept == 0u ? *host : memory_store_files(store_of(m)),
                              .tell = told,
                              .user = e,
                              .remotes = &e->ground,
@@ -155,10 +166,9 @@ static void enter(Entity *e, const CommandContext *context, Files *m)
                              .work_n = FILES_WORK,
                              .entity_bytes = 2u,
                              .sequence_bytes = 4u};
+    begin_store(m);
     if (m->mem.begun == 0u) {
         m->mem.begun = 1u;
-        memory_store_begin(store_of(m), sizeof m->mem.store);
-        memory_store_mount(store_of(m));
         /* By the time, so that no number comes twice after a reset of the computer, which forgets them. */
         cfdp_begin(&e->cfdp, &setup, (uint64_t)(context->t / SECOND) * 16u + 1u);
     } else {
@@ -179,6 +189,9 @@ static void run(const CommandContext *context, Files *m)
         return;
     }
     m->mem.updated = 0u;
+    if (m->par.kept != 0u && store_of(m)->mounted == 0u) {
+        return; /* what has come waits */
+    }
     Entity e;
     enter(&e, context, m);
     for (uint32_t i = 0u; i < FILES_PARTS; i++) {
@@ -471,6 +484,23 @@ const CommandService files_service = {.first = COMMAND_FILE_SEND,
 
 /* ---- the module */
 
+static void mirror(Files *m, Tick t)
+{
+    begin_store(m);
+    MemoryStore *store = store_of(m);
+    const uint32_t before = store->mounted;
+    mirror_update(&m->mem.mirror, store, &m->in.recorded, &m->out.request, t);
+    if (store->mounted == before) {
+        return;
+    }
+    const CfdpStore files = memory_store_files(store);
+    char name[] = ".cfdp0"; /* what was being received before the reset */
+    for (uint32_t i = 0u; i < FILES_TRANSACTIONS; i++) {
+        name[sizeof name - 2u] = (char)('0' + i);
+        files.remove(files.user, name);
+    }
+}
+
 void files_reset(Files *m)
 {
     memset(&m->out, 0, sizeof m->out); /* the memory stays, so that transactions go on */
@@ -483,6 +513,9 @@ void files_update(Files *m, Tick t)
     m->mem.t = t.t;
     m->mem.dt = t.dt;
     m->mem.updated = 1u;
+    if (m->par.kept != 0u) {
+        mirror(m, t);
+    }
     s->receiving = s->sending = s->refused = 0u;
     for (uint32_t i = 0u; i < FILES_TRANSACTIONS; i++) {
         s->receiving += p->transactions[i].state >= (uint8_t)CFDP_RECEIVING;
@@ -499,6 +532,8 @@ void files_update(Files *m, Tick t)
     s->delivered = m->mem.sent;
     s->failed = m->mem.failed;
     s->condition = m->mem.condition;
+    s->waiting = m->mem.mirror.left;
+    s->dropped = store_of(m)->lost;
     s->free = store_of(m)->free * (uint32_t)MEMORY_DATA;
     s->used = store_of(m)->pages * (uint32_t)MEMORY_DATA - s->free;
     s->head = head_next(s->head, t.t, QUALITY_GOOD);

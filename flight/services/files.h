@@ -3,8 +3,10 @@
 #define FLIGHT_SERVICES_FILES_H
 
 #include "flight/command/command.h"
+#include "flight/msg/avionics.h"
 #include "flight/msg/event.h"
 #include "flight/msg/services.h"
+#include "flight/services/mirror.h"
 
 enum {
     FILES_PAGES = 1024,      ///< of the store, each for 244 bytes of a file, or for a name
@@ -56,8 +58,10 @@ typedef struct FilesJob {
  *  telemetry. Its time is that of its updates.
  *
  *  Files are in a store in its memory (ccsds/store/memory_store.h) of 1024 pages: one for each name, and one for each
- *  244 bytes. A host may give another store. A file has its name only when it is whole. A reset of flight by command
- *  loses none, and transactions go on; after a reset of the computer the store is empty.
+ *  244 bytes. A recorder may keep it (flight/services/mirror.h), a page at each update; else a host may give another
+ *  store. A file has its name only when it is whole. A reset of flight by command loses none, and transactions go on;
+ *  after a reset of the computer the store is empty, or as the recorder kept it. Until all its pages are back, commands
+ *  for files fail, and PDUs wait.
  *
  *  The commands 20 to 22 send a file to the ground, control a transaction and remove a file; what the ground itself
  *  sends, asks for by proxy or lists needs no command, if `allowed`. A command that sends is reported as started, with
@@ -68,8 +72,12 @@ typedef struct FilesJob {
  *  as COMMAND_COMMIT does, whole or not at all; what is staged is lost. Command 24 writes the file of what counts. */
 typedef struct Files {
     struct {
+        RecorderReply recorded; ///< optional: of the recorder that keeps the store
+    } in;
+    struct {
         FilesState state;
         FlightEvent event;
+        RecorderRequest request;
     } out;
     struct {
         double rate;            ///< [1/s] required, > 0: bytes of PDUs sent
@@ -93,12 +101,13 @@ typedef struct Files {
         uint32_t frozen;        ///< [-] in [0, 1]: 1: the link is out: nothing is sent, and timers rest
         uint32_t priority;      ///< [-] in [0, 255]: of files sent by command; those of proxies have that of the ground
         uint8_t handlers[16];   ///< [-] in [0, 4]: CfdpHandler by CfdpCondition; 0: it is cancelled
-        uint32_t spare;
+        uint32_t kept;          ///< [-] in [0, 1]: 1: the recorder keeps the store: wire `recorded` and `request`
     } par;
     struct {
         uint64_t protocol[FILES_PROTOCOL]; ///< [-] of the entity: FilesProtocol in files.c
         uint64_t store[FILES_STORE / 8];   ///< [-] the MemoryStore
         FilesJob jobs[FILES_TRANSACTIONS];
+        Mirror mirror;
         int64_t t;                  ///< [ns] of the last update
         int64_t dt;                 ///< [ns] before it
         double budget;              ///< [-] bytes that may be sent

@@ -255,6 +255,7 @@ protected:
         if (t_ % (500 * ms) == 0) {
             files_update(&mission_->files, {t_, updated_ < 0 ? 0 : t_ - updated_});
             updated_ = t_;
+            record();
         }
         if (mission_->files.out.event.count != counted_) {
             counted_ = mission_->files.out.event.count;
@@ -267,6 +268,24 @@ protected:
             if (!lost()) {
                 cfdp_take(&ground_.cfdp, sent_[i].data(), sent_[i].size());
             }
+        }
+    }
+    /// The recorder, if it has pages.
+    void record()
+    {
+        const RecorderRequest &request = mission_->files.out.request;
+        RecorderReply &reply = mission_->files.in.recorded;
+        reply.head = head_next(reply.head, t_, QUALITY_GOOD);
+        reply.pages = static_cast<uint32_t>(recorder_.size());
+        if (request.code == RECORDER_NOTHING || request.number == reply.number) {
+            return;
+        }
+        reply.number = request.number;
+        uint8_t *page = recorder_.at(request.page).data();
+        if (request.code == RECORDER_WRITE) {
+            std::memcpy(page, request.data, RECORDER_PAGE);
+        } else {
+            std::memcpy(reply.data, page, RECORDER_PAGE);
         }
     }
     void run(int64_t duration)
@@ -327,6 +346,7 @@ protected:
     CommandState state_{};
     int64_t t_ = 0, updated_ = -1;
     double loss_ = 0;
+    std::vector<Bytes> recorder_{};
     std::mt19937 random_{7};
     std::deque<Bytes> up_{};
     std::vector<CommandReport> reports_{};
@@ -608,6 +628,38 @@ TEST_F(FilesTest, after_a_reset_of_the_computer_numbers_go_on_and_the_ground_is_
     run(10 * s);
     EXPECT_GT(static_cast<uint32_t>(reported(32)[1][2]), before);
     EXPECT_EQ(get_file(ground_.store(), "down"), any_bytes(3, 500));
+}
+
+TEST_F(FilesTest, a_recorder_keeps_files_over_a_reset_of_the_computer)
+{
+    mission_->files.par.kept = 1;
+    recorder_.assign(60, Bytes(RECORDER_PAGE));
+    put_file(ground_.store(), "up", any_bytes(1, 5000));
+    put_file(ground_.store(), "next", any_bytes(2, 5000));
+    ground_.put("up", "up");
+    run(10 * s);
+    EXPECT_NE(did(command(COMMAND_TABLE_DUMP, 0, "table")), COMMAND_OK); // the pages are not back yet
+    EXPECT_GT(state().waiting, 30u);
+    run(60 * s);
+    EXPECT_EQ(get_file(store(), "up"), any_bytes(1, 5000));
+    EXPECT_EQ(state().waiting, 0u);
+
+    ground_.put("next", "next");
+    run(300 * ms);
+    loss_ = 1;
+    run(3 * s);
+    EXPECT_EQ(state().receiving, 1u);
+    loss_ = 0;
+    std::memset(&mission_->files.mem, 0, sizeof mission_->files.mem);
+    files_reset(&mission_->files);
+    command_begin(&state_);
+    run(120 * s);
+    EXPECT_EQ(get_file(store(), "up"), any_bytes(1, 5000));
+    EXPECT_EQ(get_file(store(), "next"), any_bytes(2, 5000)) << "it was on its way";
+    EXPECT_EQ(ground_.ended(), 0);
+    EXPECT_EQ(state().used, 2u * (1u + 21u) * MEMORY_DATA);
+    EXPECT_EQ(state().used + state().free, 60u * MEMORY_DATA);
+    EXPECT_EQ(state().waiting + state().failed, 0u);
 }
 
 TEST_F(FilesTest, a_copy_of_the_memory_goes_on_alike)

@@ -14,7 +14,6 @@ static void take(Mirror *mirror, MemoryStore *store, const RecorderReply *reply,
             mirror->damaged += reply->answer == RECORDER_DAMAGED;
         }
         mirror->page++;
-        mirror->left = store->pages - mirror->page;
     } else if (reply->answer != RECORDER_DONE) {
         mirror->worn++;
         memory_store_move(store, request->page);
@@ -47,12 +46,11 @@ void mirror_update(Mirror *mirror, MemoryStore *store, const RecorderReply *repl
     const uint32_t kept = reply->pages < store->pages ? reply->pages : store->pages;
     if (mirror->waits == 0u && store->mounted == 0u && mirror->page < kept) {
         ask(mirror, request, RECORDER_READ, mirror->page);
+        mirror->left = kept - mirror->page;
     } else if (mirror->waits == 0u) {
         if (store->mounted == 0u) {
+            store->pages = kept;
             memory_store_mount(store);
-            for (uint32_t page = kept; page < store->pages; page++) {
-                memory_store_move(store, page); /* the recorder has no such page */
-            }
         }
         uint32_t n;
         const int32_t dirty = memory_store_dirty(store, &n);

@@ -140,7 +140,8 @@ class Mission:
         flight/math is needed beside them."""
         driven = {"flight/telemetry/services.c"} if self.services else set()
         if any(m.type == "Files" for m in self.modules):
-            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c"}
+            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c",
+                       "flight/services/mirror.c"}
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | driven)
 
     @property
