@@ -16,7 +16,7 @@ BOARD = build.ROOT / "missions/flatsat/board.toml"
 DOWN = 63.5     # [s] the first instant of flight after the reset at 60.3 s, seen at 60.5 s, and 3 s
 
 
-@pytest.mark.parametrize("scenario", ["manoeuvre", "commanded", "silent"])
+@pytest.mark.parametrize("scenario", ["manoeuvre", "commanded", "silent", "kept"])
 def test_the_scenarios_pass(scenario):
     sim = fledge.load("flatsat")
     sim.plots = False
@@ -115,9 +115,10 @@ def everywhere():
 
 
 def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(folder, capsys):
+    """With files that the recorder keeps over it, and the ground's packets."""
     on = everywhere()
-    assert cli.main(["fly", "flatsat", "manoeuvre", "--for", "2min", "--on", on, "--board", str(BOARD), "--out",
-                     str(folder)]) == 0, capsys.readouterr()
+    assert cli.main(["fly", "flatsat", "kept", "--on", on, "--board", str(BOARD), "--out", str(folder)]) == 0, \
+        capsys.readouterr()
     desktop = Archive(folder / "desktop.mcap")
     outputs = [topic for topic in desktop.topics if topic.startswith("/flight/")]
     for name in on.split(","):
@@ -125,6 +126,7 @@ def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(f
         assert compare(desktop, target, outputs, times=lambda t: (t < 60.5e9) | (t >= DOWN * 1e9)) == []
         assert len(target.time("/flight/boot/boot")) == 241 - 6
         assert target["/flight/boot/boot"]["boots"][-1] == 2
+        assert target["/flight/files/state"]["dropped"][-1] == 1 and target["/flight/files/state"]["delivered"][-1] == 2
         log = (folder / f"{name}.log").read_text()
         figures = dict(line.split()[1:] for line in log.splitlines() if len(line.split()) == 3)
         assert {figures.get(key, "0") for key in ("refused", "corrupt", "saturated", "skipped", "outside_refused",

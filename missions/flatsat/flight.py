@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What flies on the flat-sat: an inertial attitude, by wheels that take counts and give counts; the direction to the
-Sun by two converters, the vehicle's time, loads, burns, and a count of the computer's starts."""
+Sun by two converters, the vehicle's time, loads, burns, a count of the computer's starts, and files."""
 from fledge import flight as fsw
 from fledge.units import A, N, V, kg, m, mA, ms, ohm, s, us
 
@@ -31,6 +31,7 @@ def build(f):
     f.power    = fsw.PowerManager(on=0b111, clears=2, clear_after=10 * s)
     f.burns    = fsw.BurnSchedule(armed=1, ahead=5 * s, start=[30, 62, 90, 90.2, 120] * s, thruster=[0, 1, 2, 2, 3],
                                   duration=[0.25, 1, 0.1, 0.3, 2] * s)
+    f.files    = fsw.Files(entity=2, ground=1, rate=2000, allowed=0b1111, kept=1)
 
     f.connect(
         f.guidance.reference >> f.tracking.reference,
@@ -43,5 +44,6 @@ def build(f):
     )
     f.task("gnc", every=0.5 * s, run=[f.speeds, f.guidance, f.tracking, f.control, f.motor, f.drive])
     f.task("units", every=0.5 * s, run=[f.sun, f.time, f.boot, f.power, f.burns])
+    f.task("files", every=0.5 * s, run=[f.files])
 
     f.reset_by(f.boot.computer, down=3 * s)

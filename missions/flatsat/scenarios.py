@@ -61,6 +61,34 @@ def silent(sim):
     _is_back(sim, log, boots=3)
 
 
+def kept(sim):
+    """A file that the ground sends before the reset is there after it: the recorder has kept it, although a page is worn
+    out and bits have flipped meanwhile. One that has lost two bits of a word is dropped."""
+    from pathlib import Path
+    from random import Random
+    from tempfile import TemporaryDirectory
+
+    from fledge import ground
+
+    f, w = sim.flight, sim.world
+    with TemporaryDirectory() as folder, ground.connect(sim) as craft:
+        plan, table, back = (Path(folder) / name for name in ("plan", "table", "back"))
+        plan.write_bytes(Random(1).randbytes(1500))
+        table.write_bytes(Random(2).randbytes(700))
+        craft.listen(20 * s)
+        craft.put(plan, to="plans", within=15 * s)
+        craft.put(table, within=15 * s)
+        while f.files.state.waiting:
+            craft.listen(0.5 * s)
+        assert sim.time < 60, "the recorder took too long"
+        craft.listen((85 - sim.time) * s)
+        assert f.files.state.waiting == 0 and f.files.state.dropped == w.recorder.state.damaged == 1
+        assert craft.directory() == ["plans"] and w.recorder.state.corrected == 2 and w.recorder.state.worn == 1
+        craft.fetch("plans", to=back, within=20 * s)
+        assert back.read_bytes() == plan.read_bytes(), "the file is not what it was"
+        craft.listen((120 - sim.time) * s)
+
+
 def _is_back(sim, log, boots):
     """The start was counted in non-volatile memory, and the vehicle's time is that of the master, which goes on."""
     f, w = sim.flight, sim.world

@@ -31,6 +31,14 @@ def build(w, f):
     w.card   = world.PropulsionCard(n=4, load=LOADS["propulsion"], min_on=20 * ms)
     w.memory = world.Interconnect(slots=8)
 
+    # A page is worn out. While the computer is down, a bit flips in two pages of the first file, and two flip in a word
+    # of the second one.
+    w.recorder = world.Recorder(pages=32, write_time=2 * ms, read_time=1 * ms, faults=[
+        {"kind": "WEAR", "page": 4},
+        {"kind": "FLIP", "page": 1, "bit": 1000, "bits": 1, "begin": 61 * s},
+        {"kind": "FLIP", "page": 3, "bit": 1003, "bits": 1, "begin": 61 * s},
+        {"kind": "FLIP", "page": 9, "bit": 512, "bits": 2, "begin": 62 * s}])
+
     w.connect(
         w.craft.state        >> [w.nav.truth, w.css.truth],
         w.css.currents       >> [w.adc_a.currents, w.adc_b.currents],
@@ -47,6 +55,7 @@ def build(w, f):
         w.clock.reading      >> f.time.clock,
         w.memory.reply       >> f.boot.reply,
         w.memory.state       >> f.boot.interconnect,
+        w.recorder.reply     >> f.files.recorded,
         w.power.computer     >> f.boot.computer,
         w.power.telemetry    >> f.power.power,
         w.card.state         >> f.burns.card,
@@ -55,9 +64,10 @@ def build(w, f):
         f.drive.drive        >> w.driver.drive,
         f.time.command       >> w.clock.command,
         f.boot.request       >> w.memory.request,
+        f.files.request      >> w.recorder.request,
         f.power.command      >> w.power.command,
         f.burns.burn         >> w.card.burn,
     )
     w.integrator = world.RK4()
     w.task("dynamics", every=100 * ms, run=[w.driver, w.craft, w.nav, w.css, w.adc_a, w.adc_b, w.power, w.clock, w.card,
-                                            w.memory])
+                                            w.memory, w.recorder])
