@@ -67,10 +67,10 @@ def passes(sim):
 '''
 
 
-def written(folder, flight, scenarios):
+def written(folder, flight, scenarios, world=WORLD):
     """A mission in a new folder."""
     folder.mkdir()
-    for name, text in (("flight", flight), ("world", WORLD), ("scenarios", scenarios)):
+    for name, text in (("flight", flight), ("world", world), ("scenarios", scenarios)):
         (folder / f"{name}.py").write_text(text)
     return folder
 
@@ -332,6 +332,74 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
     size, crc = checked(next(one.data for one in commands.reports if one.code == Code.CHECK and one.executed))
     whole = commands.table(sim.flight.control)
     assert (size, crc) == (len(whole) - 16, int.from_bytes(whole[12:14], "big"))
+
+
+MEETING = WATCHED + '''
+    f.files = fsw.Files(entity=2, ground=1, rate=1000 / s, segment=32, allowed=7)
+    f.task("files", every=400 * ms, run=[f.files])
+'''
+
+FAULTY = WORLD.replace("w.nav    = world.Navigation()",
+                       "w.nav    = world.Navigation(faults=[dict(kind='BIAS', channels=1, size=0.5, begin=4 * s)])")
+
+MEETS = '''
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from fledge import ground
+from fledge.commands import Packets
+from fledge.units import s
+
+
+def meets(sim):
+    """A ground in the loop: commands, a table up and down, and a fault, which a monitor answers by a sequence."""
+    with TemporaryDirectory() as folder, ground.connect(sim) as craft:
+        p, table, back = Packets(craft.dictionary), Path(folder) / "table", Path(folder) / "back"
+        table.write_bytes(sim.flight.commands.table(sim.flight.control, K=3.5))
+        craft.command("telemetry").completed()
+        answer = [(0, p.mode("rest")), (10**9, p.write("flight.control", K=-3)[0])]
+        craft.command("store_sequence", 1, answer).completed()
+        craft.command("monitor", 0, "flight.tracking.error.sigma_BR", measure="max_abs", change=True, low=-0.05,
+                      high=0.05, starts=1).completed()
+        craft.put(table, to="next", within=10 * s)
+        craft.command("load_table", "flight.control", "next").completed()
+        craft.command("mode", "point").completed()
+        craft.command("dump_table", "flight.control", "now").completed()
+        craft.fetch("now", back, within=10 * s)
+        assert back.read_bytes() == table.read_bytes() and sim.time < 4
+        craft.wait(lambda t: t.mode == "rest", within=10 * s)
+        craft.listen(2 * s)
+'''
+
+
+def test_the_same_flight_gives_the_same_packets_on_every_target(tmp_path, capsys, monkeypatch):
+    """Byte for byte, those of the desktop too, and the ground in the scenario is content with each."""
+    folder = written(tmp_path / "meets", MEETING, MEETS, FAULTY)
+    on = [name for name in ("linux", "aarch64", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
+    out = tmp_path / "out"
+    assert cli.main(["fly", str(folder), "meets", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    assert capsys.readouterr().out.count(": write, at 5.1 s: the parameters would break a rule\n") == 1 + len(on)
+    sim = fledge.load(folder)
+    commands, desktop = sim.flight.commands, []
+    take = commands.take_packets
+
+    def taken():
+        found = take()
+        desktop.extend(found)
+        return found
+
+    monkeypatch.setattr(commands, "take_packets", taken)
+    sim.scenarios["meets"]()
+    for name in on:
+        flown = read_script((out / f"{name}.telemetry.txt").read_text())
+        assert [one.packet for one in flown] == [one.packet for one in desktop], name
+    paths = [decoded(commands.dictionary, one.packet).path for one in desktop]
+    assert {path: paths.count(path) for path in ("files", "reports", "flight.files.event")} == {
+        "files": 14, "reports": 20, "flight.files.event": 3}
+    own = [(one.monitor, one.stored_on, one.code, one.reason) for one in commands.reports
+           if one.executed and (one.monitor, one.stored_on) != (None, None)]
+    assert own == [(0, None, Code.CONTROL, Reason.OK), (None, 1, Code.MODE, Reason.OK),
+                   (None, 1, Code.WRITE, Reason.RULE)]
 
 
 def test_files_on_board_have_names(tmp_path):
