@@ -117,7 +117,7 @@ void Commands::begin()
     command_begin(&state_);
     telemetry_begin(&telemetry_);
     reports_.clear();
-    place_ = 0;
+    place_ = played_ = 0;
     told_ = -1;
 }
 
@@ -156,6 +156,12 @@ Ns Commands::scripted() const
     return place_ < process_.script().size() ? process_.script()[place_].after : Runtime::never;
 }
 
+Ns Commands::played() const
+{
+    const auto &packets = process_.played_telemetry();
+    return packets && played_ < packets->size() ? (*packets)[played_].t : Runtime::never;
+}
+
 Ns Commands::next(Ns now) const
 {
     Ns after = state_.waiting > 0 ? now : scripted();
@@ -173,6 +179,8 @@ Ns Commands::next(Ns now) const
 void Commands::find_place(Ns t)
 {
     for (place_ = 0; scripted() < t; place_++) {
+    }
+    for (played_ = 0; played() <= t; played_++) {
     }
 }
 
@@ -327,15 +335,25 @@ void Commands::tell(Ns t)
         const CommandContext context{&state_, &table_, this, t, 0};
         telemetry_services(&telemetry_, &context, report, keep, this);
     }
+    for (; played() <= t; played_++) {
+        send((*process_.played_telemetry())[played_]);
+    }
 }
 
 void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)
 {
     auto &me = *static_cast<Commands *>(self);
-    for (Carrier *one : me.carriers_) {
-        one->send_down(me.told_, {packet, n});
+    if (!me.process_.played_telemetry()) {
+        me.send({me.told_, {packet, packet + n}});
     }
-    me.process_.telemetry.put(me.told_, {packet, n});
+}
+
+void Commands::send(const Packet &packet)
+{
+    for (Carrier *one : carriers_) {
+        one->send_down(packet.t, packet.bytes);
+    }
+    process_.telemetry.put(packet.t, packet.bytes);
 }
 
 void Commands::visit_state(const std::function<void(void *, std::size_t)> &block)

@@ -60,6 +60,8 @@ private:
 
     static void report(void *self, const CommandReport *report, const std::uint8_t *data);
     static void keep(void *self, const std::uint8_t *packet, std::uint32_t n);
+    void send(const Packet &packet);
+    Ns played() const; ///< the time of the next packet of a target that flew
 
     Runtime &runtime_;
     Process &process_;
@@ -89,8 +91,8 @@ private:
     std::vector<std::byte> image_; ///< a mission's memory for telemetry: the address of this object, then the outputs
     std::vector<std::uint8_t> packet_;
     TelemetryTable telemetry_{};
-    Ns told_ = -1;          ///< the instant that telemetry is about
-    std::size_t place_ = 0; ///< in the script
+    Ns told_ = -1;                       ///< the instant that telemetry is about
+    std::size_t place_ = 0, played_ = 0; ///< in the script, and in the packets of a target that flew
 };
 
 } // namespace fledge::sim

@@ -340,6 +340,12 @@ CommandReason Process::command(const std::vector<std::uint8_t> &packet)
     return owner_->runtime_->command(*this, packet);
 }
 
+void Process::play_telemetry(std::vector<Packet> packets)
+{
+    telemetry.take(); // it keeps them from now on
+    played_telemetry_ = std::move(packets);
+}
+
 Carrier &Process::carrier(const Instance &model)
 {
     owner_->prepare();

@@ -290,7 +290,10 @@ public:
     CommandCounters command_counters() const;
     CommandLink ground() const; ///< the link by which commands come
     Units telemetry;            ///< its packets
-    Units heard;                ///< what carriers brought, each after the time before its instant
+    /// From now on its packets are these, in the order of time, of a target that flew.
+    void play_telemetry(std::vector<Packet> packets);
+    const std::optional<std::vector<Packet>> &played_telemetry() const { return played_telemetry_; }
+    Units heard; ///< what carriers brought, each after the time before its instant
 
 private:
     friend class Simulation;
@@ -311,6 +314,7 @@ private:
     std::function<void(Ns t)> flight_;
     std::shared_ptr<const Dictionary> dictionary_;
     std::vector<ScriptedCommand> script_;
+    std::optional<std::vector<Packet>> played_telemetry_;
     ProcedureHost procedure_host_;
     std::optional<ResetLine> reset_;
     int initial_ = -1;

@@ -517,6 +517,15 @@ void bind_process(py::module_ &m)
         .def(
             "take_packets", [](sim::Process &p) { return packets_of(p.telemetry.take()); },
             "(t, packet of telemetry) since the last call; they are kept from the first call on")
+        .def("play_telemetry",
+             [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &packets) {
+                 std::vector<sim::Packet> all;
+                 for (const auto &[t, bytes] : packets) {
+                     const std::string_view view = bytes;
+                     all.push_back({t, {view.begin(), view.end()}});
+                 }
+                 p.play_telemetry(std::move(all));
+             })
         .def_property_readonly(
             "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },
             "(whether a command was accepted, the sequence of the last one)")

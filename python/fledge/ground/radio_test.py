@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fledge import Orbit, Simulation, flight as fsw, ground, world
-from fledge.commands import Reason
+from fledge.commands import Reason, Timed
 from fledge.errors import SetupError
 from fledge.units import Hz, K, deg, kg, km, m, minute, rad, s
 
@@ -74,6 +74,19 @@ def test_a_pass_with_commands_before_it_and_telemetry_after_one_light_time():
     assert sim.flight.commands.counters.executed == 1
 
 
+def test_the_packets_of_a_target_that_flew_go_by_radio():
+    sim, at = passing(), 480 * 10**9
+    packets = [Timed(-1, b"first"), Timed(at, b"second"), Timed(at, b"third")]
+    sim.flight.commands.play(packets)
+    _, take, _ = sim.flight.commands.by(sim.world.radio)
+    sim.flight.commands.telemetry("flight.hill.reference")      # of the desktop's, which is not sent
+    sim.run(10 * minute)
+    came = take()
+    assert [one.packet for one in came] == [b"second", b"third"] and sim.world.radio.down_traffic.lost == 1
+    assert 2e6 < came[0].t - at < 10e6 and came[1].t - came[0].t == 8 * 5 / 64e3 * 1e9
+    assert sim.flight.commands.take_packets() == packets
+
+
 def test_a_wrong_bit_is_refused_by_flight_and_counted():
     sim = passing(up_eirp_dBW=-10)
     radio = sim.world.radio
@@ -100,6 +113,19 @@ def test_telemetry_with_wrong_bits_is_found_by_the_ground_as_far_as_packets_show
     traffic = sim.world.radio.down_traffic
     assert traffic.received > 300 and traffic.damaged > 100
     assert 0 < craft.refused < traffic.damaged      # of a packet in the middle, only the header has a check
+
+
+def test_files_are_whole_behind_wrong_bits_both_ways(tmp_path):
+    sim = passing(up_eirp_dBW=0, down_eirp_dBW=-31)
+    sim.flight.files = fsw.Files(entity=2, ground=1, rate=4000 / s, allowed=15, ack_timer=2 * s, nak_timer=2 * s, crc=1)
+    sim.flight.task("files", every=0.5 * s, run=[sim.flight.files])
+    craft, radio = ground.connect(sim, radio=sim.world.radio), sim.world.radio
+    (tmp_path / "plan").write_bytes(bytes(range(256)) * 80)
+    sim.run(8 * minute)
+    craft.put(tmp_path / "plan", within=2 * minute)
+    craft.fetch("plan", to=tmp_path / "back", within=2 * minute)
+    assert (tmp_path / "back").read_bytes() == (tmp_path / "plan").read_bytes()
+    assert radio.up_traffic.damaged > 10 and radio.down_traffic.damaged > 5
 
 
 def test_a_slow_transmitter_drops_what_it_has_no_room_for():

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 import weakref
-from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -58,7 +57,6 @@ class Commands:
         core.take_heard()   # is kept from now on
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
-        self._played: deque[Timed] | None = None
         self._attach()
 
     def _attach(self):
@@ -210,17 +208,11 @@ class Commands:
     def take_packets(self) -> list[Timed]:
         """The packets of telemetry since the last call, and the instant [ns] of each, as targets send them; -1: before
         the first instant. They are kept from the first call on."""
-        if self._played is not None:
-            now = self._process()._core_simulation.time
-            due: list[Timed] = []
-            while self._played and self._played[0].t <= now:
-                due.append(self._played.popleft())
-            return due
         return [Timed(t, packet) for t, packet in self._core.take_packets()]
 
     def play(self, packets: Iterable[Timed]) -> None:
-        """Have take_packets() give these, of a target that flew, in the order of time."""
-        self._played = deque(packets)
+        """Send these from now on, of a target that flew, in the order of time; by radios, too."""
+        self._core.play_telemetry([(one.t, one.packet) for one in packets])
 
     def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]], Callable[[], int]]:
         """The ground's end of a radio, a world.Radio that serves this process: send(bytes); take(), what has come since
