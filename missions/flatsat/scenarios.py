@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All avionics at work, and the three ways to a reset of the computer."""
+"""All avionics at work, the three ways to a reset of the computer, and files that outlive it."""
 from fledge.units import minute, s
 
 
