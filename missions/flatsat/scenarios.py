@@ -62,8 +62,8 @@ def silent(sim):
 
 
 def kept(sim):
-    """A file that the ground sends before the reset is there after it: the recorder has kept it, although a page is worn
-    out and bits have flipped meanwhile. One that has lost two bits of a word is dropped."""
+    """A file that the ground sends before the reset is there after it: the recorder has kept it, although a page is
+    worn out and bits have flipped meanwhile. One that has lost two bits of a word is dropped."""
     from pathlib import Path
     from random import Random
     from tempfile import TemporaryDirectory
