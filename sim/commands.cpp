@@ -180,7 +180,7 @@ void Commands::find_place(Ns t)
 {
     for (place_ = 0; scripted() < t; place_++) {
     }
-    for (played_ = 0; played() <= t; played_++) {
+    for (played_ = 0; t >= 0 && played() <= t; played_++) { // the first instant sends what was before it
     }
 }
 

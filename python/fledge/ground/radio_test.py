@@ -80,8 +80,11 @@ def test_the_packets_of_a_target_that_flew_go_by_radio():
     sim.flight.commands.play(packets)
     _, take, _ = sim.flight.commands.by(sim.world.radio)
     sim.flight.commands.telemetry("flight.hill.reference")      # of the desktop's, which is not sent
-    sim.run(10 * minute)
+    other = sim.clone()
+    for one in (sim, other):
+        one.run(10 * minute)
     came = take()
+    assert sim.snapshot() == other.snapshot()
     assert [one.packet for one in came] == [b"second", b"third"] and sim.world.radio.down_traffic.lost == 1
     assert 2e6 < came[0].t - at < 10e6 and came[1].t - came[0].t == 8 * 5 / 64e3 * 1e9
     assert sim.flight.commands.take_packets() == packets
