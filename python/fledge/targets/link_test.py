@@ -146,6 +146,10 @@ def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(tar
     assert len(said) == 8 and said == desktop.splitlines()
 
 
+CARRYING = FLIGHT + """
+    f.files = fsw.Files(entity=2, ground=1, rate=8000 / s, ack_timer=2 * s, nak_timer=2 * s, allowed=15)
+    f.task("files", every=100 * ms, run=[f.files])
+"""
 CARRIES = '''
 import sys
 from pathlib import Path
@@ -207,9 +211,7 @@ def test_files_go_to_targets_over_a_link_with_losses_as_to_the_desktop(place, ca
     """Each way, over a reset of flight and a pause. Targets say the same at the same times; on the desktop, where the
     script looks more often than a node, losses meet other packets."""
     on = [name for name in ("linux", "leon3") if not TARGETS[name].missing()]
-    (place / "plays/flight.py").write_text(FLIGHT + "    f.files = fsw.Files(entity=2, ground=1, rate=8000 / s, "
-                                           "ack_timer=2 * s, nak_timer=2 * s, allowed=15)\n"
-                                           "    f.task('files', every=100 * ms, run=[f.files])\n")
+    (place / "plays/flight.py").write_text(CARRYING)
     (place / "script.py").write_text(CARRIES)
     said = []
     for target in on:
@@ -274,6 +276,42 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
     record = Archive(place / "runs/link/flight/linux.mcap")
     said = [(one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind == "command"]
     assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
+    assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
+
+
+BY_HAND = """
+simulation = "link"
+until = 70
+pace = 10
+join = 300
+exchange = true
+
+""" + NODES.replace("{target}", "linux") + """
+[[asynchronous]]
+name = "carrier"
+process = "flight"
+link = "listen://{port}"
+"""
+
+
+def test_files_go_by_hand_to_a_target_while_it_flies(place, capfd):
+    """By a link that does not wait, and the record of the exchange has their PDUs."""
+    port = free_port()
+    (place / "plays/flight.py").write_text(CARRYING)
+    (place / "hand.toml").write_text(BY_HAND.format(port=port))
+    (place / "plan").write_bytes(bytes(range(256)) * 12)
+    there = ["--to", f"tcp://127.0.0.1:{port}", "./plays"]
+    run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "hand.toml"], stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True)
+    try:
+        connected(run, there[1]).link.close()
+        assert cli.main(["send", "plan", "--as", "next", *there]) == 0, capfd.readouterr()
+        assert cli.main(["fetch", "next", *there]) == 0, capfd.readouterr()
+        assert (place / "next").read_bytes() == (place / "plan").read_bytes()
+        text = run.communicate(timeout=120)[0]
+    finally:
+        run.kill()
+    assert run.returncode == 0, text
     assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
 
 
