@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The time of a packet of 200 bytes in each layer of the link, in telemetry frames of 1024 bytes and as a CLTU; of the
-protection of such a frame, and of that of a command; of a PDU of 1000 bytes of a file; and the bytes of each layer's
-code and of its deepest stack on a LEON3, where its compiler is installed. Before that, the parameters that one core
+protection of such a frame, and of that of a command; of a command and a packet of telemetry through both ends of the
+whole link, plain and secured; of a PDU of 1000 bytes of a file; and the bytes of each layer's code and of its deepest
+stack on a LEON3, where its compiler is installed. Before that, the parameters that one core
 decodes in a second by a database, of packets of 1500 bytes with a header: 369 integers of 32 bits, as in the
 performance test of Yamcs; and 200 numbers of eight kinds with calibrators, once with a size that varies, which is
 decoded entry by entry."""
@@ -20,7 +21,8 @@ from fledge.targets import TARGETS
 
 LAYERS = {"header": 1_000_000, "telemetry, framed": 100_000, "telemetry, read": 20_000, "command, as a CLTU": 20_000,
           "command, read": 20_000, "frame of telemetry, protected": 20_000, "frame of telemetry, opened": 20_000,
-          "frame of a command, protected": 50_000, "frame of a command, checked": 50_000, "PDU of a file, sent": 50_000,
+          "frame of a command, protected": 50_000, "frame of a command, checked": 50_000,
+          "link, up and down": 10_000, "link, up and down, secured": 10_000, "PDU of a file, sent": 50_000,
           "PDU of a file, written and received": 50_000}
 DECODED = {"369 integers": 20_000, "mixed": 20_000, "mixed, of varying size": 5_000}
 YAMCS = 0.738       # million parameters/s that its performance test sends, at half a core; 5 % of them are decoded
@@ -34,17 +36,18 @@ def sizes() -> dict[str, tuple[int, int]]:
     code, frames, homes = {}, {}, {}
     calls: dict[str, set[str]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for source in sorted((ROOT / "ccsds").glob("*.c")):
-            made = Path(folder) / f"{source.stem}.o"
+        for source in [*sorted((ROOT / "ccsds").glob("*.c")), ROOT / "flight/services/space_link.c"]:
+            file = str(source.relative_to(ROOT))
+            made = Path(folder) / f"{file.replace('/', '_')}.o"
             subprocess.run([toolchain.COMPILER, *toolchain.MACHINE, *toolchain.headers(), "-std=c99", "-Os", "-I", ROOT,
                             "-fcallgraph-info=su", "-c", source, "-o", made], check=True)
             text = subprocess.run([toolchain.SIZE, made], capture_output=True, text=True,
                                   check=True).stdout.splitlines()[1]
-            code[source.stem] = int(text.split()[0])
+            code[file] = int(text.split()[0])
             graph = made.with_suffix(".ci").read_text(encoding="utf-8")
             for name, size in re.findall(r'title: "([^"]+)" label: "[^"]*?(\d+) bytes', graph):
                 frames[name] = int(size)
-                homes[name] = source.stem
+                homes[name] = file
             for caller, called in re.findall(r'sourcename: "([^"]+)" targetname: "([^"]+)"', graph):
                 calls.setdefault(caller, set()).add(called)
 
@@ -76,7 +79,7 @@ def main(arguments: list[str]) -> int:
         print("no sizes: the compiler for LEON3 is not installed; ./fledge setup --on leon3 does it")
     else:
         for name, (size, stack) in sizes().items():
-            rows.add(f"ccsds/{name}.c", "code on a LEON3, -Os", size, "bytes")
-            rows.add(f"ccsds/{name}.c", "stack on a LEON3, -Os", stack, "bytes")
+            rows.add(name, "code on a LEON3, -Os", size, "bytes")
+            rows.add(name, "stack on a LEON3, -Os", stack, "bytes")
     report(rows, chosen)
     return 0

@@ -5,12 +5,14 @@
 #include "ccsds/cfdp.h"
 #include "ccsds/sdls.h"
 #include "ccsds/security/aes_gcm.h"
+#include "ccsds/space_link.h"
 #include "ccsds/sync.h"
 #include "ccsds/tc_frame.h"
 #include "ccsds/tm_frame.h"
 
 #include <chrono>
 #include <cstring>
+#include <memory>
 #include <vector>
 
 namespace {
@@ -91,6 +93,7 @@ struct Link {
     SdlsAssociation associations[2]{};
     Sdls sdls{};
     TmVirtual secure{};
+    std::shared_ptr<void> ends; // of the whole link
     Files sender_of_files{true}, receiver_of_files{false};
     Bytes secured = Bytes(1024), command_memory = Bytes(TM_FRAME_MAX), command_data, telemetry_data;
 
@@ -110,6 +113,7 @@ struct Link {
                                SDLS_UNKEYED,
                                0,
                                {},
+                               0,
                                0};
             sdls_rekey(&associations[k], 1, 1);
             sdls_start(&associations[k]);
@@ -255,6 +259,61 @@ double command_checked(Link &link, long)
     return 1;
 }
 
+/// Both ends of the whole link: CLTUs, randomised, COP-1; all that is sent arrives at once.
+struct Ends {
+    static constexpr SpaceLinkSetup setup{commands, telemetry, 1, 0, 1, 1, 1, 1, 100, 1};
+    SdlsAssociation of_craft[2], of_ground[2];
+    Sdls craft_sdls, ground_sdls;
+    SpaceLinkSecurity craft_security{&craft_sdls, &sdls_functions}, ground_security{&ground_sdls, &sdls_functions};
+    const SpaceLinkSecurity *security;
+    SpaceLinkCraft craft{};
+    std::unique_ptr<SpaceLinkGround> ground = std::make_unique<SpaceLinkGround>();
+    std::size_t delivered = 0;
+
+    Ends(const Ends &) = delete;
+    Ends(Link &link, bool secured)
+        : of_craft{link.associations[0], link.associations[1]}, of_ground{link.associations[0], link.associations[1]},
+          craft_sdls{link.sdls.cipher, of_craft, 2, {}}, ground_sdls{link.sdls.cipher, of_ground, 2, {}},
+          security(secured ? &craft_security : nullptr)
+    {
+        space_link_craft_begin(&craft, &setup);
+        const auto ignore = [](void *, const std::uint8_t *, std::size_t) {};
+        const SpaceLinkSinks sinks{
+            [](void *self, const std::uint8_t *unit, std::size_t n) { static_cast<Ends *>(self)->take(unit, n); },
+            ignore, [](void *, SpaceLinkAnswer, std::uint32_t) {}, this};
+        space_link_ground_begin(ground.get(), &setup, secured ? &ground_security : nullptr, &sinks, 1'000'000'000, 10);
+        flush();
+    }
+    void take(const std::uint8_t *unit, std::size_t n)
+    {
+        const auto count = [](void *self, const std::uint8_t *, std::size_t, std::uint16_t) {
+            static_cast<Ends *>(self)->delivered++;
+        };
+        space_link_craft_take(&craft, &setup, security, unit, n, 1, count, this);
+    }
+    static void down(void *self, const std::uint8_t *frame, std::size_t n)
+    {
+        space_link_ground_take(static_cast<Ends *>(self)->ground.get(), frame, n);
+    }
+    void flush() { space_link_craft_flush(&craft, &setup, security, 0, down, this); }
+    std::size_t exchange(const Bytes &packet)
+    {
+        space_link_ground_send(ground.get(), 1, packet.data(), packet.size());
+        space_link_craft_send(&craft, &setup, security, packet.data(), packet.size(), down, this);
+        flush();
+        return delivered;
+    }
+};
+
+template <bool secured> double both_ends(Link &link, long)
+{
+    if (!link.ends) {
+        link.ends = std::make_shared<Ends>(link, secured);
+    }
+    link.seen = std::static_pointer_cast<Ends>(link.ends)->exchange(link.packet);
+    return 1;
+}
+
 double file_sent(Link &link, long)
 {
     Files &files = link.sender_of_files;
@@ -283,6 +342,8 @@ constexpr struct {
               {"frame of telemetry, opened", telemetry_opened},
               {"frame of a command, protected", command_protected},
               {"frame of a command, checked", command_checked},
+              {"link, up and down", both_ends<false>},
+              {"link, up and down, secured", both_ends<true>},
               {"PDU of a file, sent", file_sent},
               {"PDU of a file, written and received", file_received}};
 

@@ -447,7 +447,7 @@ TEST(Fop, a_link_that_is_busy_or_refuses)
 struct Security {
     AesGcmKey expanded{};
     AesGcmKeys keys{&expanded, 1};
-    SdlsAssociation association{1, 1, 1, SDLS_ENCRYPT, 128, 0, 0, SDLS_UNKEYED, 0, {}, 0};
+    SdlsAssociation association{1, 1, 1, SDLS_ENCRYPT, 128, 0, 0, SDLS_UNKEYED, 0, {}, 0, 0};
     Sdls sdls{};
     Bytes memory = Bytes(TC_FRAME_MAX);
 

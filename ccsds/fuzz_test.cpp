@@ -9,6 +9,7 @@
 #include "ccsds/cop1.h"
 #include "ccsds/sdls.h"
 #include "ccsds/security/key_file.h"
+#include "ccsds/space_link.h"
 #include "ccsds/sync.h"
 #include "ccsds/testing/bits.h"
 #include "ccsds/time_code.h"
@@ -21,6 +22,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -332,6 +334,7 @@ TEST_F(Fuzz, protected_frames_are_what_was_protected)
                             SDLS_UNKEYED,
                             0,
                             {},
+                            0,
                             0};
             ASSERT_TRUE(sdls_rekey(&ends[end][k], 1, 100) && sdls_start(&ends[end][k]));
         }
@@ -549,6 +552,61 @@ TEST_F(Fuzz, cop1_takes_any_events)
     fop_directive(&fop, tag, FOP_TERMINATE, 0);
     EXPECT_TRUE(sender.open.empty()) << sender.open.begin()->first;
     EXPECT_GT(sender.ended, cases / 4);
+}
+
+/// Both ends of a link take anything; what passes is packets, and each command gets at most one answer.
+TEST_F(Fuzz, both_ends_of_a_link)
+{
+    struct Ends {
+        SpaceLinkCraft craft{};
+        SpaceLinkGround ground{};
+        Bytes up{}, down{};
+        std::uint64_t commands = 0, packets = 0, answers = 0;
+    };
+    const auto ends = std::make_unique<Ends>();
+    const SpaceLinkSetup setup{{42, 3, 1, 1}, {42, 120, 1, 1}, 2, 0, 1, 0, 0, 1, 10, 1};
+    const SpaceLinkSinks sinks{[](void *user, const std::uint8_t *bytes, std::size_t n) {
+                                   Bytes &up = static_cast<Ends *>(user)->up;
+                                   up.insert(up.end(), bytes, bytes + n);
+                               },
+                               [](void *user, const std::uint8_t *bytes, std::size_t n) {
+                                   expect_packet(&static_cast<Ends *>(user)->packets, bytes, n);
+                               },
+                               [](void *user, SpaceLinkAnswer, std::uint32_t) { static_cast<Ends *>(user)->answers++; },
+                               ends.get()};
+    space_link_craft_begin(&ends->craft, &setup);
+    space_link_ground_begin(&ends->ground, &setup, nullptr, &sinks, 5, 2);
+    const auto take = [](void *user, const std::uint8_t *bytes, std::size_t n, std::uint16_t) {
+        SpacePacket head{};
+        ASSERT_EQ(space_packet_read(&head, bytes, n), CCSDS_OK);
+        ASSERT_EQ(head.size, n);
+        static_cast<Ends *>(user)->commands++;
+    };
+    const auto put = [](void *user, const std::uint8_t *bytes, std::size_t n) {
+        Bytes &down = static_cast<Ends *>(user)->down;
+        down.insert(down.end(), bytes, bytes + n);
+    };
+    std::uint32_t sent = 0;
+    for (std::uint32_t i = 0; i < cases; i++) {
+        const Bytes one = packet();
+        sent += space_link_ground_send(&ends->ground, sent, one.data(), one.size()) != 0;
+        const Bytes up = any(3) != 0 ? ends->up : damaged(ends->up);
+        ends->up.clear();
+        space_link_craft_take(&ends->craft, &setup, nullptr, up.data(), up.size(), any(4) != 0, take, ends.get());
+        space_link_craft_send(&ends->craft, &setup, nullptr, one.data(), one.size(), put, ends.get());
+        space_link_craft_flush(&ends->craft, &setup, nullptr, any(2) != 0, put, ends.get());
+        const Bytes down = any(3) != 0 ? ends->down : damaged(ends->down);
+        ends->down.clear();
+        space_link_ground_take(&ends->ground, down.data(), down.size());
+        space_link_ground_time(&ends->ground, i);
+        ASSERT_LE(ends->answers, sent);
+        ASSERT_LE(ends->craft.joined, sizeof ends->craft.unit);
+        if (HasFailure()) {
+            return;
+        }
+    }
+    EXPECT_GT(ends->commands, cases / 20);
+    EXPECT_GT(ends->packets, cases / 4);
 }
 
 } // namespace

@@ -154,7 +154,7 @@ static CcsdsFault check(Sdls *sdls, SdlsAssociation *association, Head *head, ui
                         SdlsReceipt *receipt)
 {
     uint8_t tag[SDLS_TAG], wrong = 0u;
-    if (association == NULL || ccsds_get32(field + 2) != association->fixed ||
+    if (association == NULL || ((ccsds_get32(field + 2) ^ association->fixed) & ~association->free) != 0u ||
         !run(sdls, association, head, field, n, 1, tag)) {
         return CCSDS_ASSOCIATION;
     }
@@ -256,3 +256,5 @@ CcsdsFault sdls_tm_open(Sdls *sdls, TmFrame *frame, uint8_t *memory)
     }
     return fault;
 }
+
+const SdlsFunctions sdls_functions = {sdls_tc_protect, sdls_tc_check, sdls_accept, sdls_tm_protect, sdls_tm_open};

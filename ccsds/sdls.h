@@ -68,6 +68,7 @@ typedef struct SdlsAssociation {
     uint64_t next;  ///< the number of the next frame; at the receiver, the newest that was accepted + 1
     uint32_t seen[SDLS_WINDOW / 32]; ///< a bit for each number in the window, by its remainder
     uint32_t accepted;
+    uint32_t free; ///< at a receiver: the bits of `fixed` that the sender may choose, as one without memory does
 } SdlsAssociation;
 
 /** One end of a link. The memory and the cipher are the caller's. */
@@ -113,6 +114,24 @@ void sdls_tm_protect(Sdls *sdls, TmVirtual *one);
 /** Check a telemetry frame that was read, and accept it. Its zone is then without protection, in `memory` of
  * TM_FRAME_MAX bytes. */
 CcsdsFault sdls_tm_open(Sdls *sdls, TmFrame *frame, uint8_t *memory);
+
+/** These functions as data: who is given them need not link them. */
+typedef struct SdlsFunctions {
+    CcsdsFault (*tc_protect)(Sdls *sdls, const TcChannel *channel, TcFrame *frame, uint8_t *memory);
+    CcsdsFault (*tc_check)(Sdls *sdls, const TcChannel *channel, TcFrame *frame, uint8_t *memory, SdlsReceipt *receipt);
+    void (*accept)(const SdlsReceipt *receipt);
+    void (*tm_protect)(Sdls *sdls, TmVirtual *one);
+    CcsdsFault (*tm_open)(Sdls *sdls, TmFrame *frame, uint8_t *memory);
+} SdlsFunctions;
+
+extern const SdlsFunctions sdls_functions;
+
+/** What a host gives to flight software that is built without it. */
+typedef struct SdlsProvider {
+    SdlsCipher cipher; ///< with the keys
+    const SdlsFunctions *functions;
+    uint64_t since; ///< [ns] when flight's time began, on a clock that no reset sets back; 0: that time itself is one
+} SdlsProvider;
 
 #ifdef __cplusplus
 }

@@ -31,8 +31,8 @@ struct End {
         EXPECT_TRUE(aes_gcm_expand(&expanded[0], 1, bytes.data(), 32));
         EXPECT_TRUE(aes_gcm_expand(&expanded[1], 2, bytes.data(), 16));
         keys = {expanded.data(), expanded.size()};
-        associations[0] = {0x1234, 1, 1, service, window, 0, 0, SDLS_UNKEYED, 0, {}, 0};
-        associations[1] = {0x00FE, 0, 3, service, window, 0, 0xA1B2C3D4, SDLS_UNKEYED, 0, {}, 0};
+        associations[0] = {0x1234, 1, 1, service, window, 0, 0, SDLS_UNKEYED, 0, {}, 0, 0};
+        associations[1] = {0x00FE, 0, 3, service, window, 0, 0xA1B2C3D4, SDLS_UNKEYED, 0, {}, 0, 0};
         sdls = {aes_gcm(&keys), associations.data(), 2, {}};
         EXPECT_TRUE(sdls_rekey(&associations[0], key, 7));
         EXPECT_TRUE(sdls_rekey(&associations[1], key, 0x0102030405060708));
@@ -264,7 +264,7 @@ TEST(Sdls, what_is_not_of_an_association_is_refused)
 
 TEST(Sdls, an_association_has_states)
 {
-    SdlsAssociation one{7, 1, 0, SDLS_ENCRYPT, 64, 0, 0, SDLS_UNKEYED, 0, {}, 0};
+    SdlsAssociation one{7, 1, 0, SDLS_ENCRYPT, 64, 0, 0, SDLS_UNKEYED, 0, {}, 0, 0};
     EXPECT_FALSE(sdls_start(&one) || sdls_stop(&one) || sdls_expire(&one));
     for (const auto &[spi, window] : {std::pair{0, 64}, {65535, 64}, {7, 0}, {7, 257}}) {
         SdlsAssociation impossible = one;
