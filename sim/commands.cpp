@@ -102,10 +102,17 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
                           events_.data(),
                           static_cast<std::uint32_t>(events_.size()),
                           nullptr,
+                          nullptr,
                           command_service_check,
                           command_service_execute,
                           command_service_run,
-                          telemetry_services};
+                          telemetry_services,
+                          nullptr,
+                          nullptr};
+    if (std::any_of(services_.begin(), services_.end(), [](const CommandService *one) { return one->wrap; })) {
+        table_of_services_.unwrap = command_service_unwrap;
+        table_of_services_.wrap = command_service_wrap;
+    }
     carriers_ = runtime.structure.carriers(process);
     table_.services = services_.empty() ? nullptr : &table_of_services_;
     begin();
@@ -134,15 +141,18 @@ void Commands::forget(Ns t)
 CommandReason Commands::accept(std::span<const std::uint8_t> packet, Ns last)
 {
     state_.t = last;
-    return command_accept(&state_, &table_, &state_.ground, packet.data(), static_cast<std::uint32_t>(packet.size()),
-                          report, this);
+    const CommandContext context{&state_, &table_, this, last, 0};
+    table_of_services_.keys = process_.keys.get();
+    return command_receive(&context, packet.data(), static_cast<std::uint32_t>(packet.size()), report, this);
 }
 
 void Commands::accept_due(Ns t, Ns last)
 {
     for (Carrier *one : carriers_) {
         one->receive(t, [&](Unit unit) {
-            process_.heard.put(t - 1, unit);
+            if (!table_of_services_.unwrap) {
+                process_.heard.put(t - 1, unit);
+            }
             accept(unit, last);
         });
     }
@@ -319,7 +329,7 @@ std::string Commands::write_changes(const Dictionary::Block &block, std::uint16_
 
 bool Commands::used() const
 {
-    return state_.waiting || state_.staging || state_.counters.accepted || state_.counters.refused;
+    return state_.waiting || state_.staging || state_.counters.accepted || state_.counters.refused || state_.framed;
 }
 
 // --- telemetry -------------------------------------------------------------------------------------
@@ -334,26 +344,52 @@ void Commands::tell(Ns t)
     if (table_.services) {
         const CommandContext context{&state_, &table_, this, t, 0};
         telemetry_services(&telemetry_, &context, report, keep, this);
+        if (table_of_services_.wrap && !process_.played_telemetry()) {
+            wrap(nullptr, 0);
+        }
     }
     for (; played() <= t; played_++) {
-        send((*process_.played_telemetry())[played_]);
+        const Packet &one = (*process_.played_telemetry())[played_];
+        send(one.t, one.bytes);
     }
 }
 
 void Commands::keep(void *self, const std::uint8_t *packet, std::uint32_t n)
 {
     auto &me = *static_cast<Commands *>(self);
-    if (!me.process_.played_telemetry()) {
-        me.send({me.told_, {packet, packet + n}});
+    if (me.process_.played_telemetry()) {
+        return;
+    }
+    if (me.table_of_services_.wrap) {
+        me.process_.telemetry.put(me.told_, {packet, n});
+        me.wrap(packet, n);
+    } else {
+        me.send(me.told_, {packet, n});
     }
 }
 
-void Commands::send(const Packet &packet)
+void Commands::send(Ns t, Unit unit)
 {
     for (Carrier *one : carriers_) {
-        one->send_down(packet.t, packet.bytes);
+        one->send_down(t, unit);
     }
-    process_.telemetry.put(packet.t, packet.bytes);
+    process_.units.put(t, unit);
+    if (!table_of_services_.wrap) {
+        process_.telemetry.put(t, unit);
+    }
+}
+
+void Commands::wrap(const std::uint8_t *packet, std::uint32_t n)
+{
+    const CommandContext context{&state_, &table_, this, told_, 0};
+    table_of_services_.keys = process_.keys.get();
+    table_of_services_.wrap(
+        &context, packet, n,
+        [](void *self, const std::uint8_t *unit, std::uint32_t size) {
+            auto &me = *static_cast<Commands *>(self);
+            me.send(me.told_, {unit, size});
+        },
+        this);
 }
 
 void Commands::visit_state(const std::function<void(void *, std::size_t)> &block)

@@ -60,8 +60,9 @@ private:
 
     static void report(void *self, const CommandReport *report, const std::uint8_t *data);
     static void keep(void *self, const std::uint8_t *packet, std::uint32_t n);
-    void send(const Packet &packet);
-    Ns played() const; ///< the time of the next packet of a target that flew
+    void send(Ns t, Unit unit);
+    void wrap(const std::uint8_t *packet, std::uint32_t n); ///< into frames; 0: send what waits
+    Ns played() const;                                      ///< the time of the next packet of a target that flew
 
     Runtime &runtime_;
     Process &process_;

@@ -342,7 +342,8 @@ CommandReason Process::command(const std::vector<std::uint8_t> &packet)
 
 void Process::play_telemetry(std::vector<Packet> packets)
 {
-    telemetry.take(); // it keeps them from now on
+    telemetry.take(); // they keep them from now on
+    units.take();
     played_telemetry_ = std::move(packets);
 }
 

@@ -441,6 +441,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
         copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
         copy->processes()[i]->script_ = processes()[i]->script_;
         copy->processes()[i]->played_telemetry_ = processes()[i]->played_telemetry_;
+        copy->processes()[i]->keys = processes()[i]->keys;
         if (const auto &line = processes()[i]->reset_) {
             copy->processes()[i]->reset_ =
                 ResetLine{{clones.at(line->input.instance.get()), line->input.field}, line->down};

@@ -288,8 +288,10 @@ public:
     /// The reports since the last call, of a run that is prepared.
     std::vector<CommandReply> take_reports();
     CommandCounters command_counters() const;
-    CommandLink ground() const; ///< the link by which commands come
-    Units telemetry;            ///< its packets
+    CommandLink ground() const;       ///< the link by which commands come
+    Units telemetry;                  ///< its packets
+    Units units;                      ///< what carries them: frames, or they themselves
+    std::shared_ptr<const void> keys; ///< of secured frames: a SdlsProvider (ccsds/sdls.h)
     /// From now on its packets are these, in the order of time, of a target that flew.
     void play_telemetry(std::vector<Packet> packets);
     const std::optional<std::vector<Packet>> &played_telemetry() const { return played_telemetry_; }

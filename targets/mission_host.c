@@ -8,12 +8,25 @@ typedef struct Link {
     const MissionHost *host;
     const RegisterWindow *w;
     MissionIoCounts *counts;
+    const CommandContext *context;
 } Link;
 
+static void send_unit(void *user, const uint8_t *unit, uint32_t n)
+{
+    const Link *link = user;
+    (void)mission_io_send(link->host->io, link->w, link->host->io->telemetry, unit, n, link->counts);
+}
+
+/* n = 0: flight's instant ends. */
 static void send_packet(void *user, const uint8_t *packet, uint32_t n)
 {
     const Link *link = user;
-    (void)mission_io_send(link->host->io, link->w, link->host->io->telemetry, packet, n, link->counts);
+    const CommandServices *services = link->host->commands->services;
+    if (services != NULL && services->wrap != NULL) {
+        services->wrap(link->context, packet, n, send_unit, user);
+    } else if (n > 0u) {
+        send_unit(user, packet, n);
+    }
 }
 
 static void send_report(void *user, const CommandReport *report, const uint8_t *data)
@@ -31,7 +44,8 @@ static void begin(const MissionHost *host, int64_t t)
 
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts)
 {
-    Link link = {host, w, counts};
+    const CommandContext context = {host->state, host->commands, host->mission, t, 0u};
+    Link link = {host, w, counts, &context};
     const MissionIo *io = host->io;
     uint32_t n;
     if (t < 0) {
@@ -46,7 +60,7 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
             begin(host, t);
         }
         while ((n = mission_io_receive(io, w, io->commands, io->packet, io->room, counts)) != 0u) {
-            (void)command_accept(host->state, host->commands, &host->state->ground, io->packet, n, send_report, &link);
+            (void)command_receive(&context, io->packet, n, send_report, &link);
         }
         /* Before the inputs are read, because a reset of flight forgets them. */
         command_execute(host->state, host->commands, host->mission, t, send_report, &link);
@@ -54,8 +68,8 @@ void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int
         host->tick(t);
         telemetry_send(host->telemetry, host->mission, t, host->state, send_packet, &link);
         if (host->commands->services != NULL) {
-            const CommandContext context = {host->state, host->commands, host->mission, t, 0u};
             host->commands->services->tell(host->telemetry, &context, send_report, send_packet, &link);
+            send_packet(&link, NULL, 0u);
         }
     }
     mission_io_write(io, w, host->mission, counts);

@@ -79,6 +79,7 @@ typedef struct MissionHost {
     const TelemetryTable *telemetry;
     const MissionExecutive *executive;
     const void **store;    ///< where to put a CfdpStore for the files of flight; NULL: it has none
+    const void **keys;     ///< where to put a SdlsProvider for its link of frames; NULL: that is not secured
     CommandState *state;   ///< memory for that of the commands
     McapSchema *schemas;   ///< memory for the schemas of the record
     McapChannel *channels; ///< memory for the channels of the record

@@ -206,16 +206,22 @@ bool BoardNode::is_down(Ns t)
     return outside_.is_down(t, line.count, mission_.down);
 }
 
-/// The packets of a message. What is no whole packet goes to flight, too, which refuses and reports it.
+/// The packets of a message. What is no whole packet goes to flight, too, which refuses and reports it. Where flight
+/// speaks frames, a message is one unit of them.
 void BoardNode::take_commands(const Record &record)
 {
     read_payload(record.payload, commands_.fields, commands_.held);
     std::uint32_t n;
     std::memcpy(&n, commands_.held.data(), sizeof n);
+    const MissionQueue lane = mission_.io->commands;
+    const std::size_t capacity = mission_.io->boards[lane.board]->lanes[lane.lane].capacity;
+    const CommandServices *services = mission_.commands ? mission_.commands->services : nullptr;
+    const bool framed = services && services->unwrap;
     const std::byte *at = commands_.held.data() + sizeof n;
     for (const std::byte *end = at + std::min(n, commands_.room()); at < end;) {
-        const std::size_t size = length_of(at, static_cast<std::size_t>(end - at));
-        if (size > COMMAND_MAX || waiting_.size() == commands_max) {
+        const auto left = static_cast<std::size_t>(end - at);
+        const std::size_t size = framed ? left : length_of(at, left);
+        if (size > capacity || waiting_.size() == commands_max) {
             counts_.refused++;
         } else {
             const auto *bytes = reinterpret_cast<const std::uint8_t *>(at);

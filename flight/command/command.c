@@ -195,6 +195,13 @@ static int is_ahead(const CommandLink *link, uint16_t sequence)
     return link->begun == 0u || (by > 0u && by <= SEQUENCES / 2u);
 }
 
+/* Whether who sends now may not give this command, nor store it. Its length and code are right. */
+static int is_barred(const CommandState *s, const uint8_t *packet)
+{
+    const uint8_t stored = packet[6] == (uint8_t)COMMAND_STORE ? packet[COMMAND_STORED + 6] : packet[6];
+    return ((s->barred >> packet[6] | s->barred >> (stored & 63u)) & 1u) != 0u;
+}
+
 static CommandReason accept(CommandState *s, const CommandTable *table, uint32_t stream, CommandLink *link,
                             const uint8_t *packet, uint32_t n, CommandSink sink, void *user)
 {
@@ -210,6 +217,9 @@ static CommandReason accept(CommandState *s, const CommandTable *table, uint32_t
     if (report.reason == COMMAND_OK && link != NULL && !is_ahead(link, report.sequence)) {
         report.reason = COMMAND_SEQUENCE;
         report.detail = link->last;
+    }
+    if (report.reason == COMMAND_OK && s->barred != 0u && is_barred(s, packet)) {
+        report.reason = COMMAND_ROLE;
     }
     if (report.reason == COMMAND_OK && n > table->room - s->waiting) {
         report.reason = COMMAND_BUSY;
@@ -232,6 +242,15 @@ CommandReason command_accept(CommandState *s, const CommandTable *table, Command
                              uint32_t n, CommandSink sink, void *user)
 {
     return accept(s, table, table->stream, link, packet, n, sink, user);
+}
+
+CommandReason command_receive(const CommandContext *context, const uint8_t *unit, uint32_t n, CommandSink sink,
+                              void *user)
+{
+    const CommandServices *services = context->table->services;
+    return services != NULL && services->unwrap != NULL
+               ? services->unwrap(context, unit, n, sink, user)
+               : command_accept(context->state, context->table, &context->state->ground, unit, n, sink, user);
 }
 
 /* ---- execution */
@@ -556,4 +575,50 @@ void command_service_run(const CommandContext *context, CommandSink sink, void *
     for (uint32_t i = 0u; i < context->table->services->n; i++) {
         left = run_service(context, i, left, sink, user);
     }
+}
+
+/* ---- frames */
+
+/* The place of the service that speaks frames; the table names these functions only if there is one. */
+static uint32_t speaker(const CommandServices *services)
+{
+    uint32_t i = 0u;
+    while (services->list[i]->wrap == NULL) {
+        i++;
+    }
+    return i;
+}
+
+/* Who takes the packets of a unit. */
+typedef struct Unit {
+    const CommandContext *context;
+    CommandSink sink;
+    void *user;
+} Unit;
+
+static void take_packet(void *user, const uint8_t *packet, uint32_t n, uint64_t barred)
+{
+    const Unit *unit = user;
+    CommandState *s = unit->context->state;
+    s->barred = barred;
+    (void)command_accept(s, unit->context->table, &s->ground, packet, n, unit->sink, unit->user);
+    s->barred = 0u;
+}
+
+CommandReason command_service_unwrap(const CommandContext *context, const uint8_t *bytes, uint32_t n, CommandSink sink,
+                                     void *user)
+{
+    const CommandServices *services = context->table->services;
+    const uint32_t place = speaker(services);
+    Unit unit = {context, sink, user};
+    services->list[place]->unwrap(context, services->module(context->mission, place), bytes, n, take_packet, &unit);
+    return COMMAND_OK;
+}
+
+void command_service_wrap(const CommandContext *context, const uint8_t *packet, uint32_t n, CommandBytes sink,
+                          void *user)
+{
+    const CommandServices *services = context->table->services;
+    const uint32_t place = speaker(services);
+    services->list[place]->wrap(context, services->module(context->mission, place), packet, n, sink, user);
 }

@@ -95,6 +95,7 @@ typedef enum CommandReason {
     COMMAND_LATE = 18,      ///< a stored command came due too long ago
     COMMAND_INHIBITED = 19, ///< its list is inhibited
     COMMAND_FULL = 20,      ///< the store of files is full, or too many transactions are under way
+    COMMAND_ROLE = 21,      ///< whose key protected the frame in which it came may not give it
     COMMAND_REASONS
 } CommandReason;
 
@@ -161,6 +162,10 @@ struct CommandReport;
 /** What a service sends. Operators know these streams: append, do not renumber. */
 typedef enum CommandStream { STREAM_EVENTS = 0, STREAM_SELECTED = 1, STREAM_FILES = 2, COMMAND_STREAMS } CommandStream;
 
+/** Takes a packet of a unit. barred: bit i: who sent it may not give the function code i. */
+typedef void (*CommandPackets)(void *user, const uint8_t *packet, uint32_t n, uint64_t barred);
+typedef void (*CommandBytes)(void *user, const uint8_t *bytes, uint32_t n);
+
 /** How flight drives a module that commands need, a service. Such a module's header declares one, by the name
  *  MODULE_service; a process has one module of a kind. Its memory is the mission's, and its update is that of any
  *  module. A function that it does not need is NULL. */
@@ -184,12 +189,19 @@ typedef struct CommandService {
     /** At the end of an instant: the next report of a command that was executed before; 0: there is none. */
     int (*report)(const CommandContext *context, void *module, struct CommandReport *report);
     CommandStream stream; ///< of what it tells
+    /** Of the service by which flight speaks frames: a unit of n bytes has come by the link from the ground: give its
+     *  packets to the sink. */
+    void (*unwrap)(const CommandContext *context, void *module, const uint8_t *unit, uint32_t n, CommandPackets sink,
+                   void *user);
+    /** A packet of telemetry is to go, or, n = 0, the instant ends: give the units that are ready to the sink. */
+    void (*wrap)(const CommandContext *context, void *module, const uint8_t *packet, uint32_t n, CommandBytes sink,
+                 void *user);
 } CommandService;
 
 struct TelemetryTable;
 
-/** Those of a process. The last four are the functions below and telemetry_services: the table names them, so that
- *  flight software without services does not link them. */
+/** Those of a process. The last six are the functions below and telemetry_services: the table names them, so that
+ *  flight software without services does not link them, nor the last two without one that speaks frames. */
 typedef struct CommandServices {
     const CommandService *const *list;
     uint32_t n;
@@ -199,6 +211,7 @@ typedef struct CommandServices {
     const uint16_t *events; ///< the places of the outputs that are a FlightEvent (flight/msg/event.h)
     uint32_t n_events;
     const void *store; ///< of files, from the host; NULL: none
+    const void *keys;  ///< of frames, from the host: a const SdlsProvider * (ccsds/sdls.h); NULL: none
     CommandReason (*check)(const struct CommandTable *table, const uint8_t *packet, uint32_t n);
     CommandReason (*execute)(const CommandContext *context, const uint8_t *packet, struct CommandReport *report,
                              uint8_t *data);
@@ -207,6 +220,9 @@ typedef struct CommandServices {
     void (*tell)(const struct TelemetryTable *table, const CommandContext *context,
                  void (*sink)(void *, const struct CommandReport *, const uint8_t *),
                  void (*send)(void *, const uint8_t *, uint32_t), void *user);
+    CommandReason (*unwrap)(const CommandContext *context, const uint8_t *unit, uint32_t n,
+                            void (*sink)(void *, const struct CommandReport *, const uint8_t *), void *user);
+    void (*wrap)(const CommandContext *context, const uint8_t *packet, uint32_t n, CommandBytes sink, void *user);
 } CommandServices;
 
 /** A mission's dictionary, as `fledge export` writes it and the desktop makes it, and the functions of what they
@@ -276,6 +292,8 @@ typedef struct CommandState {
     uint16_t staging;                     ///< the module that is staged, plus 1; 0: none
     uint16_t from;                        ///< of the reports that are made now
     CommandLink ground;                   ///< of a host with one link
+    uint64_t barred;                      ///< bit i: what comes now may not be a command with the function code i
+    uint32_t framed;                      ///< 1: the service that speaks frames has begun
     uint32_t reported;                    ///< how many reports there were
     CommandReport recent[COMMAND_RECENT]; ///< report i, the first is 0, at i modulo COMMAND_RECENT
 } CommandState;
@@ -287,6 +305,11 @@ void command_begin(CommandState *s);
  *  came; NULL: a software bus, or any other way on which sequences mean nothing. */
 CommandReason command_accept(CommandState *s, const CommandTable *table, CommandLink *link, const uint8_t *packet,
                              uint32_t n, CommandSink sink, void *user);
+
+/** The same of what came by the link from the ground: a packet or, with a service that speaks frames, a unit of them,
+ *  of which only reports tell. */
+CommandReason command_receive(const CommandContext *context, const uint8_t *unit, uint32_t n, CommandSink sink,
+                              void *user);
 
 /** At the beginning of flight's instant t: execute what was accepted, in order, then what services have, and report
  *  each. */
@@ -316,6 +339,10 @@ CommandReason command_service_check(const CommandTable *table, const uint8_t *pa
 CommandReason command_service_execute(const CommandContext *context, const uint8_t *packet, CommandReport *report,
                                       uint8_t *data);
 void command_service_run(const CommandContext *context, CommandSink sink, void *user);
+CommandReason command_service_unwrap(const CommandContext *context, const uint8_t *unit, uint32_t n, CommandSink sink,
+                                     void *user);
+void command_service_wrap(const CommandContext *context, const uint8_t *packet, uint32_t n, CommandBytes sink,
+                          void *user);
 
 /** CRC-16-CCITT (as of CCSDS 131.0-B, from 0xFFFF) of a block with big-endian numbers. */
 uint16_t command_crc(const uint8_t *bytes, uint32_t n);

@@ -55,4 +55,20 @@ typedef struct FilesState {
     uint32_t dropped;   ///< [-] files that were not whole in the recorder at the start
 } FilesState;
 
+enum { LINK_FAULTS = 16 };
+
+/** The link of frames to the ground. Its counters begin when the computer does. */
+typedef struct LinkState {
+    Head head;
+    uint32_t accepted;            ///< [-] frames of commands that FARM-1 accepted
+    uint32_t discarded;           ///< [-] those that it did not
+    uint32_t packets;             ///< [-] commands in them
+    uint32_t sent;                ///< [-] frames of telemetry
+    uint32_t unsent;              ///< [-] those without protection, which were not sent
+    uint32_t corrected;           ///< [-] codeblocks of CLTUs with one wrong bit
+    uint32_t farm;                ///< [-] 1: open, 2: wait, 3: lockout
+    uint32_t next;                ///< [-] V(R), the number of the next frame
+    uint32_t faults[LINK_FAULTS]; ///< [-] CLTUs and frames that were refused, by CcsdsFault (ccsds/bytes.h)
+} LinkState;
+
 #endif

@@ -51,10 +51,13 @@ CommandServices services = {kinds,
                             nullptr,
                             0,
                             nullptr,
+                            nullptr,
                             command_service_check,
                             command_service_execute,
                             command_service_run,
-                            telemetry_services};
+                            telemetry_services,
+                            nullptr,
+                            nullptr};
 uint8_t queue[64 * COMMAND_MAX], staged[sizeof(Gains)], packet_memory[TELEMETRY_REPORT_MAX];
 const CommandTable table = {.stream = 0x1880,
                             .version = 0x1234,

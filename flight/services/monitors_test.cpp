@@ -44,7 +44,9 @@ const CommandService lists = {
     nullptr,
     nullptr,
     nullptr,
-    STREAM_EVENTS};
+    STREAM_EVENTS,
+    nullptr,
+    nullptr};
 const CommandService *const kinds[] = {&monitors_service, &lists};
 const CommandServices services = {kinds,
                                   2,
@@ -56,9 +58,12 @@ const CommandServices services = {kinds,
                                   nullptr,
                                   0,
                                   nullptr,
+                                  nullptr,
                                   command_service_check,
                                   command_service_execute,
                                   command_service_run,
+                                  nullptr,
+                                  nullptr,
                                   nullptr};
 uint8_t queue[2 * COMMAND_MAX];
 

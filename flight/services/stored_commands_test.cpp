@@ -30,10 +30,13 @@ const CommandServices services = {
     .events = nullptr,
     .n_events = 0,
     .store = nullptr,
+    .keys = nullptr,
     .check = command_service_check,
     .execute = command_service_execute,
     .run = command_service_run,
-    .tell = nullptr};
+    .tell = nullptr,
+    .unwrap = nullptr,
+    .wrap = nullptr};
 uint8_t queue[4 * COMMAND_MAX];
 const CommandTable table = {
     .stream = 0x1880,

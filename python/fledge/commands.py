@@ -15,6 +15,7 @@ import binascii
 import json
 import re
 import struct as packing
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field as with_default
 from enum import IntEnum
@@ -25,6 +26,7 @@ from typing import Any, NamedTuple
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
+from fledge.frames import ROOM, Frames
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
@@ -120,6 +122,7 @@ class Reason(IntEnum):
     LATE = 18
     INHIBITED = 19
     FULL = 20
+    ROLE = 21
 
 
 WHY = {
@@ -137,7 +140,8 @@ WHY = {
     Reason.FAILED: "it was not done to its end",
     Reason.SEQUENCE: "it came before, or a later one did", Reason.LATE: "it was stored and came due too long ago",
     Reason.INHIBITED: "its list is inhibited",
-    Reason.FULL: "the store of files is full, or too many files are under way"}
+    Reason.FULL: "the store of files is full, or too many files are under way",
+    Reason.ROLE: "whose key protected its frame may not give it"}
 
 
 class Kind(IntEnum):
@@ -238,6 +242,7 @@ class Dictionary:
     blocks: list[Block]
     outputs: list[Output]
     order: str = "big"          # of telemetry's numbers; "little": on the software bus of cFS on such a machine
+    frames: Frames | None = None    # what its links carry instead of packets
 
     @classmethod
     def of(cls, name: str, modules: Iterable[tuple[str, Any, bool]], modes: Sequence[str], events: Sequence[str],
@@ -279,6 +284,16 @@ class Dictionary:
     def longest(self) -> int:
         """[bytes] of the longest packet of telemetry."""
         return max([REPORT_LEAST + DATA_MAX, *(HEADER + o.size for o in self.outputs)])
+
+    @property
+    def uplink(self) -> int:
+        """[bytes] of the longest unit of the queue of commands."""
+        return ROOM if self.frames else COMMAND_MAX
+
+    @property
+    def downlink(self) -> int:
+        """[bytes] of the longest unit of the queue of telemetry."""
+        return self.frames.unit if self.frames else self.longest
 
     @property
     def texts(self) -> int:
@@ -363,6 +378,7 @@ class Dictionary:
                  "telemetry": {"stream": self.telemetry, "housekeeping": self.telemetry + HOUSEKEEPING,
                                "reports": self.telemetry + REPORTS, "texts": self.texts,
                                "kinds": {k.name.lower(): int(k) for k in Kind}, "order": self.order},
+                 **({"frames": asdict(self.frames)} if self.frames else {}),
                  "modes": self.modes, "events": self.events,
                  "modules": [_plain(b) for b in self.blocks], "outputs": [_plain(o) for o in self.outputs]}
         return json.dumps(whole, indent=1) + "\n"
@@ -380,6 +396,9 @@ class Dictionary:
         found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
                     whole["events"], blocks, [Output(**{**row, "fields": fields(row["fields"])})
                                               for row in whole["outputs"]], whole["telemetry"]["order"])
+        if frames := whole.get("frames"):
+            frames["keys"] = tuple(frames["keys"])
+            found.frames = Frames(**frames)
         if found.version != whole["version"]:
             raise SetupError(f"{file}: its version is {whole['version']}, but that of its lists {found.version}: it "
                              "was changed by hand, or is of another version of Fledge; export it again")
@@ -424,6 +443,14 @@ def parameters(struct: Any) -> tuple[list[Any], int, int]:
     """(fields, from, to [bytes]) of the parameters in a module's struct; [], 0, 0 if it has none."""
     fields = [f for f in struct.fields if f.group == "par"]
     return (fields, fields[0].offset, fields[-1].offset + fields[-1].size) if fields else ([], 0, 0)
+
+
+def frames_of(struct: Any, memory: bytes) -> Frames | None:
+    """What a module's link carries, if it is a SpaceLink. memory: its own."""
+    if struct.name != "SpaceLink":
+        return None
+    found, start, end = parameters(struct)
+    return Frames.of(values(described(found, start), memory[start:end], "<" if sys.byteorder == "little" else ">"))
 
 
 def block_of(path: str, struct: Any, configuration: bool) -> Block | None:

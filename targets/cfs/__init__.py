@@ -24,6 +24,7 @@ class Cfs(Target):
     about = "an app of the core Flight System, on the pocket cFE or (--cfs DIR) in a real tree"
     cpu_of = "core and record too"
     needs: tuple[str, ...] = ("gcc",)
+    frames = False
 
     def build(self, part: Part) -> Path:
         from fledge.targets.cfs import pocket

@@ -24,6 +24,10 @@ RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_
           "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
           "registers/message.c", "registers/shared_file.c", "ccsds/store/posix_store.c"]
 
+# The same of a mission with a secured link.
+SECURED = ["ccsds/sdls.c", "ccsds/security/aes_gcm.c", "ccsds/security/key_file.c", "targets/linux/keys.c"]
+KEYS = "link.keys"      # beside the program
+
 
 class Linux(Target):
     """A process of its own."""
@@ -34,14 +38,25 @@ class Linux(Target):
     link: tuple[str, ...] = ("-static", "-no-pie")  # one file, for a board, and for emulators without libraries
     runner: tuple[str, ...] = ()
     needs: tuple[str, ...] = ("gcc",)
+    secures = True
 
     def build(self, part: Part) -> Path:
         sources = [*part.sources(), *(build.ROOT / path for path in RUNNER)]
+        flags, link = ["-fno-pie"], [*self.link]
+        place = part.folder / self.name / KEYS
+        place.unlink(missing_ok=True)
+        if keys := part.keys:
+            sources += [build.ROOT / path for path in SECURED]
+            flags, link = [*flags, "-DFLEDGE_LINK_KEYS"], [*link, "-lbearssl"]
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.symlink_to(keys.resolve())    # the program reads the keys where they are: no copy of them is made
         return build.program(part.folder / self.name, part.mission.name, sources, part.includes(), self.compiler,
-                             flags=["-fno-pie"], link=self.link)
+                             flags=flags, link=link)
 
     def command(self, built: Path, record: str) -> list[str]:
-        return [*self.runner, str(built.resolve()), "--record", record, "{registers}"]
+        keys = built.resolve().with_name(KEYS)
+        secured = ["--keys", str(keys)] if keys.is_symlink() else []
+        return [*self.runner, str(built.resolve()), "--record", record, *secured, "{registers}"]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, self.size)

@@ -12,6 +12,7 @@
 #include "registers/shared_file.h"
 #include "targets/linux/crash.h"
 #include "targets/linux/inputs.h"
+#include "targets/linux/keys.h"
 #include "targets/linux/pace.h"
 #include "targets/mission_host.h"
 
@@ -33,6 +34,7 @@ typedef struct Options {
     const char *record;    ///< the file, or NULL
     const char *inputs;    ///< the file, or NULL
     const char *files;     ///< the folder, or NULL
+    const char *keys;      ///< the file, or NULL
     double wait;           ///< [s] how long to wait for the register file
     double duration;       ///< [s] with the machine's clock; 0: until a signal
     int priority;          ///< of SCHED_FIFO; 0: do not request it
@@ -100,6 +102,9 @@ static const char usage[] =
     "  --clock         pace flight by this machine's clock, in real time\n"
     "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
     "  --inputs FILE   what flight reads, of an earlier run; without --clock as fast as possible\n"
+#ifdef FLEDGE_LINK_KEYS
+    "  --keys FILE     of the secured link, which only its owner may read\n"
+#endif
     "  --describe      only print what the mission's script composed, if it has one\n"
     "  --for S         end after S seconds; default: after a signal, or the last of the inputs\n";
 
@@ -130,6 +135,10 @@ static int read_options(Options *o, int n, char **words)
             i++;
             if (strcmp(word, "--record") == 0) {
                 o->record = words[i];
+#ifdef FLEDGE_LINK_KEYS
+            } else if (strcmp(word, "--keys") == 0) {
+                o->keys = words[i];
+#endif
             } else if (strcmp(word, "--inputs") == 0) {
                 o->inputs = words[i];
             } else if (strcmp(word, "--files") == 0 && fledge_mission.store != NULL) {
@@ -187,6 +196,24 @@ static int open_files(const char *folder)
         return complain(folder, strerror(errno));
     }
     *fledge_mission.store = &runner.store;
+    return FLOWN;
+}
+
+/* Without them a secured link carries nothing. By the machine's clock, flight's time begins anew with the program. */
+static int read_keys(const Options *o)
+{
+#ifdef FLEDGE_LINK_KEYS
+    char why[400];
+    if (o->keys == NULL) {
+        return complain("--keys FILE", "the link of this mission is secured; give its file of keys");
+    }
+    *fledge_mission.keys = keys_read(o->keys, o->clock ? pace_date() : 0, why, sizeof why);
+    if (*fledge_mission.keys == NULL) {
+        return complain("keys", why);
+    }
+#else
+    (void)o;
+#endif
     return FLOWN;
 }
 
@@ -399,6 +426,9 @@ int main(int argc, char **argv)
         return FLOWN;
     }
     int result = options.files != NULL ? open_files(options.files) : FLOWN;
+    if (result == FLOWN) {
+        result = read_keys(&options);
+    }
     if (result == FLOWN && options.record != NULL) {
         result = open_record(options.record);
     }

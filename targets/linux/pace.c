@@ -62,6 +62,11 @@ int64_t pace_now(void)
     return read_clock(CLOCK_MONOTONIC);
 }
 
+int64_t pace_date(void)
+{
+    return read_clock(CLOCK_REALTIME);
+}
+
 int64_t pace_cpu(void)
 {
     return read_clock(CLOCK_THREAD_CPUTIME_ID);

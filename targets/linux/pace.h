@@ -23,8 +23,9 @@ int64_t pace_quantile(const PaceHistogram *h, double share);
 /** The longest duration that a bin counts. */
 int64_t pace_bin_end(uint32_t bin);
 
-/** [ns] of CLOCK_MONOTONIC, and of the processor time of this thread. */
+/** [ns] of CLOCK_MONOTONIC, of CLOCK_REALTIME, and of the processor time of this thread. */
 int64_t pace_now(void);
+int64_t pace_date(void);
 int64_t pace_cpu(void);
 
 /** Sleep until `until` of CLOCK_MONOTONIC. Returns 0, or -1 after a signal. */

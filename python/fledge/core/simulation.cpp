@@ -4,6 +4,7 @@
 #include "core/extension.h"
 #include "core/value.h"
 
+#include "ccsds/security/key_file.h"
 #include "sim/simulation.h"
 #include "world/asks.h"
 
@@ -297,6 +298,33 @@ py::list reports(sim::Process &process)
     });
 }
 
+/// The keys of a link, in a file.
+struct LinkKeys {
+    std::vector<AesGcmKey> expanded{16};
+    AesGcmKeys keys{};
+    SdlsProvider provider{};
+};
+
+void set_keys(sim::Process &process, const std::string &path)
+{
+    const auto made = std::make_shared<LinkKeys>();
+    char why[400] = "";
+    made->keys = {made->expanded.data(),
+                  key_file_read(path.c_str(), made->expanded.data(), made->expanded.size(), why, sizeof why)};
+    if (made->keys.n == 0) {
+        throw sim::SetupError(why);
+    }
+    made->provider = {aes_gcm(&made->keys), &sdls_functions, 0};
+    process.keys = std::shared_ptr<const void>(made, &made->provider);
+}
+
+py::list timed(const std::vector<sim::Packet> &packets)
+{
+    return list_of(packets, [](const sim::Packet &one) {
+        return py::make_tuple(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
+    });
+}
+
 /// New objects for the instances of a process, by name, each with its parts or the model that it asks.
 py::dict wrap_instances(const sim::Process &process)
 {
@@ -430,13 +458,6 @@ void bind_log(py::module_ &m)
         });
 }
 
-py::list packets_of(const std::vector<sim::Packet> &packets)
-{
-    return list_of(packets, [](const sim::Packet &one) {
-        return py::make_tuple(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
-    });
-}
-
 void bind_process(py::module_ &m)
 {
     py::class_<sim::Process>(m, "Process")
@@ -485,12 +506,12 @@ void bind_process(py::module_ &m)
                  const std::string_view view = bytes;
                  p.send_by(*instance_of(carrier), {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
              })
-        .def("take_from", [](sim::Process &p, py::handle carrier,
-                             Ns t) { return packets_of(p.carrier(*instance_of(carrier)).take(t)); })
+        .def("take_from",
+             [](sim::Process &p, py::handle carrier, Ns t) { return timed(p.carrier(*instance_of(carrier)).take(t)); })
         .def("next_from",
              [](sim::Process &p, py::handle carrier) { return p.carrier(*instance_of(carrier)).next_down(); })
         .def(
-            "take_heard", [](sim::Process &p) { return packets_of(p.heard.take()); },
+            "take_heard", [](sim::Process &p) { return timed(p.heard.take()); },
             "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
         .def_property_readonly(
             "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },
@@ -515,7 +536,7 @@ void bind_process(py::module_ &m)
              [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
         .def("take_reports", reports, "(t, sequence, code, stage, reason, detail, bytes read back) of each")
         .def(
-            "take_packets", [](sim::Process &p) { return packets_of(p.telemetry.take()); },
+            "take_packets", [](sim::Process &p) { return timed(p.telemetry.take()); },
             "(t, packet of telemetry) since the last call; they are kept from the first call on")
         .def("play_telemetry",
              [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &packets) {
@@ -526,6 +547,10 @@ void bind_process(py::module_ &m)
                  }
                  p.play_telemetry(std::move(all));
              })
+        .def("set_keys", set_keys, "Those of a link of frames, of a file.")
+        .def(
+            "take_units", [](sim::Process &p) { return timed(p.units.take()); },
+            "The same as frames, if flight speaks them.")
         .def_property_readonly(
             "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },
             "(whether a command was accepted, the sequence of the last one)")

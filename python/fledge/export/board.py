@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import COMMAND_MAX, REPORT_LEAST, byte_runs
+from fledge.commands import REPORT_LEAST, byte_runs
 from fledge.elements import ELEMENTS
 from fledge.errors import listed
 from fledge.export import names
@@ -77,8 +77,8 @@ carries   = "{message.path}"
         at += size
     found = dictionary(mission)
     for name, direction, capacity, queue in (
-            ("commands", "read", COMMAND_MAX, found.packets),
-            ("telemetry", "write", found.longest, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
+            ("commands", "read", found.uplink, found.packets),
+            ("telemetry", "write", found.downlink, 1 << (2 * found.packets + len(found.outputs)).bit_length())):
         parts.append(f'''
 [[snorkel]]
 name      = "{name}"
@@ -206,12 +206,14 @@ class _Finder:
     def packets(self, board, snorkel, lane):
         """A snorkel of commands or telemetry."""
         what = snorkel.carries
-        least = COMMAND_MAX if what == "commands" else REPORT_LEAST
+        found = dictionary(self.mission)
+        least = found.uplink if what == "commands" else found.downlink if found.frames else REPORT_LEAST
+        units = "frames of commands" if found.frames and what == "commands" else "frames" if found.frames else what
         if lane.form != "packet" or lane.from_flight != (what == "telemetry") or not lane.variable or not lane.queued:
             self.refuse(board, snorkel.line, f"{what} pass in a queue of packets of variable size: form = \"packet\", "
                         f"direction = \"{'write' if what == 'telemetry' else 'read'}\", a capacity and a queue")
         elif lane.capacity < least:
-            self.refuse(board, snorkel.line, f"{what} need a capacity of {least} bytes; it is {lane.capacity}")
+            self.refuse(board, snorkel.line, f"{units} need a capacity of {least} bytes; it is {lane.capacity}")
         elif what in self.taken:
             self.refuse(board, snorkel.line, f"{what} pass already by {self.taken[what]}")
         else:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from fledge.commands import COMMANDS, FLAGS, TELEMETRY, Dictionary, Rule, byte_runs
+from fledge.commands import COMMANDS, FLAGS, TELEMETRY, Dictionary, Rule, byte_runs, frames_of
 from fledge.export.c_source import extern, row, written
 from fledge.export.c_text import string, wrap
 
@@ -18,8 +18,11 @@ def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEME
                ) -> Dictionary:
     """What a mission can be commanded, and what it sends."""
     modules = [(m.path, m.struct, m in mission.configuration) for m in mission.modules]
-    return Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
-                         [e.title for e in mission.events], stream, telemetry, order)
+    found = Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
+                          [e.title for e in mission.events], stream, telemetry, order)
+    if stream == COMMANDS:      # a software bus carries packets
+        found.frames = next((frames for m in mission.modules if (frames := frames_of(m.struct, m.memory))), None)
+    return found
 
 
 def emit_commands(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEMETRY, order: str = "big"
@@ -130,6 +133,7 @@ def drives(mission: Mission) -> list[str]:
     struct, outputs = mission.struct(), mission.outputs
     if not mission.services:
         return []
+    framed = any(one.type == "SpaceLink" for one in mission.services)
     events = [i for i, one in enumerate(outputs) if one.struct.name == "FlightEvent"]
     return [*wrap([f"&{one.function}_service," for one in mission.services],
                   "static const CommandService *const list[] = {", "    ", "};"), "",
@@ -143,8 +147,9 @@ def drives(mission: Mission) -> list[str]:
                       ["    (void)mission;", "    (void)place;", "    *size = 0u;", "    return 0;"]),
             *(wrap([f"{i}u," for i in events], "static const uint16_t events[] = {", "    ", "};") if events else []),
             f"CommandServices {mission.name}_services = {{",
-            f"    list, {len(mission.services)}u, module, output, {'events' if events else '0'}, {len(events)}u, 0,",
-            "    command_service_check, command_service_execute, command_service_run, telemetry_services};", ""]
+            f"    list, {len(mission.services)}u, module, output, {'events' if events else '0'}, {len(events)}u, 0, 0,",
+            "    command_service_check, command_service_execute, command_service_run, telemetry_services,",
+            f"    {'command_service_unwrap, command_service_wrap' if framed else '0, 0'}}};", ""]
 
 
 def function(head: str, lines: Sequence[str]) -> list[str]:

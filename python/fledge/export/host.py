@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from fledge import flight, objects
 from fledge.export.c_source import memory, row, written
 from fledge.export.c_text import string
+from fledge.export.commands import dictionary
 from fledge.series import ACTIVITY, MODE
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def emit_host(mission: Mission) -> dict[str, str]:
     lines += [f"    {{{task.period}, {task.offset}}}," for task in mission.tasks]
     lines += ["};", "", *executive(mission, len(types)), "const MissionHost fledge_mission = {"]
     own = "executive_" if composed else ""
+    frames = dictionary(mission).frames
+    secured = frames is not None and frames.secured > 0
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
         ("start", "&start"), ("init", "init" if mission.changed else own + "init"),
@@ -58,6 +61,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
         ("definitions", f"{name}_definitions"), ("rates", "rates"), ("commands", f"&{name}_commands"),
         ("telemetry", f"&{name}_telemetry"), ("executive", "&mission_executive"),
         *[("store", f"&{name}_services.store")] * any(one.type == "Files" for one in mission.modules),
+        *[("keys", f"&{name}_services.keys")] * secured,
         ("state", "&commands"), ("schemas", "schemas"), ("channels", "channels"),
         ("n_schemas", f"{len(recorded) + 2}u"),
         ("n_channels", f"{len(mission.outputs) + 2}u"), ("n_rates", f"{len(mission.tasks)}u"),

@@ -23,6 +23,10 @@ from fledge.mission.wiring import event_text
 from fledge.objects.script import function_text, prototype, script
 
 
+# The files of ccsds/ of a SpaceLink.
+FRAMES = ("farm", "fop", "packet_zone", "space_link", "space_packet", "sync", "tc_frame", "tm_frame")
+
+
 class ExportError(SetupError):
     """A mission that cannot be exported: the text names file and line, instance, rule and finding."""
 
@@ -142,6 +146,8 @@ class Mission:
         if any(m.type == "Files" for m in self.modules):
             driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c",
                        "flight/services/mirror.c"}
+        if any(m.type == "SpaceLink" for m in self.services):
+            driven |= {f"ccsds/{name}.c" for name in FRAMES}
         return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | driven)
 
     @property

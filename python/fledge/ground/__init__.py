@@ -18,13 +18,15 @@ from typing import Any
 
 from fledge.commands import Dictionary
 from fledge.errors import SetupError
+from fledge.frames import FILE
 from fledge.ground.address import open_link
 from fledge.ground.craft import Craft, NotSeen, Sent, accepts, packets
+from fledge.ground.framed import Framed
 from fledge.ground.links import Link, NoAnswer
 from fledge.ground.simulated import Simulated, flight_of
 
-__all__ = ["Craft", "Database", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of", "open_link",
-           "packets"]
+__all__ = ["Craft", "Database", "Framed", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of",
+           "open_link", "packets"]
 
 TYPE_CHECKING = False   # of `typing`
 if TYPE_CHECKING:
@@ -40,8 +42,8 @@ def __getattr__(name: str) -> Any:
 
 
 def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,
-            process: str | None = None, radio: Any = None) -> Craft:
-    """A spacecraft behind a link.
+            process: str | None = None, radio: Any = None, keys: Path | str | None = None, role: int = 0) -> Craft:
+    """A spacecraft behind a link. One that speaks frames, as its dictionary says, gets them.
 
     where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
     dictionary: of an address or a Link: what the mission can be commanded; a Dictionary, a file MISSION_packets.json
@@ -49,19 +51,33 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     process: the name of the flight process, if the mission has several
     radio: of a simulation, the world.Radio by which packets pass; None: they go straight to flight, and back
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
+    keys: the file of a secured link (`fledge keys link FILE`), role: the place of the role that commands; of a
+    simulation keys is the file of its mission, unless another is given
 
     Raises SetupError for an address, file or mission that is none.
     """
     if hasattr(where, "processes"):
         link = Simulated(where, process, radio)
-        return Craft(link, link.process.commands.dictionary, sequence)
+        found = link.process.commands.dictionary
+        mission = getattr(where, "mission", None)
+        own = Path(mission.folder) / FILE if mission else None
+        return Craft(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
     if radio is not None:
         raise SetupError("connect: a radio is in a simulation; give that in place of the address")
     if dictionary is None:
         raise SetupError("connect: give the dictionary: a file MISSION_packets.json of an export, or a mission's name")
     found = dictionary_of(dictionary, process)
-    return Craft(where if isinstance(where, Link) else open_link(str(where), accepts(found)), found,
-                 sequence)
+    if not isinstance(where, Link):
+        options = f"&keys={keys}" * bool(keys) + f"&role={role}" * bool(role)
+        where = open_link(_with(str(where), options), accepts(found), found.frames)
+    elif found.frames and not isinstance(where, Framed):
+        where = Framed(where, found.frames, keys, role)
+    return Craft(where, found, sequence)
+
+
+def _with(address: str, options: str) -> str:
+    """An address with further options."""
+    return address + ("" if "?" in address or not options else "?") + (options if "?" in address else options[1:])
 
 
 def dictionary_of(what: Dictionary | Path | str, process: str | None = None) -> Dictionary:

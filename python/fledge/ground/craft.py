@@ -112,6 +112,8 @@ class Sent:
         self.packets = list(packets)            #: in the order in which flight gets them
         self.reports: list[Report] = []         #: what flight has said of them
         self.at = craft.link.t                  #: [ns] of the link's clock
+        self.arrived: list[bytes] = []          #: packets of which the link knows that the spacecraft has them
+        self.given_up = False                   #: the link has given one up: it may have arrived or not
 
     @property
     def data(self) -> bytes:
@@ -123,6 +125,12 @@ class Sent:
         """[%] of what a command began, as flight has reported it last."""
         return max((100 if one.executed and one.good else one.detail if one.stage == Stage.UNDER_WAY else 0
                     for one in self.reports), default=0)
+
+    def delivered(self, within: Any = WITHIN) -> Self:
+        """Wait until the link knows that the spacecraft has all of it: by frames with COP-1. Raises NoAnswer."""
+        self._craft.wait(lambda _: self._is_on_its_way() and len(self.arrived) == len(self.packets), within,
+                         lambda: f"{self!r} was not confirmed by the link")
+        return self
 
     def accepted(self, within: Any = WITHIN) -> Self:
         """Wait until flight has accepted all of it. Raises NoAnswer, also if flight refuses it."""
@@ -151,13 +159,30 @@ class Sent:
         self.reports.append(report)
         return True
 
+    def answered(self, packet: bytes, good: bool) -> bool:
+        """What the link has learned of a packet, if it is one of these."""
+        if packet not in self.packets or packet in self.arrived:
+            return False
+        self.arrived += [packet] * good
+        self.given_up |= not good
+        return True
+
+    def _is_on_its_way(self) -> bool:
+        """Raises NoAnswer if it is not."""
+        if self.given_up and not self.reports:
+            raise NoAnswer(f"the link gave {self!r} up after its last transmission; it may have arrived or not")
+        return True
+
     def moved(self, by: int) -> None:
         """Count on from another sequence, since flight has refused this one."""
         self.packets = [moved(one, by) for one in self.packets]
         self.reports.clear()
+        self.arrived.clear()
+        self.given_up = False
 
     def _reported(self, word: str, stages: set[Stage], within: Any) -> Self:
         def done(_: Newest) -> bool:
+            self._is_on_its_way()
             for one in self.reports:
                 if not one.good:
                     packet = next(p for p in self.packets if sequence_of(p) == one.sequence)
@@ -260,8 +285,8 @@ class Craft:
             except ConnectionError as error:
                 raise NoAnswer(f"{self._missing(absent, otherwise, '')}: {error}") from None
             try:
-                if not arrived:         # but a file may have ended
-                    absent = self._holds(condition)
+                self._hear()
+                absent = self._holds(condition)     # a file may have ended, or a packet arrived
                 while arrived and absent is not None:
                     self.take(arrived.popleft().packet)
                     absent = self._holds(condition)
@@ -278,6 +303,7 @@ class Craft:
         while self.link.t < end:
             for _, packet in self._receive(end):
                 self.take(packet)
+            self._hear()
         return self.telemetry
 
     def _receive(self, until: int) -> list[Timed]:
@@ -304,6 +330,11 @@ class Craft:
         elif found.path == "files":
             self.files.take(found.content)
         return found
+
+    def _hear(self) -> None:
+        """What the link has learned of packets."""
+        for packet, good in self.link.answers():
+            next((one for one in reversed(self.sent) if one.answered(packet, good)), None)
 
     def _report(self, report: Report) -> None:
         if report.stored_on is not None or report.monitor is not None:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files.
+// The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files;
+// the ground's end of a link of frames.
 #include "ground/capture/frames.h"
 #include "ground/database/decoder.h"
 #include "ground/database/encoder.h"
@@ -12,7 +13,8 @@ namespace py = pybind11;
 
 namespace fledge::ground {
 
-void bind_entity(py::module_ &m); // entity.cpp
+void bind_entity(py::module_ &m);   // entity.cpp
+void bind_link_end(py::module_ &m); // link_end.cpp
 
 namespace {
 
@@ -233,6 +235,7 @@ PYBIND11_MODULE(_ground, m)
         }
     });
     bind_entity(m);
+    bind_link_end(m);
     m.def(
         "packets_of_frames",
         [](const py::bytes &bytes, std::size_t size, std::size_t skip) {

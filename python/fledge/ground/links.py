@@ -54,6 +54,11 @@ class Link(ABC):
     def receive(self, until: int) -> list[Timed]:
         """The packets that arrive next, each with the time [ns] of its arrival; [] when the clock reaches `until`."""
 
+    def answers(self) -> list[tuple[bytes, bool]]:
+        """(packet, whether the spacecraft has it) of those of which the link has learned it since the last call; False:
+        the link gave up, and it may have arrived or not. A link that never knows has none."""
+        return []
+
     def close(self) -> None:
         """Let go of the link."""
 
@@ -95,10 +100,20 @@ class Splitter:
         return found
 
 
-class _ByTheClock(Link):
-    """A link in real time, by sockets or devices that select() knows."""
+class Raw:
+    """In place of a Splitter: the bytes of a stream as they come."""
 
-    def __init__(self) -> None:
+    skipped = 0
+
+    def feed(self, data: bytes) -> list[bytes]:
+        return [data]
+
+
+class _ByTheClock(Link):
+    """A link in real time, by sockets or devices that select() knows. raw: what arrives is not cut into packets."""
+
+    def __init__(self, raw: bool = False) -> None:
+        self.raw = raw
         self._opened = monotonic_ns()
         self._arrived: deque[Timed] = deque()
 
@@ -128,8 +143,8 @@ class _ByTheClock(Link):
 class Udp(_ByTheClock):
     """Datagrams: to an address, from anybody."""
 
-    def __init__(self, to: tuple[str, int], listen: tuple[str, int]) -> None:
-        super().__init__()
+    def __init__(self, to: tuple[str, int], listen: tuple[str, int], raw: bool = False) -> None:
+        super().__init__(raw)
         self._to = to
         self._socket = _socket(socket.SOCK_DGRAM, *listen)
         self._socket.setblocking(False)
@@ -149,7 +164,7 @@ class Udp(_ByTheClock):
                 data = self._socket.recv(PACKET_MOST)
             except (BlockingIOError, ConnectionRefusedError):   # an earlier datagram found nobody
                 return
-            whole, rest = split(data)
+            whole, rest = ([data], b"") if self.raw else split(data)
             self._arrived.extend(Timed(self.t, one) for one in whole)
             self.skipped += len(rest)
 
@@ -158,9 +173,9 @@ class _Stream:
     """One connection or device: packets out of its bytes, and bytes that wait until it takes them."""
 
     def __init__(self, end: Any, read: Callable[[int], bytes], write: Callable[[bytes], int],
-                 accepts: Callable[[bytes], bool] | None) -> None:
+                 splitter: Splitter | Raw) -> None:
         self.end, self._read, self._write = end, read, write
-        self.splitter = Splitter(accepts)
+        self.splitter = splitter
         self._lock = Lock()
         self._waiting = bytearray()
         self.broken = False     # the thread that receives takes it away
@@ -203,31 +218,33 @@ class _Stream:
 class Streams(_ByTheClock):
     """Streams of bytes: one connection or device, or those of all clients of a server."""
 
-    def __init__(self, accepts: Callable[[bytes], bool] | None = None) -> None:
-        super().__init__()
+    def __init__(self, accepts: Callable[[bytes], bool] | None = None, raw: bool = False) -> None:
+        super().__init__(raw)
         self._accepts = accepts
         self._server: socket.socket | None = None
         self._streams: list[_Stream] = []
         self._gone = 0      # bytes that closed streams have skipped
 
     @classmethod
-    def connect(cls, to: tuple[str, int], accepts: Callable[[bytes], bool] | None = None) -> Streams:
+    def connect(cls, to: tuple[str, int], accepts: Callable[[bytes], bool] | None = None, raw: bool = False
+                ) -> Streams:
         """A client of a server."""
-        link = cls(accepts)
+        link = cls(accepts, raw)
         link._join(socket.create_connection(to, timeout=10))
         return link
 
     @classmethod
-    def listen(cls, at: tuple[str, int], accepts: Callable[[bytes], bool] | None = None) -> Streams:
+    def listen(cls, at: tuple[str, int], accepts: Callable[[bytes], bool] | None = None, raw: bool = False) -> Streams:
         """A server, whose clients all get what is sent."""
-        link = cls(accepts)
+        link = cls(accepts, raw)
         link._server = server = _socket(socket.SOCK_STREAM, *at)
         server.listen()
         server.setblocking(False)
         return link
 
     @classmethod
-    def device(cls, path: str, baud: int, accepts: Callable[[bytes], bool] | None = None) -> Streams:
+    def device(cls, path: str, baud: int, accepts: Callable[[bytes], bool] | None = None, raw: bool = False
+               ) -> Streams:
         """A serial device, 8 bits without parity."""
         try:
             import serial
@@ -237,7 +254,7 @@ class Streams(_ByTheClock):
             end = serial.Serial(path, baud, timeout=0, write_timeout=0)
         except (serial.SerialException, ValueError) as error:
             raise SetupError(f"serial:{path}: {error}") from None
-        link = cls(accepts)
+        link = cls(accepts, raw)
 
         def write(data: bytes) -> int:
             try:
@@ -251,7 +268,7 @@ class Streams(_ByTheClock):
             except serial.SerialException:  # the device was taken away
                 return b""
 
-        link._streams.append(_Stream(end, read, write, accepts))
+        link._streams.append(_Stream(end, read, write, link._splitter()))
         return link
 
     def send(self, packet: bytes) -> None:
@@ -269,7 +286,10 @@ class Streams(_ByTheClock):
     def _join(self, end: socket.socket) -> None:
         end.setblocking(False)
         end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._streams.append(_Stream(end, end.recv, end.send, self._accepts))
+        self._streams.append(_Stream(end, end.recv, end.send, self._splitter()))
+
+    def _splitter(self) -> Splitter | Raw:
+        return Raw() if self.raw else Splitter(self._accepts)
 
     def _leave(self, one: _Stream, expected: bool = False) -> None:
         if one in self._streams:

@@ -191,7 +191,7 @@ def test_packets_are_split_by_their_lengths():
     ("udp://127.0.0.1:10025", "is no address of a link"),
     ("udp://127.0.0.1:99999?listen=1", "out of range"),
     ("udp://127.0.0.1:10025?listen=abc", "a port is a whole number from 1 to 65535; found 'abc'"),
-    ("udp://127.0.0.1:10025?listn=1", "there is no option listn; there is listen"),
+    ("udp://127.0.0.1:10025?listn=1", "there is no option listn; there is frames, listen"),
     ("tcp://127.0.0.1", "is no address of a link"),
     ("tcp://127.0.0.1:1", "Connection refused"),
     ("listen://", "found ''"),

@@ -12,6 +12,7 @@ from typing import Any
 
 from fledge.commands import Timed
 from fledge.errors import Failure, SetupError
+from fledge.frames import ROOM
 from fledge.ground.links import Link, split
 from fledge.objects.si import time_ns
 
@@ -37,16 +38,18 @@ def _message(packets: Sequence[bytes]) -> dict[str, Any]:
     return {"n": len(whole), "bytes": whole}
 
 
-def _packets(message: Any) -> list[bytes]:
-    whole, rest = split(bytes(message["bytes"][:message["n"]]))
+def _packets(message: Any, raw: bool) -> list[bytes]:
+    data = bytes(message["bytes"][:message["n"]])
+    whole, rest = ([data], b"") if raw else split(data)
     return [*whole, *([rest] if rest else [])]
 
 
 class Onlooker(Link):
     """An asynchronous program: what it sends enters the run at the first time that flight was not granted yet, and is
-    in the record of the exchange."""
+    in the record of the exchange. raw: the messages of telemetry are not cut into packets."""
 
-    def __init__(self, process: str) -> None:
+    def __init__(self, process: str, raw: bool = False) -> None:
+        self.raw = raw
         bindings = _bindings()
         try:
             self._observer = bindings.Observer()
@@ -73,7 +76,7 @@ class Onlooker(Link):
                                       f"the run has written nothing for {PATIENCE:g} s")
             self.dropped += seen.missed if seen.topic == self._telemetry else 0
             if seen.topic == self._telemetry and seen["n"]:
-                return [Timed(seen.t, one) for one in _packets(seen)]
+                return [Timed(seen.t, one) for one in _packets(seen, self.raw)]
         return []
 
     def close(self) -> None:
@@ -81,9 +84,11 @@ class Onlooker(Link):
 
 
 class Member(Link):
-    """A node: the run waits while its program thinks. The program's own time is that of the step at which it waits."""
+    """A node: the run waits while its program thinks. The program's own time is that of the step at which it waits.
+    raw: a message of commands is one unit, and those of telemetry are not cut into packets."""
 
-    def __init__(self, process: str, every: str) -> None:
+    def __init__(self, process: str, every: str, raw: bool = False) -> None:
+        self.raw = raw
         bindings = _bindings()
         try:
             period = time_ns(float(every), "every")
@@ -117,7 +122,8 @@ class Member(Link):
         while self._t < until:
             self._goes_on.put(True)
             self._advance()
-            found = [Timed(self._t, one) for message in self._node.unread(self._telemetry) for one in _packets(message)]
+            found = [Timed(self._t, one) for message in self._node.unread(self._telemetry)
+                     for one in _packets(message, self.raw)]
             if found:
                 return found
         return []
@@ -144,6 +150,7 @@ class Member(Link):
         self._steps.put(t)
         self._goes_on.get()
         room = next(n for name, n, _ in self._node.schema(self._commands).fields if name == "bytes")
+        room = ROOM if self.raw else room
         now = list(takewhile(lambda n: n <= room, accumulate(map(len, self._outbox))))
         if now:
             self._node[self._commands] = _message(self._outbox[:len(now)])

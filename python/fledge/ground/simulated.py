@@ -37,8 +37,9 @@ class Simulated(Link):
         self.process = flight_of(simulation, process)
         self._periods = [(task.period, task.offset) for task in self.process.tasks]
         commands = self.process.commands
-        self._send, self._take, self._arrival = (
-            commands.by(radio) if radio is not None else (commands.send, commands.take_packets, lambda: NEVER))
+        direct = (commands.send_unit, commands.take_units) if commands.dictionary.frames else (
+            commands.send, commands.take_packets)
+        self._send, self._take, self._arrival = commands.by(radio) if radio is not None else (*direct, lambda: NEVER)
         self._take()    # they are kept from now on
 
     @property

@@ -12,11 +12,12 @@ from __future__ import annotations
 import sys
 import weakref
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.commands import (ALL, NUMBERS, TURNS, Action, Dictionary, Packets, Reason, Report, Stage, Text, Timed,
-                             byte_runs, origins, parameters, reversed_numbers, table)
+                             byte_runs, frames_of, origins, parameters, reversed_numbers, table)
 from fledge.errors import SetupError
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
@@ -38,7 +39,10 @@ def dictionary(process: Flight) -> Dictionary:
     running = {name for task in process.tasks for name in task.run}
     modules = [(f"{process.name}.{name}", _core.struct(one), name not in running)
                for name, one in process.instances.items()]
-    return Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
+    found = Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
+    found.frames = next((frames for one in process.instances.values()
+                         if (frames := frames_of(_core.struct(one), _core.memory(one)))), None)
+    return found
 
 
 class Commands:
@@ -54,6 +58,7 @@ class Commands:
         self.dictionary = dictionary(process)
         self._packets = Packets(self.dictionary)
         self._sent: list[tuple[int, bytes]] = []
+        self.spoke_frames = False   # what came in frames is not in `sent`
         core.take_heard()   # is kept from now on
         self._reports: list[Report] = []
         self._procedures = Procedures(process, core)
@@ -185,10 +190,18 @@ class Commands:
         """Send any bytes."""
         return self._send([packet])
 
+    def send_unit(self, unit: bytes) -> list[Report]:
+        """Send a unit of frames to flight that speaks them, as it is."""
+        self._process().refuse_if_flown()
+        self.spoke_frames = True
+        before = len(self.reports)
+        self._core.command(unit)
+        return self.reports[before:]
+
     def script(self, packets: Iterable[tuple[int, bytes]]) -> None:
         """Send packets at times [ns], which rise: each before the first instant after its time. Before the first
         run they replace the commands that wait."""
-        self._core.set_script(list(packets))
+        self._core.set_script([(t, self._unit(packet)) for t, packet in packets])
 
     # --- what became of them ---
 
@@ -211,7 +224,8 @@ class Commands:
         return [Timed(t, packet) for t, packet in self._core.take_packets()]
 
     def play(self, packets: Iterable[Timed]) -> None:
-        """Send these from now on, of a target that flew, in the order of time; by radios, too."""
+        """Send these from now on, of a target that flew, in the order of time, or its frames; by
+        radios, too."""
         self._core.play_telemetry([(one.t, one.packet) for one in packets])
 
     def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]], Callable[[], int]]:
@@ -222,6 +236,7 @@ class Commands:
 
         def send(packet: bytes) -> None:
             process().refuse_if_flown()
+            self.spoke_frames |= self.dictionary.frames is not None
             core.send_by(radio, packet)
 
         def take() -> list[Timed]:
@@ -229,6 +244,14 @@ class Commands:
 
         take()
         return send, take, lambda: core.next_from(radio)
+
+    def take_keys(self, file: Path | str) -> None:
+        """Those of a secured link. Raises SetupError for a file that is none, or that others may read."""
+        self._core.set_keys(str(file))
+
+    def take_units(self) -> list[Timed]:
+        """As take_packets() the frames, of flight that speaks them."""
+        return [Timed(t, unit) for t, unit in self._core.take_units()]
 
     @property
     def texts(self) -> list[Text]:
@@ -245,8 +268,12 @@ class Commands:
         before = len(self.reports)
         for packet in packets:
             self.sent.append((self._process()._core_simulation.time, packet))
-            self._core.command(packet)
+            self._core.command(self._unit(packet))
         return self.reports[before:]
+
+    def _unit(self, packet):
+        """As the link carries it."""
+        return self.dictionary.frames.command(packet) if self.dictionary.frames else packet
 
     def _module(self, module):
         """(path, object) of what a caller names."""

@@ -14,11 +14,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, refuse_misspelt
+from fledge.frames import FILE
 from fledge.mission.process import Flight, Process, World
 from fledge.mission.provenance import Revisions, instances, parameters, wires
 from fledge.objects.plausible import check
@@ -316,7 +318,9 @@ class Simulation:
         if self._core.now < 0:
             for flight in self.flights:
                 if any(_core.struct(one).service for one in flight.instances.values()):
-                    flight.commands     # the kernel needs the dictionary
+                    frames = flight.commands.dictionary.frames      # the kernel needs the dictionary, and the keys
+                    if frames and frames.secured and self.mission:
+                        flight.commands.take_keys(Path(self.mission.folder) / FILE)
             check(self.processes)
 
     def reset(self) -> None:

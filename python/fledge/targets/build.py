@@ -25,7 +25,7 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-DFILE_SINK_PATH_MAX=256"]
 
 # Folders whose sources are compiled once for all missions.
-SHARED = ("flight", "record", "registers")
+SHARED = ("ccsds", "flight", "record", "registers")
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
 TABLES = ["targets/mission_packets.c", "registers/lane.c", "registers/field.c"]    # what a mission's tables refer to

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from fledge import export, mission as missions
 from fledge.commands import Kind, Report, Timed, decoded, read_script, script, sequence_of
 from fledge.errors import Failure
+from fledge.frames import FILE
+from fledge.ground.framed import unframed
 from fledge.objects import project
 from fledge.targets import build
 from fledge.targets.rehearsal import Rehearsal, rehearse
@@ -20,6 +22,7 @@ from fledge.targets.rehearsal import Rehearsal, rehearse
 if TYPE_CHECKING:
     from fledge.archive import Archive
     from fledge.export.read import Mission
+    from fledge.frames import Frames
     from fledge.targets.target import Target
     from registers.description import Board
     import numpy as np
@@ -46,6 +49,16 @@ class Part:
         self.rounds = any(field.carries for board in self.described() for snorkel in board.snorkels
                           for field in snorkel.fields)      # some numbers pass as counts
 
+    @property
+    def frames(self) -> Frames | None:
+        """What its queues carry instead of packets."""
+        return export.dictionary(self.mission).frames
+
+    @property
+    def keys(self) -> Path | None:
+        """The file of keys of a secured link."""
+        return self.mission.place / FILE if self.frames and self.frames.secured and self.mission.place else None
+
     def take_script(self) -> None:
         """Take its commands from the job's. Raises Failure if its boards carry none."""
         self.script = [Timed(one.after, one.packet) for one in self.job.script if one.process == self.process]
@@ -71,7 +84,9 @@ class Part:
 
     def write_script(self) -> Path:
         """The file of its commands, for the node of the board."""
-        return export.write_files({"script.txt": script(self.script)}, self.folder)[0]
+        frames = self.frames
+        units = [Timed(one.t, frames.command(one.packet)) for one in self.script] if frames else self.script
+        return export.write_files({"script.txt": script(units)}, self.folder)[0]
 
     def telemetry(self, target: str) -> Path:
         """The file of the packets that it sent on a target: lines as of the script."""
@@ -100,6 +115,8 @@ class Part:
         file = self.telemetry(target)
         found = export.dictionary(self.mission)
         packets = read_script(file.read_text(encoding="utf-8")) if file.exists() else []
+        if found.frames:
+            packets = list(unframed(found.frames, packets))
         return [one.content for one in (decoded(found, each.packet) for each in packets) if one.path == path]
 
     def bounds(self) -> list[tuple[str, float, float, str]]:

@@ -227,6 +227,81 @@ def test_files_go_to_targets_over_a_link_with_losses_as_to_the_desktop(place, ca
         assert "'delivered': 3, 'failed': 0" in lines[-1]
 
 
+FRAMES = '''
+    f.link = fsw.SpaceLink(spacecraft=42, command_channel=3, telemetry_channel=2, frame_size=512, cop1=1, window=20,
+                           cltu=1, segments=1, map=5, tc_random=1, tm_random=1, marker=1, idle=1 * s{secured})
+    f.task("link", every=500 * ms, run=[f.link])
+'''
+LOSSY = '''
+import random
+import sys
+
+import fledge
+from fledge import ground
+from fledge.ground.links import Link
+from fledge.units import s
+
+
+class Lossy(Link):
+    """Loses 20 % of the units both ways, and sends old ones again."""
+
+    def __init__(self, link):
+        self.link, self.random, self.old = link, random.Random(4), []
+
+    @property
+    def t(self):
+        return self.link.t
+
+    def send(self, unit):
+        self.old.append(unit)
+        for one in (unit, self.random.choice(self.old[-9:])):
+            if self.random.random() > 0.2:
+                self.link.send(one)
+
+    def receive(self, until):
+        return [one for one in self.link.receive(until) if self.random.random() > 0.2]
+
+    def close(self):
+        self.link.close()
+
+
+with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays"), "./plays",
+                    keys="plays/link.keys") as craft:
+    craft.link.link = Lossy(craft.link.link)
+    sent = [craft.command("telemetry"), *(craft.command("write", "flight.control", K=1.0 + i) for i in range(30)),
+            craft.command("mode", "rest")]
+    for one in sent:
+        one.delivered(within=60 * s)
+    counted = craft.wait(lambda t: t.flight.link.state.head.t > 30e9, within=60 * s).housekeeping
+    print(counted["executed"], counted["refused"], counted["last"], craft.link.counts["missing"] > 20)
+'''
+
+
+SECURED = ', secured=2, telemetry_key=1, roles=[{"key": 1}, {}, {}, {}]'
+
+
+@pytest.mark.parametrize("target, secured", [("linux", SECURED), ("leon3", "")])
+def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(target, secured, place, capfd):
+    """Also over a link that loses and repeats: each command is executed once and in order."""
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not installed")
+    (place / "plays/flight.py").write_text(FLIGHT + FRAMES.format(secured=secured))
+    assert cli.main(["keys", "link", "plays/link.keys"]) == 0
+    (place / "script.py").write_text(SCRIPT.replace('"./plays") as', '"./plays", keys="plays/link.keys") as'))
+    (place / "lossy.py").write_text(LOSSY)
+    (place / "node.toml").write_text(NODE.format(target=target, python=sys.executable))
+    lossy = NODE.format(target=target, python=sys.executable).replace("script", "lossy").replace("= 40", "= 50")
+    (place / "lossy.toml").write_text(lossy.replace('simulation = "link"', 'simulation = "lossy"'))
+    for name in ("node", "lossy"):
+        assert cli.main(["up", f"{name}.toml"]) == 0, capfd.readouterr()
+    said = (place / "runs/link/log/script.log").read_text().splitlines()
+    desktop = subprocess.run([sys.executable, "script.py"], text=True, capture_output=True, check=True).stdout
+    assert len(said) == 8 and said == desktop.splitlines()
+    said = (place / "runs/lossy/log/lossy.log").read_text()
+    desktop = subprocess.run([sys.executable, "lossy.py"], text=True, capture_output=True, check=True).stdout
+    assert said == desktop == "32 0 31 True\n"
+
+
 BRIDGE = """
 simulation = "link"
 until = 120

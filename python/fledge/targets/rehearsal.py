@@ -106,6 +106,9 @@ class Rehearsal:
 
     def add(self, now: int, flight: Any, packets: Iterable[bytes]) -> None:
         """Add commands to the script, then those that the scenario itself has sent since the last time."""
+        if flight.commands.spoke_frames:
+            raise Failure(f"the scenario commands {flight.name} by frames, which no target gets from it; command by "
+                          "sim.flight.commands, or in a co-simulation (docs/ground.md)")
         sent = flight.commands.sent[self.sent[flight.name]:]
         self.sent[flight.name] += len(sent)
         # Those that come first were made last: on the link from the ground, sequences follow the order of sending.

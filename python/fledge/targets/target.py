@@ -28,6 +28,8 @@ class Target:
     needs: tuple[str, ...] = ()     # programs that are not always there; the packages that have them: packages.txt
     parts: tuple[str, ...] = ("cosim",)     # of Fledge's build, for a flight there: targets of ./CMakeLists.txt
     profiled_by = ""                # how `fledge profile` measures it: fledge.profile.METHODS; "": it cannot
+    frames = True                   # whether a mission's SpaceLink frames what passes there
+    secures = False                 # whether it has the cipher of a secured one
     takes_tools = False             # whether it is made with the options of a debugger, as Leon3 is
     used: Sequence[Target] = ()     # those that it uses, once fledge.targets.TARGETS has made it
 
@@ -50,6 +52,13 @@ class Target:
 
     def check(self, part: Part) -> None:
         """Raise Failure if a flight process cannot fly here, as far as that shows before anything is written."""
+        from fledge.errors import Failure
+
+        if part.frames and not self.frames:
+            raise Failure(f"{self.name}: its bus carries packets; fly {part.mission.title} without its SpaceLink there")
+        if part.frames and part.frames.secured and not self.secures:
+            raise Failure(f"{self.name}: there is no BearSSL for it, which has the cipher of a secured link; fly "
+                          f"{part.mission.title} with secured=0 there")
         for one in self.used:
             one.check(part)
 

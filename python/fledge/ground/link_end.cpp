@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ground's end of a link of frames, in objects of Python.
+#include "ccsds/security/key_file.h"
+#include "ccsds/space_link.h"
+
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+namespace py = pybind11;
+
+namespace fledge::ground {
+
+namespace {
+
+class LinkEnd {
+public:
+    /// Of frames with security: the file of keys, SdlsService, association and key of commands and of telemetry, the
+    /// least number of the first command, and what no other end that commands by this key has.
+    using Secrets = std::tuple<std::string, int, int, int, int, int, std::uint64_t, std::uint32_t>;
+
+    LinkEnd(const py::dict &given, std::int64_t timer, int limit, const std::optional<Secrets> &secrets)
+    {
+        const auto of = [&](const char *name) { return given[name].cast<std::uint16_t>(); };
+        const auto byte = [&](const char *name) { return given[name].cast<std::uint8_t>(); };
+        const SpaceLinkSetup setup{{of("spacecraft"), byte("command_channel"), byte("segments"), 1},
+                                   {of("spacecraft"), of("frame_size"), byte("cop1"), 1},
+                                   byte("telemetry_channel"),
+                                   byte("map"),
+                                   byte("cltu"),
+                                   byte("tc_random"),
+                                   byte("tm_random"),
+                                   byte("marker"),
+                                   byte("window"),
+                                   byte("cop1")};
+        if (!space_link_is_possible(&setup, secrets.has_value())) {
+            throw py::value_error("there is no such link");
+        }
+        if (secrets) {
+            secure(setup, *secrets);
+        }
+        const SpaceLinkSinks sinks{[](void *user, const std::uint8_t *unit, std::size_t n) {
+                                       static_cast<LinkEnd *>(user)->units_.emplace_back(unit, unit + n);
+                                   },
+                                   [](void *user, const std::uint8_t *packet, std::size_t n) {
+                                       static_cast<LinkEnd *>(user)->packets_.emplace_back(packet, packet + n);
+                                   },
+                                   [](void *user, SpaceLinkAnswer answer, std::uint32_t tag) {
+                                       static_cast<LinkEnd *>(user)->answers_.emplace_back(tag,
+                                                                                           answer != SPACE_LINK_FAILED);
+                                   },
+                                   this};
+        const SpaceLinkSecurity security{&sdls_, &sdls_functions};
+        space_link_ground_begin(end_.get(), &setup, secrets ? &security : nullptr, &sinks, timer,
+                                static_cast<std::uint8_t>(limit));
+    }
+    LinkEnd(const LinkEnd &) = delete;
+
+    /// False: later. Raises ValueError for what no frame takes.
+    bool send(std::uint32_t tag, const py::bytes &packet)
+    {
+        const std::string_view view = packet;
+        if (!space_link_ground_is_ready(end_.get())) {
+            return false;
+        }
+        if (!space_link_ground_send(end_.get(), tag, reinterpret_cast<const std::uint8_t *>(view.data()),
+                                    view.size())) {
+            throw py::value_error("a command of " + std::to_string(view.size()) +
+                                  " bytes does not fit into a frame; a link with segments takes up to " +
+                                  std::to_string(int{SPACE_LINK_PACKET}));
+        }
+        return true;
+    }
+
+    py::list take(const py::bytes &bytes)
+    {
+        const std::string_view view = bytes;
+        space_link_ground_take(end_.get(), reinterpret_cast<const std::uint8_t *>(view.data()), view.size());
+        return moved(packets_);
+    }
+
+    py::list units() { return moved(units_); }
+
+    py::list answers()
+    {
+        py::list found;
+        for (const auto &[tag, good] : std::exchange(answers_, {})) {
+            found.append(py::make_tuple(tag, good));
+        }
+        return found;
+    }
+
+    void time(std::int64_t t) { space_link_ground_time(end_.get(), t); }
+    std::int64_t due() const { return space_link_ground_due(end_.get()); }
+    std::uint64_t number() const { return associations_[0].next; }
+
+    py::dict counts() const
+    {
+        static const char *const names[CCSDS_FAULTS] = {"ok",      "short",       "length", "version", "spacecraft",
+                                                        "channel", "crc",         "type",   "gap",     "room",
+                                                        "stray",   "association", "tag",    "replay"};
+        py::dict found;
+        found["frames"] = end_->receiver.frames;
+        found["missing"] = end_->receiver.missing;
+        found["clcws"] = end_->clcws;
+        found["ends"] = end_->alerts;
+        found["skipped"] = end_->skipped + end_->sync.skipped;
+        for (std::size_t i = 1; i < CCSDS_FAULTS; i++) {
+            if (end_->faults[i] != 0) {
+                found[names[i]] = end_->faults[i];
+            }
+        }
+        return found;
+    }
+
+private:
+    void secure(const SpaceLinkSetup &setup, const Secrets &secrets)
+    {
+        const auto &[path, service, spi, key, tm_spi, tm_key, first, session] = secrets;
+        char why[400] = "";
+        keys_.n = key_file_read(path.c_str(), expanded_.data(), expanded_.size(), why, sizeof why);
+        if (keys_.n == 0) {
+            throw py::value_error(why);
+        }
+        const auto made = [&, &file = path, kind = service](int id, int with, bool command, std::uint8_t channel,
+                                                            std::uint64_t next) {
+            if (std::none_of(expanded_.begin(), expanded_.begin() + static_cast<std::ptrdiff_t>(keys_.n),
+                             [&](const AesGcmKey &one) { return one.id == with; })) {
+                throw py::value_error(file + " has no key " + std::to_string(with));
+            }
+            SdlsAssociation one{};
+            one.spi = static_cast<std::uint16_t>(id);
+            one.fixed = static_cast<std::uint32_t>(id);
+            one.telecommand = command;
+            one.virtual_channel = channel;
+            one.service = static_cast<std::uint8_t>(kind);
+            one.window = 1;
+            sdls_rekey(&one, static_cast<std::uint16_t>(with), next);
+            sdls_start(&one);
+            return one;
+        };
+        associations_ = {made(spi, key, true, setup.commands.virtual_channel, first),
+                         made(tm_spi, tm_key, false, setup.virtual_channel, 0)};
+        associations_[0].fixed |= session << 3;
+        sdls_ = {aes_gcm(&keys_), associations_.data(), 2, {}};
+    }
+
+    static py::list moved(std::vector<std::vector<std::uint8_t>> &from)
+    {
+        py::list found;
+        for (const auto &one : std::exchange(from, {})) {
+            found.append(py::bytes(reinterpret_cast<const char *>(one.data()), one.size()));
+        }
+        return found;
+    }
+
+    std::unique_ptr<SpaceLinkGround> end_ = std::make_unique<SpaceLinkGround>();
+    std::array<AesGcmKey, 16> expanded_{};
+    AesGcmKeys keys_{expanded_.data(), 0};
+    std::array<SdlsAssociation, 2> associations_{};
+    Sdls sdls_{};
+    std::vector<std::vector<std::uint8_t>> units_, packets_;
+    std::vector<std::pair<std::uint32_t, bool>> answers_;
+};
+
+} // namespace
+
+void bind_link_end(py::module_ &m)
+{
+    py::class_<LinkEnd>(m, "SpaceLink", "The ground's end of a link of frames, ccsds/space_link.h.")
+        .def(py::init<const py::dict &, std::int64_t, int, const std::optional<LinkEnd::Secrets> &>(), py::arg("setup"),
+             py::arg("timer"), py::arg("limit"), py::arg("secrets") = py::none())
+        .def("send", &LinkEnd::send, py::arg("tag"), py::arg("packet"), "False: it takes none now.")
+        .def("take", &LinkEnd::take, py::arg("bytes"), "The packets in what came.")
+        .def("units", &LinkEnd::units, "What is to be sent.")
+        .def("answers", &LinkEnd::answers, "(tag, whether the spacecraft has it) since the last call.")
+        .def("time", &LinkEnd::time, py::arg("t"), "It is t [ns].")
+        .def_property_readonly("due", &LinkEnd::due, "[ns] when it must be told the time.")
+        .def_property_readonly("number", &LinkEnd::number, "Of the next secured command.")
+        .def_property_readonly("counts", &LinkEnd::counts);
+}
+
+} // namespace fledge::ground
