@@ -130,6 +130,14 @@ def test_parameters_that_a_scenario_changes_cross_a_board_too(tmp_path, capsys):
     assert 'carries   = "commands"' in board and 'carries   = "telemetry"' in board
 
 
+def test_a_ground_speaks_with_a_target_by_radio(tmp_path, capsys):
+    """A pass: what was lost on the way up never comes to the target; the checks see its telemetry by radio, too."""
+    code = cli.main(["fly", "earth_imager", "contact", "--on", "linux", "--out", str(tmp_path)])
+    assert code == 0, capsys.readouterr()
+    assert len((tmp_path / "script.txt").read_text().splitlines()) == 1
+    assert len((tmp_path / "linux.telemetry.txt").read_text().splitlines()) > 1000
+
+
 PLAYS = """
 from fledge.units import s
 
