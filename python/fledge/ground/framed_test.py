@@ -15,7 +15,7 @@ from fledge.export.run_test import FLIGHT, WORLD
 from fledge.frames import OPTIONS, Frames
 from fledge.ground import radio_test
 from fledge.ground.address import link_of, open_link
-from fledge.targets import reset_test
+from fledge.targets import TARGETS, reset_test
 from fledge.units import minute, s
 
 LINK = """
@@ -271,3 +271,24 @@ def test_frames_pass_by_a_radio_with_wrong_bits():
     assert radio.up_traffic.damaged > 10 and radio.down_traffic.damaged > 10
     assert f.link.state.corrected > 10 and sum(f.link.state.faults) > 5 and craft.link.counts["crc"] > 5
     assert craft.refused == 0 and f.commands.counters.refused == 0
+
+
+@pytest.mark.parametrize("target, cop1, says", [
+    ("cfs", 0, "cfs: its bus carries packets; fly resets0 without its SpaceLink there"),
+    ("leon3", 1, "leon3: there is no BearSSL for it, which has the cipher of a secured link")])
+def test_what_a_target_cannot_frame_is_refused(secured, target, cop1, says, capsys, tmp_path):
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not installed")
+    secured(cop1=cop1)
+    assert cli.main(["fly", str(tmp_path / f"resets{cop1}"), "--for", "1s", "--on", target,
+                     "--out", str(tmp_path / "out")]) != 0
+    assert says in capsys.readouterr().err
+
+
+def test_a_scenario_that_speaks_frames_is_not_flown_without_them(load, capsys, tmp_path):
+    load()
+    (tmp_path / "plays/scenarios.py").write_text(
+        'from fledge import ground\n\n\ndef play(sim):\n    """Command."""\n'
+        '    ground.connect(sim).command("noop").completed()\n')
+    assert cli.main(["fly", str(tmp_path / "plays"), "play", "--on", "linux", "--out", str(tmp_path / "out")]) != 0
+    assert "the scenario commands flight by frames, which no target gets from it" in capsys.readouterr().err
