@@ -8,6 +8,8 @@
 
 What stands before the first colon is clauses if its first part is one; else all is meaning, so that
 `///< Ri: what the control frame shall follow` may be written. Continuation lines keep their `///<`.
+
+The comment beside the id of an event: "///<" severity { "," argument "[" unit "]" } ":" meaning
 """
 from __future__ import annotations
 
@@ -21,6 +23,7 @@ from introspect.errors import Refusal
 from introspect.model import Bounds, Unit
 
 WORDS = ("required", "optional", "assumed", "initial", "non-zero", "inertia")
+SEVERITIES = ("info", "low", "medium", "high")     # EventSeverity of flight/msg/event.h, from 1
 CLAUSES = ", ".join(WORDS) + ", > x, >= x, < x, <= x, in [a, b], count FIELD, distinct PORT"
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -34,6 +37,25 @@ class Comment:
     count: str | None = None
     distinct: str | None = None
     meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Event:
+    """What the comment of an event's id says: `///< medium, monitor [-], value [SI]: it has fired`."""
+    severity: str                           # of SEVERITIES
+    arguments: tuple[tuple[str, str], ...]  # (name, unit)
+    meaning: str
+
+
+def event(text: str) -> Event:
+    """The words behind the id of an event. Raises Refusal."""
+    before, colon, meaning = text.partition(":")
+    severity, *named = [part.strip() for part in before.split(",")]
+    arguments = [re.fullmatch(r"([a-z]\w*) \[([^\]]*)\]", one) for one in named]
+    if not colon or not meaning.strip() or severity not in SEVERITIES or not all(arguments) or len(named) > 4:
+        raise Refusal("an event's comment is a severity, up to 4 arguments with their units, and the meaning",
+                      f"`{text}`", f"write `{' | '.join(SEVERITIES)}, name [unit], ...: what has happened`")
+    return Event(severity, tuple((one[1], units.parse(one[2]).text) for one in arguments if one), meaning.strip())
 
 
 def field_text(raw: str | None) -> str | None:

@@ -13,6 +13,20 @@ def parse(text):
             said.meaning)
 
 
+def test_the_comment_of_an_event():
+    said = comment.event("medium, monitor [-], value [SI]: it fired: a check stayed wrong")
+    assert (said.severity, said.meaning) == ("medium", "it fired: a check stayed wrong")
+    assert said.arguments == (("monitor", "-"), ("value", "SI"))
+    assert comment.event("info: done") == comment.Event("info", (), "done")
+
+
+@pytest.mark.parametrize("text", ["", "info", "info:", "fatal: done", "low, x: no unit", "low, x [m], : two",
+                                  "high, a [m], b [m], c [m], d [m], e [m]: five", "low, x [furlong]: no such unit"])
+def test_a_wrong_comment_of_an_event_is_refused(text):
+    with pytest.raises(Refusal):
+        comment.event(text)
+
+
 @pytest.mark.parametrize("text, expected", [
     ("[N m / s] >= 0: gain on the error; 0: off",
      ("N m / s", set(), Bounds(lo=0.0), None, "gain on the error; 0: off")),

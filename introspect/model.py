@@ -164,6 +164,7 @@ class Struct:
     line: int
     library: str = ""           # empty: declared outside the folders that were asked for
     service: bool = False       # a module with a CommandService
+    events: Enumeration | None = None   # a module with an output FlightEvent: what it says
 
     @property
     def folder(self) -> str:
@@ -172,8 +173,7 @@ class Struct:
     @property
     def snake_name(self) -> str:
         """Prefix of the C functions: MrpFeedback -> mrp_feedback."""
-        words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", self.name)
-        return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
+        return snake(self.name)
 
     @functools.cached_property
     def hash(self) -> int:
@@ -192,6 +192,12 @@ class Struct:
     def uses(self) -> Iterator[Struct]:
         """The structs that its fields are, direct ones only, each once."""
         return iter({f.struct.name: f.struct for f in self.fields if f.struct}.values())
+
+
+def snake(name: str) -> str:
+    """MrpFeedback -> mrp_feedback"""
+    words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
+    return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,7 @@ class _Reader:
         self._typedefs = self._by_name(CursorKind.TYPEDEF_DECL)
         self._functions = self._by_name(CursorKind.FUNCTION_DECL)
         self._variables = self._by_name(CursorKind.VAR_DECL)
+        self._enum_cursors = self._by_name(CursorKind.ENUM_DECL)
         self._structs: dict[str, Struct] = {}
         self._enums: dict[str, Enumeration] = {}
         # By struct: its problems, and the structs of its members.
@@ -166,7 +167,8 @@ class _Reader:
                         self._headers.library(file))
         if kind is Kind.MODULE:
             self._check_prototypes(cursor, struct)
-            struct = replace(struct, service=f"{struct.snake_name}_service" in self._variables)
+            struct = replace(struct, service=f"{struct.snake_name}_service" in self._variables,
+                             events=self._event_ids(cursor, struct))
         self._problems[name] += rules.check(struct, complete=name not in self._incomplete)
         self._reading.pop()
         self._structs[name] = struct
@@ -216,6 +218,27 @@ class _Reader:
                     [a.type.spelling for a in declared.get_arguments()] != arguments:
                 self._refuse(declared, Refusal(
                     rule, f"`{function}` is `{declared.type.spelling}`", "correct it"))
+
+    def _event_ids(self, cursor: Cursor, struct: Struct) -> Enumeration | None:
+        """What a module with an output FlightEvent says, by an enum beside it."""
+        if not any(f.group is Group.OUT and f.struct and f.struct.name == "FlightEvent" for f in struct.fields):
+            return None
+        name, begin = f"{struct.name}EventId", f"{struct.snake_name.upper()}_"
+        declared = self._enum_cursors.get(name)
+        if declared is None:
+            self._refuse(cursor, Refusal("a module with an output FlightEvent has an enum of its events",
+                                         f"`{name}` is not declared",
+                                         f"declare `typedef enum {name} {{...}} {name};` before the struct"))
+            return None
+        for one in declared.get_children():
+            try:
+                comment.event(comment.field_text(one.raw_comment) or "")
+                if not one.spelling.startswith(begin) or one.enum_value < 0:
+                    raise Refusal(f"an event's id begins with {begin} and is not negative",
+                                  f"`{one.spelling} = {one.enum_value}`", "correct it")
+            except Refusal as refusal:
+                self._refuse(one, refusal)
+        return self._enum(declared)
 
     # Fields
 

@@ -15,7 +15,7 @@ extern "C" {
 #endif
 
 /** Changes whenever a struct below does; a library built with another one is refused. */
-#define FLEDGE_TABLE_VERSION 3u
+#define FLEDGE_TABLE_VERSION 4u
 
 #define FLEDGE_DIMS_MAX 4
 
@@ -98,6 +98,7 @@ typedef struct FledgeStruct {
     void (*reset)(void);
     void (*update)(void);
     const struct CommandService *service; /* of a module that commands need (flight/command/command.h); else NULL */
+    const FledgeEnum *events;             /* of a module with an output FlightEvent: what it says; else NULL */
 } FledgeStruct;
 
 typedef struct FledgeLibrary {

@@ -30,6 +30,14 @@ static inline uint32_t element_size(FledgeType type)
     return sizes[type];
 }
 
+/** [bytes] What n numbers of a type have from a byte `offset` of a struct of `size` bytes on; 0: they are not there. */
+static inline uint32_t element_span(uint32_t type, uint32_t offset, uint32_t n, uint32_t size)
+{
+    const uint32_t width =
+        type <= (uint32_t)FLEDGE_ENUM && type != (uint32_t)FLEDGE_CHAR ? element_size((FledgeType)type) : 0u;
+    return width > 0u && offset < size && n <= (size - offset) / width ? n * width : 0u;
+}
+
 #define FLEDGE_READ(ctype)                                                                                             \
     {                                                                                                                  \
         ctype v;                                                                                                       \

@@ -28,13 +28,25 @@ typedef struct MonitorState {
     uint32_t spare;
 } MonitorState;
 
-/** A monitor has fired, or the check of one that had is right again; the last one of an instant. */
-typedef struct MonitorEvent {
+/** The log of events. */
+typedef struct EventLogState {
     Head head;
-    double value;     ///< [SI] the number
-    uint32_t monitor; ///< [-] its place
-    uint32_t wrong;   ///< [-] in [0, 1]: 1: it has fired
-} MonitorEvent;
+    uint32_t kept;       ///< [-] events in it
+    uint32_t logged;     ///< [-] events that it ever had
+    uint32_t below;      ///< [-] events since the reset that were not grave enough
+    uint32_t suppressed; ///< [-] events since the reset that were too many in a time
+    uint32_t replaced;   ///< [-] events since the reset that others replaced in their output before they were seen
+    uint32_t unseen;     ///< [-] outputs of events that it does not see, for there are too many
+} EventLogState;
+
+/** The reports of chosen numbers. Bit i of a set is that of report i. */
+typedef struct HousekeepingState {
+    Head head;
+    uint32_t on;   ///< [-] those that are sent
+    uint32_t bad;  ///< [-] those whose last packet left out a choice
+    uint32_t sent; ///< [-] packets since the reset
+    uint32_t spare;
+} HousekeepingState;
 
 /** Files on board, and the protocol that carries them. Counters are since the computer began. */
 typedef struct FilesState {

@@ -60,6 +60,11 @@ static View see(const SunDirection *m, const SunSensorCounts *counts, uint32_t w
     return v;
 }
 
+static void say(SunDirection *m, int64_t t, SunDirectionEventId id, EventSeverity severity, uint32_t which)
+{
+    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {which}});
+}
+
 void sun_direction_reset(SunDirection *m)
 {
     memset(&m->out, 0, sizeof m->out);
@@ -75,8 +80,9 @@ void sun_direction_update(SunDirection *m, Tick t)
     for (uint32_t i = 0u; i < m->par.n && head_written(head[0]) && head_written(head[1]); i++) {
         if (!(fm_abs(view[0].cosine[i] - view[1].cosine[i]) <= m->par.differ)) {
             status->miscompare |= 1u << i;
-            if (++m->mem.differed[i] >= m->par.persistence) {
+            if (++m->mem.differed[i] >= m->par.persistence && (status->sensors >> i & 1u) == 0u) {
                 status->sensors |= 1u << i;
+                say(m, t.t, SUN_DIRECTION_SENSOR, EVENT_LOW, i);
             }
         }
     }
@@ -84,6 +90,7 @@ void sun_direction_update(SunDirection *m, Tick t)
         const uint32_t worse = view[1].misfit > view[0].misfit ? 1u : 0u;
         if (++m->mem.suspected[worse] >= m->par.persistence) {
             status->faulty = 1u << worse;
+            say(m, t.t, SUN_DIRECTION_FAULTY, EVENT_HIGH, status->faulty);
         }
     }
     status->head = head_next(status->head, t.t, quality_min(quality_through(head[0]), quality_through(head[1])));

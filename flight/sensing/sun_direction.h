@@ -3,6 +3,7 @@
 #define FLIGHT_SENSING_SUN_DIRECTION_H
 
 #include "flight/msg/avionics.h"
+#include "flight/msg/event.h"
 #include "flight/msg/navigation.h"
 #include "flight/msg/sun.h"
 
@@ -14,6 +15,12 @@ typedef struct SunSensorStatus {
     uint32_t sensors;    ///< [-] channels that have ever differed for long, a bit for each
     uint32_t spare;
 } SunSensorStatus;
+
+/** What it says. */
+typedef enum SunDirectionEventId {
+    SUN_DIRECTION_FAULTY = 1, ///< high, converter [-]: a converter is out of use from now on; 1: A, 2: B
+    SUN_DIRECTION_SENSOR = 2  ///< low, sensor [-]: what the converters read of a sensor has differed for long
+} SunDirectionEventId;
 
 /** The direction to the Sun by coarse sun sensors that two converters read, of which one may fail. The direction is
  *  that whose cosines are nearest to the readings of the lit sensors, in the sum of weighted squares. The two
@@ -31,6 +38,7 @@ typedef struct SunDirection {
         SunHeading heading;
         SunCosines cosines; ///< of the converter that is used
         SunSensorStatus status;
+        FlightEvent event;
     } out;
     struct {
         uint32_t n;                      ///< [-] required, in [1, 8]: number of sensors

@@ -10,6 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <random>
 
@@ -108,6 +109,7 @@ TEST(SunDirection, the_faulty_converter_is_named_and_the_other_one_used)
                         ASSERT_LT((s.update() - sun).norm(), 0.05) << second << all << static_cast<int>(fault) << k;
                     }
                     EXPECT_EQ(s.m.out.status.faulty, second ? 2u : 1u) << all << static_cast<int>(fault);
+                    EXPECT_EQ(s.m.out.event.count, 1u + static_cast<unsigned>(std::popcount(s.m.out.status.sensors)));
                     EXPECT_EQ(s.m.out.status.sensors & ~(all ? 0xFFu : 1u << 5), 0u);
                 }
             }

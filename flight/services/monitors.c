@@ -22,21 +22,9 @@ static int is_wrong(const Monitor *one, MonitorMemory *memory, const void *numbe
     }
 }
 
-/* Whether a monitor names numbers of an output. `size`: that of the output. */
-static int has_number(const Monitor *one, uint32_t size)
+static void say(Monitors *m, MonitorsEventId id, EventSeverity severity, uint32_t place, double value, int64_t t)
 {
-    const uint32_t width = one->type <= (uint32_t)FLEDGE_ENUM ? element_size((FledgeType)one->type) : 0u;
-    return width > 0u && one->type != (uint32_t)FLEDGE_CHAR && one->n > 0u && one->offset < size &&
-           one->n <= (size - one->offset) / width;
-}
-
-static void say(Monitors *m, uint32_t place, int wrong, double value, int64_t t)
-{
-    MonitorEvent *e = &m->out.event;
-    e->head = head_next(e->head, t, QUALITY_GOOD);
-    e->monitor = place;
-    e->wrong = (uint32_t)wrong;
-    e->value = value;
+    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {place, value}});
 }
 
 static void look(Monitors *m, uint32_t place, const CommandContext *context)
@@ -44,6 +32,7 @@ static void look(Monitors *m, uint32_t place, const CommandContext *context)
     const Monitor *one = &m->par.monitors[place];
     MonitorMemory *memory = &m->mem.watched[place];
     const uint32_t bit = 1u << place;
+    const uint32_t bad = m->mem.bad & bit;
     m->mem.bad &= ~bit;
     if (one->on == 0u || one->kind == MONITOR_NOTHING) {
         *memory = (MonitorMemory){.event = exec_armed()};
@@ -53,8 +42,11 @@ static void look(Monitors *m, uint32_t place, const CommandContext *context)
     const uint8_t *output = one->output < context->table->n_outputs
                                 ? context->table->services->output(context->mission, (uint16_t)one->output, &size)
                                 : NULL;
-    if (!has_number(one, size)) {
+    if (element_span(one->type, one->offset, one->n, size) == 0u) { /* it names no number */
         m->mem.bad |= bit;
+        if (bad == 0u) {
+            say(m, MONITORS_BAD, EVENT_LOW, place, 0.0, context->t);
+        }
         return;
     }
     Head head;
@@ -67,9 +59,9 @@ static void look(Monitors *m, uint32_t place, const CommandContext *context)
     if (exec_fires(&memory->event, wrong, !wrong, one->hold, (int32_t)one->count, 0, context->t)) {
         m->mem.fired++;
         m->mem.pending |= one->list > 0u ? bit : 0u;
-        say(m, place, 1, memory->last, context->t);
+        say(m, MONITORS_FIRED, EVENT_MEDIUM, place, memory->last, context->t);
     } else if (was && memory->event.armed > 0) {
-        say(m, place, 0, memory->last, context->t);
+        say(m, MONITORS_RIGHT, EVENT_INFO, place, memory->last, context->t);
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include "flight/command/command.h"
 #include "flight/exec/event.h"
+#include "flight/msg/event.h"
 #include "flight/msg/services.h"
 
 enum { MONITORS = 16 };
@@ -33,6 +34,13 @@ typedef struct Monitor {
     uint32_t spare;
 } Monitor;
 
+/** What it says. */
+typedef enum MonitorsEventId {
+    MONITORS_FIRED = 1, ///< medium, monitor [-], value [SI]: its check stayed wrong; value: of the last one
+    MONITORS_RIGHT = 2, ///< info, monitor [-], value [SI]: the check of one that had fired is right again
+    MONITORS_BAD = 3    ///< low, monitor [-]: it names no number of an output
+} MonitorsEventId;
+
 /** What a monitor remembers. */
 typedef struct MonitorMemory {
     ExecEvent event;
@@ -54,7 +62,7 @@ typedef struct MonitorMemory {
 typedef struct Monitors {
     struct {
         MonitorState state;
-        MonitorEvent event;
+        FlightEvent event;
     } out;
     struct {
         Monitor monitors[MONITORS];

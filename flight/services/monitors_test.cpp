@@ -98,7 +98,7 @@ protected:
 
     Monitor &monitor(int i) { return mission_.monitors.par.monitors[i]; }
     const MonitorState &shown() const { return mission_.monitors.out.state; }
-    const MonitorEvent &event() const { return mission_.monitors.out.event; }
+    const FlightEvent &event() const { return mission_.monitors.out.event; }
 
     /// The last instant left x; returns the lists that are started at the next one.
     std::string sees(double x)
@@ -137,13 +137,14 @@ TEST_F(Watch, ALimitThatIsBrokenStartsASequenceOnceUntilItHeldAgain)
     EXPECT_EQ(sees(2.1), "5");
     EXPECT_EQ(shown().wrong, 8u);
     EXPECT_EQ(shown().held, 8u);
-    EXPECT_EQ(event().monitor, 3u);
-    EXPECT_EQ(event().wrong, 1u);
-    EXPECT_EQ(event().value, 2.1);
+    EXPECT_EQ(event().id, MONITORS_FIRED);
+    EXPECT_EQ(event().severity, EVENT_MEDIUM);
+    EXPECT_EQ(event().arguments[0], 3.0);
+    EXPECT_EQ(event().arguments[1], 2.1);
     EXPECT_EQ(event().head.t, t_);
     EXPECT_EQ(sees(3.0), "");
     EXPECT_EQ(sees(1.0), "");
-    EXPECT_EQ(event().wrong, 0u);
+    EXPECT_EQ(event().id, MONITORS_RIGHT);
     EXPECT_EQ(event().head.sequence, 2u);
     EXPECT_EQ(sees(-1.5), "5");
     EXPECT_EQ(sees(0.0), "");
@@ -224,6 +225,11 @@ TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsSaidToBeBad)
     monitor(6).n = 0;
     at();
     EXPECT_EQ(shown().bad, 0x7Eu);
+    EXPECT_EQ(event().id, MONITORS_BAD);
+    EXPECT_EQ(event().arguments[0], 6.0);
+    EXPECT_EQ(event().count, 2u + 6u);
+    at();
+    EXPECT_EQ(event().count, 2u + 6u); // it is said once
     EXPECT_EQ(shown().head.quality, QUALITY_DEGRADED);
 }
 

@@ -73,8 +73,22 @@ static uint32_t first(const StoredCommands *m, int64_t *due)
     return found;
 }
 
+static void say(StoredCommands *m, int64_t t, StoredCommandsEventId id, EventSeverity severity, uint32_t list,
+                uint32_t step, double late)
+{
+    event_say(&m->out.event, t, (FlightEvent){.id = id, .severity = severity, .arguments = {list, step, late}});
+}
+
+static void end_list(StoredCommands *m, uint32_t list, int64_t t)
+{
+    if (m->mem.lists[list].state != 0u) {
+        m->mem.lists[list].state = 0u;
+        say(m, t, STORED_COMMANDS_ENDED, EVENT_INFO, list, 0u, 0.0);
+    }
+}
+
 /* Sequences of which nothing is left have ended. */
-static void end_lists(StoredCommands *m)
+static void end_lists(StoredCommands *m, int64_t t)
 {
     uint32_t left = 0u;
     for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
@@ -86,7 +100,7 @@ static void end_lists(StoredCommands *m)
     }
     for (uint32_t i = 1u; i < STORED_LISTS; i++) {
         if (!has(left, i)) {
-            m->mem.lists[i].state = 0u;
+            end_list(m, i, t);
         }
     }
 }
@@ -111,12 +125,18 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     report->reason = (uint16_t)reason;
     m->mem.released += reason == COMMAND_OK;
     m->mem.skipped += reason != COMMAND_OK;
+    switch (reason) {
+    case COMMAND_CRC: say(m, context->t, STORED_COMMANDS_DAMAGED, EVENT_HIGH, c->list, c->step, 0.0); break;
+    case COMMAND_INHIBITED: say(m, context->t, STORED_COMMANDS_INHIBITED, EVENT_LOW, c->list, c->step, 0.0); break;
+    case COMMAND_LATE: say(m, context->t, STORED_COMMANDS_LATE, EVENT_MEDIUM, c->list, c->step, late); break;
+    default: break;
+    }
     if (c->list == 0u) {
         memset(c, 0, sizeof *c);
     } else {
         m->mem.lists[c->list].time = c->time;
         m->mem.lists[c->list].step = c->step + 1u;
-        end_lists(m);
+        end_lists(m, context->t);
     }
     return n;
 }
@@ -167,7 +187,7 @@ static uint32_t place_of(const StoredCommands *m, uint32_t list, uint32_t step)
     return found;
 }
 
-static CommandReason store(StoredCommands *m, const uint8_t *packet)
+static CommandReason store(StoredCommands *m, const uint8_t *packet, int64_t t)
 {
     const uint16_t list = ccsds_get16(packet + LIST), step = ccsds_get16(packet + STEP);
     const uint32_t place = place_of(m, list, step);
@@ -183,11 +203,11 @@ static CommandReason store(StoredCommands *m, const uint8_t *packet)
     c->size = (uint16_t)n;
     c->crc = ccsds_get16(packet + CRC);
     memcpy(c->packet, packet + COMMAND_STORED, n);
-    end_lists(m);
+    end_lists(m, t);
     return COMMAND_OK;
 }
 
-static CommandReason erase(StoredCommands *m, uint32_t list, uint32_t step)
+static CommandReason erase(StoredCommands *m, uint32_t list, uint32_t step, int64_t t)
 {
     uint32_t n = 0u;
     for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
@@ -197,7 +217,7 @@ static CommandReason erase(StoredCommands *m, uint32_t list, uint32_t step)
             n++;
         }
     }
-    end_lists(m);
+    end_lists(m, t);
     return n > 0u || list == COMMAND_ALL || step == COMMAND_ALL ? COMMAND_OK : COMMAND_PLACE;
 }
 
@@ -248,6 +268,7 @@ static CommandReason start(StoredCommands *m, uint32_t i, uint16_t crc, int64_t 
         return COMMAND_INHIBITED;
     }
     *list = (StoredList){t, 0, 0, 0u, STORED_RUNS};
+    say(m, t, STORED_COMMANDS_STARTED, EVENT_INFO, i, 0u, 0.0);
     return COMMAND_OK;
 }
 
@@ -261,7 +282,7 @@ static CommandReason control(StoredCommands *m, uint32_t i, uint32_t action, int
         return COMMAND_RUNNING;
     }
     if (action == LIST_STOP) {
-        list->state = 0u;
+        end_list(m, i, t);
     } else if (action == LIST_HOLD) {
         list->state |= STORED_HELD;
         list->held = t;
@@ -295,8 +316,8 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     StoredCommands *m = module;
     const uint32_t list = ccsds_get16(packet + CHOSEN);
     switch (packet[6]) {
-    case COMMAND_STORE: return store(m, packet);
-    case COMMAND_DELETE: return erase(m, list, ccsds_get16(packet + CHOSEN_STEP));
+    case COMMAND_STORE: return store(m, packet, context->t);
+    case COMMAND_DELETE: return erase(m, list, ccsds_get16(packet + CHOSEN_STEP), context->t);
     case COMMAND_CONTROL:
         return control_lists(m, list, ccsds_get16(packet + ACTION), ccsds_get16(packet + CHECK), context->t);
     default: report->n = (uint16_t)report_list(m, list, data); return COMMAND_OK;

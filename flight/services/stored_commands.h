@@ -4,10 +4,20 @@
 
 #include "flight/command/command.h"
 #include "flight/msg/avionics.h"
+#include "flight/msg/event.h"
 #include "flight/msg/services.h"
 
 enum { STORED_COMMANDS = 24, STORED_LISTS = 16 };
 enum { STORED_RUNS = 1, STORED_HELD = 2 }; ///< of a list
+
+/** What it says. */
+typedef enum StoredCommandsEventId {
+    STORED_COMMANDS_STARTED = 1,   ///< info, list [-]: a sequence was started
+    STORED_COMMANDS_ENDED = 2,     ///< info, list [-]: nothing is left of a sequence, or a command stopped it
+    STORED_COMMANDS_LATE = 3,      ///< medium, list [-], step [-], late [s]: a command was skipped, as it was too late
+    STORED_COMMANDS_INHIBITED = 4, ///< low, list [-], step [-]: a command was skipped, as its list is inhibited
+    STORED_COMMANDS_DAMAGED = 5    ///< high, list [-], step [-]: a command was skipped, as its checksum does not hold
+} StoredCommandsEventId;
 
 /** A command that waits for its time. */
 typedef struct StoredCommand {
@@ -49,6 +59,7 @@ typedef struct StoredCommands {
     } in;
     struct {
         StoredState state;
+        FlightEvent event;
     } out;
     struct {
         StoredCommand commands[STORED_COMMANDS]; ///< the store, in any order

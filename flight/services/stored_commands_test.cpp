@@ -147,6 +147,14 @@ protected:
         return found;
     }
 
+    /// The last event as text: which, and its list and step.
+    std::string said() const
+    {
+        const FlightEvent &e = mission_.stored.out.event;
+        return std::to_string(e.id) + ":" + std::to_string(static_cast<int>(e.arguments[0])) + "," +
+               std::to_string(static_cast<int>(e.arguments[1]));
+    }
+
     const StoredState &shown() const { return mission_.stored.out.state; }
 
     void set_clock(int64_t t, int64_t time)
@@ -209,9 +217,12 @@ TEST_F(Stored, ASequenceRunsFromItsStartAsOftenAsItIsStarted)
         accept(control(LIST_START, 5));
         EXPECT_EQ(at(t), "a"); // in the instant of its start
         EXPECT_EQ(shown().running, 1u << 5);
+        EXPECT_EQ(said(), "1:5,0");
         EXPECT_EQ(send(control(LIST_START, 5), t + 1), COMMAND_RUNNING);
         EXPECT_EQ(at(t + 19), "");
         EXPECT_EQ(at(t + 20), "bc");
+        EXPECT_EQ(said(), "2:5,0");
+        EXPECT_EQ(mission_.stored.out.event.head.t, t + 20);
         EXPECT_EQ(shown().running, 0u);
     }
     EXPECT_EQ(shown().stored, 3u);
@@ -231,6 +242,7 @@ TEST_F(Stored, StopHoldAndRelease)
     EXPECT_EQ(at(509), "");
     EXPECT_EQ(at(510), "a");
     EXPECT_EQ(send(control(LIST_STOP, 1), 511), COMMAND_OK);
+    EXPECT_EQ(said(), "2:1,0");
     EXPECT_EQ(send(control(LIST_STOP, 1), 512), COMMAND_RUNNING);
     EXPECT_EQ(at(900), "");
     // List 0 can be held, too, and all lists at once.
@@ -253,6 +265,8 @@ TEST_F(Stored, WhatComesDueOnAnInhibitedListIsReportedAndNotExecuted)
     EXPECT_EQ(reports_.back().from, 2);
     EXPECT_EQ(reports_.back().code, COMMAND_MODE);
     EXPECT_EQ(shown().skipped, 1u);
+    EXPECT_EQ(said(), "4:1,0");
+    EXPECT_EQ(mission_.stored.out.event.severity, EVENT_LOW);
     send(control(LIST_ALLOW, COMMAND_ALL), 116);
     EXPECT_EQ(at(120), "b");
     send(control(LIST_INHIBIT, 1), 130);
@@ -341,6 +355,8 @@ TEST_F(Stored, WhatWasDamagedInMemoryIsNotExecuted)
     mission_.stored.par.commands[0].time++;
     EXPECT_EQ(at(20), "b");
     EXPECT_EQ(shown().skipped, 1u);
+    EXPECT_EQ(said(), "5:1,0"); // not that the list has ended at the same instant, which is less grave
+    EXPECT_EQ(mission_.stored.out.event.count, 3u);
     mission_.stored.par.commands[1].size = 0xFFFF;
     send(control(LIST_START, 1), 30);
     EXPECT_EQ(at(40), "");
@@ -423,6 +439,8 @@ TEST_F(Stored, WhereTheClockJumpsEachCommandIsExecutedAtMostOnce)
     EXPECT_EQ(at(5502), "");
     EXPECT_EQ(at(5503), "");
     EXPECT_EQ(reports_.back().reason, COMMAND_LATE);
+    EXPECT_EQ(mission_.stored.out.event.id, STORED_COMMANDS_LATE);
+    EXPECT_GT(mission_.stored.out.event.arguments[2], mission_.stored.par.late);
     EXPECT_EQ(shown().stored, 1u);
 }
 

@@ -16,6 +16,13 @@ static void give(ClockCommand *command, const ClockReading *clock, ClockCode cod
     command->value = clock_time(value);
 }
 
+static void say(VehicleTime *m, int64_t t, VehicleTimeEventId id, EventSeverity severity)
+{
+    event_say(
+        &m->out.event, t,
+        (FlightEvent){.id = id, .severity = severity, .arguments = {(double)m->out.time.error, m->out.time.jams}});
+}
+
 void vehicle_time_update(VehicleTime *m, Tick t)
 {
     const ClockReading *clock = &m->in.clock;
@@ -31,10 +38,16 @@ void vehicle_time_update(VehicleTime *m, Tick t)
         m->mem.pulses = clock->pulses;
         time->error = tick_since(clock_ns(clock->tone), clock_ns(clock->master));
         const int64_t size = time->error < 0 ? -time->error : time->error;
-        time->synchronized = size <= m->par.jam_beyond ? 1u : 0u;
+        const uint32_t synchronized = size <= m->par.jam_beyond ? 1u : 0u;
+        if (synchronized != time->synchronized) {
+            time->synchronized = synchronized;
+            say(m, t.t, synchronized != 0u ? VEHICLE_TIME_FOUND : VEHICLE_TIME_LOST,
+                synchronized != 0u ? EVENT_INFO : EVENT_LOW);
+        }
         if (!waits && clock->busy == 0u && size > m->par.jam_beyond) {
             give(command, clock, CLOCK_ALIGN, clock_ns(clock->master) + m->par.pulse);
             time->jams++;
+            say(m, t.t, VEHICLE_TIME_JUMPS, EVENT_MEDIUM);
         } else if (!waits && clock->busy == 0u && size > m->par.allowed) {
             give(command, clock, CLOCK_SLEW, -time->error);
         }

@@ -3,6 +3,15 @@
 #define FLIGHT_VEHICLE_VEHICLE_TIME_H
 
 #include "flight/msg/avionics.h"
+#include "flight/msg/event.h"
+
+/** What it says. */
+typedef enum VehicleTimeEventId {
+    VEHICLE_TIME_JUMPS = 1, ///< medium, error [ns], jams [-]: the clock is aligned at the next pulse; error: of the
+                            ///< slave's time; jams: how many alignments there were
+    VEHICLE_TIME_LOST = 2,  ///< low, error [ns]: the clock is no longer synchronized
+    VEHICLE_TIME_FOUND = 3  ///< info, error [ns]: the clock is synchronized
+} VehicleTimeEventId;
 
 /** Keep the computer's slave clock at the vehicle's master. At each new pulse the slave's time is compared with the
  *  master's. A large error is removed at the next pulse, by aligning the slave with the master's time then; a small one
@@ -14,6 +23,7 @@ typedef struct VehicleTime {
     struct {
         VehicleTimeState time;
         ClockCommand command;
+        FlightEvent event;
     } out;
     struct {
         int64_t pulse;      ///< [ns] required, > 0: of the master, from pulse to pulse

@@ -61,7 +61,13 @@ TEST(VehicleTime, a_large_error_is_gone_at_the_next_pulse)
         EXPECT_EQ(loop.m.out.time.error, std::llround(offset));
         EXPECT_EQ(loop.m.out.time.synchronized, 0u);
         EXPECT_EQ(loop.m.out.time.head.quality, QUALITY_DEGRADED);
+        const FlightEvent &said = loop.m.out.event;
+        EXPECT_EQ(said.id, VEHICLE_TIME_JUMPS);
+        EXPECT_EQ(said.arguments[0], static_cast<double>(std::llround(offset)));
+        EXPECT_EQ(said.arguments[1], 1.0);
         loop.second();
+        EXPECT_EQ(said.id, VEHICLE_TIME_FOUND);
+        EXPECT_EQ(said.count, 2u);
         EXPECT_EQ(loop.m.out.time.error, 0);
         EXPECT_EQ(loop.m.out.time.synchronized, 1u);
         EXPECT_EQ(loop.m.out.time.jams, 1u);

@@ -65,7 +65,7 @@ class CStruct(ctypes.Structure):
                 ("align", ctypes.c_uint32), ("hash", ctypes.c_uint64), ("n", ctypes.c_uint32),
                 ("fields", ctypes.POINTER(CField)), ("schema", ctypes.c_char_p),
                 ("reset", ctypes.c_void_p), ("update", ctypes.c_void_p),
-                ("service", ctypes.c_void_p)]
+                ("service", ctypes.c_void_p), ("events", ctypes.POINTER(CEnum))]
 
 
 class CLibrary(ctypes.Structure):
@@ -136,7 +136,7 @@ def compare_field(c, f, so):
 
 def compare_library(so, library):
     c_library = CLibrary.in_dll(so, f"fledge_library_{library.name}")
-    assert (c_library.version, text(c_library.name)) == (3, library.name)
+    assert (c_library.version, text(c_library.name)) == (4, library.name)
     assert c_library.n == len(library.structs)
     for pointer, s in zip(c_library.structs[:c_library.n], library.structs):
         c = pointer.contents
@@ -152,6 +152,10 @@ def compare_library(so, library):
                                         if function else None)
         service = ctypes.c_char.in_dll(so, f"{s.snake_name}_service") if s.service else None
         assert c.service == (ctypes.addressof(service) if service is not None else None)
+        assert bool(c.events) == bool(s.events)
+        if s.events:
+            assert ctypes.addressof(c.events.contents) == ctypes.addressof(
+                CEnum.in_dll(so, f"fledge_enum_{s.events.name}"))
         assert c.n == len(s.fields)
         for c_field, f in zip(c.fields[:c.n], s.fields):
             compare_field(c_field, f, so)

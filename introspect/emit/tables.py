@@ -29,7 +29,7 @@ def emit(library: Library) -> dict[str, str]:
     enums = {e.name: e for e in library.enums}
     for struct in library.structs:
         structs |= {used.name: used for used in struct.uses()}
-        enums |= {f.enum.name: f.enum for f in struct.fields if f.enum}
+        enums |= {e.name: e for e in [struct.events, *(f.enum for f in struct.fields)] if e}
 
     parts = [ctext.banner(f"The tables of library {library.name}."), ctext.includes(interfaces),
              "\n" if interfaces else "", _PROLOGUE, "\n"]
@@ -68,6 +68,8 @@ def _struct(s: Struct) -> str:
         members += [(verb, f"(void (*)(void)){s.snake_name}_{verb}")
                     for verb in ("reset", "update")]
         members += [("service", f"&{s.snake_name}_service")] * s.service
+    if s.events:
+        members.append(("events", f"&fledge_enum_{s.events.name}"))
     return (f"\nstatic const FledgeField fields_{s.name}[] = {{\n"
             + "".join(_field(f) for f in s.fields) + "};\n"
             f"\nconst FledgeStruct fledge_struct_{s.name} = {{\n"

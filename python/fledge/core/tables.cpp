@@ -125,6 +125,19 @@ const FledgeStruct &struct_of(py::handle object)
     return *type->table;
 }
 
+/// (name, doc, [(name, value, doc), ...]), or None.
+py::object enumeration(const FledgeEnum *one)
+{
+    if (!one) {
+        return py::none();
+    }
+    py::list values;
+    for (std::uint32_t i = 0; i < one->n; i++) {
+        values.append(py::make_tuple(one->values[i].name, one->values[i].value, one->values[i].doc));
+    }
+    return py::make_tuple(one->name, one->doc, values);
+}
+
 template <class T> T need(T value, const char *what, py::handle found)
 {
     if (!value) {
@@ -202,18 +215,7 @@ void bind_tables(py::module_ &m)
             },
             "(name, value) of each, of an enum")
         .def_property_readonly(
-            "enumeration",
-            [](const Field &f) -> py::object {
-                if (!f.values) {
-                    return py::none();
-                }
-                py::list values;
-                for (std::uint32_t i = 0; i < f.values->n; i++) {
-                    const FledgeEnumerator &one = f.values->values[i];
-                    values.append(py::make_tuple(one.name, one.value, one.doc));
-                }
-                return py::make_tuple(f.values->name, f.values->doc, values);
-            },
+            "enumeration", [](const Field &f) { return enumeration(f.values); },
             "(name, doc, [(name, value, doc), ...]) of an enum, or None")
         .def_property_readonly(
             "bounds",
@@ -249,6 +251,9 @@ void bind_tables(py::module_ &m)
             "kind", [](const FledgeStruct &s) { return kind_name(s.kind); }, "plain, message, module or model")
         .def_property_readonly(
             "service", [](const FledgeStruct &s) { return s.service != nullptr; }, "whether commands need the module")
+        .def_property_readonly(
+            "events", [](const FledgeStruct &s) { return enumeration(s.events); },
+            "(name, doc, [(name, value, doc), ...]) of what a module says, or None")
         .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
         .def_property_readonly("fields", [](const py::object &self) {
             const auto &s = self.cast<const FledgeStruct &>();
