@@ -44,8 +44,8 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 
 static int has_length(uint32_t code, uint32_t n)
 {
-    static const uint8_t lengths[COMMAND_CODES] = {8u,  8u, 12u, 0u,  0u,  14u, 12u, 10u, 14u, 18u, 16u, 0u, 22u,
-                                                   12u, 0u, 0u,  14u, 16u, 12u, 0u,  0u,  18u, 0u,  0u,  0u, 12u};
+    static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u,  0u,  14u, 12u, 10u, 14u, 18u, 16u, 0u,  22u, 12u,
+                                                   0u, 0u, 14u, 16u, 12u, 0u,  0u,  18u, 0u,  0u,  0u,  12u, 10u};
     const uint32_t least = code == (uint32_t)COMMAND_PDU         ? (uint32_t)COMMAND_HEADER
                            : code >= (uint32_t)COMMAND_FILE_SEND ? (uint32_t)SECOND
                                                                  : (uint32_t)COMMAND_DATA;
@@ -158,7 +158,8 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     case COMMAND_FILE_CONTROL:
     case COMMAND_FILE_REMOVE:
     case COMMAND_TABLE_LOAD:
-    case COMMAND_TABLE_DUMP: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
+    case COMMAND_TABLE_DUMP:
+    case COMMAND_EVENTS: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
     default: return COMMAND_OK;
     }
 }
@@ -461,7 +462,8 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     case COMMAND_FILE_CONTROL:
     case COMMAND_FILE_REMOVE:
     case COMMAND_TABLE_LOAD:
-    case COMMAND_TABLE_DUMP: reason = table->services->execute(&context, packet, report, data); break;
+    case COMMAND_TABLE_DUMP:
+    case COMMAND_EVENTS: reason = table->services->execute(&context, packet, report, data); break;
     default: break;
     }
     return reason;

@@ -66,6 +66,7 @@ typedef enum CommandCode {
     COMMAND_TABLE_DUMP = 24,      ///< module, name: write them to a file
     COMMAND_CHECK = 25,           ///< module: the report of the execution has the size (32 bits) and command_crc of its
                                   ///< parameters
+    COMMAND_EVENTS = 26,          ///< none: the log of events sends again what it has
     COMMAND_CODES
 } CommandCode;
 

@@ -80,7 +80,9 @@ STORED: dict[Code, dict[str, int]] = {
 
 def arguments(mission: Mission) -> dict[Code, dict[str, int]]:
     """Name -> bytes of the arguments behind the version, of each command that the mission has."""
-    return ARGUMENTS | (STORED if any(m.type == "StoredCommands" for m in mission.modules) else {})
+    types = {m.type for m in mission.modules}
+    return (ARGUMENTS | (STORED if "StoredCommands" in types else {})
+            | ({Code.EVENTS: {}} if "EventLog" in types else {}))
 
 
 def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
