@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import binascii
 import json
+import math
 import re
 import struct as packing
 import sys
@@ -27,6 +28,8 @@ from typing import Any, NamedTuple
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.frames import ROOM, Frames
+from introspect.comment import SEVERITIES, event as event_of
+from introspect.model import snake
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
@@ -41,6 +44,7 @@ TURNS = 10_000                           # of a procedure in one instant, unless
 LARGEST = 1e100                          # of a parameter
 STORED_MAX = 112                         # [bytes] of a command that is stored on board
 NAME_MAX = 127                           # [bytes] of a file's name on board
+CHOICES = 16                             # numbers of a report of housekeeping
 LISTS = 16                               # of stored commands: 0 has those of absolute times, the others are sequences
 
 
@@ -72,6 +76,7 @@ class Code(IntEnum):
     TABLE_LOAD = 23
     TABLE_DUMP = 24
     CHECK = 25
+    EVENTS = 26
 
 
 class Action(IntEnum):
@@ -170,7 +175,7 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.PDU: ["bytes"], Code.FILE_SEND: ["version", "class", "bytes"],
     Code.FILE_CONTROL: ["version", "file_action", "own", "transaction"], Code.FILE_REMOVE: ["version", "zero", "bytes"],
     Code.TABLE_LOAD: ["version", "module", "bytes"], Code.TABLE_DUMP: ["version", "module", "bytes"],
-    Code.CHECK: ["version", "module"]}
+    Code.CHECK: ["version", "module"], Code.EVENTS: ["version"]}
 NAMED = (Code.FILE_SEND, Code.FILE_REMOVE, Code.TABLE_LOAD, Code.TABLE_DUMP)     # their bytes are a name
 
 
@@ -222,6 +227,22 @@ class Block:
     rules: list[Rule]
 
 
+@dataclass(frozen=True)
+class EventId:
+    """An event that a module may say, by its header."""
+    id: int
+    name: str                   # FIRED
+    severity: str               # info, low, medium, high
+    arguments: tuple[tuple[str, str], ...]      # (name, unit)
+    meaning: str
+
+    def text(self, arguments: Sequence[float]) -> str:
+        """FIRED monitor 3, value 0.21"""
+        found = [f"{name} {value:g}" + ("" if unit in ("-", "SI") else f" {unit}")
+                 for (name, unit), value in zip(self.arguments, arguments)]
+        return f"{self.name} {', '.join(found)}".rstrip()
+
+
 @dataclass
 class Output:
     """A message that flight puts out, and the stream of its packets."""
@@ -230,6 +251,7 @@ class Output:
     size: int
     stream: int
     fields: list[Field]
+    events: list[EventId] = with_default(default_factory=list)  # of a FlightEvent
 
 
 @dataclass
@@ -243,6 +265,8 @@ class Dictionary:
     outputs: list[Output]
     order: str = "big"          # of telemetry's numbers; "little": on the software bus of cFS on such a machine
     frames: Frames | None = None    # what its links carry instead of packets
+    #: by the CRC of its choices, what the packets of a report of housekeeping have: learn()
+    choices: dict[int, list[Choice]] = with_default(default_factory=dict, compare=False, repr=False)
 
     @classmethod
     def of(cls, name: str, modules: Iterable[tuple[str, Any, bool]], modes: Sequence[str], events: Sequence[str],
@@ -256,17 +280,18 @@ class Dictionary:
                                  "process has one of a kind, which its commands address")
         blocks = [block for path, struct, configuration in modules
                   if (block := block_of(path, struct, configuration))]
-        ports = [(f"{path}.{f.name}", f.struct) for path, struct, _ in modules for f in struct.fields
+        ports = [(f"{path}.{f.name}", f.struct, struct) for path, struct, _ in modules for f in struct.fields
                  if f.group == "out"]
-        outputs = [Output(path, struct.name, struct.size, telemetry + OUTPUTS + i, described(struct.fields))
-                   for i, (path, struct) in enumerate(ports)]
+        outputs = [Output(path, struct.name, struct.size, telemetry + OUTPUTS + i, described(struct.fields),
+                          events_of(module) if struct.name == "FlightEvent" else [])
+                   for i, (path, struct, module) in enumerate(ports)]
         return cls(name, stream, telemetry, list(modes), list(events), blocks, outputs, order)
 
     @property
     def version(self) -> int:
         """Changes with the names, places, types and units of all that it lists; not with the streams."""
         lists = [self.modes, self.events, [(b.path, b.configuration, _layout(b.fields)) for b in self.blocks],
-                 [(o.path, _layout(o.fields)) for o in self.outputs]]
+                 [(o.path, _layout(o.fields), *[(e.id, e.name, e.arguments) for e in o.events]) for o in self.outputs]]
         return binascii.crc_hqx(repr(lists).encode(), 0xFFFF)
 
     @property
@@ -309,7 +334,7 @@ class Dictionary:
 
     def number(self, path: str, measure: str = "") -> tuple[int, Field, int, int]:
         """(place of the output, field, [bytes] from the output's beginning, how many) of a number of an output, as
-        "flight.tracking.error.sigma_BR[2]", or with a measure of all numbers of a field."""
+        "flight.tracking.error.sigma_BR[2]", or with a measure of all numbers of a field; "any": of either."""
         for place, output in enumerate(self.outputs):
             for name, field, at in leaves(output.fields, prefix=f"{output.path}."):
                 index = path.removeprefix(name)
@@ -317,17 +342,42 @@ class Dictionary:
                 if index == path or index and not re.fullmatch(r"(\[\d+\])+", index):
                     continue
                 found = [int(one) for one in re.findall(r"\d+", index)]
-                if field.type == "char" or measure not in ("", "norm", "max_abs"):
+                if field.type == "char" or measure not in ("", "norm", "max_abs", "any"):
                     break
                 if measure and not found:
                     return place, field, at, n
-                if not measure and len(found) == len(field.shape) and all(map(int.__lt__, found, field.shape)):
+                if (measure in ("", "any") and len(found) == len(field.shape)
+                        and all(map(int.__lt__, found, field.shape))):
                     flat = 0
                     for i, length in zip(found, field.shape):
                         flat = flat * length + i
                     return place, field, at + flat * ELEMENTS[field.type].size, 1
         raise SetupError(f"{path} is no number of an output of {self.name}: give one, as in "
                          "'flight.tracking.error.sigma_BR[2]', or a field and the measure 'norm' or 'max_abs'")
+
+    def learn(self, reports: bytes) -> None:
+        """Take note of reports of housekeeping, big-endian as commands write them and flight reads them back, so that
+        their packets can be decoded."""
+        size = 16 + 8 * CHOICES
+        for at in range(0, len(reports) - size + 1, size):
+            rows = reports[at + 16:at + 16 + 8 * min(int.from_bytes(reports[at + 12:at + 16], "big"), CHOICES)]
+            self.choices[binascii.crc_hqx(rows, 0xFFFF)] = [
+                self._choice(*row) for row in packing.iter_unpack(">4H", rows)]
+
+    def _choice(self, place: int, offset: int, kind: int, n: int) -> Choice:
+        """What numbers of an output are."""
+        for path, field, at in leaves(self.outputs[place].fields if place < len(self.outputs) else []):
+            width = ELEMENTS[field.type].size
+            if at <= offset < at + field.size and field.type == dict(enumerate(NUMBERS)).get(kind):
+                path, first = f"{self.outputs[place].path}.{path}", (offset - at) // width
+                if n * width == field.size:
+                    return Choice(path, field, list(field.shape))
+                index = ""
+                for length in reversed(field.shape):
+                    first, i = divmod(first, length)
+                    index = f"[{i}]{index}"
+                return Choice(path + index, field, [] if n == 1 else [n])
+        return Choice(f"output {place}, byte {offset}", None, [])
 
     # --- in words ---
 
@@ -393,9 +443,11 @@ class Dictionary:
 
         blocks = [Block(**{**row, "fields": fields(row["fields"]), "runs": [tuple(r) for r in row["runs"]],
                            "rules": [Rule(*r) for r in row["rules"]]}) for row in whole["modules"]]
+        outputs = [Output(**{**row, "fields": fields(row["fields"]), "events": [
+            EventId(**(e | {"arguments": tuple(map(tuple, e["arguments"]))})) for e in row["events"]]})
+            for row in whole["outputs"]]
         found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
-                    whole["events"], blocks, [Output(**{**row, "fields": fields(row["fields"])})
-                                              for row in whole["outputs"]], whole["telemetry"]["order"])
+                    whole["events"], blocks, outputs, whole["telemetry"]["order"])
         if frames := whole.get("frames"):
             frames["keys"] = tuple(frames["keys"])
             found.frames = Frames(**frames)
@@ -407,6 +459,15 @@ class Dictionary:
 
 def _plain(one):
     return {key: [list(r) for r in value] if key in ("rules", "runs") else value for key, value in asdict(one).items()}
+
+
+def events_of(module: Any) -> list[EventId]:
+    """What a module may say, by the table of its header."""
+    if module.events is None:
+        return []
+    begin = f"{snake(module.name).upper()}_"
+    said = [(value, name.removeprefix(begin), event_of(doc)) for name, value, doc in module.events[2]]
+    return [EventId(value, name, one.severity, one.arguments, one.meaning) for value, name, one in said]
 
 
 def _layout(fields):
@@ -427,8 +488,10 @@ def _parts(head, size):
 
 
 def _cuts(at, end):
-    """(from, to) of the commands for a part of a block. Multiples of DATA_MAX cut no number of 8 bytes."""
-    places = [at, *range((at // DATA_MAX + 1) * DATA_MAX, end, DATA_MAX), end]
+    """(from, to) of the commands for a part of a block: of one if it holds all, else cut at multiples of DATA_MAX,
+    which cut no number of 8 bytes."""
+    cuts = range((at // DATA_MAX + 1) * DATA_MAX, end, DATA_MAX) if end - at > DATA_MAX else ()
+    places = [at, *cuts, end]
     return list(zip(places, places[1:]))
 
 
@@ -683,27 +746,70 @@ class Packets:
         It is right from low to high, or where it equals a number; with change, its change from writing to writing is.
         hold [ns], count: how long, and at how many instants, it is wrong before the monitor fires. starts: a list.
         """
-        path, block = next(((b.path, b) for b in self.dictionary.blocks if b.type == "Monitors"), ("", None))
-        if block is None:
-            raise SetupError(f"{self.dictionary.name} has no module Monitors")
-        rows = self._field(block, "monitors")
-        if not 0 <= place < rows.shape[0]:
-            raise SetupError(f"{path} has the monitors 0 to {rows.shape[0] - 1}; found {place}")
+        self._row("Monitors", "monitors", place)
         if equals is not None and (low is not None or high is not None or change):
             raise SetupError("a monitor has either equals, or low and high")
-        values: dict[str, Any] = dict.fromkeys((f.name for f in rows.fields), 0)
+        values: dict[str, Any] = {}
         if number:
             output, field, offset, n = self.dictionary.number(number, measure)
-            values |= {"output": output, "type": NUMBERS.index(field.type), "offset": offset, "n": n,
-                       "measure": ["", "norm", "max_abs"].index(measure)}
+            values = {"output": output, "type": NUMBERS.index(field.type), "offset": offset, "n": n,
+                      "measure": ["", "norm", "max_abs"].index(measure)}
         elif on:
             raise SetupError("a monitor that is on needs a number")
         kind = 0 if not number else 3 if equals is not None else 2 if change else 1
         values |= {"kind": kind, "on": int(on), "hold": hold, "count": count, "list": starts,
                    "low": equals if equals is not None else -LARGEST if low is None else low,
                    "high": LARGEST if high is None else high}
-        raw = encoded(rows, values, [])
-        return self.write_bytes(path, {rows.offset + place * len(raw): raw})[0]
+        return self._write_row("Monitors", "monitors", place, values)
+
+    def events(self) -> bytes:
+        """Ask for what the log of events has (flight/services/event_log.h), to be sent again."""
+        return self.packet(Code.EVENTS)
+
+    def filter_events(self, place: int, output: str = "", *, least: str = "info", most: int = 0, on: bool = True
+                      ) -> bytes:
+        """Write one of the filters of the log of events, or turn it off by on=False alone: of an output log what is at
+        least so grave (info, low, medium, high, none), and at most so many in each window of time (0: all)."""
+        known = [*SEVERITIES, "none"]
+        values = {"on": int(on), "least": _place(known, known, least, "severity", "an event")[0] + 1, "most": most,
+                  "output": self.dictionary.output(output)[0] if on else 0}
+        return self._write_row("EventLog", "filters", place, values)
+
+    def housekeeping(self, place: int, numbers: Sequence[str] = (), *, every: int = 0, on: bool = True) -> bytes:
+        """Define a report of chosen numbers (flight/services/housekeeping.h) and turn it on; without numbers, turn the
+        one that is defined on or off.
+
+        numbers: "flight.motor.command.u[0]", or "flight.tracking.error.sigma_BR" with all of its numbers. every [ns].
+        """
+        path, rows, at = self._row("Housekeeping", "reports", place)
+        if not numbers:
+            one = next(f for f in rows.fields if f.name == "on")
+            return self.write_bytes(path, {at + one.offset: encoded(one, int(on))})[0]
+        if len(numbers) > CHOICES:
+            raise SetupError(f"a report has up to {CHOICES} numbers or fields; found {len(numbers)}")
+        choices = [dict(zip(("output", "type", "offset", "n"), (output, NUMBERS.index(field.type), offset, n)))
+                   for output, field, offset, n in (self.dictionary.number(one, "any") for one in numbers)]
+        none = dict.fromkeys(("output", "type", "offset", "n"), 0)
+        packet = self._write_row("Housekeeping", "reports", place, {
+            "period": every, "on": int(on), "n": len(choices), "choices": choices + [none] * (CHOICES - len(choices))})
+        self.dictionary.learn(packet[HEADER:])
+        return packet
+
+    def _row(self, kind: str, name: str, place: int) -> tuple[str, Field, int]:
+        """(path of the only module of a kind, its parameter, [bytes] up to an element of that)."""
+        path, block = next(((b.path, b) for b in self.dictionary.blocks if b.type == kind), ("", None))
+        if block is None:
+            raise SetupError(f"{self.dictionary.name} has no module {kind}")
+        rows = self._field(block, name)
+        if not 0 <= place < rows.shape[0]:
+            raise SetupError(f"{path} has the {name} 0 to {rows.shape[0] - 1}; found {place}")
+        return path, rows, rows.offset + place * (rows.size // rows.shape[0])
+
+    def _write_row(self, kind: str, name: str, place: int, values: dict[str, Any]) -> bytes:
+        """Write an element of an array of structs; what is not given is 0."""
+        path, rows, at = self._row(kind, name, place)
+        raw = encoded(rows, dict.fromkeys((f.name for f in rows.fields), 0) | values, [])
+        return self.write_bytes(path, {at: raw})[0]
 
     # --- files (flight/services/files.h) ---
 
@@ -909,12 +1015,50 @@ class Text(NamedTuple):
         return f"<{what}{line}: {self.text!r}, t = {self.t / 1e9:g} s>"
 
 
+class Event(NamedTuple):
+    """What a module has said: an EventRecord of the log of events."""
+    t: int                      # [ns]
+    output: str                 # flight.monitors.event
+    name: str                   # FIRED
+    severity: str               # info, low, medium, high
+    arguments: dict[str, float]
+    number: int                 # counts the records
+    before: int                 # events of the output before this one that were not logged
+    text: str                   # FIRED monitor 3, value 0.21
+
+    def __str__(self) -> str:
+        """flight.monitors: FIRED monitor 3, value 0.21"""
+        return f"{self.output.removesuffix('.event')}: {self.text}"
+
+    def __repr__(self) -> str:
+        before = f", {self.before} before it not logged" if self.before else ""
+        return f"<{self}, {self.severity}, t = {self.t / 1e9:g} s{before}>"
+
+
+class Choice(NamedTuple):
+    """Numbers of a report of housekeeping."""
+    path: str                   # flight.motor.command.u[0]
+    field: Field | None         # None: the place has none
+    shape: list[int]            # of what was chosen of it
+
+
+class Selected(NamedTuple):
+    """A report of housekeeping."""
+    t: int                      # [ns]
+    report: int                 # its place
+    values: dict[str, Any] | None   # path -> value; None: what it has is not known here: Dictionary.learn()
+    left_out: list[int]         # the places of choices that flight does not have
+    data: bytes                 # the numbers, big-endian
+
+
 # --- packets of telemetry --------------------------------------------------------------------------
 
 HOUSEKEEPING_FIELDS = [("t", "q"), ("mode", "I"), ("staged", "I"), ("accepted", "I"), ("executed", "I"),
                        ("refused", "I")]
 REPORT = "qHHHHHHH2x"               # CommandReport
 TEXT = "qHHHHI4x"                   # TelemetryText
+EVENT = ">qIIHHI4d"                 # EventRecord
+SELECTED = ">q4H"                   # in front of a report's numbers
 
 
 class Telemetry(NamedTuple):
@@ -922,7 +1066,7 @@ class Telemetry(NamedTuple):
     path: str                   # flight.control.torque; "housekeeping", "reports", "texts" or one of SERVICES
     sequence: int
     time: float                 # [s] of flight, by the header: to 2^-16 s
-    content: Any                # of an output: field -> value; else a Report, a Text, or bytes of a service
+    content: Any                # of an output: field -> value; else a Report, a Text, an Event, Selected, or bytes
 
 
 def decoded(dictionary: Dictionary, packet: bytes) -> Telemetry:
@@ -963,13 +1107,36 @@ def _content(dictionary, stream, body, mark):
         content = Text(t, Kind(kind), number, line, body[24:24 + n].decode(errors="replace"), lost)
         path = "texts"
     elif stream > dictionary.texts:
-        content, path = body, SERVICES[stream - dictionary.texts - 1]
+        path = SERVICES[stream - dictionary.texts - 1]
+        content = {"events": _event, "selected": _selected}.get(path, lambda _, bytes_: bytes_)(dictionary, body)
     else:
         output = dictionary.outputs[place - OUTPUTS]
         if len(body) != output.size:
             raise SetupError(f"{output.path} has {output.size} bytes; the packet has {len(body)}")
         content, path = values(output.fields, body, mark), output.path
     return content, path
+
+
+def _event(dictionary, body):
+    t, number, before, place, severity, kind, *arguments = packing.unpack(EVENT, body)
+    output = dictionary.outputs[place] if place < len(dictionary.outputs) else None
+    unknown = EventId(kind, f"event {kind}", "", tuple((f"argument {i}", "-") for i in range(4)), "")
+    said = next((one for one in output.events if one.id == kind), unknown) if output else unknown
+    return Event(t, output.path if output else f"output {place}", said.name,
+                 dict(enumerate(SEVERITIES, 1)).get(severity, str(severity)),
+                 dict(zip((name for name, _ in said.arguments), arguments)), number, before, said.text(arguments))
+
+
+def _selected(dictionary, body):
+    t, report, crc, left_out, n = packing.unpack_from(SELECTED, body)
+    data, at, found = body[16:16 + n], 0, {}
+    for i, one in enumerate(dictionary.choices.get(crc, [])):
+        if not left_out >> i & 1 and one.field:
+            end = at + ELEMENTS[one.field.type].size * math.prod(one.shape)
+            found[one.path] = _value(one.field, data[at:end], one.shape, ">")
+            at = end
+    return Selected(t, report, found if crc in dictionary.choices else None,
+                    [i for i in range(CHOICES) if left_out >> i & 1], data)
 
 
 def values(fields: Sequence[Field], raw: bytes, mark: str = ">") -> dict[str, Any]:

@@ -6,12 +6,7 @@ import re
 from collections.abc import Iterable
 
 from introspect.keywords import C
-
-
-def snake(name: str) -> str:
-    """MrpFeedback -> mrp_feedback, by introspect's rule for the names of a module's functions."""
-    words = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", name)
-    return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
+from introspect.model import snake as snake
 
 
 def camel(name: str) -> str:

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, TURNS, WHY, Action, Code,
-                             FileAction, Kind, Reason, Stage, leaves, parameters)
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, SEVERITIES, TURNS, WHY,
+                             Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
@@ -42,7 +42,11 @@ class Packet:
     path: str                   # flight.control.torque, flight.housekeeping
     about: str
     stream: int
-    items: Sequence[Item]
+    items: Sequence[Item]       # behind those of its parent
+    order: str = ""             # of its numbers; "": as the others
+    parent: str = ""            # flight.events: it is one of those, by `fixed`
+    fixed: Mapping[str, int] = with_default(default_factory=dict)   # numbers of its parent's items
+    rest: Sequence[Item] = ()   # of a parent: what it ends with, which its children say better
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,8 @@ def database(mission: Mission, found: Dictionary | None = None, last: Packet | N
     """Of a flight process. found: its dictionary, of the streams and byte order where it flies; None: those of its own
     board. last: what the stream behind those of the outputs has; None: texts."""
     found = found or dictionary(mission)
-    return Database(mission.process, found, [*packets(mission, found), last or texts(mission, found)],
-                    list(commands(mission, found)))
+    return Database(mission.process, found, [*packets(mission, found), last or texts(mission, found),
+                                             *services(mission, found)], list(commands(mission, found)))
 
 
 # --- telemetry -------------------------------------------------------------------------------------
@@ -161,6 +165,35 @@ def texts(mission: Mission, found: Dictionary) -> Packet:
     return Packet(f"{mission.process}.texts", "what an interpreter in flight says", found.texts, items)
 
 
+def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
+    """What services send. It is big-endian everywhere."""
+    types = {one.type for one in mission.modules}
+    if "EventLog" in types:
+        path, stream = f"{mission.process}.events", found.texts + 1 + SERVICES.index("events")
+        yield Packet(path, "what a module has said", stream, [
+            number("t", "i64", "of the event", "ns"), number("number", "u32", "counts the events of the log"),
+            number("before", "u32", "events of the output before it that were not logged"),
+            number("output", "u16", "whose event it is: the place in the list of outputs"),
+            number("severity", "u16", "how grave it is", enumerators=numbered(["none", *SEVERITIES])),
+            number("id", "u32", "which event of the output")], "big",
+            rest=[number(f"arguments[{i}]", "f64", "as its id says") for i in range(4)])
+        for place, output in enumerate(found.outputs):
+            for one in output.events:
+                arguments = [number(name, "f64", unit="" if unit in ("-", "SI") else unit)
+                             for name, unit in one.arguments]
+                spare = [replace(bits("spare", 64), name=f"spare{i}") for i in range(len(arguments), 4)]
+                yield Packet(f"{output.path}.{one.name}", f"{one.meaning} ({one.severity})", stream,
+                             [*arguments, *spare], "big", path, {"output": place, "id": one.id})
+    if "Housekeeping" in types:
+        items = [
+            number("t", "i64", "flight's instant", "ns"), number("report", "u16", "which"),
+            number("crc", "u16", "CRC-16-CCITT of its choices: each output, offset, type, n"),
+            number("left_out", "u16", "bit i: choice i names no number"), number("n", "u16", "bytes of the numbers"),
+            Item("numbers", "bytes", 0, "each in its own type; commands define which", count="n")]
+        yield Packet(f"{mission.process}.selected", "numbers that the ground has chosen: a report of housekeeping",
+                     found.texts + 1 + SERVICES.index("selected"), items, "big")
+
+
 def numbered(names: Sequence[str]) -> dict[str, int]:
     return {name: i for i, name in enumerate(names)}
 
@@ -205,7 +238,8 @@ ABOUT = {
     Code.FILE_CONTROL: "control a transaction of files", Code.FILE_REMOVE: "remove a file on board",
     Code.TABLE_LOAD: "let the parameters of a module become those of a file on board",
     Code.TABLE_DUMP: "write the parameters of a module to a file on board",
-    Code.CHECK: "size and CRC of parameters: the report of the execution has them"}
+    Code.CHECK: "size and CRC of parameters: the report of the execution has them",
+    Code.EVENTS: "send again what the log of events has"}
 
 
 def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
@@ -224,7 +258,8 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "action": lower(Action), "file_action": lower(FileAction), "own": {"ground": 0, "flight": 1},
         "class": {"unacknowledged": 1, "acknowledged": 2}}
     of_service = {code: "StoredCommands" for code in (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST)} | {
-        code: "Files" for code in (Code.PDU, Code.FILE_CONTROL, *NAMED)}
+        code: "Files" for code in (Code.PDU, Code.FILE_CONTROL, *NAMED)} | {
+        Code.EVENTS: "EventLog"}
     types = {one.type for one in mission.modules}
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
@@ -268,14 +303,18 @@ LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns
           "time": (0, None, False, False)}
 
 
+# Of the parameters of services: the store, which Code.STORE writes, and choices, for a report is defined whole.
+UNWRITTEN = {"StoredCommands": ["commands["], "Housekeeping": [".choices["]}
+
+
 def writes(module: Any, parent: str, place: int) -> Iterator[Command]:
     """Commands that write the parameters of a module: one for each, or for each struct of an array, or more where it is
     longer than a command."""
     process, _, name = module.path.partition(".")
     fields, start, _ = parameters(module.struct)
     for path, f, at in leaves(fields, -start):
-        if f.name.startswith("spare") or module.type == "StoredCommands" and path.startswith("commands["):
-            continue                    # the store: Code.STORE writes it
+        if f.name.startswith("spare") or any(one in path for one in UNWRITTEN.get(module.type, ())):
+            continue
         items = list(numbers([f]))
         size = f.size // len(items)
         most = max(1, DATA_MAX // size)

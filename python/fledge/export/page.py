@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from fledge.elements import ELEMENTS
@@ -25,11 +26,17 @@ def page(name: str, missions: Sequence[Mission], databases: Sequence[Database], 
         lines += ["", f"## {process}: packets", "", f"The version of its dictionary is "
                   f"`{one.dictionary.version:#06x}`. Numbers are {one.order}-endian. Each packet begins with this "
                   "header:", "", *table(HEADER)]
+        said = [packet for packet in one.packets if packet.parent]
         for packet in one.packets:
+            if packet.parent:
+                continue
+            packet = replace(packet, items=[*packet.items, *packet.rest])
             length = sum(item.bits for item in (*HEADER, *packet.items)) // 8
             open_ = ", and more" if packet.items[-1].count else ""
             lines += ["", f"### {packet.path}", "", f"{sentence(packet.about)} Stream `{packet.stream:#06x}` (APID "
                       f"{packet.stream & 0x7FF}), {length} bytes{open_}.", "", *packet_table(packet, ground)]
+            if events := [each for each in said if each.parent == packet.path]:
+                lines += ["", *rows(("output", "id", "event", "arguments", "meaning"), map(event_cells, events))]
         header = one.chain(one.command(f"{process}.command"))
         lines += ["", f"## {process}: commands", "", f"Stream `{one.dictionary.stream:#06x}`. Numbers are big-endian. "
                   "Each command begins with this header; the first two have no version:", "",
@@ -102,6 +109,14 @@ def table(items: Sequence[Item], at: int = 0, value: str = "value") -> list[str]
     return rows(("byte", "name", "type", value, "unit", "range", "meaning"), (
         (place(first, n * item.bits), f"`{name}`", kind(item, n), "" if item.value is None else str(item.value),
          whole(item.unit), whole(item.rule), meaning(item)) for first, name, n, item in grouped(items, at)))
+
+
+def event_cells(event: Packet) -> list[str]:
+    """Of an event that a module says."""
+    arguments = [f"`{item.name}`" + (f" {whole(item.unit)}" if item.unit else "") for item in event.items
+                 if item.type == "f64"]
+    return [str(event.fixed["output"]), str(event.fixed["id"]), f"`{event.path}`", ", ".join(arguments),
+            text(event.about)]
 
 
 def packet_table(packet: Packet, ground: Ground) -> list[str]:

@@ -108,7 +108,7 @@ def telemetry(target: str, one: Database, packet: Packet) -> Iterator[str]:
         yield (f"  APPEND_{'ID_' * is_id}ITEM {item.name.upper()} {item.bits} UINT "
                f"{f'{packet.stream & 0x7FF} ' * is_id}{quoted(item.meaning)}")
     for item in packet.items:
-        order = "LITTLE_ENDIAN" if one.order == "little" else "BIG_ENDIAN"
+        order = "LITTLE_ENDIAN" if (packet.order or one.order) == "little" else "BIG_ENDIAN"
         yield f"  APPEND_ITEM {name_of(item.name)} {item.bits} {kind_of(item)} {quoted(item.meaning)} {order}"
         yield from (f"    STATE {quoted(label)} {value}" for label, value in item.enumerators.items())
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -48,8 +49,14 @@ class _Writer:
 
     def packets(self, one: Database) -> list[Packet]:
         """Those of a process, behind the one that is the header of all."""
-        return [Packet(f"{one.process}.packet", "the header of a packet", 0, HEADER),
-                *(packet for packet in one.packets if not ends_open(packet) or self.station != "cosmos")]
+        parents = {packet.parent for packet in one.packets}
+        if self.station == "cosmos":
+            found = [replace(packet, items=[*packet.items, *packet.rest]) for packet in one.packets
+                     if not ends_open(packet) and not packet.parent]
+        else:
+            found = [packet if packet.path in parents else replace(packet, items=[*packet.items, *packet.rest])
+                     for packet in one.packets]
+        return [Packet(f"{one.process}.packet", "the header of a packet", 0, HEADER), *found]
 
     def file(self, name: str) -> str:
         root = Element("SpaceSystem", {"xmlns": NAMESPACE, "name": names.identifier(name)})
@@ -76,10 +83,11 @@ class _Writer:
         container = named(containers, "SequenceContainer", self.containers[packet.path], packet.path, packet.about)
         entries = ElementTree.SubElement(container, "EntryList")
         header = [item.name for item in HEADER] if packet.path != root else []
+        header += [item.name for each in one.packets if each.path == packet.parent for item in each.items]
         short = names.distinct((item.name for item in packet.items), header)
         for item in packet.items:
             path = f"{packet.path}.{item.name}"
-            order = one.order if packet.path != root else "big"
+            order = (packet.order or one.order) if packet.path != root else "big"
             count = self.parameters[f"{packet.path}.{item.count}"] if item.count else ""
             self.parameter(types, parameters, path, short[item.name], item, order,
                            self.ground.telemetry.get(path, Shown()), count)
@@ -87,10 +95,12 @@ class _Writer:
         if packet.path == root:
             container.set("abstract", "true")
             return
-        base = ElementTree.SubElement(container, "BaseContainer", {"containerRef": self.containers[root]})
+        parent = packet.parent or root
+        base = ElementTree.SubElement(container, "BaseContainer", {"containerRef": self.containers[parent]})
         where = ElementTree.SubElement(ElementTree.SubElement(base, "RestrictionCriteria"), "ComparisonList")
-        ElementTree.SubElement(where, "Comparison", {"parameterRef": self.parameters[f"{root}.ccsds_apid"],
-                                                     "value": str(packet.stream & 0x7FF)})
+        for name, value in (packet.fixed or {"ccsds_apid": packet.stream & 0x7FF}).items():
+            ElementTree.SubElement(where, "Comparison", {"parameterRef": self.parameters[f"{parent}.{name}"],
+                                                         "value": str(value)})
 
     def parameter(self, types: Element, parameters: Element, path: str, short: str, item: Item, order: str,
                   shown: Shown, count: str = "") -> Element:

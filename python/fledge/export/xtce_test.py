@@ -23,9 +23,11 @@ from fledge.archive import Archive
 from fledge.commands import DATA_MAX, Action, Code, Packets, decoded, encoded, leaves, values
 from fledge.errors import SetupError
 from fledge.export import ground, packets, stations
+from fledge.export.page import page
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce import xtce
 from fledge.mission.folder import missions
+from fledge.targets import services_test
 from fledge.targets.services_test import STORED
 from fledge.targets.testing import Draft
 
@@ -279,6 +281,43 @@ def test_any_packets_of_random_missions_are_read_alike(number, tmp_path):
                     assert content.keys() == expected.keys()
                     assert [key for key, value in content.items() if value != expected[key] and not (
                         math.isnan(value) and math.isnan(expected[key]))] == []
+
+
+@pytest.mark.parametrize("order", ["big", "little"])
+def test_what_services_send_is_read_alike(order, tmp_path):
+    """On the software bus of cFS, too, it is big-endian."""
+    sim = fledge.load(services_test.written(tmp_path / "served", services_test.SERVED, services_test.WATCHES))
+    mission = export.read(fledge.load(sim.mission.folder))
+    found = export.dictionary(mission, order=order)
+    one = packets.database(mission, found)
+    reader = Reader(xtce("served", [one], ground.Ground()))
+    sim.flight.commands.take_packets()
+    sim.scenarios["services"]()
+    seen = set()
+    for _, raw in sim.flight.commands.take_packets():
+        if int.from_bytes(raw[:2], "big") <= found.texts:
+            continue
+        ours = decoded(sim.flight.commands.dictionary, raw).content
+        path, content = reader.decode(raw, "flight_packet")
+        seen.add(path)
+        if path == "flight.selected":
+            assert content[f"{path}.numbers"] == ours.data and content[f"{path}.t"] == ours.t
+            assert content[f"{path}.report"] == ours.report and content[f"{path}.left_out"] == 0 == len(ours.left_out)
+            continue
+        assert path == f"{ours.output}.{ours.name}"
+        assert {key.removeprefix(f"{path}."): value for key, value in content.items()
+                if key.startswith(f"{path}.") and "spare" not in key} == ours.arguments
+        head = {key: content[f"flight.events.{key}"] for key in ("t", "number", "before", "severity")}
+        assert head == {"t": ours.t, "number": ours.number, "before": ours.before,
+                        "severity": ["", "info", "low", "medium", "high"].index(ours.severity)}
+    assert seen >= {"flight.selected", "flight.monitors.event.FIRED", "flight.stored.event.LATE"}
+    texts = stations.cosmos("served", [one], ground.Ground())
+    assert "FLIGHT_SELECTED BIG_ENDIAN" in texts["targets/FLIGHT/cmd_tlm/1_open.txt"]
+    cosmos = Reader(texts["targets/FLIGHT/cmd_tlm/2_database.xtce"])
+    assert [name for name in cosmos.containers if "event" in name] == [
+        "flight_stored_event", "flight_monitors_event", "flight_events"]
+    text = page("served", [mission], [one], ground.Ground())
+    assert "| `flight.stored.event.LATE` | `list`, `step`, `late` s |" in text
 
 
 def raw_fields(fields):

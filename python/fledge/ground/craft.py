@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (SERVICES, Code, Dictionary, Packets, Reason, Report, Stage, Telemetry, Text, Timed,
-                             decoded, moved, sequence_of)
+from fledge.commands import (SERVICES, Code, Dictionary, Event, Packets, Reason, Report, Selected, Stage, Telemetry,
+                             Text, Timed, decoded, moved, sequence_of)
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.links import Link, NoAnswer
 from fledge.objects.si import time_ns, to_si
@@ -36,9 +36,12 @@ class Newest:
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
         self._contents: dict[str, Any] = {}
+        self.events: list[Event] = []   #: what modules have said, in the order of its arrival; each once
 
     def put(self, packet: Telemetry) -> None:
         self._contents[packet.path] = packet.content
+        if isinstance(packet.content, Selected):
+            self._contents[f"selected {packet.content.report}"] = packet.content
 
     @property
     def housekeeping(self) -> dict[str, Any]:
@@ -51,6 +54,14 @@ class Newest:
         if not self._dictionary.modes:
             raise SetupError(f"{self._dictionary.name} has no modes")
         return self._dictionary.modes[self.housekeeping["mode"]]
+
+    def selected(self, place: int) -> dict[str, Any]:
+        """The numbers of a report of housekeeping by their paths. Raises SetupError if what it has is not known."""
+        found: Selected = self._content(f"selected {place}")
+        if found.values is None:
+            raise SetupError(f"another ground has defined the report {place} of {self._dictionary.name}: let "
+                             "dictionary.learn() have what flight reads back of it")
+        return dict(found.values)
 
     def __getitem__(self, path: str) -> Any:
         """An output's fields as a dict, or one field."""
@@ -205,11 +216,13 @@ class Craft:
         self.link, self.dictionary = link, dictionary
         self.telemetry = Newest(dictionary)         #: the newest of each packet
         self.texts: list[Text] = []                 #: what interpreters on board have said
+        self.events = self.telemetry.events         #: what modules on board have said, each once
         self.refused = 0                            #: packets that the dictionary does not know
         self.missed = 0                             #: packets that were lost on the way, by their sequences
         self.sent: list[Sent] = []
         self._packets = Packets(dictionary, sequence)
         self._sequences: dict[int, int] = {}        # the last of each stream
+        self._heard: set[tuple[int, int, str]] = set()      # number, time and output of events
         self._in_step = False                       # flight has accepted a command from here
         self._files: Files | None = None
 
@@ -329,6 +342,10 @@ class Craft:
             self.texts.append(found.content)
         elif found.path == "files":
             self.files.take(found.content)
+        elif isinstance(found.content, Event):
+            if (one := (found.content.number, found.content.t, found.content.output)) not in self._heard:
+                self._heard.add(one)
+                self.events.append(found.content)
         return found
 
     def _hear(self) -> None:
@@ -352,8 +369,11 @@ class Craft:
         next((one for one in reversed(self.sent) if one.take(report)), None)
 
     def _count_on(self, sequence: int) -> None:
-        """Flight has accepted commands of another ground: send all again, behind those."""
+        """Flight has accepted commands of another ground: send all again, behind those, and behind what it may have
+        accepted of these."""
         self._in_step = True
+        if (self._packets.sequence - sequence) % 0x4000 < 0x2000:
+            sequence = self._packets.sequence
         by = sequence - sequence_of(self.sent[0].packets[0])
         self._packets.sequence += by
         for one in self.sent:
@@ -374,7 +394,8 @@ class Craft:
             return otherwise() + within
         if absent:
             return f"no packet of {absent} came{within}" + (
-                "" if absent == "reports" else f"; command(\"telemetry\", \"{absent}\") turns it on")
+                "" if absent == "reports" or absent.startswith("selected") else
+                f"; command(\"telemetry\", \"{absent}\") turns it on")
         return f"the condition was not fulfilled{within}"
 
 
@@ -399,8 +420,8 @@ def packets(maker: Packets, what: str, *arguments: Any, **values: Any) -> list[b
 
 
 def _plain(value: Any, path: str, unit: str) -> Any:
-    """A value with a unit as a number in that of its header; texts and dicts as they are."""
-    if isinstance(value, (str, dict)):
+    """A value with a unit as a number in that of its header; texts, dicts and lists of these as they are."""
+    if isinstance(value, (str, dict)) or isinstance(value, list) and value and isinstance(value[0], dict):
         return value
     return to_si(value, path, unit, () if unit == "SI" else unit_of(unit).dims, f"numbers in {unit}")
 

@@ -4,11 +4,12 @@ import pytest
 
 import fledge
 from fledge import ground
-from fledge.commands import FileAction, Timed
+from fledge.commands import Dictionary, FileAction, Timed
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.ground.links import Link
-from fledge.units import N, kg, m, s
+from fledge.targets.services_test import SERVED, written
+from fledge.units import N, kg, m, minute, s
 
 
 @pytest.fixture()
@@ -143,6 +144,77 @@ def test_telemetry_goes_on_in_a_clone_and_after_a_snapshot():
     sim.restore(snapshot)
     sim.run(5 * s)
     assert commands.take_packets() == sent
+
+
+@pytest.fixture()
+def served(tmp_path):
+    return fledge.load(written(tmp_path / "served", SERVED, ""))
+
+
+def test_events_reach_the_ground_each_once(served):
+    with ground.connect(served) as craft:
+        craft.command("monitor", 3, "flight.tracking.error.sigma_BR", measure="max_abs", high=1e-4).completed()
+        craft.wait(lambda t: any(one.name == "FIRED" for one in t.events), within=1 * minute)
+        fired = craft.events[-1]
+        worst = max(map(abs, served.flight.tracking.error.sigma_BR.tolist()))
+        assert str(fired).startswith("flight.monitors: FIRED monitor 3, value 0.") and fired.severity == "medium"
+        assert fired.arguments["monitor"] == 3 and 0 < fired.arguments["value"] <= 1.1 * worst
+        assert fired.output == "flight.monitors.event" and fired.before == 0 and "medium, t = " in repr(fired)
+        before = list(craft.events)
+        craft.command("events").completed()
+        craft.listen(3 * s)
+        assert craft.events == before
+        again = ground.connect(served)
+        again.command("events").completed()
+        again.listen(3 * s)
+        assert again.events == before
+
+
+def test_chosen_numbers_reach_the_ground(served):
+    paths = ["flight.vehicle.vehicle.I_B", "flight.vehicle.vehicle.I_B[2][1]", "flight.stored.state.next"]
+    with ground.connect(served) as craft:
+        with pytest.raises(ground.NoAnswer, match="no packet of selected 2 came within 1 s$"):
+            craft.wait(lambda t: t.selected(2), within=1 * s)
+        craft.command("housekeeping", 2, paths, every=5_000_000_000).completed()
+        craft.listen(12 * s)
+        assert craft.telemetry.selected(2) == {
+            paths[0]: [[700, 0, 0], [0, 700, 0], [0, 0, 800]], paths[1]: 0, paths[2]: -1}
+        assert craft.telemetry._contents["selected"].t == 10 * 10**9
+        craft.command("housekeeping", 2, on=False).completed()
+        craft.command("write", "flight.chosen", reports=[report(2**16 - 1)] + 7 * [report(0)]).completed()
+        craft.listen(1 * s)
+        assert served.flight.chosen.state.bad == 1
+
+
+def report(output):
+    choice = {"output": output, "offset": 16, "type": 0, "n": 1}
+    return {"period": 0, "on": 1, "n": 1, "choices": 16 * [choice]}
+
+
+def test_a_ground_that_begins_anew_learns_what_was_chosen(served, tmp_path):
+    ground.connect(served).command("housekeeping", 0, ["flight.motor.command.u[1]"], every=0).completed()
+    file = tmp_path / "packets.json"
+    file.write_text(served.flight.commands.dictionary.text())
+    craft = ground.Craft(ground.connect(served).link, Dictionary.load(file))
+    craft.listen(2 * s)
+    with pytest.raises(SetupError, match="another ground has defined the report 0 of flight"):
+        craft.telemetry.selected(0)
+    craft.dictionary.learn(craft.command("read", "flight.chosen", "reports").completed().data)
+    craft.listen(1 * s)
+    assert list(craft.telemetry.selected(0)) == ["flight.motor.command.u[1]"]
+
+
+def test_what_cannot_be_chosen_is_refused(served, craft):
+    packets, kept = served.flight.commands.packets, "flight.log.state.kept"
+    for call, says in (
+            (lambda: packets.housekeeping(8, [kept]), "flight.chosen has the reports 0 to 7; found 8"),
+            (lambda: packets.housekeeping(0, 17 * [kept]), "up to 16 numbers or fields; found 17"),
+            (lambda: packets.housekeeping(0, ["flight.log.state"]), "flight.log.state is no number of an output"),
+            (lambda: packets.filter_events(0, "flight.log.state", least="grave"), "no severity 'grave'"),
+            (lambda: craft.command("housekeeping", 0, [kept]), "has no module Housekeeping"),
+    ):
+        with pytest.raises(SetupError, match=says):
+            call()
 
 
 class Damaged(Link):

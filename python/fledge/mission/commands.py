@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -179,6 +179,18 @@ class Commands:
         its header, in their place."""
         path, one = self._module(module)
         return table(self.dictionary, path, block_bytes(one), **values)
+
+    def events(self) -> list[Report]:
+        """Let the log of events send again what it has."""
+        return self._send([self.packets.events()])
+
+    def filter_events(self, place: int, output: str = "", **values: Any) -> list[Report]:
+        """Write one of the filters of the log of events, as Packets.filter_events() says."""
+        return self._send([self.packets.filter_events(place, output, **values)])
+
+    def housekeeping(self, place: int, numbers: Sequence[str] = (), *, every: Any = 0, on: bool = True) -> list[Report]:
+        """Define a report of chosen numbers, or turn one on or off, as Packets.housekeeping() says."""
+        return self._send([self.packets.housekeeping(place, numbers, every=time_ns(every, "housekeeping"), on=on)])
 
     def noop(self) -> list[Report]:
         return self._send([self.packets.noop()])

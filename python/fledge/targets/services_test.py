@@ -67,6 +67,51 @@ def passes(sim):
 '''
 
 
+SERVED = FLIGHT + '''
+    f.stored   = fsw.StoredCommands(late=1 * s)
+    f.monitors = fsw.Monitors()
+    f.log      = fsw.EventLog(least=2, most=2, window=20 * s)
+    f.chosen   = fsw.Housekeeping()
+    f.task("services", every=400 * ms, run=[f.stored, f.log, f.chosen])
+    f.task("watch", every=2 * s, run=[f.monitors])
+'''
+
+WATCHES = PLAY + '''
+
+def watches(sim):
+    """A limit, an expected value and a change: they start sequences, which turn them off."""
+    c, p = sim.flight.commands, sim.flight.commands.packets
+    c.sequence(1, [(0 * s, p.mode("point")), (3 * s, p.monitor(0, on=False))])
+    c.sequence(2, [(0 * s, p.write("flight.switch", rates=[0, 0, 0.02])[0])])
+    sim.run(500 * ms)
+    c.monitor(0, "flight.tracking.error.sigma_BR", measure="max_abs", high=0.05, hold=2 * s, count=12, starts=1)
+    c.monitor(1, "flight.stored.state.running", equals=0, starts=2)
+    c.monitor(2, "flight.switch.reference.omega_RN_N", measure="norm", change=True, low=-1e-3, high=1e-3, starts=3)
+    sim.run(10 * s)
+    c.monitor(5, "flight.motor.command.u[0]", low=-1, high=1)
+    sim.run(20 * s)
+    c.monitor(1, on=False)
+    c.reset()
+    sim.run(5 * s)
+
+
+def services(sim):
+    """Both, while reports of chosen numbers and events are sent."""
+    c = sim.flight.commands
+    c.housekeeping(0, ["flight.tracking.error.sigma_BR", "flight.motor.command.u[0]", "flight.stored.state.skipped"],
+                   every=3.1 * s)
+    c.housekeeping(7, ["flight.vehicle.vehicle.I_B[1][2]", "flight.log.state.head.t"], every=20 * s)
+    passes(sim)
+    c.housekeeping(7, on=False)
+    c.filter_events(3, "flight.monitors.event")     # all of them
+    c.events()
+    watches(sim)
+    c.housekeeping(0, ["flight.monitors.state.fired"])
+    c.events()
+    sim.run(10 * s)
+'''
+
+
 def written(folder, flight, scenarios, world=WORLD):
     """A mission in a new folder."""
     folder.mkdir()
@@ -80,32 +125,83 @@ def mission(tmp_path):
     return written(tmp_path / "passes", STORED, PLAY)
 
 
-def test_stored_commands_are_the_same_on_every_target(mission, tmp_path, capsys):
+@pytest.fixture
+def served(tmp_path):
+    return written(tmp_path / "served", SERVED, WATCHES)
+
+
+def test_services_are_the_same_on_every_target(served, tmp_path, capsys):
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
-    assert cli.main(["fly", str(mission), "passes", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
-    sim = fledge.load(mission)
-    sim.scenarios["passes"]()
+    assert cli.main(["fly", str(served), "services", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
+    sim = fledge.load(served)
+    sim.scenarios["services"]()
     expected = sim.flight.commands.reports
-    kept = [one for one in expected if one.stored_on is not None]
-    assert [(one.stored_on, one.code, one.reason) for one in kept if one.executed or not one.good] == [
+    links = [(out / f"{name}.telemetry.txt").read_text() for name in on]
+    assert links == links[:1] * len(on)
+    job = Job(str(served), "services", folder=out)
+    assert job.parts[0].reports(on[0]) == expected
+    found = export.dictionary(job.parts[0].mission)
+    for _, packet in sim.flight.commands.sent:
+        if packet[6] == Code.WRITE and int.from_bytes(packet[10:12], "big") == found.block("flight.chosen")[0]:
+            found.learn(packet[16:])
+    told = {}
+    for each in read_script(links[0]):
+        one = decoded(found, each.packet)
+        told.setdefault(one.path, []).append(one.content)
+    check_stored(sim, expected, told["flight.stored.state"])
+    check_monitors(expected, told)
+    check_events(told["events"])
+    check_selected(told["selected"])
+
+
+def check_stored(sim, reports, states):
+    kept = [one for one in reports if one.stored_on is not None]
+    assert [(one.stored_on, one.code, one.reason) for one in kept if one.executed or not one.good][:12] == [
         (1, Code.MODE, Reason.OK), (1, Code.WRITE, Reason.OK), (1, Code.ARM, Reason.OK),
         (0, Code.MODE, Reason.OK), (0, Code.WRITE, Reason.OK), (1, Code.READ, Reason.OK),
         (0, Code.CONTROL, Reason.OK), (2, Code.WRITE, Reason.RULE), (2, Code.MODE, Reason.OK),
         (2, Code.MODE, Reason.INHIBITED), (1, Code.MODE, Reason.OK), (0, Code.NOOP, Reason.LATE)]
-    assert [one.reason for one in expected if one.stored_on is None and not one.good] == [Reason.CRC, Reason.RUNNING]
-    lists = [[row.step for row in stored(one.data)] for one in expected if one.code == Code.LIST and one.executed]
+    assert [one.reason for one in reports if one.stored_on is None and one.monitor is None and not one.good] == [
+        Reason.CRC, Reason.RUNNING]
+    lists = [[row.step for row in stored(one.data)] for one in reports if one.code == Code.LIST and one.executed]
     assert lists == [[0, 1, 2, 3], [4]]
-    assert sim.flight.stored.state.stored == 0 and sim.flight.control.K == 3.5
-
-    links = [(out / f"{name}.telemetry.txt").read_text() for name in on]
-    assert links == links[:1] * len(on)
-    job = Job(str(mission), "passes", folder=out)
-    assert job.parts[0].reports(on[0]) == expected
-    found = export.dictionary(job.parts[0].mission)
-    states = [one.content for one in (decoded(found, each.packet) for each in read_script(links[0]))
-              if one.path == "flight.stored.state"]
+    assert next(one for one in states if one["head"]["t"] == 64 * 10**9)["stored"] == 0     # all are deleted
+    assert sim.flight.control.K == 3.5
     assert {one["running"] for one in states} == {0, 2, 4} and {one["held"] for one in states} == {0, 1, 2}
+
+
+def check_monitors(reports, told):
+    started = [(one.monitor, one.reason) for one in reports if one.monitor is not None and one.executed]
+    assert started == [(0, Reason.OK), (1, Reason.OK), (2, Reason.PLACE)]       # list 3 has nothing
+    states = told["flight.monitors.state"]
+    assert states[-1]["on"] & 1 == 0 and states[-1]["bad"] == 0
+    assert {one["id"] for one in told["flight.monitors.event"]} == {0, 1, 2}     # 0: none yet
+
+
+def check_events(events):
+    """Those that are grave enough, all of the monitors, and twice all again: what a reset keeps, counts on."""
+    said = [(str(one).partition(",")[0].split(": ")[1], one.number, one.before) for one in events]
+    stored = [("INHIBITED list 2", 1, 1), ("LATE list 0", 2, 0)]
+    monitors = [("FIRED monitor 0", 3, 0), ("FIRED monitor 1", 4, 0), ("FIRED monitor 2", 5, 0),
+                ("RIGHT monitor 2", 6, 0), ("RIGHT monitor 1", 7, 0)]
+    assert said == stored + stored + monitors + stored + monitors
+    assert events[2:4] == events[:2] and events[-7:] == events[:2] + events[4:9]
+    assert (events[0].severity, events[0].output, events[0].t) == ("low", "flight.stored.event", 21 * 10**9)
+    assert events[1].arguments["late"] == pytest.approx(1.4)
+
+
+def check_selected(reports):
+    """At the first update at or after each period, when it is turned on, and with what is chosen then."""
+    ms = 10**6
+    every = [(one.t // ms, list(one.values)) for one in reports if one.report == 0]
+    assert [t for t, _ in every][:6] == [0, 3200, 6400, 9600, 12400, 15600]
+    fired = [t for t, names in every if names == ["flight.monitors.state.fired"]]
+    assert fired == list(range(100_000, 110_000, 400))
+    assert [one.t // ms for one in reports if one.report == 7] == [0, 20_000, 24_400, 40_000, 60_000]    # 24.4: a reset
+    first = next(one for one in reports if one.t == 62 * 10**9)
+    assert first.values["flight.stored.state.skipped"] == 1 and not first.left_out
+    assert len(first.values["flight.tracking.error.sigma_BR"]) == 3 and len(first.data) == 36
 
 
 def test_what_is_stored_is_a_parameter_that_flies_from_the_start(mission):
@@ -152,63 +248,8 @@ def test_the_ground_refuses_what_cannot_be_stored(mission):
     assert packets.control(Action.HOLD)[10:16] == b"\xFF\xFF\0\2\0\0"
 
 
-WATCHED = STORED + '''
-    f.monitors = fsw.Monitors()
-    f.task("watch", every=2 * s, run=[f.monitors])
-'''
-
-WATCHES = '''
-from fledge.units import ms, s
-
-
-def watches(sim):
-    """A limit, an expected value and a change: they start sequences, which turn them off."""
-    c, p = sim.flight.commands, sim.flight.commands.packets
-    c.telemetry("flight.monitors.event")
-    c.telemetry("flight.monitors.state")
-    c.sequence(1, [(0 * s, p.mode("point")), (3 * s, p.monitor(0, on=False))])
-    c.sequence(2, [(0 * s, p.write("flight.switch", rates=[0, 0, 0.02])[0])])
-    sim.run(500 * ms)
-    c.monitor(0, "flight.tracking.error.sigma_BR", measure="max_abs", high=0.2, hold=2 * s, count=12, starts=1)
-    c.monitor(1, "flight.stored.state.running", equals=0, starts=2)
-    c.monitor(2, "flight.switch.reference.omega_RN_N", measure="norm", change=True, low=-1e-3, high=1e-3, starts=3)
-    sim.run(10 * s)
-    c.monitor(5, "flight.motor.command.u[0]", low=-1, high=1)
-    sim.run(20 * s)
-    c.monitor(1, on=False)
-    c.reset()
-    sim.run(5 * s)
-'''
-
-
-@pytest.fixture
-def watched(tmp_path):
-    return written(tmp_path / "watched", WATCHED, WATCHES)
-
-
-def test_monitors_are_the_same_on_every_target(watched, tmp_path, capsys):
-    on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
-    out = tmp_path / "out"
-    assert cli.main(["fly", str(watched), "watches", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
-    sim = fledge.load(watched)
-    sim.scenarios["watches"]()
-    expected = sim.flight.commands.reports
-    started = [(one.monitor, one.reason) for one in expected if one.monitor is not None and one.executed]
-    assert started == [(0, Reason.OK), (1, Reason.OK), (2, Reason.PLACE)]       # list 3 has nothing
-    links = [(out / f"{name}.telemetry.txt").read_text() for name in on]
-    assert links == links[:1] * len(on)
-    job = Job(str(watched), "watches", folder=out)
-    assert job.parts[0].reports(on[0]) == expected
-    found = export.dictionary(job.parts[0].mission)
-    contents = [decoded(found, each.packet) for each in read_script(links[0])]
-    events = [(one.content["monitor"], one.content["wrong"]) for one in contents if one.path == "flight.monitors.event"]
-    states = [one.content for one in contents if one.path == "flight.monitors.state"]
-    assert {place for place, _ in events} >= {0, 1} and {wrong for _, wrong in events} == {0, 1}
-    assert states[-1]["on"] & 1 == 0 and states[-1]["bad"] == 0
-
-
-def test_a_monitor_names_a_number_of_an_output(watched):
-    sim = fledge.load(watched)
+def test_a_monitor_names_a_number_of_an_output(served):
+    sim = fledge.load(served)
     found, packets = sim.flight.commands.dictionary, sim.flight.commands.packets
     places = {o.path: i for i, o in enumerate(found.outputs)}
     for path, measure, output, offset, n in (
