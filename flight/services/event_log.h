@@ -43,7 +43,7 @@ typedef struct EventSource {
  *  At the end of each instant it looks at the outputs that are events, 24 at most. It logs those that are grave enough,
  *  of each output at most so many in a time; a filter has other rules for an output. What it does not log it counts.
  *  The last 32 records stay, also over a reset of flight; a run of which the time begins anew begins without any. The
- *  command 20 sends them again, the oldest first, 4 at each update. */
+ *  command 26 sends them again, the oldest first, 4 at each update. */
 typedef struct EventLog {
     struct {
         EventLogState state;

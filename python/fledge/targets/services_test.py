@@ -375,7 +375,7 @@ def test_files_are_the_same_on_every_target(tmp_path, capsys):
     assert (size, crc) == (len(whole) - 16, int.from_bytes(whole[12:14], "big"))
 
 
-MEETING = WATCHED + '''
+MEETING = SERVED + '''
     f.files = fsw.Files(entity=2, ground=1, rate=1000 / s, segment=32, allowed=7)
     f.task("files", every=400 * ms, run=[f.files])
 '''
