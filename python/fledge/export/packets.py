@@ -192,6 +192,27 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
             Item("numbers", "bytes", 0, "each in its own type; commands define which", count="n")]
         yield Packet(f"{mission.process}.selected", "numbers that the ground has chosen: a report of housekeeping",
                      found.texts + 1 + SERVICES.index("selected"), items, "big")
+    if "Files" in types:
+        yield Packet(f"{mission.process}.files", "a PDU of CFDP (727.0-B-5)",
+                     found.texts + 1 + SERVICES.index("files"), list(pdu()), "big")
+
+
+def pdu() -> Iterator[Item]:
+    """A PDU of files, with numbers of entities and transactions as wide as flight has them."""
+    yield bits("pdu_version", 3, "always 1")
+    for name, labels in {"pdu_type": ["directive", "file_data"], "direction": ["to_receiver", "to_sender"],
+                         "mode": ["acknowledged", "unacknowledged"], "crc": ["none", "at_the_end"],
+                         "large": ["places_of_32_bits", "places_of_64_bits"]}.items():
+        yield replace(bits(name, 1), enumerators=numbered(labels))
+    yield from [
+        number("n", "u16", "bytes of data"), bits("boundaries", 1, "1: of records, which files here have not"),
+        bits("entity_width", 3, "bytes of an entity's number, less 1: here 1"),
+        bits("metadata", 1, "1: of the segment is in front of its data"),
+        bits("sequence_width", 3, "bytes of a transaction's number, less 1: here 3"),
+        number("source", "u16", "the entity that sends the file"), number("transaction", "u32", "its number"),
+        number("destination", "u16", "the entity that gets the file"),
+        Item("data", "bytes", 0, "of a directive: its code and content; of file data: its place in the file, and the "
+             "bytes", count="n")]
 
 
 def numbered(names: Sequence[str]) -> dict[str, int]:

@@ -550,6 +550,37 @@ def test_the_database_of_the_ground_reads_flights_packets_by_this_file(tmp_path)
     assert bytes(raw) == ours
 
 
+def test_pdus_of_files_have_their_header_in_words(folder, tmp_path):
+    (folder / "flight.py").write_text(FLIGHT + "    f.files = fsw.Files(entity=2, ground=1, rate=4000 / s)\n"
+                                      "    f.task('files', every=100 * ms, run=[f.files])\n")
+    sim = fledge.load(folder)
+    text = written(sim)
+    (tmp_path / "craft.xml").write_text(text, encoding="utf-8")
+    database, reader = fledge.ground.Database.load(tmp_path / "craft.xml"), Reader(text)
+    commands, packets = sim.flight.commands, sim.flight.commands.packets
+    commands.take_packets()
+    commands.send(packets.dump_table("flight.control", "table"))
+    commands.send(packets.send_file("table"))
+    sim.run(3 * fledge.units.s)
+    sent = [one for one in map(lambda one: one.packet, commands.take_packets())
+            if decoded(commands.dictionary, one).path == "files"]
+    size = len(commands.table(sim.flight.control))
+    assert [one[28] if one[16] & 0x10 == 0 else "data" for one in sent] == [7, "data", 4]     # METADATA, EOF
+    for one in sent:
+        found = database.decode(one)
+        assert found.reason == "" and found.bits == 8 * len(one) and found.container.endswith("/flight_files")
+        values_ = {name.removeprefix("flight_files_"): value for name, _, value in found.rows}
+        number = int.from_bytes(one[22:26], "big")
+        assert {name: values_[name] for name in ("pdu_version", "pdu_type", "direction", "mode", "crc", "large", "n",
+                                                 "source", "transaction", "destination")} == {
+            "pdu_version": 1, "pdu_type": "file_data" if one[16] & 0x10 else "directive", "direction": "to_receiver",
+            "mode": "acknowledged", "crc": "none", "large": "places_of_32_bits", "n": len(one) - 28, "source": 2,
+            "transaction": number, "destination": 1}
+        assert bytes(values_["data"]) == one[28:]
+        assert reader.decode(one, "flight_packet")[1]["flight.files.source"] == 2
+    assert len(sent[1]) == 28 + 4 + size
+
+
 def test_stored_commands_are_commanded_alike(folder):
     (folder / "flight.py").write_text(STORED)
     sim = fledge.load(folder)
