@@ -16,17 +16,25 @@ from fledge.targets.target import Target
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    from fledge.export.read import Mission
     from fledge.targets.job import Part
 
 # The sources of the program besides the mission's.
 RUNNER = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/linux/main.c",
           "targets/linux/crash.c", "targets/linux/pace.c", "targets/linux/inputs.c", "record/mcap.c",
           "record/mcap_crc.c", "record/file_sink.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
-          "registers/message.c", "registers/shared_file.c", "ccsds/store/posix_store.c"]
+          "registers/message.c", "registers/shared_file.c"]
 
 # The same of a mission with a secured link.
 SECURED = ["ccsds/sdls.c", "ccsds/security/aes_gcm.c", "ccsds/security/key_file.c", "targets/linux/keys.c"]
 KEYS = "link.keys"      # beside the program
+
+
+def runner_of(mission: Mission) -> tuple[list[Path], list[str]]:
+    """The sources of the program besides the mission's, and their flags: with a store in a folder if it has files."""
+    files = any(m.type == "Files" for m in mission.modules)
+    return ([build.ROOT / path for path in [*RUNNER, *["ccsds/store/posix_store.c"] * files]],
+            ["-DFLEDGE_FILES"] * files)
 
 
 class Linux(Target):
@@ -41,8 +49,9 @@ class Linux(Target):
     secures = True
 
     def build(self, part: Part) -> Path:
-        sources = [*part.sources(), *(build.ROOT / path for path in RUNNER)]
-        flags, link = ["-fno-pie"], [*self.link]
+        runner, defines = runner_of(part.mission)
+        sources = [*part.sources(), *runner]
+        flags, link = ["-fno-pie", *defines], [*self.link]
         place = part.folder / self.name / KEYS
         place.unlink(missing_ok=True)
         if keys := part.keys:

@@ -61,8 +61,10 @@ typedef struct Runner {
     MissionRecord record;
     const RegisterWindow *clock; ///< the window of the board with the clock
     Inputs inputs;
+#ifdef FLEDGE_FILES
     PosixStore folder;
     CfdpStore store;
+#endif
     volatile int64_t now; ///< [ns] of the present exchange
     int64_t cpu;          ///< [ns] of all exchanges
     int64_t faults;
@@ -97,7 +99,9 @@ static const char usage[] =
     "\n"
     "REGISTERS is the register file of the boards, or /dev/fd/N; --clock works without it.\n"
     "  --record FILE   write all outputs of flight into an MCAP file\n"
+#ifdef FLEDGE_FILES
     "  --files FOLDER  where flight keeps files; default: in its memory\n"
+#endif
     "  --wait S        how long to wait for the register file; default: 10\n"
     "  --clock         pace flight by this machine's clock, in real time\n"
     "  --priority N    of SCHED_FIFO, 1 to 99; default: 50; 0: do not request it\n"
@@ -139,10 +143,12 @@ static int read_options(Options *o, int n, char **words)
             } else if (strcmp(word, "--keys") == 0) {
                 o->keys = words[i];
 #endif
+#ifdef FLEDGE_FILES
+            } else if (strcmp(word, "--files") == 0) {
+                o->files = words[i];
+#endif
             } else if (strcmp(word, "--inputs") == 0) {
                 o->inputs = words[i];
-            } else if (strcmp(word, "--files") == 0 && fledge_mission.store != NULL) {
-                o->files = words[i];
             } else if (strcmp(word, "--wait") == 0 && number(words[i], &value)) {
                 o->wait = value;
             } else if (strcmp(word, "--for") == 0 && number(words[i], &value)) {
@@ -190,12 +196,20 @@ static int attach(const Options *o)
     return wrong != NULL ? complain(o->inputs, wrong) : FLOWN;
 }
 
+/* Without a folder flight keeps files in its memory. */
 static int open_files(const char *folder)
 {
+#ifdef FLEDGE_FILES
+    if (folder == NULL) {
+        return FLOWN;
+    }
     if (!posix_store_open(&runner.folder, folder, INT64_MAX, &runner.store)) {
         return complain(folder, strerror(errno));
     }
     *fledge_mission.store = &runner.store;
+#else
+    (void)folder;
+#endif
     return FLOWN;
 }
 
@@ -425,7 +439,7 @@ int main(int argc, char **argv)
         fledge_mission.describe(print_line);
         return FLOWN;
     }
-    int result = options.files != NULL ? open_files(options.files) : FLOWN;
+    int result = open_files(options.files);
     if (result == FLOWN) {
         result = read_keys(&options);
     }

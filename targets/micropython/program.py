@@ -13,7 +13,7 @@ from fledge.export.read import ExportError
 from fledge.files import write_files
 from fledge.objects import project
 from fledge.targets import build
-from fledge.targets.linux import RUNNER
+from fledge.targets.linux import runner_of
 from fledge.targets.micropython import toolchain
 from fledge.targets.micropython.export import Composed, compose
 from fledge.targets.micropython.export.check import first_difference
@@ -37,9 +37,10 @@ def export(composed: Composed, flight: Any, folder: Path, development: bool = Fa
 def program(composed: Composed, folder: Path, roots: Sequence[Path], development: bool = False) -> Path:
     """Build a mission's program for this machine."""
     library = toolchain.library("host", development)
-    files = [*sources(composed, folder, roots, library), *(build.ROOT / path for path in RUNNER)]
+    runner, defines = runner_of(composed.mission)
+    files = [*sources(composed, folder, roots, library), *runner]
     return build.program(folder, composed.mission.name, files, [(folder / "c").resolve(), *roots],
-                         library.compiler, library.flags, LINK, archives=[library.archive])
+                         library.compiler, [*library.flags, *defines], LINK, archives=[library.archive])
 
 
 def sources(composed: Composed, folder: Path, roots: Sequence[Path], library: toolchain.Library) -> list[Path]:
