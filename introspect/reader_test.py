@@ -48,7 +48,7 @@ def test_no_member_is_overlooked(model):
     for s in model.structs.values():
         text = (ROOT / s.header).read_text()
         body = re.search(rf"typedef struct {s.name} {{\n(.*?)^}} {s.name};", text, re.M | re.S)[1]
-        declared = re.findall(r"^ +\w+ (\w+)[\[\]\w]*;(?: *///< *\[([^\]]*)\])?", body, re.M)
+        declared = re.findall(r"^ +\w+ (\w+)(?:\[[^]]*\])*;(?: *///< *\[([^\]]*)\])?", body, re.M)
         assert [(f.name, f.unit.text if f.unit else "") for f in s.fields] == declared, s.name
 
 

@@ -120,7 +120,9 @@ void restore(Runtime &runtime, std::span<const std::byte> bytes, bool edited)
     const bool commanded = check_snapshot(runtime, bytes, edited);
     const std::byte *from = bytes.data() + sizeof(Start);
     const auto take = [&](void *to, std::size_t n) {
-        std::memcpy(to, from, n);
+        if (n > 0) { // an empty block may have no place
+            std::memcpy(to, from, n);
+        }
         from += n;
     };
     runtime.visit_state(take);

@@ -239,6 +239,8 @@ class Assignments(Expressions):
             shape = []
         if len(shape) == 2 and shape[0] > 8:
             shape[0] = 8
+        elif shape and shape[0] > 256:      # the interpreter's stack has no room for a longer list in a script
+            shape[0] = 256
         text = self.array(field, shape) if dice.random() < 0.5 else self.good(field, shape)
         if dice.random() < 0.1:
             text = text.replace("[", "(").replace("]", ",)").replace("(,)", "()")

@@ -15,7 +15,7 @@ typedef struct Avionics {
         HouseKeeping cards;
         BusState bus;
         ModeWord request;
-        RecorderState recorder;
+        DataRecorderState recorder;
     } in;
     struct {
         SunVector direction;

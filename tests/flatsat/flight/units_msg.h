@@ -69,9 +69,9 @@ typedef struct ModeWord {
 } ModeWord;
 
 /** The state of the recorder. */
-typedef struct RecorderState {
+typedef struct DataRecorderState {
     Head head;
     double fill; ///< [-] in [0, 1]: how full its memory is
-} RecorderState;
+} DataRecorderState;
 
 #endif

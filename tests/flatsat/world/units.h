@@ -24,7 +24,7 @@ typedef struct Units {
         HouseKeeping cards;
         BusState bus;
         ModeWord request;
-        RecorderState recorder;
+        DataRecorderState recorder;
     } out;
     struct {
         double s_N[3];      ///< [-] required: unit vector to the Sun

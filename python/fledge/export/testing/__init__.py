@@ -27,7 +27,8 @@ def fly(compiler, optimise):
     folder = tempfile.TemporaryDirectory()
     kept.append(folder)
     sources = [path for path in (ROOT / "flight").rglob("*.c") if "tools" not in path.parts
-               and path.name != "elementary_hash.c"]
+               and path.name != "elementary_hash.c"] + [*(ROOT / "ccsds").glob("*.c"),
+                                                        ROOT / "ccsds/store/memory_store.c"]
     objects = build.shared_objects(Path(folder.name), sources, compiler, [*STRICT, optimise, "-fPIC"])
     archive = Path(folder.name, "flight.a")
     subprocess.run(["ar", "rc", archive, *objects.values()], check=True)
