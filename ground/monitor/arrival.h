@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// A packet that came from a spacecraft, and what keeps those.
+#pragma once
+
+#include "ground/database/model.h"
+
+#include <cstdint>
+#include <span>
+
+namespace fledge::ground {
+
+struct Arrival {
+    std::int64_t t;        ///< [ns] of the spacecraft's clock
+    std::int64_t received; ///< [ns] UTC since 1970
+    std::span<const std::uint8_t> bytes;
+};
+
+/// What keeps packets, as the archive. Both throw Refusal when it cannot.
+class PacketSink {
+public:
+    PacketSink() = default;
+    PacketSink(const PacketSink &) = delete;
+    PacketSink &operator=(const PacketSink &) = delete;
+    virtual ~PacketSink() = default;
+
+    /// container: no_id if the packet was not decoded.
+    virtual void put(const Arrival &arrival, Id container) = 0;
+
+    /// The batch is over: what was put is safe from the end of the program.
+    virtual void save() = 0;
+};
+
+} // namespace fledge::ground
