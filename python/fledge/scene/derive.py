@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
 from fledge.activity import happenings, modes
 from fledge.errors import SetupError
-from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, Scene
+from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, RadioLink, Scene, Station
 from fledge.scene.tracks import Motion, Signal, Turning
 from fledge.series import HEAD, NONE, Records, element_names
 
 HAPPENINGS = 500    # on the time line
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
+FLATTENING = {"EARTH": 1 / 298.257223563, "MARS": 1 - 3376.20 / 3396.19}     # WGS 84; of the IAU's report of 2000
 SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
 
 
@@ -40,7 +42,7 @@ class Facts:
 
 def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
     """The Scene of a record. Raises SetupError if it has no attitude, unless its plots alone are wanted."""
-    found = _Derivation(records, facts)
+    found = Derivation(records, facts)
     if not plots_only:
         found.add_flight()
     found.add_plots()
@@ -49,13 +51,27 @@ def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
     return found.scene
 
 
-class _Derivation:
-    def __init__(self, records, facts):
-        self._records, self._facts = records, facts
+class Derivation:
+    """Derives a scene from records.
+
+    live: what comes later makes its tracks grow: by track.source(Derivation(later records, facts, live=True))
+    used: the names of the ports from which it took motions, attitudes and levels
+    """
+
+    def __init__(self, records: Any, facts: Facts, live: bool = False) -> None:
+        self._records, self._facts, self._live = records, facts, live
         said = [port.name for port in records.executives()]
         self._ports = {port.name: port for port in records._ports()
-                       if port.names and port.name not in said and len(records._time(port))}
+                       if port.names and port.name not in said and (live or len(records._time(port)))}
+        self.used: set[str] = set()
         self.scene = Scene(facts.title, facts.about)
+
+    def _grows(self, make):
+        """The track that make(derivation) makes."""
+        track = make(self)
+        if self._live and track is not None:
+            track.source = make
+        return track
 
     def add_plots(self):
         self.scene.plots = [plot for port in self._ports.values() for plot in self._plots(port)]
@@ -75,6 +91,7 @@ class _Derivation:
         scene.begin = min(craft.turning.time[0] for craft in scene.crafts)
         scene.end = max(craft.turning.time[-1] for craft in scene.crafts)
         self._surroundings()
+        self._stations()
         for craft in scene.crafts:
             self._fit_out(craft)
         if scene.sun is None and scene.sun_N is None:
@@ -94,13 +111,14 @@ class _Derivation:
         """
         import numpy as np
 
+        self.used.add(name)
         port = self._ports[name]
         time, table = self._records._time(port), self._records._values(port)
         last = np.append(np.diff(time) > 0, True)
         good = (table["head"]["quality"] != NONE) & last
         for one in fields:
             good &= np.isfinite(table[one].reshape(len(table), -1)).all(axis=1)
-        kept = last & np.logical_or.accumulate(good) if gaps else good
+        kept = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
         found = [np.array(table[one][kept], dtype=float) for one in fields]
         for one in found:
             one[~good[kept]] = np.nan
@@ -110,11 +128,14 @@ class _Derivation:
         """The Signal of a field or of an element of it; None if the port was not recorded."""
         if name not in self._ports:
             return None
-        time, values = self._values(name, one, gaps=True)
-        if not len(time):
-            return None
-        values = values.reshape(len(time), -1)
-        return Signal(time, values if element is None else values[:, [element]])
+
+        def make(found):
+            time, values = found._values(name, one, gaps=True)
+            values = values.reshape(len(time), math.prod(values.shape[1:]))
+            return Signal(time, values if element is None else values[:, [element]])
+
+        signal = self._grows(make)
+        return signal if self._live or len(signal.time) else None
 
     def _what_to_record(self):
         crafts = self._facts.all_of("Spacecraft")
@@ -125,14 +146,17 @@ class _Derivation:
     # --- spacecraft ----------------------------------------------------------------------------------
 
     def _craft(self, name):
-        time, r, v, sigma = self._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
-        if not len(time):
+        def all_of(found):
+            return found._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
+
+        if not len(all_of(self)[0]):
             raise SetupError(f"{self._records._label}: {name} has no attitude that was written")
         path = name.rpartition(".")[0]
         several = [one.rpartition(".")[0] for one in self._of("CraftState")
                    if one.partition(".")[0] == path.partition(".")[0]]
-        craft = Craft(path.partition(".")[0] if len(several) == 1 else path, path, Motion(time, r, v),
-                      Turning.of_mrp(time, sigma), self._facts.folder)
+        craft = Craft(path.partition(".")[0] if len(several) == 1 else path, path,
+                      self._grows(lambda found: Motion(*all_of(found)[:3])),
+                      self._grows(lambda found: Turning.of_mrp(*all_of(found)[::3])), self._facts.folder)
         rate = self._signal(name, "omega_BN_B")
         if rate:
             craft.signals["rate"] = rate
@@ -146,7 +170,7 @@ class _Derivation:
             process = name.partition(".")[0]
             if any(craft.process == process for craft in self.scene.crafts):
                 continue
-            time, sigma = self._values(name, "sigma_BN")
+            time = self._values(name, "sigma_BN")[0]
             if not len(time):
                 continue
             motion = self._estimated_motion(process)
@@ -154,16 +178,20 @@ class _Derivation:
                 motion = Motion(time[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
                 self.scene.notes.append(f"No position of {process} is recorded: it stands at the origin. Record its "
                                         "NavOrbit.")
-            self.scene.crafts.append(Craft(process, name.rpartition(".")[0], motion, Turning.of_mrp(time, sigma),
+            self.scene.crafts.append(Craft(process, name.rpartition(".")[0], motion, self._turning(name, "sigma_BN"),
                                            self._facts.folder))
 
     def _estimated_motion(self, process):
         for name in self._of("NavOrbit"):
             if name.partition(".")[0] == process:
-                time, r, v = self._values(name, "r_BN_N", "v_BN_N")
-                if len(time):
-                    return Motion(time, r, v)
+                motion = self._grows(lambda found, name=name: Motion(*found._values(name, "r_BN_N", "v_BN_N")))
+                if self._live or len(motion.time):
+                    return motion
         return None
+
+    def _turning(self, name, one, gaps=False):
+        """The Turning of a field with MRP."""
+        return self._grows(lambda found: Turning.of_mrp(*found._values(name, one, gaps=gaps)))
 
     def _home(self, process):
         """The spacecraft that a process belongs to: whose world it commands, or else whose world it reads. None if
@@ -197,15 +225,15 @@ class _Derivation:
                 part.length = 4 * craft.extent
         for name in self._of("NavAttitude"):
             if self._home(name.partition(".")[0]) is craft and name.rpartition(".")[0] != craft.path:
-                time, sigma = self._values(name, "sigma_BN", gaps=True)
-                if len(time):
-                    craft.poses.append(Pose("estimate", name, Turning.of_mrp(time, sigma),
+                turning = self._turning(name, "sigma_BN", gaps=True)
+                if self._live or len(turning.time):
+                    craft.poses.append(Pose("estimate", name, turning,
                                             self._estimated_motion(name.partition(".")[0])))
         for name in self._of("AttReference"):
             if self._home(name.partition(".")[0]) is craft:
-                time, sigma = self._values(name, "sigma_RN", gaps=True)
-                if len(time):
-                    craft.poses.append(Pose("reference", name, Turning.of_mrp(time, sigma)))
+                turning = self._turning(name, "sigma_RN", gaps=True)
+                if self._live or len(turning.time):
+                    craft.poses.append(Pose("reference", name, turning))
         for name in self._of("AttError"):
             if self._home(name.partition(".")[0]) is craft:
                 craft.signals.setdefault("attitude error", self._angle(name))
@@ -216,15 +244,21 @@ class _Derivation:
     def _angle(self, name):
         import numpy as np
 
-        time, sigma = self._values(name, "sigma_BR", gaps=True)
-        return Signal(time, 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True)))
+        def make(found):
+            time, sigma = found._values(name, "sigma_BR", gaps=True)
+            return Signal(time, 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True)))
+
+        return self._grows(make)
 
     def _unit(self, name, one):
         import numpy as np
 
-        time, values = self._values(name, one, gaps=True)
-        size = np.linalg.norm(values, axis=1, keepdims=True)
-        return Signal(time, values / np.where(size > 0, size, 1))
+        def make(found):
+            time, values = found._values(name, one, gaps=True)
+            size = np.linalg.norm(values, axis=1, keepdims=True)
+            return Signal(time, values / np.where(size > 0, size, 1))
+
+        return self._grows(make)
 
     def _hub(self, craft):
         """[m] (3,) The edges of a uniform box with the spacecraft's inertia, within its thrusters."""
@@ -342,45 +376,113 @@ class _Derivation:
         from fledge import world
 
         first = self.scene.crafts[0].path
-        gravity = re.findall(r"(?:^|; )([A-Z][A-Z ]*), mu = \S+ m\^3/s\^2, radius = (\S+) km",
+        gravity = re.findall(r"(?:^|; )([A-Z][A-Z ]*), mu = (\S+) m\^3/s\^2, radius = (\S+) km",
                              self._facts.of(first, "gravity", "") or "")
         sky = SKY.match(self._facts.of(first, "sky", "") or "")
         if not sky:
-            for name, radius in gravity[:1]:    # it stands at the origin of N
-                self.scene.planets.append(Planet(name, float(radius) * 1e3))
+            for name, mu, radius in gravity[:1]:    # it stands at the origin of N
+                self.scene.planets.append(Planet(name, float(radius) * 1e3, None, self._spinning(),
+                                                 FLATTENING.get(name, 0.0), float(mu)))
             self._recorded_sun()
             return
         ephemeris, centre = world.Sky(sky[1], center=int(sky[2])), int(sky[2])
         self.scene.epoch = sky[1]
-        times = np.linspace(self.scene.begin, self.scene.end,
-                            1 + max(16, int((self.scene.end - self.scene.begin) / 3600)))
-        wanted = [world.BODIES[name] for name, _ in gravity if name in world.BODIES]
+        wanted = [world.BODIES[name] for name, *_ in gravity if name in world.BODIES]
         wanted += [one for one in world.BODIES.values() if one.naif == centre]
         wanted += ([world.MOON] if centre == world.EARTH.naif else [])
         for body in dict.fromkeys([*wanted, world.SUN]):
             try:
-                motion = self._moves(ephemeris, body, times) if body.naif != centre else None
+                motion = self._moves(ephemeris, body) if body.naif != centre else None
             except SetupError:      # an ephemeris of the mission's own had it
                 continue
             if body is world.SUN:
-                self.scene.sun = motion or Motion(times[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
+                self.scene.sun = motion or Motion(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
                 if body not in wanted:
                     continue
-            self.scene.planets.append(Planet(body.name, body.radius, motion, self._turns(ephemeris, body, times)))
+            self.scene.planets.append(Planet(body.name, body.radius, motion, self._turns(ephemeris, body),
+                                             FLATTENING.get(body.name, 0.0), body.mu))
 
-    def _moves(self, sky, body, times):
+    def _times(self):
+        """[s] at which bodies are looked for: in the span of the run, or, of what goes on, those of the spacecraft."""
         import numpy as np
 
-        states = [sky.state(body, t) for t in times]
-        return Motion(times, np.array([s.r_PN_N for s in states]), np.array([s.v_PN_N for s in states]))
+        if self._live:
+            return self._values(*([(name, "r_BN_N") for name in self._of("CraftState", "NavOrbit")][0]))[0]
+        return np.linspace(self.scene.begin, self.scene.end,
+                           1 + max(16, int((self.scene.end - self.scene.begin) / 3600)))
 
-    def _turns(self, sky, body, times):
+    def _moves(self, sky, body):
         import numpy as np
+
+        def make(found):
+            times = found._times()
+            states = [sky.state(body, t) for t in times]
+            return Motion(times, np.array([s.r_PN_N for s in states]).reshape(-1, 3),
+                          np.array([s.v_PN_N for s in states]).reshape(-1, 3))
+
+        return self._grows(make)
+
+    def _turns(self, sky, body):
+        import numpy as np
+
+        def make(found):
+            times = found._times()
+            return Turning.of_dcm(times, np.array([sky.orientation(body, t).dcm_PN for t in times]).reshape(-1, 3, 3))
 
         try:
-            return Turning.of_dcm(times, np.array([sky.orientation(body, t).dcm_PN for t in times]))
+            return self._grows(make)
         except SetupError:
             return None
+
+    def _spinning(self):
+        """The turning of a body without a sky: about its third axis, at the rate that a station on it has."""
+        import numpy as np
+
+        spin = max((self._facts.of(path, "spin", 0) for path in self._facts.all_of("GroundStation")), default=0)
+        if not spin:
+            return None
+
+        def make(found):
+            half = spin * (times := found._times()) / 2
+            return Turning(times, np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1))
+
+        return self._grows(make)
+
+    def _stations(self):
+        """The stations on the ground, one for all that stand at the same place, and their radios."""
+        found: dict[tuple, Station] = {}
+        of: dict[str, Station] = {}     # path -> its station
+        for path in self._facts.all_of("GroundStation"):
+            planet = str(self._facts.of(path, "body", "")).partition(",")[0]
+            body = next((one for one in self.scene.planets if one.name == planet), None)
+            if body is None:
+                continue
+            lat, lon, height = (self._facts.of(path, name, 0.0) for name in ("latitude", "longitude", "altitude"))
+            up = [math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)]
+            share = (1 - body.flattening) ** 2      # of the squares of the polar and the equatorial radius
+            normal = body.radius / math.sqrt(up[0]**2 + up[1]**2 + share * up[2]**2)
+            place = [(normal + height) * up[0], (normal + height) * up[1], (share * normal + height) * up[2]]
+            of[path] = found.setdefault((planet, *place), Station(path.partition(".")[2], planet, place, up,
+                                                                  self._facts.of(path, "mask", 0.0)))
+        for path in self._facts.all_of("Radio"):
+            station, craft = of.get(self._facts.of(path, "station", "")), self._home(path.partition(".")[0])
+            if station and craft:
+                station.links.append(RadioLink(path, craft.name, self._lock(f"{path}.down"), self._lock(f"{path}.up")))
+                self._advise(f"{path}.down", "nothing says when the ground's receiver is locked")
+        self.scene.stations = list(found.values())
+
+    def _lock(self, name):
+        """(locked, Eb/N0 [dB]) of a radio's link."""
+        import numpy as np
+
+        if name not in self._ports:
+            return None
+
+        def make(found):
+            time, lock, ratio = found._values(name, "lock", "eb_n0_dB", gaps=True)
+            return Signal(time, np.stack([lock, ratio], axis=1))
+
+        return self._grows(make)
 
     def _recorded_sun(self):
         """The Sun of a run without a sky: recorded by a model, or a parameter of a sensor."""
@@ -408,18 +510,25 @@ class _Derivation:
         """A Plot of each numeric field of a port; of long arrays the elements up to the last that is ever not 0."""
         import numpy as np
 
-        time = self._records._time(port)
         for name, about in port.fields.items():
             values = self._records._field(port, name)
             if name.startswith(HEAD) or values.dtype.kind not in "fiub":
                 continue
-            flat = values.reshape(len(time), -1).astype(float)
-            used = max((k for k in range(flat.shape[1]) if np.nan_to_num(flat[:, k]).any()), default=0) + 1
-            used = flat.shape[1] if flat.shape[1] <= 3 else min(used, 16)
-            labels = element_names(port.parts[name])[:used]
+            size = math.prod(values.shape[1:])
+            used = size if size <= 3 or self._live else max(
+                (k for k in range(size) if np.nan_to_num(values.reshape(-1, size)[:, k].astype(float)).any()),
+                default=0) + 1
+
+            def make(found, name=name, size=size, used=min(used, 16)):
+                of = found._ports[port.name]
+                flat = found._records._field(of, name).reshape(-1, size).astype(float)
+                return Signal(found._records._time(of), np.ascontiguousarray(flat[:, :used]))
+
+            signal = self._grows(make)
+            labels = element_names(port.parts[name])[:signal.values.shape[1]]
             meaning = about.meaning if hasattr(about, "meaning") else about.doc
             yield Plot(f"{port.name}.{name}", about.unit, meaning, ["".join(one.partition("[")[1:]) for one in labels],
-                       Signal(time, np.ascontiguousarray(flat[:, :used])))
+                       signal)
 
 
 def _unit(axis):

@@ -3,7 +3,7 @@
 
 The data are the bytes that pack() makes, deflated and in base64: the length of a JSON text (4 bytes), the text, zeros
 up to a multiple of 8, and arrays, all little-endian. In the text an array is
-{"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}.
+{"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}. A track that grows has a number, "id".
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import struct
 import zlib
 from base64 import b64encode
 from html import escape
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +34,7 @@ class _Arrays:
 
     def __init__(self) -> None:
         self.bytes = bytearray()
+        self.growing: list[Any] = []    # the tracks that grow, by their numbers
 
     def add(self, values: Any, kind: str = "f8") -> dict[str, Any]:
         import numpy as np
@@ -40,37 +42,51 @@ class _Arrays:
         table = np.ascontiguousarray(values, dtype=f"<{kind}")
         at = len(self.bytes)
         self.bytes += table.tobytes() + bytes(-table.nbytes % 8)
-        return {"at": at, "n": len(table), "k": int(table[0].size) if len(table) else 1, "as": kind}
+        return {"at": at, "n": len(table), "k": prod(table.shape[1:]), "as": kind}
+
+    def _track(self, track: Any, thin: Any, kind: str, *names: str) -> dict[str, Any]:
+        found = {name: self.add(getattr(thin, name), kind) for name in names}
+        if track.source:
+            found["id"] = len(self.growing)
+            self.growing.append(track)
+        return {"time": self.add(thin.time), **found}
 
     def motion(self, motion: Motion | None) -> dict[str, Any] | None:
         if motion is None:
             return None
-        thin = motion.thinned()
-        return {"time": self.add(thin.time), "r": self.add(thin.r), "v": self.add(thin.v)}
+        return self._track(motion, motion.thinned(), "f8", "r", "v")
 
     def turning(self, turning: Turning | None) -> dict[str, Any] | None:
         if turning is None:
             return None
-        thin = turning.thinned()
-        return {"time": self.add(thin.time), "q": self.add(thin.q, "f4")}
+        return self._track(turning, turning.thinned(), "f4", "q")
 
     def signal(self, signal: Signal | None) -> dict[str, Any] | None:
         if signal is None:
             return None
-        thin = signal.thinned()
-        return {"time": self.add(thin.time), "values": self.add(thin.values, "f4")}
+        return self._track(signal, signal.thinned(), "f4", "values")
 
 
 def pack(scene: Scene) -> bytes:
     """The data of a scene, as the viewer reads them."""
+    return pack_growing(scene)[0]
+
+
+def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
+    """The same, and its tracks that grow, each at the place that is its number in the data."""
     arrays = _Arrays()
     text = {
         "title": scene.title, "about": scene.about, "begin": scene.begin, "end": scene.end, "epoch": scene.epoch,
         "bounds": {"position": POSITION, "attitude": ATTITUDE, "share": SHARE}, "notes": scene.notes,
         "sun": arrays.motion(scene.sun), "sun_N": None if scene.sun_N is None else list(scene.sun_N),
-        "planets": [{"name": one.name, "radius": one.radius, "motion": arrays.motion(one.motion),
-                     "turning": arrays.turning(one.turning)} for one in scene.planets],
+        "planets": [{"name": one.name, "radius": one.radius, "flattening": one.flattening, "mu": one.mu,
+                     "motion": arrays.motion(one.motion), "turning": arrays.turning(one.turning)}
+                    for one in scene.planets],
         "crafts": [_craft(one, arrays) for one in scene.crafts],
+        "stations": [{"name": one.name, "planet": one.planet, "place": list(one.r_P), "up": list(one.up_P),
+                      "mask": one.mask, "links": [{"name": link.name, "craft": link.craft,
+                                                   "down": arrays.signal(link.down), "up": arrays.signal(link.up)}
+                                                  for link in one.links]} for one in scene.stations],
         "modes": [{"process": name, "began": list(began)} for name, began in scene.modes.items()],
         "happened": [{"t": one.t, "text": f"{one.process}: {one.kind} {one.name}" + f", {one.text}" * bool(one.text)}
                      for one in scene.happened],
@@ -79,7 +95,7 @@ def pack(scene: Scene) -> bytes:
     }
     head = json.dumps(text, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     head = struct.pack("<I", len(head)) + head
-    return bytes(head + bytes(-len(head) % 8) + arrays.bytes)
+    return bytes(head + bytes(-len(head) % 8) + arrays.bytes), arrays.growing
 
 
 def _craft(craft: Craft, arrays: _Arrays) -> dict[str, Any]:

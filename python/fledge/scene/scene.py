@@ -88,11 +88,39 @@ class Direction:
 
 @dataclass
 class Planet:
-    """A celestial body. radius [m]; motion, turning: None at rest in the origin of N, and without a known rotation."""
+    """A celestial body.
+
+    radius [m], flattening [-]: of its ellipsoid; mu [m^3/s^2]: 0 if unknown
+    motion, turning: None at rest in the origin of N, and without a known rotation
+    """
     name: str
     radius: float
     motion: Motion | None = None
     turning: Turning | None = None
+    flattening: float = 0.0
+    mu: float = 0.0
+
+
+@dataclass
+class RadioLink:
+    """The radio link of a station with the spacecraft of a name. down, up: (n, 2), locked or not [-] and Eb/N0 [dB];
+    None of a link that is not recorded"""
+    name: str
+    craft: str
+    down: Signal | None
+    up: Signal | None
+
+
+@dataclass
+class Station:
+    """A station on the ground of a planet, at rest in its frame P. r_P [m] (3,); up_P (3,): its zenith; mask [rad]: the
+    lowest elevation of a contact"""
+    name: str
+    planet: str
+    r_P: Sequence[float]
+    up_P: Sequence[float]
+    mask: float
+    links: list[RadioLink] = field(default_factory=list)
 
 
 class Craft:
@@ -204,6 +232,7 @@ class Scene:
     epoch: str = ""
     planets: list[Planet] = field(default_factory=list)
     crafts: list[Craft] = field(default_factory=list)
+    stations: list[Station] = field(default_factory=list)
     sun: Motion | None = None
     sun_N: np.ndarray | None = None
     plots: list[Plot] = field(default_factory=list)

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import zlib
 
 import numpy as np
@@ -278,6 +279,58 @@ def test_without_node_the_reason_is_said(record, monkeypatch, tmp_path):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.raises(SetupError, match="need Node"):
         bundle.build()
+
+
+# --- tracks that grow, and places on the ground, in the viewer's own code ---------------------------
+
+needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs node, which runs the viewer's code")
+
+
+def in_node(text):
+    """What a module in JavaScript says, as JSON; it may import from the viewer's folder of sources, SOURCES."""
+    sources = (bundle.WEB / "src").as_uri()
+    done = subprocess.run(["node", "--expose-gc", "--input-type=module", "-e", text.replace("SOURCES", sources)],
+                          capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@needs_node
+def test_a_track_grows_within_a_bound_and_stays_where_it_was():
+    """A day of a circle at 4 Hz: what is shown of its first minute and of its last is the circle."""
+    found = in_node("""
+        import {append, known, level, position} from "SOURCES/data.js";
+        const empty = (k, kind = Float64Array) => ({data: new kind(0), n: 0, k});
+        const motion = {time: empty(1), r: empty(3), v: empty(3)};
+        const signal = {time: empty(1), values: empty(1, Float32Array)};
+        const rate = 1e-3, size = 7e6, exact = (t) => [size * Math.cos(rate * t), size * Math.sin(rate * t), 0];
+        const grown = [], far = [];
+        const away = (t) => Math.hypot(...position(motion, t).map((one, k) => one - exact(t)[k]));
+        for (let hour = 0; hour < 24; hour++) {
+            for (let i = 0; i < 14400; i++) {
+                const t = 3600 * hour + i / 4, [x, y] = exact(t);
+                append(motion, [t, t], [x, y, 0, -rate * y, rate * x, 0, 0, 0, 0, 0, 0, 0]);    // the second is no later
+                append(signal, [t], [i < 7200 ? null : t]);
+            }
+            gc();
+            grown.push([motion.time.n, motion.time.data.length, motion.r.data.length, process.memoryUsage().heapUsed +
+                        process.memoryUsage().arrayBuffers]);
+            far.push(away(30.1), away(1800.1 * hour), away(3600 * hour + 3599.7));
+        }
+        const gaps = [];
+        for (let i = 1; i < motion.time.n; i++) gaps.push(motion.time.data[i] - motion.time.data[i - 1]);
+        console.log(JSON.stringify({grown, far: Math.max(...far), widest: Math.max(...gaps), last: gaps.at(-1),
+            level: [level(signal, 86000.1), known(signal, 85000), known(signal, 82900)],
+            held: position(motion, 1e6)[0] - exact(86399.75)[0]}));
+    """)
+    assert max(rows for rows, *_ in found["grown"]) <= 8192 and {tuple(row[1:3]) for row in found["grown"][1:]} == {
+        (8192, 3 * 8192)}
+    heap = [row[3] for row in found["grown"][2:]]
+    assert max(heap) - min(heap) < 2e6
+    # Of cubics between points h apart the error is a h^4 w^2 / 384; a gap may be three times the even spacing, 21 s.
+    assert found["widest"] < 64 and found["last"] == 0.25
+    assert found["far"] < 7e6 * (64 * 1e-3)**4 / 384
+    assert found["level"] == [pytest.approx(86000.1, abs=0.01), True, False] and found["held"] == 0
 
 
 # --- in a browser ----------------------------------------------------------------------------------

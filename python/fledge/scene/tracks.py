@@ -10,8 +10,8 @@ Before its first sample, and from a sample that is NaN until the next one, a tra
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,7 +23,13 @@ POINTS = 20_000     # of a signal; with more, the smallest and largest of each o
 
 
 @dataclass
-class Motion:
+class Track:
+    """What all have. source: of a track that grows: makes the track of what came later, from its derivation."""
+    source: Callable[[Any], Any] | None = field(default=None, init=False, compare=False, repr=False)
+
+
+@dataclass
+class Motion(Track):
     """Where something is. time [s] (n,); r [m] (n, 3) and v [m/s] (n, 3), relative to the origin of N."""
     time: np.ndarray
     r: np.ndarray
@@ -40,7 +46,7 @@ class Motion:
 
 
 @dataclass
-class Turning:
+class Turning(Track):
     """How something is turned. time [s] (n,); q (n, 4): the quaternion, scalar last, that turns the components of a
     vector in the body's frame into those in N."""
     time: np.ndarray
@@ -79,7 +85,7 @@ class Turning:
 
 
 @dataclass
-class Signal:
+class Signal(Track):
     """Numbers over time. time [s] (n,), values (n, k)."""
     time: np.ndarray
     values: np.ndarray
@@ -118,6 +124,8 @@ def _by_pieces(time, values, kept):
     import numpy as np
 
     good = np.isfinite(values).all(axis=1)
+    if not good.any():
+        return time[:0], values[:0]
     turns = np.flatnonzero(np.diff(good, prepend=False, append=False))
     found = []
     for begin, end in zip(turns[::2], turns[1::2]):

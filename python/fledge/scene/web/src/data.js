@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The data of a scene, as page.py packs them, and their values at a time.
 
-/** The scene in a text: its arrays are {data, n, k}. */
+/** The scene in a text. */
 export async function load(text) {
     const packed = await fetch("data:application/octet-stream;base64," + text.trim());
-    const plain = packed.body.pipeThrough(new DecompressionStream("deflate-raw"));
-    const buffer = await new Response(plain).arrayBuffer();
+    return unpack(await new Response(packed.body.pipeThrough(new DecompressionStream("deflate-raw"))).arrayBuffer());
+}
+
+/** The scene in a buffer: its arrays are {data, n, k}. */
+export function unpack(buffer) {
     const length = new DataView(buffer).getUint32(0, true);
     const start = Math.ceil((4 + length) / 8) * 8;
     const kinds = {f8: Float64Array, f4: Float32Array, u1: Uint8Array};
@@ -14,6 +17,61 @@ export async function load(text) {
         (_, value) => value && value.as in kinds ?
             {data: new kinds[value.as](buffer, start + value.at, value.n * value.k), n: value.n, k: value.k} :
             value);
+}
+
+const MOST = 8192;  // samples of a track that grows
+
+/** Add samples to a track: times [s], and the numbers of its other columns in one row after the other, null for NaN.
+    What is not later than its last sample is left out. With MOST samples, all but the newest quarter are thinned to an
+    even spacing: so memory has a bound, and a sample costs a constant time on average. */
+export function append(track, times, numbers) {
+    const {time, ...others} = track, columns = Object.values(others).filter((one) => one?.data);
+    const width = columns.reduce((sum, one) => sum + one.k, 0);
+    times.forEach((t, i) => {
+        if (time.n && !(t > time.data[time.n - 1])) return;
+        if (time.n === time.data.length) {
+            if (time.n < MOST)
+                for (const one of [time, ...columns]) enlarge(one, Math.min(MOST, Math.max(64, 2 * time.n)));
+            else
+                thin(track, [time, ...columns]);
+        }
+        let from = width * i;
+        time.data[time.n] = t;
+        for (const one of columns)
+            for (let k = 0; k < one.k; k++) one.data[one.k * time.n + k] = numbers[from++] ?? NaN;
+        for (const one of [time, ...columns]) one.n++;
+    });
+}
+
+function enlarge(column, rows) {
+    const data = new column.data.constructor(rows * column.k);
+    data.set(column.data.subarray(0, column.n * column.k));
+    column.data = data;
+}
+
+function thin(track, columns) {
+    const {data: times, n} = track.time, newest = n - MOST / 4, gap = (times[newest] - times[0]) / (MOST / 2);
+    let kept = 0, last = -Infinity;
+    for (let i = 0; i < n; i++) {
+        if (i < newest && times[i] - last < gap) continue;
+        last = times[i];
+        for (const one of columns) one.data.copyWithin(one.k * kept, one.k * i, one.k * (i + 1));
+        kept++;
+    }
+    for (const one of columns) one.n = kept;
+    track.last = 0;
+}
+
+/** All tracks that grow, by their numbers. */
+export function growing(scene) {
+    const tracks = new Map();
+    const walk = (one) => {
+        if (!one || typeof one !== "object" || ArrayBuffer.isView(one)) return;
+        if (one.time?.data && one.id !== undefined) tracks.set(one.id, one);
+        else Object.values(one).forEach(walk);
+    };
+    walk(scene);
+    return tracks;
 }
 
 /** The index of the last time not after t, and the share of the way to the next. Answers in `found`. */
@@ -25,7 +83,7 @@ const found = {
 };
 
 function span(track, t) {
-    const time = track.time.data, last = time.length - 1;
+    const time = track.time.data, last = track.time.n - 1;
     let before = track.last ?? 0;
     if (!(time[before] <= t && (before === last || t < time[before + 1]))) {
         let low = 0, high = last;
