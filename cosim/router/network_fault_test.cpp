@@ -310,5 +310,39 @@ TEST(Fault, ThePaceFollowsAbsoluteTimesAndCountsOverruns)
     EXPECT_GE(report->worst, 40'000'000);
 }
 
+TEST(Fault, ASteeredRunPausesGoesOnAndChangesItsPaceWithoutAnotherMessage)
+{
+    const auto fly = [](bool steered) {
+        RouterConfig router = listening();
+        router.pace = steered ? 1e-6 : 0; // 10 ns take 10 ms
+        router.steered = steered;
+        zmq::context_t context;
+        Router run(context, config_of({{"a"}, {"b"}}, 2'000'000), router);
+        Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
+        run.host("a", a);
+        run.host("b", b);
+        int paused = 0;
+        EXPECT_EQ(run.run([&] {
+            if (Pace *pace = run.steer(); pace && run.controller().running()) {
+                if (pace->paused()) {
+                    EXPECT_EQ(a.next, 510);
+                    EXPECT_EQ(b.next, 510);
+                    if (++paused == 3) { // as fast as possible
+                        pace->set_speed(0);
+                        pace->pause_after(for_ever);
+                    }
+                } else if (!paused) {
+                    pace->pause_after(505);
+                }
+            }
+            return true;
+        }),
+                  "");
+        EXPECT_EQ(paused, steered ? 3 : 0);
+        return std::pair(a.all, b.all);
+    };
+    EXPECT_EQ(fly(true), fly(false));
+}
+
 } // namespace
 } // namespace fledge::cosim

@@ -15,6 +15,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr auto short_stride = 5ms, long_stride = 20ms; ///< of wall time: a pause takes effect within one
+constexpr Ns longest_stride = 3'600'000'000'000;
+
 } // namespace
 
 bool finished(const Controller &controller, std::size_t nodes)
@@ -40,6 +43,12 @@ Pace::~Pace()
     close(fd_);
 }
 
+void Pace::set_speed(double speed)
+{
+    speed_ = speed;
+    stopped_ = true; // time goes on from here, without catching up
+}
+
 void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point now)
 {
     if (armed_ != Clock::time_point{} && now >= armed_) {
@@ -56,6 +65,18 @@ void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point n
     if (due == for_ever || !finished(controller, nodes)) {
         return;
     }
+    if (held_ || due > until_) {
+        held_ = stopped_ = true;
+        return;
+    }
+    if (speed_ == 0.0) {
+        const auto took = now - zero_;
+        stride_ = took < short_stride ? std::min(2 * stride_, longest_stride)
+                                      : std::max<Ns>(took > long_stride ? stride_ / 2 : stride_, 1);
+        zero_ = now;
+        controller.set_horizon(std::max(due, std::min(until_, due + stride_)));
+        return;
+    }
     const auto wall = std::chrono::nanoseconds(std::llround(static_cast<double>(due) / speed_));
     if (stopped_) {
         stopped_ = false;
@@ -68,7 +89,7 @@ void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point n
     report_.overruns += late > 1ms;
     report_.worst = std::max<Ns>(report_.worst, std::chrono::nanoseconds(late).count());
     const double here = static_cast<double>(std::chrono::nanoseconds(now - zero_).count()) * speed_;
-    controller.set_horizon(std::max(due, static_cast<Ns>(std::min(here, 1e18))));
+    controller.set_horizon(std::max(due, std::min(until_, static_cast<Ns>(std::min(here, 1e18)))));
 }
 
 void Pace::wake_at(Clock::time_point t)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real time, or a multiple of it. It moves the controller's horizon and nothing else, so no message depends on it.
+// Real time, a multiple of it, or as fast as possible; and pauses. It moves the controller's horizon and nothing else, so
+// no message depends on it.
 #pragma once
 
 #include "cosim/controller/controller.h"
@@ -21,7 +22,7 @@ class Pace {
 public:
     using Clock = std::chrono::steady_clock;
 
-    /// speed: simulated seconds per second, > 0. Throws LinkError if there is no timer.
+    /// speed: simulated seconds per second; 0: as fast as possible. Throws LinkError if there is no timer.
     explicit Pace(double speed);
     ~Pace();
     Pace(const Pace &) = delete;
@@ -33,6 +34,13 @@ public:
     /// finished the previous one; a late run catches up.
     void update(Controller &controller, std::size_t nodes, Clock::time_point now);
 
+    /// From the next update on: another speed; a pause before the first instant after `until`, for_ever: none; go on.
+    void set_speed(double speed);
+    void pause_after(Ns until) { until_ = until, held_ = false; }
+    void pause() { held_ = true; }
+
+    double speed() const { return speed_; }
+    bool paused() const { return held_; }
     const PaceReport &report() const { return report_; }
 
 private:
@@ -40,6 +48,9 @@ private:
 
     int fd_;
     double speed_;
+    bool held_ = false;
+    Ns until_ = for_ever;
+    Ns stride_ = 1;                  ///< without a speed: how far all nodes may go before the next update
     bool stopped_ = true;            ///< simulated time stands still
     Clock::time_point zero_, armed_; ///< the wall time of t = 0; the time for which the timer is set
     PaceReport report_;

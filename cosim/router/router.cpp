@@ -40,7 +40,7 @@ ControllerConfig adjusted(ControllerConfig config, bool listened, bool held)
 Router::Router(zmq::context_t &context, const ControllerConfig &controller, RouterConfig config)
     : context_(context), config_(std::move(config)), simulation_(controller.simulation),
       controller_(adjusted(with_broker(controller), config_.broker || !config_.listeners.empty(),
-                           config_.pace > 0.0 || config_.window > 0)),
+                           config_.pace > 0.0 || config_.steered || config_.window > 0)),
       greetings_(context, zmq::socket_type::router), greeters_(context, greetings_), nodes_(controller.nodes.size())
 {
     for (const NodeConfig &node : controller.nodes) {
@@ -68,7 +68,7 @@ Router::Router(zmq::context_t &context, const ControllerConfig &controller, Rout
     poller_.add(descriptor(greetings_), key(Kind::greetings));
     poller_.add(descriptor(greeters_.events()), key(Kind::greeters));
     greeters_.number(-1); // its descriptor reports only what comes after a first look
-    if (config_.pace > 0.0) {
+    if (config_.pace > 0.0 || config_.steered) {
         pace_.emplace(config_.pace);
         poller_.add(pace_->fd(), key(Kind::timer));
     }

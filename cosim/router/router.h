@@ -37,6 +37,7 @@ struct RouterConfig {
     std::chrono::milliseconds reply{60'000};        ///< limit for a reply, computing time included; 0: none
     std::vector<std::chrono::milliseconds> replies; ///< the same for each node; empty: `reply` for all
     double pace = 0.0;                              ///< simulated seconds per second; 0: as fast as possible
+    bool steered = false;                           ///< the pace may change, and the run may pause: Router::steer()
     Ns window = 0; ///< without a pace, no node steps farther ahead of all: bounds what a reply holds; 0: no limit
     std::chrono::milliseconds finish{5'000}; ///< limit for the reply to the last request
     Limits limits;
@@ -79,6 +80,9 @@ public:
     const Controller &controller() const { return controller_; }
     /// Delays of a paced run; null without a pace.
     const PaceReport *pace() const { return pace_ ? &pace_->report() : nullptr; }
+    /// To change the pace, from `poll`; null unless the run is steered.
+    Pace *steer() { return config_.steered ? &*pace_ : nullptr; }
+    const Pace *steer() const { return config_.steered ? &*pace_ : nullptr; }
     /// Null without a broker.
     const Broker *broker() const { return broker_.get(); }
 

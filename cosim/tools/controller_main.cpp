@@ -104,6 +104,23 @@ void add_asynchronous(const Options &options, Settings &o, const std::string &te
     }
 }
 
+/// Do what a line of the status stream asks of the pace.
+void steer(Pace &pace, const std::string &line)
+{
+    const auto space = line.find(' ');
+    const std::string word = line.substr(0, space), value = space == line.npos ? "" : line.substr(space + 1);
+    const bool number = fledge::check_number(value, 0, longest).empty();
+    if (word == "pause") {
+        pace.pause();
+    } else if (word == "go") {
+        pace.pause_after(for_ever);
+    } else if (word == "until" && number) {
+        pace.pause_after(std::llround(std::stod(value) * 1e9));
+    } else if (word == "pace" && number) {
+        pace.set_speed(std::stod(value));
+    }
+}
+
 Settings parse(int argc, char **argv)
 {
     Settings o;
@@ -148,6 +165,8 @@ Settings parse(int argc, char **argv)
     options.whole("--seed", o.controller.seed, std::uint64_t{0}, ~std::uint64_t{0}, "N",
                   "of the run's random streams; default 0");
     number("--pace", o.router.pace, "simulated seconds per second; default 0: as fast as possible", "X");
+    options.flag("--steered", o.router.steered,
+                 "the pace may change and the run may pause, as lines on the socket of --status say");
     number("--join", o.join, "for all programs to be there; default 60");
     number("--greet", o.greet,
            "for a program that has greeted to answer the first request; then another one may\n"
@@ -210,7 +229,13 @@ int main(int argc, char **argv)
         std::string asked;
         std::string reason = router.run([&] {
             status.progress(router, o.controller);
-            asked = status.asked_to_stop();
+            for (std::string line; asked.empty() && !(line = status.heard()).empty();) {
+                if (line.starts_with("stop ")) {
+                    asked = line.substr(5);
+                } else if (Pace *pace = router.steer()) {
+                    steer(*pace, line);
+                }
+            }
             return !asked_to_end && asked.empty();
         });
         if (!asked.empty() && !reason.empty()) {

@@ -72,13 +72,18 @@ std::string nodes_of(const Router &router, const ControllerConfig &config)
     return s + ']';
 }
 
-/// Delays, if it is paced.
+/// Delays, if it is paced; the pace, if it may change.
 std::string pace_of(const Router &router)
 {
-    const PaceReport *pace = router.pace();
-    return pace ? ",\"overruns\":" + std::to_string(pace->overruns) +
-                      ",\"worst\":" + seconds(static_cast<double>(pace->worst) * 1e-9)
-                : "";
+    std::string s;
+    if (const PaceReport *pace = router.pace()) {
+        s = ",\"overruns\":" + std::to_string(pace->overruns) +
+            ",\"worst\":" + seconds(static_cast<double>(pace->worst) * 1e-9);
+    }
+    if (const Pace *pace = router.steer()) {
+        s += ",\"pace\":" + seconds(pace->speed()) + ",\"paused\":" + (pace->paused() ? "true" : "false");
+    }
+    return s;
 }
 
 /// What all nodes in the run have reached; without any, the furthest that a node came.
@@ -153,25 +158,25 @@ void StatusStream::ended(const std::string &reason, const Router &router, const 
     }
 }
 
-std::string StatusStream::asked_to_stop()
+std::string StatusStream::heard()
 {
     char text[512];
     while (socket_ && !heard_end_) {
+        if (const auto end = heard_.find('\n'); end != std::string::npos) {
+            const std::string line = heard_.substr(0, end);
+            heard_.erase(0, end + 1);
+            return line;
+        }
         const ssize_t n = recv(fd_, text, sizeof text, MSG_DONTWAIT);
         if (n < 0 && (errno == EAGAIN || errno == EINTR)) {
             break;
         }
         if (n <= 0) {
             heard_end_ = true;
-            return "the program that started it is gone";
+            return "stop the program that started it is gone";
         }
         heard_.append(text, static_cast<std::size_t>(n));
-        const auto end = heard_.find('\n');
-        if (heard_.starts_with("stop ") && end != std::string::npos) {
-            heard_end_ = true;
-            return heard_.substr(5, end - 5);
-        }
-        if (heard_.size() > longest_line) {
+        if (heard_.size() > longest_line && heard_.find('\n') == std::string::npos) {
             heard_.clear();
         }
     }

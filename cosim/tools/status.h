@@ -10,8 +10,9 @@
 //
 // Each on one line. A paced run adds "overruns", the number of instants that began more than 1 ms late, and "worst",
 // the largest delay. Times are in seconds: `t` is simulated time (-1 before the first instant; for the run, what all
-// nodes have reached), the others are wall time, as in NodeTimes. In the other direction, over a socket: "stop" and a
-// reason, on one line. The end of the socket ends the run, too.
+// nodes have reached), the others are wall time, as in NodeTimes. A steered run adds "pace" and "paused". In the other
+// direction, over a socket, on a line each: "stop REASON", and of a steered run "pause", "go", "until SECONDS" (go on,
+// and pause then) and "pace X". The end of the socket ends the run, too.
 #pragma once
 
 #include "cosim/router/router.h"
@@ -31,8 +32,8 @@ public:
     void progress(const Router &router, const ControllerConfig &config);
     void ended(const std::string &reason, const Router &router, const ControllerConfig &config);
 
-    /// Why the other side asks for the end; "" if it does not.
-    std::string asked_to_stop();
+    /// The next line of the other side; "" if there is none.
+    std::string heard();
 
 private:
     using Clock = std::chrono::steady_clock;

@@ -269,11 +269,13 @@ TEST(Status, TheReaderCanEndTheRun)
 {
     Ends pair;
     StatusStream status(pair.ends[1]);
-    EXPECT_EQ(status.asked_to_stop(), "");
+    EXPECT_EQ(status.heard(), "");
     ASSERT_EQ(send(pair.ends[0], "stop mass did", 13, 0), 13);
-    EXPECT_EQ(status.asked_to_stop(), "");
-    ASSERT_EQ(send(pair.ends[0], " not start\n", 11, 0), 11);
-    EXPECT_EQ(status.asked_to_stop(), "mass did not start");
+    EXPECT_EQ(status.heard(), "");
+    ASSERT_EQ(send(pair.ends[0], " not start\npause\n", 17, 0), 17);
+    EXPECT_EQ(status.heard(), "stop mass did not start");
+    EXPECT_EQ(status.heard(), "pause");
+    EXPECT_EQ(status.heard(), "");
 }
 
 TEST(Status, TheEndOfTheReaderEndsTheRunAndASlowReaderDoesNotBlockIt)
@@ -283,9 +285,9 @@ TEST(Status, TheEndOfTheReaderEndsTheRunAndASlowReaderDoesNotBlockIt)
     for (int i = 0; i < 10'000; i++) {
         status.report("a line without a reader, of many");
     }
-    EXPECT_EQ(status.asked_to_stop(), "");
+    EXPECT_EQ(status.heard(), "");
     close(std::exchange(pair.ends[0], -1));
-    EXPECT_EQ(status.asked_to_stop(), "the program that started it is gone");
+    EXPECT_EQ(status.heard(), "stop the program that started it is gone");
     status.report("without a reader");
 }
 
@@ -293,7 +295,7 @@ TEST(Status, WithoutADescriptorItDoesNothing)
 {
     StatusStream status(-1);
     status.listening("x");
-    EXPECT_EQ(status.asked_to_stop(), "");
+    EXPECT_EQ(status.heard(), "");
     EXPECT_THROW(StatusStream(999), LinkError);
 }
 

@@ -72,6 +72,7 @@ class Program:
     topics: dict[str, str] = _key("topic_map", dict, of="node")     # its name of a topic -> that of the run
     writes: list[str] = _key("topics", list, of="asynchronous")
     link: str | None = _key("text", of="asynchronous")          # carries the packets of a flight process there
+    steers: bool = _key("flag", False, of="asynchronous")       # it may pause the run and change its pace
     asynchronous: bool = False
 
     def named(self, topic: str) -> str:

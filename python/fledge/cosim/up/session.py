@@ -2,6 +2,7 @@
 """A run: the session starts, watches and ends the controller and all programs."""
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -15,6 +16,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fledge.cosim.steering import STATE
 from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
@@ -60,6 +62,7 @@ class _Running:
     died: tuple[int, float] = (0, 0.0)  # the number of reports of the controller by then, and the time
     handled: bool = True        # the session has reacted to its last end
     again_at: float | None = None
+    steering: socket.socket | None = None   # of a program that may pause the run
 
 
 class Session:
@@ -122,8 +125,10 @@ class Session:
 
     def _look(self) -> None:
         """Read the reports of the controller and the logs, look after the programs, and show the progress."""
-        select.select([self._ours], [], [], _LOOK)
+        select.select([self._ours, *(r.steering for r in self._running.values() if r.steering)], [], [], _LOOK)
         self._receive()
+        for r in self._running.values():
+            self._steered(r)
         self._look_at_processes()
         self.view.logged(self.logs.gather(), max(map(len, self._running)))
         for row in self.progress.rows:
@@ -199,6 +204,22 @@ class Session:
         if self._signals == 1 and getattr(self, "_ours", None):
             self.stop("the user ended it")
 
+    def _steered(self, r: _Running) -> None:
+        """Pass on what a program that steers the run asks for: pause, go, until SECONDS, pace X."""
+        if r.steering is None:
+            return
+        try:
+            line = r.steering.recv(100)
+        except BlockingIOError:
+            return
+        except OSError:
+            line = b""
+        if not line:
+            r.steering.close()
+            r.steering = None
+        elif re.fullmatch(rb"pause|go|(until|pace) [0-9.e+-]+", line):
+            self._ours.send(line + b"\n")
+
     # ---- programs
 
     def _controller_command(self, status: int) -> list[str]:
@@ -207,6 +228,7 @@ class Session:
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
                    "--greet", repr(plan.greet), "--reply", repr(plan.reply), "--status", str(status)]
         command += (["--pace", repr(plan.pace)] if plan.pace else [])
+        command += ["--steered"] * any(p.steers for p in plan.programs)
         command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.exchange
         if plan.keys:
             command += ["--keys", plan.keys]
@@ -248,10 +270,18 @@ class Session:
             r.process = self._start(p.name, self._command(p, [f"{fledge}/fledge"]), guard, launcher=launcher,
                                     remote=(p.directory, {"PYTHONPATH": f"{fledge}/cosim/bindings/python", **theirs}))
             return
+        handed: list[int] = []
+        if p.steers:
+            r.steering, other = socket.socketpair(type=socket.SOCK_SEQPACKET)
+            r.steering.setblocking(False)
+            handed = [other.fileno()]
+            theirs["FLEDGE_STEERING"] = str(handed[0])
         path = os.pathsep.join([str(FLEDGE / "cosim/bindings/python"), *filter(None, [os.environ.get("PYTHONPATH")])])
         r.process = self._start(p.name, self._command(p, [sys.executable, "-P", "-m", "fledge.cli"]),
                                 launcher=p.launcher or (), directory=p.directory if not p.mission else None,
-                                env={**os.environ, "PYTHONPATH": path, **theirs})
+                                env={**os.environ, "PYTHONPATH": path, **theirs}, pass_fds=handed)
+        if p.steers:
+            other.close()
 
     def _command(self, p: Program, fledge: list[str]) -> list[str]:
         folder = str(self.folder.resolve())
@@ -318,6 +348,10 @@ class Session:
         if "nodes" in report:
             self._reports += 1
             self.progress.t = report["t"]
+            for r in self._running.values():
+                if r.steering:      # a slow reader skips states
+                    with contextlib.suppress(OSError):
+                        r.steering.send(json.dumps({key: report.get(key) for key in STATE}).encode())
             self.progress.overruns, self.progress.worst = report.get("overruns"), report.get("worst", 0.0)
             rows = {row.name: row for row in self.progress.rows}
             for node in report["nodes"]:

@@ -457,3 +457,40 @@ def test_help_names_what_there_is():
     done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", "--help"], capture_output=True, text=True,
                           env=os.environ)
     assert done.returncode == 0 and "example: ./fledge up spring.toml" in done.stdout
+
+
+def test_a_program_steers_the_run(mark, tmp_path):
+    """It pauses the run at a time, lets it go on as fast as possible, and the messages are those of a run alone."""
+    from fledge.archive import Archive
+    from fledge.archive.compare import compare
+
+    (tmp_path / "hand.py").write_text("""
+import time
+from fledge.cosim.steering import Steering
+
+hand = Steering.of_run()
+hand.until(0.505)
+hand.pace(0)
+def paused(least):
+    while not hand.state.get("paused") or hand.state["t"] < least:
+        time.sleep(0.01)
+    return hand.state["t"]
+print("paused at", paused(0.1))
+hand.until(1)
+print("paused at", paused(0.6), flush=True)
+hand.go()
+time.sleep(60)
+""")
+    steered = write_pair(tmp_path, simulation="paced", top="pace = 2.0")
+    steered.write_text(steered.read_text() + f"""
+[[asynchronous]]
+name = "hand"
+command = ["{sys.executable}", "hand.py"]
+steers = true
+""")
+    done = up(steered, "--exchange", mark=mark)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert logs(tmp_path, "paced")["hand"] == "paused at 0.5\npaused at 1\n"
+    done = up(write_pair(tmp_path), "--exchange", mark=mark)
+    runs = tmp_path / "runs"
+    assert compare(Archive(runs / "paced/exchange.mcap"), Archive(runs / "pair/exchange.mcap")) == []
