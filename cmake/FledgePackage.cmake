@@ -52,7 +52,8 @@ install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
     REGEX "(_test[.]py|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/(web|testing))$" EXCLUDE)
 install(FILES python/_core.pyi DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
-install(FILES build/view/view.js build/view/view.css DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL)
+install(DIRECTORY build/view/ DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL
+    PATTERN work EXCLUDE PATTERN stamp EXCLUDE)
 install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fledge
     REGEX "/__pycache__$" EXCLUDE)     # with the tests that a project begins with
 install(DIRECTORY registers introspect DESTINATION ${FLEDGE_HOME}/python

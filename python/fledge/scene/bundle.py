@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The viewer: built from web/ by Node into one script and one style, where Node is installed.
+"""The viewer and the control room's console: built by Node into a script and a style each, where Node is installed.
 
     python3 -m fledge.scene.bundle
 
 npm fetches what web/package-lock.json names, and checks its hashes; esbuild joins it. It is built anew after a change
-of a file in web/.
+of a file in web/ or control_room/web/.
 """
 
 from __future__ import annotations
@@ -20,11 +20,14 @@ from fledge.errors import SetupError
 from fledge.programs import without_preload
 
 WEB = Path(__file__).with_name("web")
-ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
+CONSOLE = WEB.parents[1] / "control_room/web"
+MADE = ("view.js", "view.css", "console.js", "console.css")
+ADVICE = ("The 3-D view and interactive plots need Node when Fledge is built, as the control room's console does: "
+          "./fledge setup --view installs it")
 
 
 def folder() -> Path:
-    """Where the viewer is: build/view of the checkout, or beside web/ where Fledge is installed."""
+    """Where they are: build/view of the checkout, or beside web/ where Fledge is installed."""
     root = Path(__file__).resolve().parents[3]
     return root / "build/view" if (root / "CMakeLists.txt").exists() else WEB.parent / "view"
 
@@ -37,24 +40,27 @@ def built() -> tuple[str, str]:
         raise SetupError(ADVICE) from None
 
 
-def is_built() -> bool:
-    return (folder() / "view.js").exists() and (folder() / "view.css").exists()
+def is_built(*names: str) -> bool:
+    """Whether these files are there; by default the viewer's."""
+    return all((folder() / name).exists() for name in names or MADE[:2])
 
 
 def build() -> None:
-    """Build the viewer if a source has changed. Raises SetupError with npm's or esbuild's words if that fails."""
+    """Build both if a source has changed. Raises SetupError with npm's or esbuild's words if that fails."""
     out = folder()
-    sources = sorted(path for path in WEB.rglob("*") if path.is_file() and "node_modules" not in path.parts)
-    state = hashlib.sha256(b"".join(f"{path.relative_to(WEB)}\0".encode() + path.read_bytes() for path in sources))
+    sources = {root / path.relative_to(tree): path for tree, root in ((WEB, Path()), (CONSOLE, Path("console")))
+               for path in sorted(tree.rglob("*")) if path.is_file() and "node_modules" not in path.parts}
+    state = hashlib.sha256(b"".join(f"{name}\0".encode() + path.read_bytes() for name, path in sources.items()))
     stamp = out / "stamp"
-    if stamp.exists() and stamp.read_text() == state.hexdigest():
+    if is_built(*MADE) and stamp.exists() and stamp.read_text() == state.hexdigest():
         return
     npm = shutil.which("npm")
     if npm is None:
         raise SetupError(ADVICE)
     work = out / "work"
-    for path in sources:
-        copy = work / path.relative_to(WEB)
+    shutil.rmtree(work / "console", ignore_errors=True)     # what was deleted is not to be found
+    for name, path in sources.items():
+        copy = work / name
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, copy)
     for command in ([npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"], [npm, "run", "--silent", "build"]):
@@ -62,7 +68,7 @@ def build() -> None:
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
-    for name in ("view.js", "view.css"):
+    for name in MADE:
         shutil.copyfile(work / "dist" / name, out / name)
     stamp.write_text(state.hexdigest())
 

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// The server's HTTP interface. Errors carry the server's sentence.
+
+export class ApiError extends Error {
+    constructor(status, body) {
+        super(body?.error ?? `The server answered ${status}`);
+        Object.assign(this, {status, body: body ?? {}});
+    }
+}
+
+const wire = (value) => (typeof value === "bigint" ? String(value) : value);
+
+export class Api {
+    constructor() {
+        this.session = null;
+        this.refused = () => {};    // called when nobody is logged in any more
+    }
+
+    /** Who is here: {user, roles, csrf, version}; user null: nobody. */
+    async begin() {
+        this.session = await this.get("/api/session");
+        return this.session;
+    }
+
+    /** GET as JSON. query: {name: value}; undefined and null are left out. */
+    async get(path, query = {}, options = {}) {
+        return (await this.ask("GET", path + search(query), undefined, options)).json();
+    }
+
+    /** GET as an ArrayBuffer. */
+    async bytes(path, query = {}, options = {}) {
+        return (await this.ask("GET", path + search(query), undefined, options)).arrayBuffer();
+    }
+
+    async post(path, body = {}, method = "POST") {
+        const answer = await this.ask(method, path, body);
+        const text = await answer.text();
+        return text ? JSON.parse(text) : {};
+    }
+
+    put(path, body) { return this.post(path, body, "PUT"); }
+    delete(path) { return this.post(path, undefined, "DELETE"); }
+
+    async ask(method, path, body, options = {}) {
+        const headers = {};
+        if (method !== "GET") headers["X-Fledge-CSRF"] = this.session?.csrf ?? "";
+        const raw = body instanceof Blob || body instanceof ArrayBuffer;
+        if (body !== undefined && !raw) headers["Content-Type"] = "application/json";
+        let answer;
+        try {
+            answer = await fetch(path, {
+                method, headers, signal: options.signal, credentials: "same-origin",
+                body: body === undefined || raw ? body : JSON.stringify(body, (_, value) => wire(value)),
+            });
+        } catch (error) {
+            if (error.name === "AbortError") throw error;
+            throw new Error("The server does not answer");
+        }
+        if (!answer.ok) {
+            const said = await answer.json().catch(() => null);
+            if (answer.status === 401 && !path.startsWith("/api/login")) this.refused();
+            throw new ApiError(answer.status, said);
+        }
+        return answer;
+    }
+}
+
+function search(query) {
+    const kept = Object.entries(query).filter(([, value]) => value !== undefined && value !== null && value !== "");
+    return kept.length ? `?${new URLSearchParams(kept.map(([name, value]) => [name, String(value)]))}` : "";
+}
+
+/** The path of something of a craft: of("imager", "alarms", 3) -> "/api/crafts/imager/alarms/3" */
+export const of = (craft, ...rest) => `/api/crafts/${[craft, ...rest].map((one) => encodeURIComponent(one)).join("/")}`;
+
+/** The series of a binary history answer: [{t: Float64Array in s, t_ns: BigInt64Array, value, low, high}]. */
+export function series(buffer) {
+    const head = new Uint32Array(buffer, 0, 2), found = [];
+    if (head[0] !== 0x31484c46) throw new Error("This is no history of the server");
+    for (let k = 0, at = 8; k < head[1]; k++) {
+        const n = new Uint32Array(buffer, at, 1)[0];
+        at += 8;
+        const take = (Kind) => new Kind(buffer, (at += 8 * n) - 8 * n, n);
+        const t_ns = take(BigInt64Array), value = take(Float64Array), low = take(Float64Array),
+              high = take(Float64Array);
+        found.push({t_ns, t: Float64Array.from(t_ns, (one) => Number(one) / 1e9), value, low, high});
+    }
+    return found;
+}

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// The console: its frame around the pages, and the link that holds page, craft, time and selection:
+//     #/parameters?craft=imager&t=1234000000000&session=2&sel=flight.a.b
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+
+import {Api} from "./api.js";
+import {attempt, concern, dress, h, put} from "./dom.js";
+import {Keys} from "./keys.js";
+import {Live} from "./live.js";
+import {login} from "./login.js";
+import {pages} from "./pages.js";
+import {onTheme, turn} from "./theme.js";
+import {Time} from "./time.js";
+
+const api = new Api(), live = new Live(api), keys = new Keys();
+const time = new Time(live, keys, () => write(true));
+const place = {page: "overview", craft: "", sel: ""};    // what the link says, besides the time
+let close = () => {}, opening = 0;
+
+const main = h("main", {tabIndex: -1});
+const said = h("div", {class: "said", role: "status"});
+const menu = h("nav", {"aria-label": "pages"});
+const chooser = h("select", {"aria-label": "spacecraft", onchange: () => go({craft: chooser.value, sel: ""})});
+const alarms = h("a", {class: "alarms"}), link = h("span", {class: "link"});
+const skipped = h("span", {class: "skipped", title: "updates that the server left out, as this browser was slow"});
+const user = h("span", {class: "soft user"});
+
+/** Go to another page, craft or selection; what is not said stays. */
+function go(change) {
+    Object.assign(place, change);
+    if (change.page && change.sel === undefined) place.sel = "";
+    write(false);
+    show();
+}
+
+/** Write the link. quiet: without an entry in the browser's history. */
+function write(quiet) {
+    const about = new URLSearchParams();
+    if (place.craft) about.set("craft", place.craft);
+    if (!time.isLive) about.set("t", String(time.t));
+    if (time.session >= 0) about.set("session", String(time.session));
+    if (place.sel) about.set("sel", place.sel);
+    const hash = `#/${place.page}${String(about) && `?${about}`}`;
+    if (hash !== location.hash) history[quiet ? "replaceState" : "pushState"](null, "", hash);
+}
+
+function read() {
+    const [, page, text = ""] = location.hash.match(/^#\/([^?]*)\??(.*)$/s) ?? [null, ""];
+    const about = new URLSearchParams(text), t = about.get("t");
+    Object.assign(place,
+        {page: pages.has(page) ? page : "overview", craft: about.get("craft") ?? "", sel: about.get("sel") ?? ""});
+    return {t: /^-?\d+$/.test(t ?? "") ? BigInt(t) : null, session: Number(about.get("session") ?? -1)};
+}
+
+/** Show what the link says. */
+async function show(at = {t: time.t, session: time.session}) {
+    const number = ++opening;
+    if (!live.craft(place.craft)) place.craft = live.crafts[0]?.name ?? "";
+    if (place.craft !== time.craft) at = live.craft(time.craft) ? {t: null, session: -1} : at;
+    write(true);
+    close();
+    close = () => {};
+    keys.page.clear();
+    const page = pages.get(place.page), ends = [];
+    const opened = time.open(place.craft, at.t, at.session);
+    document.title = `${page.title} \u00b7 ${place.craft || "control room"}`;
+    for (const one of menu.children) {
+        if (one.dataset.page === place.page) one.setAttribute("aria-current", "page");
+        else one.removeAttribute("aria-current");
+        one.href = `#/${one.dataset.page}?craft=${encodeURIComponent(place.craft)}`;
+    }
+    frame();
+    const root = h("div", {class: `page ${place.page}`});
+    main.replaceChildren(root);
+    if (!place.craft) {
+        root.append(h("p", {class: "none"}, "The server has no spacecraft yet."));
+        return;
+    }
+    if (at.t !== null) await opened;
+    if (number !== opening) return;
+    const own = (end) => {
+        ends.push(end);
+        return end;
+    };
+    const end = await attempt(root, () => page.open({
+        root, api, live, time, keys, go, say, craft: place.craft, selection: place.sel,
+        store: live.store(place.craft),
+        /** The selection of the page has changed: the link follows. */
+        select: (sel) => { place.sel = sel; write(true); },
+        on: (kind, hear) => own(live.on(kind, hear)), onFrame: (draw) => own(live.onFrame(draw)),
+        onTime: (hear) => own(time.on(hear)), onTheme: (hear) => own(onTheme(hear)),
+        want: (slots, hz) => {
+            const wish = live.want(place.craft, slots, hz);
+            own(() => wish.end());
+            return wish;
+        },
+        /** Call each so many ms while the page is open. */
+        every: (ms, action) => {
+            const timer = setInterval(action, ms);
+            own(() => clearInterval(timer));
+        },
+        can: (role) => (live.craft(place.craft)?.can ?? api.session.roles).includes(role),
+    }));
+    const finish = () => {
+        for (const one of ends) one();
+        end?.();
+    };
+    if (number === opening) close = finish;
+    else finish();
+}
+
+/** Say something below, for a while. */
+function say(text, bad = false) {
+    const one = h("p", {class: bad ? "problem" : "good"}, text);
+    said.append(one);
+    setTimeout(() => one.remove(), bad ? 12000 : 5000);
+}
+
+/** What the top says. */
+function frame() {
+    const craft = live.craft(place.craft), names = live.crafts.map((one) => one.name);
+    if (chooser.names !== names.join("\n")) {
+        chooser.names = names.join("\n");
+        chooser.replaceChildren(...names.map((name) => h("option", {value: name}, name)));
+    }
+    chooser.value = place.craft;
+    const ok = live.state === "connected";
+    dress(link, `link ${ok ? "good" : "bad"}`);
+    put(link, ok ? "\u25cf connected" : "\u25b2 no connection");
+    put(skipped, live.skipped ? `${live.skipped} skipped` : "");
+    const open = craft?.alarms ?? 0, worst = craft?.worst ?? 0;
+    alarms.href = `#/alarms?craft=${encodeURIComponent(place.craft)}`;
+    if (open) concern(worst, alarms);
+    else dress(alarms, "alarms soft");
+    put(alarms, open ? `${alarms.textContent.split(" ")[0]} ${open} alarm${open > 1 ? "s" : ""}` : "no alarms");
+    alarms.said = null;
+    put(user, api.session.user ?? "");
+}
+
+async function begin() {
+    document.body.replaceChildren();
+    if (!(await api.begin()).user) await login(api);
+    for (const [name, {title, key}] of pages) {
+        menu.append(h("a", {href: `#/${name}`}, h("span", {}, title), h("kbd", {"aria-hidden": "true"}, key)));
+        menu.lastChild.dataset.page = name;
+        keys.pages.set(key, {text: title, action: () => go({page: name})});
+    }
+    keys.always("/", "search", () => {
+        const field = main.querySelector("input[type=search]");
+        if (field) field.select();
+        else go({page: "parameters", sel: "/"});
+    });
+    const neighbour = (step) => {
+        const names = live.crafts.map((one) => one.name), at = names.indexOf(place.craft);
+        if (names.length) go({craft: names[(at + step + names.length) % names.length], sel: ""});
+    };
+    keys.always("]", "next spacecraft", () => neighbour(1));
+    keys.always("[", "previous spacecraft", () => neighbour(-1));
+    keys.always("T", "light or dark", turn);
+    keys.always("m", "to the page's main part", () => (main.querySelector(".scroll") ?? main).focus());
+    document.body.append(
+        h("header", {class: "top"}, h("strong", {}, "Control room"), chooser, alarms, h("span", {class: "grow"}),
+            skipped, link, user,
+            h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
+            h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
+            api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
+        menu, main, time.element, said);
+    for (const kind of ["state", "skipped", "craft", "crafts"]) live.on(kind, frame);
+    live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
+    live.on("again", () => show());
+    api.refused = () => location.reload();
+    const at = read();
+    await attempt(main, () => live.begin());
+    window.addEventListener("popstate", () => show(read()));
+    await show(at);
+    document.documentElement.dataset.opened = "yes";
+}
+
+async function leave() {
+    await api.post("/api/logout").catch(() => {});
+    location.reload();
+}
+
+window.controlRoom = {live, time};     // for those who look at it from the browser's tools, and for tests
+begin().catch((error) => document.body.append(h("p", {class: "problem", role: "alert"}, error.message)));

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// Elements of the page. What comes from a spacecraft or a person becomes text, never markup.
+
+/** h("td", {class: "value"}, "text", element, ...): attributes, properties, on... handlers, and what is inside. */
+export function h(tag, about = {}, ...inside) {
+    const node = document.createElement(tag);
+    for (const [key, value] of Object.entries(about)) {
+        if (value === undefined || value === null || value === false) continue;
+        if (key === "class") node.className = value;
+        else if (key.startsWith("on")) node.addEventListener(key.slice(2).toLowerCase(), value);
+        else if (key in node && !key.startsWith("aria")) node[key] = value;
+        else node.setAttribute(key, value === true ? "" : value);
+    }
+    node.append(...inside.flat().filter((one) => one !== null && one !== undefined && one !== false)
+        .map((one) => (one instanceof Node ? one : visible(one))));
+    return node;
+}
+
+// Control characters, and those that turn the order of what is shown.
+// eslint-disable-next-line no-control-regex
+const HIDDEN = /[\u0000-\u0009\u000b-\u001f\u007f-\u009f\u200b-\u200f\u202a-\u202e\u2060-\u2069\ufeff\ud800-\udfff]/gu;
+
+/** A text with its control characters to be seen: "\x1b" as the symbol of escape, others by their number. */
+export function visible(text) {
+    return String(text ?? "").replace(HIDDEN, (one) => {
+        const code = one.codePointAt(0);
+        if (code < 32) return String.fromCodePoint(0x2400 + code);
+        return code === 127 ? "\u2421" : `\u27e8${code.toString(16).toUpperCase().padStart(4, "0")}\u27e9`;
+    });
+}
+
+/** Set a node's text, if it has another one. */
+export function put(node, text) {
+    if (node.said === text) return;
+    node.said = text;
+    node.textContent = visible(text);
+}
+
+/** Give a node a class name, if it has another one. */
+export function dress(node, name) {
+    if (node.className !== name) node.className = name;
+}
+
+/** Run what may fail, and say beside an element what went wrong. Returns what it gave, or undefined. */
+export async function attempt(place, action) {
+    place.querySelector(":scope > .problem")?.remove();
+    try {
+        return await action();
+    } catch (error) {
+        if (error.name !== "AbortError")
+            place.append(h("p", {class: "problem", role: "alert"}, error.message || String(error)));
+        return undefined;
+    }
+}
+
+/** Ask in a dialog. fields: elements with a name; resolves to {name: value}, or null if the person thought better. */
+export function ask(title, text, fields, word, dangerous = false) {
+    return new Promise((answer) => {
+        const form = h("form", {method: "dialog"}, h("h2", {}, title), text && h("p", {}, text),
+            fields.map(([label, field]) => h("label", {class: "field"}, h("span", {}, label), field)),
+            h("div", {class: "row end"},
+                h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
+                h("button", {class: dangerous ? "danger" : "primary", value: "yes"}, word)));
+        const dialog = h("dialog", {"aria-label": title, onclose: () => {
+            const good = dialog.returnValue === "yes";
+            answer(good ? Object.fromEntries(fields.map(([, field]) => [field.name, field.value])) : null);
+            dialog.remove();
+        }}, form);
+        document.body.append(dialog);
+        dialog.showModal();
+    });
+}
+
+/** An element that shows how bad something is: by shape, word and colour. */
+export const CONCERNS = ["nominal", "watch", "warning", "distress", "critical", "severe"];
+const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
+
+export function concern(level, node = h("span")) {
+    dress(node, `concern c${level}`);
+    put(node, level ? `${SHAPES[level]} ${CONCERNS[level]}` : "");
+    return node;
+}

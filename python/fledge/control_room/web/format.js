@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times, spans and counts as texts.
+
+const pad = (n, width = 2) => String(n).padStart(width, "0");
+
+/** ns as a text: utc: "2026-11-23 01:30:55.123"; else time since the begin: "1:02:03.5". */
+export function clock(ns, utc, digits = 3) {
+    if (ns === null || ns === undefined) return "\u2013";
+    const t = BigInt(ns);
+    if (!utc) {
+        const size = t < 0n ? -t : t, seconds = size / 1000000000n;
+        const part = digits ? `.${pad(size % 1000000000n, 9).slice(0, digits)}` : "";
+        const days = seconds / 86400n,
+              rest = `${seconds / 3600n % 24n}:${pad(seconds / 60n % 60n)}:${pad(seconds % 60n)}`;
+        return `${t < 0n ? "\u2212" : ""}${days ? `${days} d ` : ""}${rest}${part}`;
+    }
+    const date = new Date(Number(t / 1000000n));
+    if (Number.isNaN(date.getTime())) return `${t} ns`;
+    return date.toISOString().replace("T", " ").slice(0, digits ? 20 + digits : 19).replace(/Z$/, "");
+}
+
+/**
+ * A text of a person as ns: "2026-11-23 01:30:55", "01:30:55" of today, or "1:02:03.5" since the begin; null if none.
+ */
+export function ticks(text, utc) {
+    const found =
+        text.trim().match(/^(?:(\d{4}-\d\d-\d\d)[ T])?(?:(\d+) d )?(\d+):(\d\d)(?::(\d\d)(?:\.(\d{1,9}))?)?$/);
+    if (!found) return null;
+    const [, day, days, hours, minutes, seconds = "0", part = ""] = found;
+    const rest =
+        (BigInt(days ?? 0) * 86400n + BigInt(hours) * 3600n + BigInt(minutes) * 60n + BigInt(seconds)) * 1000000000n +
+        BigInt(part.padEnd(9, "0"));
+    if (!utc) return rest;
+    const midnight = Date.parse(`${day ?? new Date().toISOString().slice(0, 10)}T00:00:00Z`);
+    return Number.isNaN(midnight) ? null : BigInt(midnight) * 1000000n + rest;
+}
+
+/** How long something is ago, in s: "0.2 s", "3 min", "2.5 h". */
+export function span(seconds) {
+    const size = Math.abs(seconds), sign = seconds < 0 ? "\u2212" : "";
+    if (size < 100) return `${sign}${size.toFixed(size < 10 ? 1 : 0)} s`;
+    if (size < 6000) return `${sign}${(size / 60).toFixed(0)} min`;
+    return size < 172800 ? `${sign}${(size / 3600).toFixed(1)} h` : `${sign}${(size / 86400).toFixed(1)} d`;
+}
+
+/** 1234567 -> "1 234 567", with narrow spaces */
+export const count = (n) => String(n ?? 0).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");

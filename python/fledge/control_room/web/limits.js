@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Limits as text, and the dialog in which an administrator changes them.
+import {of} from "./api.js";
+import {CONCERNS, h, put} from "./dom.js";
+import {real} from "./store.js";
+
+const bound = (value, open) => (value === null || value === undefined ? open : real(value));
+
+/** "watch -1 to 1, critical -2 to open" */
+export const limitsText = (limits) => CONCERNS.filter((level) => limits?.[level]).map((level) =>
+    `${level}: ${bound(limits[level][0], "open")} to ${bound(limits[level][1], "open")}`).join("; ");
+
+/** Ask for other limits of a slot. Resolves to whether they were changed. */
+export function editLimits({api, craft}, slot) {
+    return new Promise((done) => {
+        const rows = CONCERNS.slice(1).map((level) => ({
+            level,
+            fields: [0, 1].map((k) => h("input", {
+                type: "text",
+                inputMode: "decimal",
+                size: 12,
+                placeholder: "open",
+                "aria-label": `${level}, ${k ? "high" : "low"}`,
+                value: slot.limits?.[level]?.[k] ?? ""
+            }))
+        }));
+        const persistence = h("input", {type: "number", min: 1, max: 1000, value: slot.persistence ?? 1});
+        const problem = h("p", {class: "problem", role: "alert", hidden: true});
+        let changed = false;
+        const fail = (text) => {
+            put(problem, text);
+            problem.hidden = false;
+        };
+        const form = h("form", {
+            onsubmit: async (event) => {
+                event.preventDefault();
+                const limits = {};
+                for (const {level, fields} of rows) {
+                    const ends =
+                        fields.map((one) => (one.value.trim() ? Number(one.value.replace("\u2212", "-")) : null));
+                    if (ends.some(Number.isNaN))
+                        return fail(`${level}: "${fields.map((one) => one.value).join(" to ")}" is no number`);
+                    if (ends[0] !== null || ends[1] !== null)
+                        limits[level] = ends;
+                }
+                try {
+                    await api.put(of(craft, "limits", slot.slot), {limits, persistence: Number(persistence.value)});
+                    Object.assign(slot, {limits, persistence: Number(persistence.value)});
+                    changed = true;
+                    dialog.close();
+                } catch (error) {
+                    fail(error.message);
+                }
+                return undefined;
+            }
+        },
+            h("h2", {}, "Limits of ", slot.name),
+            h("p", {class: "soft"},
+                `A value outside of low to high${
+                    slot.unit ? `, in ${slot.unit},` : ""} has that state. Empty: no bound.`),
+            h("table", {},
+                h("thead", {}, h("tr", {}, ["State", "Low", "High"].map((one) => h("th", {scope: "col"}, one)))),
+                h("tbody", {},
+                    rows.map(({level, fields}) =>
+                                 h("tr", {}, h("th", {scope: "row", class: `c${CONCERNS.indexOf(level)}`}, level),
+                                     fields.map((one) => h("td", {}, one)))))),
+            h("label", {class: "field"}, h("span", {}, "Samples in a row before the state changes"), persistence),
+            problem,
+            h("div", {class: "row end"}, h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
+                h("button", {class: "primary"}, "Set limits")));
+        const dialog = h("dialog", {"aria-label": "limits", onclose: () => { dialog.remove(); done(changed); }}, form);
+        document.body.append(dialog);
+        dialog.showModal();
+    });
+}

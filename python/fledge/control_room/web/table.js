@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// A table that does not jump: rows of one height, only those in view are elements, and each keeps its place.
+import {h} from "./dom.js";
+
+const HEIGHT = 26, SPARE = 4;
+let tables = 0;
+
+/** A table.
+ *
+ *  columns: [{title, width (of CSS's grid), class}]
+ *  fill(cells, row, element): show row number `row` in these cells; only what has changed is to be written (put, dress)
+ *  choose(row, event): a row was chosen by Enter or a click;  moved(row): the cursor stands on another row
+ *  viewed(first, last): other rows are in view
+ */
+export class Table {
+    constructor({label, columns, fill, choose, moved, viewed, height = HEIGHT, empty = "Nothing yet"}) {
+        Object.assign(
+            this, {columns, fill, choose, moved, viewed, height, count: 0, at: -1, rows: [], first: 0, last: -1});
+        this.id = `table${++tables}`;
+        this.head = h("div", {class: "thead", role: "rowgroup"}, h("div", {class: "tr", role: "row"},
+            columns.map((one) => h("span", {class: `td ${one.class ?? ""}`, role: "columnheader"}, one.title))));
+        this.body = h("div", {class: "tbody", role: "rowgroup"});
+        this.none = h("p", {class: "none soft"}, empty);
+        this.scroll = h("div", {
+            class: "scroll",
+            role: choose || moved ? "grid" : "table",
+            tabIndex: 0,
+            "aria-label": label,
+            onscroll: () => this.draw(),
+            onkeydown: (event) => this.press(event),
+            onclick: (event) => this.click(event)
+        },
+            this.head, this.body);
+        this.element = h("div", {class: "table"}, this.scroll, this.none);
+        this.element.style.setProperty("--columns", columns.map((one) => one.width ?? "1fr").join(" "));
+        this.watch = new ResizeObserver(() => this.draw());
+        this.watch.observe(this.scroll);
+    }
+
+    /** There are so many rows now. */
+    set(count) {
+        this.count = count;
+        this.none.hidden = count > 0;
+        this.body.style.height = `${count * this.height}px`;
+        this.scroll.setAttribute("aria-rowcount", count + 1);
+        if (this.at >= count) this.at = count - 1;
+        this.draw();
+    }
+
+    /** Rows before those in view came to be: what is looked at stays where it is. */
+    shift(rows) {
+        if (this.scroll.scrollTop > 0) this.scroll.scrollTop += rows * this.height;
+        if (this.at >= 0) this.at += rows;
+    }
+
+    /** Write the rows in view. */
+    draw() {
+        const top = this.scroll.scrollTop, view = this.scroll.clientHeight;
+        const first = Math.max(0, Math.floor(top / this.height) - SPARE);
+        const last = Math.min(this.count, Math.ceil((top + view) / this.height) + SPARE) - 1;
+        const room = last - first + 1;
+        while (this.rows.length < room) this.rows.push(this.make());
+        for (const row of this.rows) row.used = false;
+        for (let k = first; k <= last; k++) {
+            const row = this.rows[k % this.rows.length];     // an element keeps its number while it is in view
+            row.used = true;
+            if (row.number !== k) {
+                row.number = k;
+                row.element.style.transform = `translateY(${k * this.height}px)`;
+                row.element.setAttribute("aria-rowindex", k + 2);
+                row.element.id = `${this.id}-${k}`;
+            }
+            if (row.element.hidden) row.element.hidden = false;
+            const chosen = k === this.at;
+            if (row.chosen !== chosen) {
+                row.chosen = chosen;
+                row.element.classList.toggle("at", chosen);
+                if (this.choose || this.moved) row.element.setAttribute("aria-selected", chosen);
+            }
+            this.fill(row.cells, k, row.element);
+        }
+        for (const row of this.rows)
+            if (!row.used && !row.element.hidden) {
+                row.element.hidden = true;
+                row.number = -1;
+            }
+        if (first !== this.first || last !== this.last) {
+            Object.assign(this, {first, last});
+            this.viewed?.(first, last);
+        }
+    }
+
+    make() {
+        const role = this.choose || this.moved ? "gridcell" : "cell";
+        const cells = this.columns.map((one) => h("span", {class: `td ${one.class ?? ""}`, role}));
+        const element = h("div", {class: "tr", role: "row", hidden: true}, cells);
+        element.style.height = `${this.height}px`;
+        this.body.append(element);
+        return {element, cells, number: -1, chosen: null};
+    }
+
+    /** Put the cursor on a row, and the row into view. */
+    go(row, quiet = false) {
+        if (!this.count) return;
+        this.at = Math.max(0, Math.min(this.count - 1, row));
+        const head = this.head.offsetHeight, top = this.at * this.height, view = this.scroll.clientHeight - head;
+        if (top < this.scroll.scrollTop) this.scroll.scrollTop = top;
+        if (top + this.height > this.scroll.scrollTop + view) this.scroll.scrollTop = top + this.height - view;
+        this.draw();
+        this.scroll.setAttribute("aria-activedescendant", `${this.id}-${this.at}`);
+        if (!quiet) this.moved?.(this.at);
+    }
+
+    press(event) {
+        if (event.target !== this.scroll || event.ctrlKey || event.altKey || event.metaKey) return;
+        const page = Math.max(1, Math.floor(this.scroll.clientHeight / this.height) - 2);
+        const steps = {ArrowDown: 1, ArrowUp: -1, PageDown: page, PageUp: -page, Home: -Infinity, End: Infinity};
+        if (event.key in steps && (this.choose || this.moved)) {
+            event.preventDefault();
+            this.go(Math.max(0, Math.min(this.count - 1, this.at + steps[event.key])));
+        } else if (event.key === "Enter" && this.choose && this.at >= 0) {
+            event.preventDefault();
+            this.choose(this.at, event);
+        }
+    }
+
+    click(event) {
+        const row = this.rows.find(({element}) => element.contains(event.target));
+        if (!row || event.target.closest("button, input, a, select")) return;
+        this.go(row.number);
+        this.choose?.(row.number, event);
+    }
+
+    close() { this.watch.disconnect(); }
+}
