@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real time, a multiple of it, or as fast as possible; and pauses. It moves the controller's horizon and nothing else, so
-// no message depends on it.
+// Real time, a multiple of it, or as fast as possible; and pauses. It moves the controller's horizon and nothing else,
+// so no message depends on it.
 #pragma once
 
 #include "cosim/controller/controller.h"
