@@ -106,7 +106,7 @@ function span(track, t) {
 }
 
 /** Whether a track has a value at a time: it has none before its first sample, and from one that is NaN. */
-export function known(track, t, values = track?.values ?? track?.q) {
+export function known(track, t, values = track?.values ?? track?.q ?? track?.r) {
     if (!track?.time.n || t < track.time.data[0]) return false;
     return !values || !Number.isNaN(values.data[values.k * span(track, t).before]);
 }
@@ -118,7 +118,7 @@ export function modeAt({began}, t) {
 
 /** [m] Where a motion is at a time, in double precision. */
 export function position(motion, t, out = [0, 0, 0]) {
-    if (!motion) return out.fill(0);
+    if (!motion?.time.n) return out.fill(0);
     const {before, after, share: x, step} = span(motion, t), r = motion.r.data, v = motion.v.data;
     // The cubic polynomial through both places with both speeds.
     const ofBefore = (1 + 2 * x) * (1 - x) * (1 - x), ofAfter = x * x * (3 - 2 * x), ofSpeeds = step * x * (1 - x);
@@ -140,7 +140,7 @@ export function velocity(motion, t, out = [0, 0, 0]) {
 
 /** The quaternion of a turning that is known, as three.js has it, into `out`. */
 export function attitude(turning, t, out, spare) {
-    if (!turning) return out.identity();
+    if (!turning?.time.n) return out.identity();
     const {before, after, share} = span(turning, t), quaternions = turning.q.data;
     out.fromArray(quaternions, 4 * before);
     if (Number.isNaN(quaternions[4 * after])) return out;

@@ -92,6 +92,7 @@ function piece(n, uniforms) {
 }
 
 /** The way of a motion over a span of time.
+    extend(motion, begin, end): the span, or the motion, has become another
     update(t, eye in N, size of the screen [px], width [px], how far away it fades [m]) */
 export function makePath(motion, begin, end, colour) {
     const shared = {
@@ -100,17 +101,22 @@ export function makePath(motion, begin, end, colour) {
         screen: {value: new THREE.Vector2()},
         width: {value: 1.5},
         now: {value: 0},
-        tail: {value: (end - begin) / 6 || 1},
+        tail: {value: 1},
         faint: {value: 0.3},
         reach: {value: 1},
         colour: {value: new THREE.Color(colour)}
     };
-    const hole = {value: new THREE.Vector2()}, step = (end - begin) / POINTS || 1;
+    const hole = {value: new THREE.Vector2()};
     const far = piece(POINTS, {...shared, hole});
     const near = piece(NEAR, {...shared, hole: {value: new THREE.Vector2(1, -1)}});
-    far.set(motion, begin, end);
     const group = new THREE.Group();
     group.add(far, near);
+    group.extend = (other, from, to) => {
+        [motion, begin, end] = [other, from, to];
+        shared.tail.value = (end - begin) / 6 || 1;
+        far.set(motion, begin, end);
+    };
+    group.extend(motion, begin, end);
     group.update = (t, eye, size, width, reach) => {
         shared.reach.value = reach;
         eye.forEach((one, c) => {
@@ -121,6 +127,7 @@ export function makePath(motion, begin, end, colour) {
         shared.screen.value.set(...size);
         shared.width.value = width;
         shared.now.value = t;
+        const step = (end - begin) / POINTS || 1;
         hole.value.set(Math.max(begin, t - 2 * step), Math.min(end, t + 2 * step));
         near.set(motion, hole.value.x, hole.value.y);
     };

@@ -131,15 +131,26 @@ function earth() {
     return made;
 }
 
-function texture(name, sharpness) {
+const surfaces = new Map();
+
+/** The surface of a body as an equirectangular picture. */
+export function surface(name) {
+    if (!surfaces.has(name)) surfaces.set(name, paint(name));
+    return surfaces.get(name);
+}
+
+function paint(name) {
     const [dark, light] = (LOOKS[name] ?? ["#666a70", "#a8acb2"]).map(rgb);
     const bands = {JUPITER: 22, SATURN: 16, URANUS: 6, NEPTUNE: 8}[name];
-    const made = name === "EARTH" ?
+    return name === "EARTH" ?
         earth() :
         shaded(
             name.length * 77 + name.charCodeAt(0), bands ? 4 : 10,
             (n, lat) => mix(dark, light, bands ? 0.5 + 0.5 * Math.sin(bands * lat + 3 * n) : 2.2 * n - 0.6));
-    const found = new THREE.CanvasTexture(made);
+}
+
+function texture(name, sharpness) {
+    const found = new THREE.CanvasTexture(surface(name));
     found.colorSpace = THREE.SRGBColorSpace;
     found.anisotropy = sharpness;
     found.wrapS = THREE.RepeatWrapping;

@@ -21,7 +21,8 @@ export class Plots {
         this.grid.className = "charts";
         panel.append(this.choice, this.grid);
         this.fill();
-        new ResizeObserver(() => this.fit()).observe(this.grid);
+        this.observer = new ResizeObserver(() => this.fit());
+        this.observer.observe(this.grid);
     }
 
     fill() {
@@ -56,16 +57,7 @@ export class Plots {
     add(plot) {
         if (this.charts.has(plot)) return;
         const {signal} = plot, n = signal.values.k, rows = signal.time.n;
-        plot.table ??= [
-            signal.time.data,
-            ...Array.from(
-                {length: n},
-                (_, k) => {
-                    const column = new Float64Array(rows);
-                    for (let i = 0; i < rows; i++) column[i] = signal.values.data[n * i + k];
-                    return column.some(Number.isNaN) ? Array.from(column, (y) => (Number.isNaN(y) ? null : y)) : column;
-                })
-        ];
+        plot.table ??= table(signal);
         const holder = document.createElement("div");
         this.grid.append(holder);
         const css = getComputedStyle(this.grid), ink = css.getPropertyValue("--soft"),
@@ -110,6 +102,14 @@ export class Plots {
         this.charts.delete(plot);
     }
 
+    /** More is known, until data.end: the charts show it, and its time if they showed all times. */
+    extend(before) {
+        const whole = this.span[0] <= this.data.begin && this.span[1] >= before;
+        for (const plot of this.data.plots) plot.table = null;
+        for (const [plot, {chart}] of this.charts) chart.setData(plot.table = table(plot.signal), false);
+        if (whole) this.zoom(null, this.data.begin, this.data.end);
+    }
+
     /** Give all charts the same span of time. */
     zoom(source, min, max) {
         if (this.zooming || !(max > min)) return;
@@ -146,6 +146,16 @@ export class Plots {
         for (const plot of open) this.remove(plot);
         for (const plot of open) this.add(plot);
     }
+}
+
+/** The columns of a signal, as uPlot has them. */
+function table({time, values}) {
+    const columns = Array.from({length: values.k}, (_, k) => {
+        const column = new Float64Array(time.n);
+        for (let i = 0; i < time.n; i++) column[i] = values.data[values.k * i + k];
+        return column.some(Number.isNaN) ? Array.from(column, (y) => (Number.isNaN(y) ? null : y)) : column;
+    });
+    return [time.data.subarray(0, time.n), ...columns];
 }
 
 /** A number in words; a dash where there is none. */

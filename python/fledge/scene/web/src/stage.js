@@ -6,6 +6,7 @@ import {COLOURS, makeArrow, makeCraft, makeFrame, makeGhost} from "./craft.js";
 import {
     attitude, cross, dot, known, level, norm, position, primary, sub, sunlight, toSun, unit, velocity
 } from "./data.js";
+import {inertial, linkState, look, osculating, planetOf} from "./geo.js";
 import {makePath} from "./path.js";
 import {makePlanet, makeStars, makeSun} from "./planet.js";
 
@@ -22,6 +23,8 @@ export const PRESETS = {
 // What the legend can show and hide: key, words, whether it is shown at first.
 export const LAYERS = [
     ["path", "Orbit and trajectory", true],
+    ["orbit", "Orbit of the moment", false],
+    ["stations", "Stations and radio links", true],
     ["labels", "Names", true],
     ["bodyAxes", "Body axes", true],
     ["directions", "Sun, nadir, velocity", true],
@@ -38,6 +41,8 @@ export const LAYERS = [
 const AXIS = 1.9, ARROW = 2.4, FRAME = 2.6;
 const CLOSE = 250;  // nearer than this its parts and names are shown
 const FIELD_OF_VIEW = 40;  // [deg] of the camera, upright
+const LOCKED = "#7ee08a", SEEN = "#c8d4e0";
+const ORBIT_HOLDS = 5;  // [s] that the orbit of the moment stands, unless the time goes faster
 const SKY = 1e13, SUN_GLOW = 9e12;  // [m] distances of decoration
 const BEHIND = -1e-9;  // [m] along the camera's axis
 const FALLBACK_LIGHT = unit([0.6, -0.5, 0.62]);
@@ -88,6 +93,19 @@ export class Stage {
             world.add(group);
             return {planet, group, label: this.label(planet.name[0] + planet.name.slice(1).toLowerCase(), "planet")};
         });
+        this.stations = data.stations.map((station) => {
+            const line = (material) => {
+                const made = new THREE.Line(new THREE.BufferGeometry(), material);
+                made.frustumCulled = false;
+                world.add(made);
+                return made;
+            };
+            return {
+                station, label: this.label(station.name, "station"),
+                locked: line(new THREE.LineBasicMaterial({color: LOCKED})),
+                seen: line(new THREE.LineDashedMaterial({color: SEEN, transparent: true, opacity: 0.7}))
+            };
+        });
         this.crafts = data.crafts.map((craft, k) => this.buildCraft(craft, CRAFT_COLOURS[k % CRAFT_COLOURS.length]));
         this.resetView();
     }
@@ -115,7 +133,7 @@ export class Stage {
             return {pose, ghost, shown: true};
         });
         world.add(made.hill, made.inertial);
-        if (craft.motion.time.n > 1) {
+        if (craft.motion.time.n > 1 || craft.motion.id !== undefined) {
             made.path = makePath(craft.motion, data.begin, data.end, colour);
             world.add(made.path);
         }
@@ -265,6 +283,7 @@ export class Stage {
             this.put(label, near, shown.labels && size < 60);
         }
         for (const one of this.crafts) this.renderCraft(one, t, since, relative, eye, light, cone, spare);
+        for (const one of this.stations) this.renderStation(one, t, relative, cone);
         this.renderer.render(this.world, camera);
     }
 
@@ -329,6 +348,19 @@ export class Stage {
             one.path.position.set(0, 0, 0);
             one.path.update(t, eye, this.size, close ? 1.2 : 1.6, 300 * this.view.distance);
         }
+        if (shown.orbit && !one.orbit) {
+            one.orbit = makePath({time: {n: 0}}, 0, 1, one.colour);
+            this.world.add(one.orbit);
+        }
+        if (shown.orbit && !(Math.abs(t - one.orbit.of) < ORBIT_HOLDS)) {
+            const moves = sub(speed, velocity(centre?.motion, t)), orbit = osculating(centre, place, moves, t);
+            if (orbit) one.orbit.extend(orbit, t, orbit.time.data[orbit.time.n - 1]);
+            Object.assign(one.orbit, {of: t, known: Boolean(orbit)});
+        }
+        if (one.orbit) {
+            one.orbit.visible = shown.orbit && !cone && one.orbit.known;
+            one.orbit.update(Math.max(t, one.orbit.of), eye, this.size, 1.2, 300 * this.view.distance);
+        }
         one.label.classList.toggle("far", !close);
         this.put(one.label, near, shown.labels && !(focused && cone));
         one.axisLabels.forEach((label, k) => {
@@ -336,6 +368,45 @@ export class Stage {
                 new THREE.Vector3().setComponent(k, 2 * craft.extent).applyQuaternion(body.quaternion).toArray();
             this.put(label, near.map((x, c) => x + tip[c]), shown.labels && shown.bodyAxes && close && !cone);
         });
+    }
+
+    /** A station, and its line to the spacecraft in focus: full while the radio is locked, dashed while only in view. */
+    renderStation({station, label, locked, seen}, t, relative, cone) {
+        const {shown, data, focused} = this, planet = planetOf(data, station), {craft, place} = focused;
+        const on = shown.stations && !cone;
+        const sight = look(data, station, place, t), link = station.links.find((one) => one.craft === craft.name);
+        const radio = link && (link.down || link.up) ? linkState(link, t) : null;
+        const line = radio?.locked ? locked : sight.elevation >= station.mask ? seen : null;
+        for (const one of [locked, seen]) one.visible = on && one === line;
+        const ends = [relative(inertial(planet, station.place, t)), relative(place)];
+        if (on && line) {
+            line.geometry.setFromPoints(ends.map((end) => new THREE.Vector3(...end)));
+            if (line === seen) {
+                line.computeLineDistances();
+                line.material.dashSize = line.material.gapSize = sight.range / 60;
+            }
+        }
+        label.textContent = station.name + (line === locked ? ", locked" : line ? ", in view" : "");
+        this.put(label, ends[0], on && shown.labels);
+    }
+
+    /** More of each motion is known, until data.end. */
+    extend() {
+        const {begin, end} = this.data;
+        for (const {path, craft} of this.crafts) path?.extend(craft.motion, begin, end);
+    }
+
+    /** Give back what the picture holds of the graphics processor. */
+    dispose() {
+        this.world.traverse((one) => {
+            one.geometry?.dispose();
+            for (const material of [one.material ?? []].flat()) {
+                material.map?.dispose();
+                material.dispose();
+            }
+        });
+        this.renderer.dispose();
+        this.renderer.forceContextLoss();
     }
 
     /** Whether the body that a cone is to keep out is in it. */
