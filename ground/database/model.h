@@ -275,6 +275,7 @@ struct Command : Named {
 
 struct Database {
     std::vector<std::string> files;
+    std::uint64_t hash = 0xCBF29CE484222325; ///< of the text of all files, and where they stand (FNV-1a)
     std::vector<Named> systems;
     std::vector<Type> types;
     std::vector<Parameter> parameters;

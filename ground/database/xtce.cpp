@@ -70,6 +70,11 @@ public:
     {
         file_ = static_cast<std::uint32_t>(db_.files.size());
         db_.files.push_back(name);
+        for (const std::string *part : std::initializer_list<const std::string *>{&under, &text}) {
+            for (const char c : *part) {
+                db_.hash = (db_.hash ^ static_cast<std::uint8_t>(c)) * 0x100000001B3;
+            }
+        }
         Document &document = *documents_.emplace_back(std::make_unique<Document>());
         document.text = std::move(text);
         if (document.text.starts_with("\xFE\xFF") || document.text.starts_with("\xFF\xFE")) {

@@ -1,0 +1,552 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/archive/history.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fcntl.h>
+#include <filesystem>
+#include <unistd.h>
+
+namespace fledge::ground {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+double real(Kind kind, std::uint64_t word, Status status)
+{
+    if (status != Status::good) {
+        return nan;
+    }
+    switch (kind) {
+    case Kind::natural:
+    case Kind::boolean:
+    case Kind::label: return static_cast<double>(word);
+    case Kind::integer: return static_cast<double>(static_cast<std::int64_t>(word));
+    case Kind::time: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
+    case Kind::real: return std::bit_cast<double>(word);
+    default: return nan;
+    }
+}
+
+std::string metadata(const PacketFile &file, const std::string &name, const std::string &key)
+{
+    for (const auto &[about, pairs] : file.metadata) {
+        if (const auto at = pairs.find(key); about == name && at != pairs.end()) {
+            return at->second;
+        }
+    }
+    return "";
+}
+
+std::int64_t whole(const std::string &text)
+{
+    return std::strtoll(text.c_str(), nullptr, 10);
+}
+
+/// The session that a program writes now; 0: none does.
+std::uint32_t being_written(const std::string &folder)
+{
+    const int fd = open((folder + "/lock").c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    struct flock all {};
+    all.l_type = F_RDLCK;
+    char text[16] = {};
+    const bool locked = fd >= 0 && fcntl(fd, F_OFD_GETLK, &all) == 0 && all.l_type != F_UNLCK;
+    const bool read_it = locked && pread(fd, text, sizeof text - 1, 0) > 0;
+    if (fd >= 0) {
+        ::close(fd);
+    }
+    return read_it ? static_cast<std::uint32_t>(whole(text)) : 0;
+}
+
+} // namespace
+
+History::History(const std::string &folder, std::string craft, const Database &database, const std::string &root)
+    : folder_(folder + "/" + craft), craft_(std::move(craft)), db_(database),
+      root_(root.empty() ? no_id : database.container(root))
+{
+}
+
+/// The files that are there now.
+void History::list()
+{
+    std::map<Key, std::string> found;
+    std::error_code none; // no folder: nothing is archived yet
+    for (const auto &one : fs::directory_iterator(folder_, none)) {
+        const std::string name = one.path().filename();
+        unsigned session = 0;
+        long long t = 0;
+        int end = 0;
+        if (std::sscanf(name.c_str(), "%6u-%lld.mcap%n", &session, &t, &end) != 2 || end == 0) {
+            continue;
+        }
+        // NAME.lost is whole or not as NAME.part was, which is being written again beside it.
+        const std::string suffix = name.substr(static_cast<std::size_t>(end));
+        const int rank = suffix.empty() ? 3 : suffix == ".lost" ? 2 : suffix == ".part" ? 1 : 0;
+        std::string &best = found[{session, t}];
+        if (rank != 0 && (best.empty() || rank == 3 || (rank == 2 && best.ends_with(".part")))) {
+            best = one.path();
+        }
+    }
+    std::erase_if(found, [](const auto &one) { return one.second.empty(); });
+    std::erase_if(files_, [&](const auto &one) {
+        const auto at = found.find(one.first);
+        return at == found.end() || at->second != one.second->path;
+    });
+    names_ = std::move(found);
+}
+
+/// The file with all that is in it now; nullptr: it cannot be read.
+PacketFile *History::file(const Key &key)
+{
+    try {
+        auto &made = files_[key];
+        if (made == nullptr) {
+            made = std::make_unique<PacketFile>(names_.at(key));
+        } else {
+            made->refresh();
+        }
+        if (made->whole) {
+            made->close();
+        }
+        return made.get();
+    } catch (const Refusal &refusal) {
+        files_.erase(key);
+        const std::string why = refusal.what();
+        if (fs::exists(names_.at(key)) && // else it was deleted, or has got its name meanwhile
+            std::none_of(unreadable_.begin(), unreadable_.end(), [&](const auto &one) { return one.why == why; })) {
+            unreadable_.push_back({key.second, key.second, why});
+        }
+        return nullptr;
+    }
+}
+
+/// What to read, in the order of time.
+std::vector<History::Piece> History::pieces(const Query &query)
+{
+    std::vector<Piece> all;
+    for (int attempt = 0; attempt < 3; attempt++) {
+        all.clear();
+        list();
+        bool again = false;
+        std::int64_t until = query.to;
+        for (auto at = names_.rbegin(); at != names_.rend();) { // from the newest session on
+            const std::uint32_t session = at->first.first;
+            const auto end = std::find_if(at, names_.rend(), [&](auto &one) { return one.first.first != session; });
+            std::int64_t next = std::numeric_limits<std::int64_t>::max(), first = until;
+            bool simulated = false;
+            for (; at != end; ++at) {
+                const std::int64_t name = at->first.second;
+                const bool oldest = std::next(at) == end;
+                const bool asked = query.session < 0 || query.session == session;
+                // A file that follows one of the same time has a later one in its name, by some nanoseconds.
+                const bool apart = name - 1'000'000'000 > until || next < query.from;
+                next = name;
+                if (!asked || (apart && !(oldest && query.session < 0))) {
+                    continue;
+                }
+                PacketFile *const one = file(at->first);
+                if (one == nullptr) {
+                    again = again || !fs::exists(at->second);
+                    continue;
+                }
+                first = one->count != 0 ? one->first : first;
+                simulated = oldest && one->first < whole(metadata(*one, "archive", "received")) / 2;
+                if (one->count != 0 && one->first <= until && one->last >= query.from) {
+                    all.push_back({one, query.from, until});
+                } else {
+                    one->close();
+                }
+            }
+            if (query.session < 0) {
+                until = std::min(until, first - 1);
+            }
+            if (query.session < 0 && simulated) {
+                break;
+            }
+        }
+        if (!again) {
+            break;
+        }
+    }
+    std::reverse(all.begin(), all.end());
+    return all;
+}
+
+std::string History::container_of(const PacketFile &file, std::uint16_t channel) const
+{
+    const auto at = file.channels.find(channel);
+    const std::string &topic = at != file.channels.end() ? at->second.topic : "";
+    // "/CRAFT/path"; only what no container fits has no further "/"
+    const std::size_t slash = topic.size() > 1 ? topic.find('/', 1) : std::string::npos;
+    return slash == std::string::npos || topic.find('/', slash + 1) == std::string::npos ? "" : topic.substr(slash);
+}
+
+void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards, const Take &take)
+{
+    if (backwards) {
+        std::reverse(all.begin(), all.end());
+    }
+    struct Copy {
+        Stored one;
+        std::vector<std::uint8_t> bytes;
+    };
+    bool going = true;
+    for (const Piece &piece : all) {
+        PacketFile &file = *piece.file;
+        std::map<std::uint16_t, std::string> containers; ///< of the channels that are wanted
+        for (const auto &[id, channel] : file.channels) {
+            if (const std::string container = container_of(file, id); wanted(container)) {
+                containers[id] = container;
+            }
+        }
+        for (std::size_t i = 0; i < file.chunks.size() && going; i++) {
+            const auto &chunk = file.chunks[backwards ? file.chunks.size() - 1 - i : i];
+            if (chunk.first > piece.to || chunk.last < piece.from ||
+                std::none_of(chunk.channels.begin(), chunk.channels.end(),
+                             [&](std::uint16_t id) { return containers.count(id) != 0; })) {
+                continue;
+            }
+            std::vector<Stored> held;
+            going = file.each(chunk, [&](const Stored &one) {
+                const auto at = containers.find(one.channel);
+                if (at == containers.end() || one.t < piece.from || one.t > piece.to) {
+                    return true;
+                }
+                if (backwards) {
+                    held.push_back(one);
+                    return true;
+                }
+                return take(one, at->second);
+            });
+            for (; !held.empty() && going; held.pop_back()) {
+                going = take(held.back(), containers[held.back().channel]);
+            }
+        }
+        file.close();
+    }
+}
+
+History::Target History::target(const std::string &name) const
+{
+    // The longest name of a parameter that it begins with.
+    std::size_t longest = 0;
+    Id found = no_id;
+    bool twice = false;
+    const auto consider = [&](const std::string &known, Id id) {
+        if (known.size() >= longest && !known.empty() && name.starts_with(known) &&
+            (name.size() == known.size() || name[known.size()] == '.' || name[known.size()] == '[')) {
+            twice = known.size() == longest && found != id;
+            longest = known.size();
+            found = id;
+        }
+    };
+    for (const bool by_name : {false, true}) {
+        for (Id id = 0; id < db_.parameters.size() && (!by_name || found == no_id || twice); id++) {
+            const Parameter &one = db_.parameters[id];
+            if (by_name) {
+                consider(one.name, id);
+                continue;
+            }
+            consider(one.path, id);
+            for (const auto &[space, alias] : one.aliases) {
+                consider(space == "Fledge" ? alias : "", id);
+            }
+        }
+        if (found != no_id && !twice) {
+            break;
+        }
+    }
+    if (found == no_id) {
+        throw Refusal("the database has no parameter " + name);
+    }
+    if (twice) {
+        throw Refusal(name + " is the name of several parameters: give the path of one, as " +
+                      db_.parameters[found].path);
+    }
+    Target made{found, {}};
+    const Type *type = &db_.types[db_.parameters[found].type];
+    for (std::size_t at = longest; at < name.size();) {
+        const bool element = name[at] == '[';
+        const std::size_t end = element ? name.find(']', at) : std::min(name.find_first_of(".[", at + 1), name.size());
+        const std::string step = name.substr(at + 1, end == std::string::npos ? end : end - at - 1);
+        const bool number = !step.empty() && step.size() < 9 && step.find_first_not_of("0123456789") == step.npos;
+        if (element && (end == std::string::npos || !number || type->sort != Type::Sort::array)) {
+            throw Refusal(name + ": " + name.substr(0, at) + " has no element [" + step + "]");
+        }
+        if (element) {
+            made.steps.push_back(static_cast<std::uint32_t>(whole(step)));
+            type = &db_.types[type->element];
+            at = end + 1;
+            continue;
+        }
+        const auto member = std::find_if(type->members.begin(), type->members.end(),
+                                         [&](const Member &one) { return one.name == step; });
+        if (member == type->members.end()) {
+            throw Refusal(name + ": " + name.substr(0, at) + " has no member " + step);
+        }
+        made.steps.push_back(static_cast<std::uint32_t>(member - type->members.begin()));
+        type = &db_.types[member->type];
+        at = end;
+    }
+    using Sort = Type::Sort;
+    for (const auto &[sort, what] :
+         {std::pair(Sort::text, "a text"), std::pair(Sort::binary, "bytes"),
+          std::pair(Sort::aggregate, "several members"), std::pair(Sort::array, "several elements")}) {
+        if (type->sort == sort) {
+            throw Refusal(name + " is no number but " + what);
+        }
+    }
+    return made;
+}
+
+/// Whether packets of a container may have values of targets.
+bool History::carries(Id id, const std::vector<Target> &targets, std::vector<signed char> &known) const
+{
+    if (id == no_id) {
+        return false;
+    }
+    if (known[id] >= 0) {
+        return known[id] != 0;
+    }
+    known[id] = 0;
+    bool found = carries(db_.containers[id].base, targets, known);
+    for (const Entry &entry : db_.containers[id].entries) {
+        found = found || entry.what == Entry::What::indirect ||
+                (entry.what == Entry::What::parameter &&
+                 std::any_of(targets.begin(), targets.end(), [&](auto &one) { return one.parameter == entry.id; }));
+        if (entry.what == Entry::What::container && !found) {
+            found = carries(entry.id, targets, known);
+            std::vector<Id> heirs = db_.containers[entry.id].heirs; // which may stand for it
+            for (std::size_t i = 0; i < heirs.size() && !found; i++) {
+                found = carries(heirs[i], targets, known);
+                const auto &more = db_.containers[heirs[i]].heirs;
+                heirs.insert(heirs.end(), more.begin(), more.end());
+            }
+        }
+    }
+    known[id] = found ? 1 : 0;
+    return found;
+}
+
+/// Each value of the targets; after all those of a packet, `packet` with its time.
+void History::decode(const std::vector<Target> &targets, const std::vector<Piece> &all, const Value &value,
+                     const std::function<void(std::int64_t)> &packet)
+{
+    std::vector<signed char> known(db_.containers.size(), -1);
+    std::map<std::string, bool> carriers;
+    for (Id id = 0; id < db_.containers.size(); id++) {
+        carriers[db_.containers[id].path] = carries(id, targets, known);
+    }
+    char hash[20];
+    std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(db_.hash));
+    const auto wanted_of = [&](const PacketFile &file) -> Wanted {
+        // Of another database, any packet may have them now.
+        const bool same = metadata(file, "archive", "database") == hash;
+        return [&carriers, same](const std::string &container) {
+            const auto at = carriers.find(container);
+            return !same || (at != carriers.end() && at->second);
+        };
+    };
+    double n = 0, span = 0;
+    for (const Piece &piece : all) {
+        const PacketFile &file = *piece.file;
+        const Wanted wanted = wanted_of(file);
+        std::uint64_t of_file = 0;
+        for (const auto &[id, channel] : file.channels) {
+            of_file += wanted(container_of(file, id)) ? channel.count : 0;
+        }
+        const std::int64_t from = std::max(piece.from, file.first), to = std::min(piece.to, file.last);
+        const double length = static_cast<double>(file.last) - static_cast<double>(file.first);
+        const double part = static_cast<double>(to) - static_cast<double>(from);
+        n += static_cast<double>(of_file) * (length > 0 ? part / length : 1);
+        span += part;
+    }
+    if (n > static_cast<double>(most_decoded)) {
+        char text[400];
+        std::snprintf(
+            text, sizeof text,
+            "this query would decode %.0f packets, of %.3g days; the most is %.0f: ask for a shorter time, as "
+            "%.2g days, or for parameters of rarer packets; long times are for the database of values",
+            n, span / 86400e9, static_cast<double>(most_decoded),
+            span / 86400e9 * static_cast<double>(most_decoded) / n);
+        throw Refusal(text);
+    }
+    Decoder decoder(db_);
+    for (const Piece &piece : all) {
+        walk({piece}, wanted_of(*piece.file), false, [&](const Stored &one, const std::string &) {
+            const Decoded &done = decoder.decode(one.packet, root_);
+            bool any = false;
+            for (std::size_t i = 0; i < done.fields.size(); i++) {
+                const Field &field = done.fields[i];
+                for (std::size_t k = 0; k < targets.size(); k++) {
+                    if (field.parameter != targets[k].parameter) {
+                        continue;
+                    }
+                    std::uint32_t node = field.node;
+                    std::size_t left = targets[k].steps.size();
+                    for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
+                        node = done.nodes[node].parent;
+                    }
+                    if (left == 0 && node == 0) {
+                        value(one.t, k, real(field.value, done.values[i], done.status[i]));
+                        any = true;
+                    }
+                }
+            }
+            if (any) {
+                packet(one.t);
+            }
+            return true;
+        });
+    }
+}
+
+std::vector<History::Series> History::series(const std::vector<std::string> &names, Query query, std::size_t points)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Target> targets;
+    for (const std::string &name : names) {
+        targets.push_back(target(name));
+    }
+    const std::vector<Piece> all = pieces(query);
+    std::int64_t from = query.to, to = query.from;
+    for (const Piece &piece : all) {
+        from = std::min(from, std::max(piece.from, piece.file->first));
+        to = std::max(to, std::min(piece.to, piece.file->last));
+    }
+    const std::int64_t width =
+        points != 0 && to > from ? (to - from) / static_cast<std::int64_t>(points) + 1 : 0; // 0: each value
+    std::vector<Series> made(names.size());
+    std::vector<std::int64_t> bucket(names.size(), -1);
+    decode(
+        targets, all,
+        [&](std::int64_t t, std::size_t target, double value) {
+            Series &one = made[target];
+            const std::int64_t place = width != 0 ? (t - from) / width : 0;
+            if (width != 0 && place == bucket[target]) {
+                one.t.back() = t;
+                one.value.back() = value;
+                one.low.back() = std::fmin(one.low.back(), value);
+                one.high.back() = std::fmax(one.high.back(), value);
+                return;
+            }
+            bucket[target] = place;
+            one.t.push_back(t);
+            one.value.push_back(value);
+            one.low.push_back(value);
+            one.high.push_back(value);
+        },
+        [](std::int64_t) {});
+    return made;
+}
+
+std::vector<double> History::rows(const std::vector<std::string> &inputs, Query query)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Target> targets;
+    for (const std::string &name : inputs) {
+        targets.push_back(target(name));
+    }
+    std::vector<double> made, newest(inputs.size());
+    std::vector<bool> seen(inputs.size());
+    decode(
+        targets, pieces(query),
+        [&](std::int64_t, std::size_t target, double value) {
+            newest[target] = value;
+            seen[target] = true;
+        },
+        [&](std::int64_t t) {
+            if (std::find(seen.begin(), seen.end(), false) == seen.end()) {
+                made.push_back(std::bit_cast<double>(t));
+                made.insert(made.end(), newest.begin(), newest.end());
+            }
+        });
+    return made;
+}
+
+std::vector<History::Packet> History::packets(Query query, const std::string &container, std::size_t limit,
+                                              bool backwards)
+{
+    const std::lock_guard lock(mutex_);
+    const bool undecoded = container == "undecoded";
+    const auto wanted = [&](const std::string &one) {
+        return container.empty() || (undecoded ? one.empty() : one == container || one.ends_with("/" + container));
+    };
+    std::vector<Packet> made;
+    if (limit != 0) {
+        walk(pieces(query), wanted, backwards, [&](const Stored &one, const std::string &of) {
+            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
+            return made.size() < limit;
+        });
+    }
+    return made;
+}
+
+std::vector<History::Packet> History::next(Query query, std::size_t skip, std::size_t limit, std::int64_t span)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Packet> made;
+    walk(
+        pieces(query), [](const std::string &) { return true; }, false,
+        [&](const Stored &one, const std::string &of) {
+            if (skip != 0) {
+                skip--;
+                return true;
+            }
+            if (!made.empty() && one.t - made.front().t > span) {
+                return false;
+            }
+            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
+            return made.size() < limit;
+        });
+    return made;
+}
+
+std::vector<History::Session> History::sessions()
+{
+    const std::lock_guard lock(mutex_);
+    list();
+    const std::uint32_t written = being_written(folder_);
+    std::vector<Session> made;
+    for (const auto &[key, name] : std::map(names_)) {
+        PacketFile *const one = file(key);
+        if (one == nullptr || one->count == 0) {
+            continue;
+        }
+        if (made.empty() || made.back().number != key.first) {
+            const bool follows = !made.empty() && one->first > made.back().last;
+            const Session before = follows ? made.back() : Session();
+            made.push_back({key.first, one->first, one->last, 0, "", {}});
+            if (follows) {
+                made.back().gaps.push_back({before.last, one->first, "restart: the session before " + before.ended});
+            }
+        }
+        Session &session = made.back();
+        session.last = one->last;
+        session.packets += one->count;
+        const std::string why = metadata(*one, "ended", "why");
+        session.ended = !why.empty() ? why : key.first == written ? "" : "killed";
+        for (const auto &[about, pairs] : one->metadata) {
+            const auto text = [&](const char *which) {
+                const auto at = pairs.find(which);
+                return at != pairs.end() ? at->second : std::string();
+            };
+            if (about == "gap") {
+                session.gaps.push_back(
+                    {whole(text("from")), whole(text("to")), text("why") + "; " + text("packets") + " packets"});
+            }
+        }
+        session.gaps.insert(session.gaps.end(), one->missing.begin(), one->missing.end());
+        one->close();
+    }
+    if (!made.empty()) {
+        auto &gaps = made.back().gaps;
+        gaps.insert(gaps.end(), unreadable_.begin(), unreadable_.end());
+    }
+    return made;
+}
+
+} // namespace fledge::ground

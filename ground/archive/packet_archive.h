@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The packets of a spacecraft in MCAP files, as they arrive.
+//
+// FOLDER/CRAFT has a file for each period of a session, SESSION-T.mcap by the time of its first packet [ns]; while it
+// is written, SESSION-T.mcap.part. A session is a stretch whose times do not step back: one of the program's own, or
+// from a step of the clock on. The file has a channel for each container, /CRAFT/path/of/container, and
+// /CRAFT/undecoded for packets that fit none. Metadata:
+//   archive   craft, session, database (the hash of its files)
+//   gap       from, to [ns], why, packets (how many arrived and are not in the archive)
+//   ended     why: the session ended with this file
+#pragma once
+
+#include "ground/monitor/arrival.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fledge::ground {
+
+class PacketArchive final : public PacketSink {
+public:
+    /// Open for writing, and make whole what a program that was killed has left. period: [ns] of the spacecraft's
+    /// clock. Throws Refusal, as when another program writes there.
+    PacketArchive(const std::string &folder, std::string craft, const Database &database, std::int64_t period);
+    ~PacketArchive() override;
+
+    /// Until it is saved, a packet is in memory. A time that steps back by up to a second is as the last one.
+    void put(const Arrival &arrival, Id container) override;
+
+    /// Throws Refusal when the disk does not take the packets. They stay in memory, up to 64 MiB of them, and are
+    /// written into a new file as soon as there is room; the files tell the gap of those that are lost.
+    void save() override;
+
+    /// End the session. Throws as save().
+    void close();
+
+    /// Why packets are not saved; "": they are.
+    const std::string &problem() const { return problem_; }
+
+private:
+    struct File; ///< that is being written
+    struct Pending {
+        std::uint32_t session;
+        Id container;
+        std::int64_t t, received;
+        std::size_t at, size; ///< in bytes_
+    };
+    struct Gap {
+        std::int64_t from = 0, to = 0;
+        std::uint64_t packets = 0; ///< 0: there is none
+        std::string why;
+    };
+
+    void recover(const std::string &name) const;
+    void tell(std::uint32_t session) const;
+    void write();
+    void begin(const Pending &first);
+    void end(const char *why);
+    void abandon() noexcept;
+    const std::string &topic(Id container);
+
+    const std::string craft_, folder_;
+    const Database &db_;
+    const std::int64_t period_;
+    int lock_ = -1;
+    std::uint32_t session_ = 0;
+    std::int64_t last_ = -1;  ///< [ns] of the session's last packet
+    std::int64_t retry_ = -1; ///< [s] of the wall clock
+    std::vector<std::string> topics_;
+    std::unique_ptr<File> file_;
+    std::vector<Pending> pending_;
+    std::vector<std::uint8_t> bytes_;
+    Gap gap_;
+    std::string problem_;
+};
+
+} // namespace fledge::ground
