@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// Forms of commands: fields by the database's arguments, what is wrong with a value, the bytes, and sending.
+import "./operate.css";
+import {of} from "./api.js";
+import {ask, h, put} from "./dom.js";
+
+const bracket = ({low, high, low_open, high_open}) => {
+    if (low == null && high == null) return "";
+    if (high == null) return `${low_open ? ">" : "\u2265"} ${low}`;
+    if (low == null) return `${high_open ? "<" : "\u2264"} ${high}`;
+    return `${low} ${low_open ? "<" : "\u2026"} ${high}${high_open ? " (open)" : ""}`;
+};
+
+/** What may be given, in words: "real, 0 … 5 N m". */
+export function allowed({type, unit, low, high, low_open, high_open, size, labels}) {
+    const range = bracket({low, high, low_open, high_open});
+    const room = (type === "text" || type === "binary") && size ? `at most ${size} bytes` : "";
+    const word = {label: `one of ${labels?.length ?? 0}`, binary: "hexadecimal", natural: "integer"}[type] ?? type;
+    return [word, range, room].filter(Boolean).join(", ") +
+        (unit && unit !== "-" ? ` ${range ? "" : "in "}${unit}` : "");
+}
+
+/** A text of a field as what the server takes: {value}, or {problem}; neither: empty, and there is an initial value. */
+export function checked(argument, text) {
+    const {type, low, high, low_open, high_open, initial, labels, size} = argument;
+    const given = text.trim();
+    if (!given && type !== "text") {
+        if (initial != null && initial !== "") return {};
+        return {problem: type === "label" || type === "boolean" ? "choose one" : "give a value"};
+    }
+    let number;
+    switch (type) {
+    case "natural":
+    case "integer":
+    case "time":
+        if (!/^[+-]?(\d+|0x[\da-f]+)$/i.test(given)) return {problem: `a whole number is needed; found "${given}"`};
+        number = given.startsWith("-") ? -BigInt(given.slice(1)) : BigInt(given.replace("+", ""));
+        break;
+    case "real":
+        number = Number(given);
+        if (!Number.isFinite(number)) return {problem: `a number is needed; found "${given}"`};
+        break;
+    case "boolean": return {value: given === String(labels?.[1] ?? "true")};
+    case "label": return labels.includes(given) ? {value: given} : {problem: `there is no "${given}"`};
+    case "binary": {
+        const digits = given.replace(/^0x/i, "").replace(/[\s:]/g, "");
+        if (!/^([\da-f]{2})*$/i.test(digits)) return {problem: "pairs of hexadecimal digits are needed, as in 0a ff"};
+        if (size && digits.length / 2 > size) return {problem: `at most ${size} bytes; there are ${digits.length / 2}`};
+        return {value: digits};
+    }
+    case "text": return {value: text};
+    default: try { return {value: JSON.parse(given)};
+        } catch {
+            return {
+                problem: type === "array" ? "a list is needed, as in [1, 2]" : 'members are needed, as in {"x": 1}'
+            };
+        }
+    }
+    if ((low != null && (low_open ? number <= low : number < low)) ||
+        (high != null && (high_open ? number >= high : number > high)))
+        return {problem: `it must be ${bracket(argument)}`};
+    if (typeof number === "bigint")
+        number = number >= -(2n ** 53n) && number <= 2n ** 53n ? Number(number) : String(number);
+    return {value: number};
+}
+
+/** What an argument has now, as the text of its field. */
+export const textOf = (value) => (value == null ? "" :
+        typeof value === "object"               ? JSON.stringify(value) :
+                                                  String(value));
+
+/** The fields of a command. changed(): a person has changed one. */
+export class Form {
+    constructor(form, values = {}, changed = () => {}) {
+        this.form = form;
+        this.fields = new Map();
+        this.element = h("div", {class: "form"},
+            form.arguments.length ? form.arguments.map((one) => this.field(one, values, changed)) :
+                                    h("p", {class: "soft"}, "This command has no arguments."));
+    }
+
+    field(argument, values, changed) {
+        const {name, type, labels, initial, description} = argument, id = `argument-${name}`;
+        const now = textOf(values[name] ?? initial),
+              about = {id, name, "aria-describedby": `${id}-about ${id}-problem`};
+        const choices = type === "boolean" && !labels?.length ? ["false", "true"] : labels;
+        const shown = typeof values[name] === "boolean" ? String(choices?.[Number(values[name])]) : now;
+        const input = type === "label" || type === "boolean" ?
+            h("select", about, h("option", {value: ""}, "\u2013 choose \u2013"),
+                choices.map((one) => h("option", {value: one, selected: String(one) === shown}, String(one)))) :
+            h(type === "text" && (argument.size ?? 0) > 64 || type === "aggregate" || type === "array" ? "textarea" :
+                                                                                                         "input",
+                {
+                    ...about,
+                    value: shown,
+                    autocomplete: "off",
+                    inputMode: type === "real" ? "decimal" : undefined,
+                    rows: undefined
+                });
+        const problem = h("span", {class: "problem", id: `${id}-problem`, role: "alert"});
+        input.addEventListener("input", () => {
+            this.check(name);
+            changed();
+        });
+        this.fields.set(name, {argument, input, problem});
+        return h("div", {class: "argument"}, h("label", {htmlFor: id}, name),
+            h("div", {class: "entry"}, input,
+                argument.unit && argument.unit !== "-" && h("span", {class: "unit"}, argument.unit)),
+            h("span", {class: "about soft", id: `${id}-about`}, allowed({...argument, unit: ""}),
+                description && ` \u2013 ${description}`),
+            problem);
+    }
+
+    check(name) {
+        const {argument, input} = this.fields.get(name), found = checked(argument, input.value);
+        this.refuse(name, found.problem ?? "");
+        return found;
+    }
+
+    /** Say beside an argument what is wrong with it; "" takes it back. */
+    refuse(name, text) {
+        const {input, problem} = this.fields.get(name);
+        put(problem, text);
+        input.toggleAttribute("aria-invalid", Boolean(text));
+        if (text) input.setAttribute("aria-invalid", "true");
+    }
+
+    /** Take a refusal of the server: beside its argument, or false if it is of none. */
+    refused(error) {
+        const name = error.body?.argument;
+        if (!this.fields.has(name)) return false;
+        this.refuse(name, error.message);
+        return true;
+    }
+
+    /** {name: value}; null if something is wrong, which then stands beside its field, and the first one is focused. */
+    values(loud = true) {
+        const made = {};
+        let first = null;
+        for (const [name, {argument, input}] of this.fields) {
+            const {value, problem} = loud ? this.check(name) : checked(argument, input.value);
+            if (problem) first ??= input;
+            if (value !== undefined) made[name] = value;
+        }
+        if (first && loud) first.focus();
+        return first ? null : made;
+    }
+}
+
+/** The bytes of a command with its fields: rows of 16, those of a field marked while it is pointed at. */
+export function bytesOf({hex, fields = []}) {
+    const pairs = hex.replace(/\s/g, "").match(/../g) ?? [];
+    const cells = pairs.map((one) => h("span", {class: "byte"}, one));
+    const mark = (field, on) => {
+        if (field.bit == null) return;
+        for (let k = field.bit >> 3; k <= (field.bit + Math.max(1, field.bits) - 1) >> 3; k++)
+            cells[k]?.classList.toggle("on", on);
+    };
+    for (const field of fields)
+        if (field.argument && field.bit != null)
+            for (let k = field.bit >> 3; k <= (field.bit + field.bits - 1) >> 3; k++) cells[k]?.classList.add("given");
+    const lines = [];
+    for (let k = 0; k < cells.length; k += 16)
+        lines.push(h("div", {class: "line"}, h("span", {class: "offset soft"}, k.toString(16).padStart(4, "0")),
+            cells.slice(k, k + 16)));
+    const rows = fields.map((one) => {
+        const raw = one.raw == null || String(one.raw) === String(one.value) ? "" : String(one.raw);
+        const place = one.bit == null   ? "" :
+            one.bits % 8 || one.bit % 8 ? `bit ${one.bit}, ${one.bits}` :
+                                          `byte ${one.bit / 8}, ${one.bits / 8}`;
+        return h("tr", {
+            class: one.argument === false ? "soft" : "",
+            tabIndex: one.bit == null ? undefined : 0,
+            onmouseenter: () => mark(one, true),
+            onmouseleave: () => mark(one, false),
+            onfocus: () => mark(one, true),
+            onblur: () => mark(one, false)
+        },
+            h("td", {}, one.name),
+            h("td", {class: "number"}, textOf(one.value), one.unit && one.unit !== "-" && ` ${one.unit}`),
+            h("td", {class: "number"}, raw), h("td", {class: "soft"}, place));
+    });
+    return h("div", {class: "bytes"},
+        h("div", {class: "hex", role: "img", "aria-label": `${pairs.length} bytes: ${pairs.join(" ")}`}, lines),
+        rows.length > 0 &&
+            h("table", {class: "plain"},
+                h("thead", {}, h("tr", {}, ["field", "value", "raw", "where"].map((one) => h("th", {}, one)))),
+                h("tbody", {}, rows)));
+}
+
+/** Send a command; one that is hazardous is asked for once more. Its id, or null if the person thought better. */
+export async function send(api, craft, name, values) {
+    const path = of(craft, "send"), body = {name, arguments: values};
+    try {
+        return (await api.post(path, {...body, confirmed: false})).id;
+    } catch (error) {
+        const why = error.status === 409 && error.body?.hazardous;
+        if (!why) throw error;
+        const sure =
+            await ask(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
+        return sure ? (await api.post(path, {...body, confirmed: true})).id : null;
+    }
+}
+
+export const STAGES = ["released", "delivered", "accepted", "started", "progress", "completed"];
+const TICKS = {
+    true: "\u2713",
+    false: "\u2717",
+    null: "\u2026"
+};
+
+/** How far a sent command is: {stage: {good, text, t_ns}}, "failed" under "completed" too. */
+export function ladder(row) {
+    const found = {};
+    for (const one of row.stages) found[one.stage] = one;
+    if (found.failed) found.completed = found.failed;
+    return found;
+}
+
+/** The tick of a stage: its sign and class. */
+export function tick(row, stage) {
+    const one = ladder(row)[stage];
+    if (!one) return ["\u00b7", "tick none"];
+    if (stage === "progress" && one.good !== false)
+        return [one.percent != null ? `${one.percent} %` : one.text || "\u2713", "tick good"];
+    return [TICKS[one.good] ?? "\u2713", `tick ${one.good === false ? "bad" : one.good === null ? "open" : "good"}`];
+}
+
+/** "open", "good" or "bad", and why. until: the stage that must be reached. */
+export function outcome(row, until = "completed") {
+    const failed = row.stages.find((one) => one.good === false);
+    if (failed) return {state: "bad", text: failed.text || failed.stage};
+    const far = Math.max(-1, ...row.stages.map((one) => STAGES.indexOf(one.stage)));
+    return {state: far >= STAGES.indexOf(until) ? "good" : "open", text: row.stages.at(-1)?.stage ?? ""};
+}
+
+/** "K = 3, mode = SAFE" */
+export const inWords = (values) =>
+    Object.entries(values ?? {}).map(([name, value]) => `${name} = ${textOf(value)}`).join(", ");
+
+/** The group that a command is shown in. */
+export const groupOf = ({name, group}) =>
+    (name.includes(".") ? name.slice(0, name.lastIndexOf(".")) : group || "commands");
+
+/** Commands in groups for a search: [{group} | {form}], all words must be in the name or description. */
+export function listed(forms, search) {
+    const words = search.toLowerCase().split(/\s+/).filter(Boolean), groups = new Map();
+    for (const form of forms) {
+        const text = `${form.name} ${form.description}`.toLowerCase();
+        if (!words.every((one) => text.includes(one))) continue;
+        const group = groupOf(form);
+        groups.set(group, [...(groups.get(group) ?? []), form]);
+    }
+    return [...groups].sort(([a], [b]) => (a < b ? -1 : 1)).flatMap(([group,
+        inside]) => [{group, n: inside.length}, ...inside.map((form) => ({form}))]);
+}

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+// Commands: found in the database, filled in, looked at as bytes, sent, and followed by their verifiers.
+import {of} from "../api.js";
+import {attempt, dress, h, put} from "../dom.js";
+import {clock} from "../format.js";
+import {Form, STAGES, bytesOf, groupOf, inWords, ladder, listed, outcome, send, textOf, tick} from "../forms.js";
+import {stackOf} from "../stack.js";
+import {Table} from "../table.js";
+
+const WAIT = 150;  // [ms] after the last key until the bytes are asked for
+
+export const title = "Commands", key = "c";
+
+export async function open({root, api, live, keys, craft, selection, select}) {
+    const utc = live.craft(craft)?.clock === "utc";
+    let forms = [], rows = [], form = null, timer = 0, asked = null;
+
+    const search = h("input", {
+        type: "search",
+        placeholder: "Search commands",
+        "aria-label": "search commands",
+        oninput: () => find(),
+        onkeydown: (event) => {
+            if (event.key !== "ArrowDown" && event.key !== "Enter") return;
+            event.preventDefault();
+            list.scroll.focus();
+            const first = rows.findIndex((one) => one.form);
+            if (first >= 0) list.go(first);
+            if (event.key === "Enter") focusForm();
+        }
+    });
+    const list = new Table({
+        label: "commands",
+        columns: [{title: "command"}],
+        empty: "No command fits",
+        fill([cell], k, element) {
+            const one = rows[k];
+            element.classList.toggle("group", !one.form);
+            put(cell,
+                one.form ?
+                    one.form.name.slice(one.form.name.startsWith(groupOf(one.form)) ? groupOf(one.form).length : 0)
+                            .replace(/^[./]/, "") +
+                        (one.form.hazardous ? " \u26a0" : "") :
+                    `${one.group} (${one.n})`);
+            cell.title = one.form ? `${one.form.name}\n${one.form.description}` : one.group;
+        },
+        moved: (k) => rows[k].form && show(rows[k].form),
+        choose: (k, event) => event.key === "Enter" && focusForm(),
+    });
+    const find = () => {
+        rows = listed(forms, search.value);
+        list.at = rows.findIndex((one) => one.form && one.form === form?.form);
+        list.set(rows.length);
+    };
+    const focusForm = () =>
+        (middle.querySelector("input, select, textarea") ?? middle.querySelector("button.primary"))?.focus();
+
+    // --- the form ---
+    const middle = h("section", {class: "panel command", "aria-label": "the command"},
+        h("p", {class: "none soft"}, "Choose a command."));
+    const preview = h("div", {class: "preview"});
+    const said = h("p", {class: "answer", role: "status"});
+    function show(about, values = {}) {
+        if (about === form?.form && !Object.keys(values).length) return;
+        select(about.name);
+        form = new Form(about, values, () => later());
+        const here = h("button", {class: "primary", type: "submit"}, "Send");
+        middle.replaceChildren(h("form", {
+            onsubmit: (event) => {
+                event.preventDefault();
+                transmit(here);
+            }
+        },
+            h("header", {}, h("h2", {}, about.name), about.description && h("p", {class: "soft"}, about.description),
+                about.hazardous && h("p", {class: "hazard"}, "\u26a0 hazardous: ", about.hazardous)),
+            form.element,
+            h("div", {class: "row send"}, here,
+                h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), said),
+            h("div", {class: "look"}, h("h3", {}, "Bytes"), preview)));
+        put(said, "");
+        later(0);
+    }
+    function later(wait = WAIT) {
+        clearTimeout(timer);
+        timer = setTimeout(look, wait);
+    }
+    async function look() {
+        asked?.abort();
+        const now = form, values = form.values(false);
+        preview.classList.toggle("old", values === null);
+        if (values === null) {
+            if (!preview.firstChild)
+                preview.append(h("p", {class: "soft"}, "They are shown when all arguments are given."));
+            return;
+        }
+        asked = new AbortController();
+        try {
+            const answer =
+                await (await api.ask("POST", of(craft, "preview"), {name: now.form.name, arguments: values}, {
+                    signal: asked.signal
+                })).json();
+            if (now === form) preview.replaceChildren(bytesOf(answer));
+        } catch (error) {
+            if (error.name === "AbortError" || now !== form) return;
+            const beside = form.refused(error);
+            preview.replaceChildren(beside ? h("p", {class: "soft"}, "They are shown when all arguments are right.") :
+                                             h("p", {class: "problem"}, error.message));
+        }
+    }
+    async function transmit(button) {
+        const now = form, values = form.values();
+        if (!values) return;
+        button.disabled = true;
+        put(said, "");
+        try {
+            const id = await send(api, craft, now.form.name, values);
+            put(said, id === null ? "Not sent." : "Sent.");
+            dress(said, "answer");
+        } catch (error) {
+            if (!now.refused(error)) {
+                put(said, error.message);
+                dress(said, "answer problem");
+            }
+        } finally { button.disabled = false; }
+    }
+    function stack() {
+        const values = form.values();
+        if (!values) return;
+        stackOf(craft).add({command: form.form.name, arguments: values});
+        put(said, "It is the last of the stack.");
+        dress(said, "answer");
+    }
+
+    // --- what was sent ---
+    const sent = new Sent(live, craft, utc, (row) => details(row));
+    const detail = h("div", {class: "detail"});
+    function details(row) {
+        const again = forms.find((one) => one.name === row.name);
+        detail.replaceChildren(...(row ?
+                [
+                    h("div", {class: "row"}, h("strong", {}, row.name),
+                        h("span", {class: "grow soft"}, inWords(row.arguments)),
+                        again &&
+                            h("button", {
+                                onclick: () => {
+                                    show(again, row.arguments);
+                                    focusForm();
+                                }
+                            },
+                                "Fill in again")),
+                    h("ol", {class: "ladder"},
+                        row.stages.map((one) => h("li", {class: one.good === false ? "bad" : "good"},
+                                           `${clock(one.t_ns, utc)} ${one.stage}${one.text ? `: ${one.text}` : ""}`))),
+                    h("code", {class: "soft wrap"}, row.hex)
+                ] :
+                []));
+    }
+    root.append(h("section", {class: "panel list"}, search, list.element), middle,
+        h("section", {class: "panel sent", "aria-label": "sent commands"}, h("h3", {}, "Sent"), sent.table.element,
+            detail));
+    keys.add("/", "search a command", () => search.focus());
+    keys.add("h", "the commands that were sent", () => sent.table.scroll.focus());
+    await attempt(root, async () => {
+        forms = await api.get(of(craft, "commands"));
+        find();
+        const chosen = forms.find((one) => one.name === selection);
+        if (chosen) show(chosen);
+        list.go(rows.findIndex((one) => one.form && one.form === chosen), true);
+        await sent.load(api);
+    });
+    return () => {
+        clearTimeout(timer);
+        asked?.abort();
+        list.close();
+        sent.close();
+    };
+}
+
+/** The table of sent commands, newest first, with a tick for each verifier. */
+export class Sent {
+    constructor(live, craft, utc, chosen) {
+        Object.assign(this, {craft, rows: [], utc, chosen, shown: null});
+        this.table = new Table({
+            label: "sent commands",
+            empty: "No command was sent yet",
+            columns: [
+                {title: "time", width: utc ? "10.5em" : "7.5em"}, {title: "command", width: "minmax(10em, 3fr)"},
+                {title: "arguments", width: "minmax(6em, 2fr)"}, ...STAGES.map((title) => ({
+                    title: title === "progress" ? "%" : title,
+                    width: title === "progress" ? "4em" : "5.4em",
+                    class: "center"
+                })),
+                {title: "", width: "minmax(6em, 3fr)"}, {title: "by", width: "5.5em"}
+            ],
+            fill: (cells, k) => this.fill(cells, this.rows[k]),
+            moved: (k) => this.show(this.rows[k]),
+        });
+        this.off = [
+            live.on("sent", (row) => row.craft === craft && this.take(row)), live.on("again", () => this.load(this.api))
+        ];
+    }
+
+    async load(api) {
+        this.api = api;
+        for (const row of await api.get(of(this.craft, "sent"))) this.take(row, false);
+        this.table.set(this.rows.length);
+        this.table.draw();
+    }
+
+    take(row, draw = true) {
+        const at = this.rows.findIndex((one) => one.id === row.id);
+        if (at >= 0)
+            this.rows[at] = row;
+        else {
+            const place = this.rows.findIndex((one) => Number(one.id) < Number(row.id));
+            this.rows.splice(place < 0 ? this.rows.length : place, 0, row);
+            if (place === 0 && draw) this.table.shift(1);
+        }
+        if (this.shown === row.id) this.chosen(row);
+        if (draw) this.table.set(this.rows.length);
+    }
+
+    show(row) {
+        this.shown = row.id;
+        this.chosen(row);
+    }
+
+    fill(cells, row) {
+        const [time, name, values, ...rest] = cells, by = rest.pop(), why = rest.pop();
+        put(time, clock(row.t_ns, this.utc, this.utc ? 0 : 1));
+        put(name, row.name);
+        put(values, inWords(row.arguments));
+        STAGES.forEach((stage, i) => {
+            const [sign, name_] = tick(row, stage);
+            dress(rest[i], `td center ${name_}`);
+            put(rest[i], sign);
+            const one = ladder(row)[stage];
+            rest[i].setAttribute(
+                "aria-label", one ? `${one.stage}${one.good === false ? ", no" : ""}` : `not ${stage}`);
+        });
+        const {state, text} = outcome(row);
+        put(why, state === "bad" ? text : "");
+        dress(why, `td ${state === "bad" ? "problem" : ""}`);
+        put(by, row.user);
+    }
+
+    close() {
+        this.off.forEach((end) => end());
+        this.table.close();
+    }
+}

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files to the spacecraft and from it, by CFDP.
+import {of} from "../api.js";
+import {attempt, h, put} from "../dom.js";
+import {clock} from "../format.js";
+import {size} from "../transfer.js";
+
+export const title = "Files", key = "f";
+
+export async function open({root, api, live, keys, craft, can, on, say}) {
+    const utc = live.craft(craft)?.clock === "utc", transfers = new Map();
+    const may = can("command");
+
+    const file = h("input", {
+        type: "file",
+        "aria-label": "a file of this computer",
+        onchange: () => {
+            name.value ||= file.files[0]?.name ?? "";
+        }
+    });
+    const name = h("input", {placeholder: "its name on board", "aria-label": "its name on board", maxLength: 127});
+    const up = h("section", {class: "panel", "aria-label": "to the spacecraft"}, h("h3", {}, "To the spacecraft"),
+        h("form", {
+            class: "row",
+            onsubmit: (event) => {
+                event.preventDefault();
+                upload();
+            }
+        },
+            file, name, h("button", {class: "primary", disabled: !may}, "Send the file")));
+    const wanted = h("input", {placeholder: "name on board", "aria-label": "name of a file on board", maxLength: 127});
+    const aboard = h("tbody"), arrived = h("tbody"), going = h("tbody");
+    const table = (heads, body) =>
+        h("table", {class: "plain"}, h("thead", {}, h("tr", {}, heads.map((one) => h("th", {}, one)))), body);
+    const down = h("section", {class: "panel", "aria-label": "from the spacecraft"}, h("h3", {}, "From the spacecraft"),
+        h("form", {
+            class: "row",
+            onsubmit: (event) => {
+                event.preventDefault();
+                fetchFile(wanted.value.trim());
+            }
+        },
+            wanted, h("button", {disabled: !may}, "Fetch"),
+            h("button", {type: "button", disabled: !may, onclick: () => directory(), title: "d"},
+                "List what is on board")),
+        table(["on board", ""], aboard));
+    const received = h("section", {class: "panel", "aria-label": "received files"}, h("h3", {}, "Received"),
+        table(["file", "size", "time"], arrived));
+    const way = h("section", {class: "panel wide", "aria-label": "transfers"}, h("h3", {}, "Transfers"),
+        table(["", "file", "progress", "", "state", "time", ""], going));
+
+    const upload = () => attempt(up, async () => {
+        const one = file.files[0];
+        if (!one) throw new Error("Choose a file first.");
+        const to = name.value.trim() || one.name;
+        await api.ask("POST", `${of(craft, "files")}?${new URLSearchParams({name: to})}`, one);
+        file.value = name.value = "";
+        say(`${to} is on its way`);
+        await load();
+    });
+    const fetchFile = (what) => attempt(down, async () => {
+        if (!what) throw new Error("Give the name of a file on board.");
+        await api.post(of(craft, "fetch"), {name: what});
+        await load();
+    });
+    const directory = () => attempt(down, async () => {
+        aboard.replaceChildren(h("tr", {}, h("td", {class: "soft"}, "asked for \u2026")));
+        try {
+            const {names} = await api.get(of(craft, "directory"));
+            aboard.replaceChildren(...names.map(
+                (one) => h("tr", {}, h("td", {class: "grow"}, one),
+                    h("td", {},
+                        !one.endsWith("/") &&
+                            h("button", {class: "small", disabled: !may, onclick: () => fetchFile(one)}, "Fetch")))));
+            if (!names.length) aboard.append(h("tr", {}, h("td", {class: "soft"}, "There are no files on board.")));
+        } catch (error) {
+            aboard.replaceChildren();
+            throw error;
+        }
+    });
+    const act = (id, action) => attempt(way, () => api.post(of(craft, "transfers", id), {action}));
+
+    function draw() {
+        going.replaceChildren(...[...transfers.values()].sort((a, b) => Number(b.id) - Number(a.id)).map((one) => {
+            const open_ = one.state === "active" || one.state === "suspended",
+                  share = one.size ? one.done / one.size : 0;
+            return h("tr", {},
+                h("td", {title: one.up ? "to the spacecraft" : "from the spacecraft"},
+                    one.up ? "\u2191 up" : "\u2193 down"),
+                h("td", {}, one.name), h("td", {}, h("progress", {
+                    max: 1,
+                    value: one.state === "completed" ? 1 : share,
+                    "aria-label": `progress of ${one.name}`
+                })),
+                h("td", {class: "num soft"}, one.size ? `${size(one.done)} of ${size(one.size)}` : size(one.done)),
+                h("td", {class: one.state === "failed" ? "problem" :
+                        one.state === "completed"      ? "good" :
+                                                         ""},
+                    `${{completed: "\u2713 ", failed: "\u2717 "}[one.state] ?? ""}${one.state}${
+                        one.text ? `: ${one.text}` : ""}`),
+                h("td", {class: "soft"}, clock(one.t_ns, utc, utc ? 0 : 1)), h("td", {class: "row"}, open_ && may && [
+                    one.state === "active" ?
+                        h("button", {class: "small", onclick: () => act(one.id, "suspend")}, "Suspend") :
+                        h("button", {class: "small", onclick: () => act(one.id, "resume")}, "Resume"),
+                    h("button", {class: "small", onclick: () => act(one.id, "cancel")}, "Cancel")
+                ]));
+        }));
+        if (!transfers.size)
+            going.append(h("tr", {}, h("td", {class: "soft", colSpan: 7}, "No file was sent or fetched yet.")));
+    }
+    async function load() {
+        for (const one of await api.get(of(craft, "transfers"))) transfers.set(one.id, one);
+        draw();
+        const files = await api.get(of(craft, "files"));
+        arrived.replaceChildren(
+            ...files.map((one) => h("tr", {},
+                             h("td", {}, h("a", {href: of(craft, "files", one.name), download: one.name}, one.name)),
+                             h("td", {class: "num soft"}, size(one.size)),
+                             h("td", {class: "soft"}, one.t_ns ? clock(one.t_ns, utc, 0) : ""))));
+        if (!files.length) arrived.append(h("tr", {}, h("td", {class: "soft"}, "Nothing was received yet.")));
+    }
+    on("transfer", (one) => {
+        if (one.craft !== craft) return;
+        const ended = one.state === "completed" && transfers.get(one.id)?.state !== "completed";
+        transfers.set(one.id, one);
+        draw();
+        if (ended) load().catch(() => {});
+    });
+    root.append(h("div", {class: "tiles"}, up, received, down, way));
+    keys.add("u", "choose a file to send", () => file.click());
+    keys.add("d", "list what is on board", directory);
+    keys.add("f", "fetch a file", () => wanted.focus());
+    draw();
+    await attempt(root, load);
+}

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Run control of a craft that the server flies: pause, step, speed, and changes of the world that are faults.
+import {of} from "../api.js";
+import {attempt, dress, h, put} from "../dom.js";
+import {clock} from "../format.js";
+
+export const title = "Simulation", key = "r";
+
+const SPEEDS = [0.1, 1, 2, 5, 10, 50, 100, 1000, 0];
+const words = (speed) => (speed ? `${speed} \u00d7 real time` : "as fast as possible");
+
+/** A text as the value of a fault: a number, list, true or false; else the text itself. */
+export function valueOf(text) {
+    try {
+        return JSON.parse(text);
+    } catch { return text.trim(); }
+}
+
+export async function open({root, api, live, keys, craft, can, on, every}) {
+    const about = live.craft(craft);
+    if (!about?.simulated) {
+        root.append(h("section", {class: "panel"},
+            h("p", {class: "none soft"}, `${craft} is not flown by this server, so it has no run control.`)));
+        return undefined;
+    }
+    const may = can("administer") || can("command");
+    let run = null;
+    const state = h("strong", {class: "state"}), t = h("span", {class: "big"}), real = h("span", {class: "soft"});
+    const seconds = h("input",
+        {type: "number", min: 0, step: "any", value: "1", "aria-label": "seconds of a step", style: "width: 6em"});
+    const speed = h("select",
+        {"aria-label": "speed", onchange: () => post({action: "go", speed: Number(speed.value)}), disabled: !may});
+    const pause = h("button",
+        {disabled: !may, onclick: () => post({action: run?.state === "running" ? "pause" : "go"}), title: "space"});
+    const step = h("button",
+        {disabled: !may, onclick: () => post({action: "step", seconds: Number(seconds.value)}), title: "s"}, "Step");
+    const control = h("section", {class: "panel", "aria-label": "run control"}, h("h3", {}, "Run"),
+        h("div", {class: "row"}, state, t, real),
+        h("div", {class: "row"}, pause, step, seconds, h("span", {class: "soft"}, "s"), h("span", {class: "grow"}),
+            h("span", {class: "soft"}, "speed"), speed));
+    const search = h("input", {
+        type: "search",
+        placeholder: "Search what may be changed",
+        "aria-label": "search what may be changed",
+        oninput: () => faults()
+    });
+    const body = h("tbody"), done = h("ol", {class: "done"});
+    const path = h("output", {class: "mono grow"}),
+          value = h("input", {"aria-label": "value", placeholder: "value, as in 0.03 or [0, 1, 0]"});
+    const inject = h("section", {class: "panel faults", "aria-label": "faults"}, h("h3", {}, "Inject a fault"),
+        h("p", {class: "soft"}, "Choose a parameter of the world, and give it another value at this instant."), search,
+        h("div", {class: "frame"},
+            h("table", {class: "plain"},
+                h("thead", {}, h("tr", {}, ["parameter", "value", "unit", ""].map((one) => h("th", {}, one)))), body)),
+        h("form", {
+            class: "row",
+            onsubmit: (event) => {
+                event.preventDefault();
+                fault();
+            }
+        },
+            path, value, h("button", {class: "danger", disabled: !may}, "Inject")),
+        done);
+
+    const post = (what) => attempt(control, async () => take(await api.post(of(craft, "run"), what)));
+    async function fault() {
+        await attempt(inject, async () => {
+            if (!path.value) throw new Error("Choose a parameter first.");
+            const given = valueOf(value.value), at = run?.t_ns;
+            if (given === "") throw new Error("Give a value.");
+            take(await api.post(of(craft, "run"), {fault: {path: path.value, value: given}}));
+            done.prepend(h("li", {}, `${clock(at, false, 1)} ${path.value} = ${JSON.stringify(given)}`));
+        });
+    }
+    function take(one) {
+        const first = !run?.faults && one.faults;
+        run = {...run, ...one};
+        put(state, {running: "\u25b6 running", paused: "\u23f8 paused", ended: "\u25a0 ended"}[run.state] ?? run.state);
+        dress(state, `state ${run.state}`);
+        put(t, clock(run.t_ns, false, 1));
+        put(real,
+            [run.real_speed ? `${Number(run.real_speed).toPrecision(3)} \u00d7` : "", run.text].filter(Boolean).join(
+                ", "));
+        put(pause, run.state === "running" ? "Pause" : "Go");
+        pause.disabled = step.disabled = !may || run.state === "ended";
+        const all = [...new Set([...SPEEDS, run.speed])];
+        if (speed.childElementCount !== all.length)
+            speed.replaceChildren(...all.map((one) => h("option", {value: String(one)}, words(one))));
+        if (document.activeElement !== speed) speed.value = String(run.speed);
+        if (first || one.faults) faults();
+    }
+    function faults() {
+        const wanted = search.value.toLowerCase().split(/\s+/), all = run?.faults ?? [];
+        const found =
+            all.filter((one) => wanted.every((word) => `${one.path} ${one.meaning}`.toLowerCase().includes(word)));
+        body.replaceChildren(...found.slice(0, 300).map((one) => {
+            const pick = () => {
+                path.value = one.path;
+                value.value = JSON.stringify(one.value);
+                value.focus();
+                value.select();
+            };
+            return h("tr", {
+                tabIndex: 0,
+                onclick: pick,
+                onkeydown: (event) => event.key === "Enter" && (event.preventDefault(), pick())
+            },
+                h("td", {class: "mono"}, one.path), h("td", {class: "mono"}, JSON.stringify(one.value)),
+                h("td", {class: "soft"}, one.unit === "-" ? "" : one.unit), h("td", {class: "soft"}, one.meaning));
+        }));
+        if (found.length > 300)
+            body.append(h("tr", {}, h("td", {class: "soft", colSpan: 4}, `and ${found.length - 300} more: search`)));
+    }
+    root.append(h("div", {class: "tiles run"}, control, inject));
+    const load = () => attempt(root, async () => take(await api.get(of(craft, "run"))));
+    on("run", (one) => one.craft === craft && take(one));
+    every(1000, () => {
+        const now = live.craft(craft);
+        if (run && now?.t_ns) take({t_ns: now.t_ns});
+    });
+    keys.add("s", "pause, or go on", () => pause.click());
+    keys.add("s", "a step", () => step.click());
+    keys.add("s", "faster", () => faster(1));
+    keys.add("s", "slower", () => faster(-1));
+    function faster(by) {
+        const all = [...speed.options].map((one) => one.value);
+        speed.selectedIndex = Math.max(0, Math.min(all.length - 1, speed.selectedIndex + by));
+        speed.dispatchEvent(new Event("change"));
+    }
+    keys.add("s", "inject a fault", () => search.focus());
+    await load();
+    return undefined;
+}

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// Commands that are stored on board: lists with absolute times, sequences, and when each is due.
+import {of} from "../api.js";
+import {ask, attempt, h, put} from "../dom.js";
+import {clock, span} from "../format.js";
+import {Form, listed} from "../forms.js";
+
+export const title = "On board", key = "b";
+
+const ACTIONS = {
+    idle: ["start", "inhibit"],
+    running: ["stop", "hold", "inhibit"],
+    held: ["release", "stop"],
+    inhibited: ["allow"]
+};
+const STATES = {
+    idle: "idle",
+    running: "\u25b6 running",
+    held: "\u23f8 held",
+    inhibited: "\u2298 inhibited"
+};
+
+/** What is due, from now on, soonest first: [{due: s from now, list, step, name}]. */
+export const due = (lists, now) =>
+    lists
+        .flatMap(({list, commands}) => commands.filter((one) => one.due_ns != null).map((one) => ({
+            due: Number(BigInt(one.due_ns) - BigInt(now)) / 1e9,
+            list,
+            step: one.step,
+            name: one.name
+        })))
+        .filter((one) => one.due >= 0)
+        .sort((a, b) => a.due - b.due);
+
+/** The span that a timeline shows, in s: round, and so long that `last` is in it. */
+export function reach(last) {
+    return [60, 300, 600, 1800, 3600, 7200, 21600, 43200, 86400, 604800, 2592000].find((one) => one >= 1.02 * last) ??
+        1.02 * last;
+}
+
+export async function open({root, api, live, keys, craft, can, on, every}) {
+    const utc = live.craft(craft)?.clock === "utc", may = can("command");
+    let stored = {lists: [], text: ""}, forms = [];
+    const now = () => live.craft(craft)?.t_ns ?? "0";
+    const line = h("div", {class: "timeline", role: "img"}), soon = h("tbody"), lists = h("div", {class: "lists"});
+    const strip = h("section", {class: "panel wide", "aria-label": "what is due"}, h("h3", {}, "Due on board"), line,
+        h("table", {class: "plain"},
+            h("thead", {}, h("tr", {}, ["in", "at", "list", "step", "command"].map((one) => h("th", {}, one)))), soon));
+    const problem = h("p", {class: "soft"});
+
+    const post = (what) => attempt(root, () => api.post(of(craft, "stored"), what));
+    async function act(list, action) {
+        if (action === "start" ||
+            await ask(`${action} list ${list}`, `The list ${list} of ${craft}: ${action}.`, [], action))
+            await post({list, action});
+    }
+    function draw() {
+        const at = now(), all = due(stored.lists, at), to = reach(all.at(-1)?.due ?? 0);
+        line.setAttribute("aria-label", `${all.length} commands are due within ${span(to)}`);
+        line.replaceChildren(
+            ...[0, .25, .5, .75, 1].map((share) => h("span", {class: "mark soft", style: `left: ${100 * share}%`},
+                                            share ? `+${span(share * to)}` : "now")),
+            ...all.map((one) => h("span", {
+                class: "due",
+                style: `left: ${100 * one.due / to}%; top: ${1.5 + one.list % 4 * 1.1}rem`,
+                title: `${one.name}\nlist ${one.list}, step ${one.step}, in ${span(one.due)}`
+            },
+                           String(one.list))));
+        soon.replaceChildren(...all.slice(0, 50).map(
+            (one) => h("tr", {}, h("td", {class: "num"}, span(one.due)),
+                h("td", {class: "soft"}, clock(BigInt(at) + BigInt(Math.round(one.due * 1e9)), utc, 0)),
+                h("td", {class: "num"}, one.list), h("td", {class: "num"}, one.step), h("td", {}, one.name))));
+        if (!all.length)
+            soon.append(h("tr", {}, h("td", {class: "soft", colSpan: 5}, stored.text || "Nothing is due.")));
+    }
+    function tables() {
+        put(problem, stored.text ?? "");
+        const shown = stored.lists.filter((one) => one.commands.length || one.state !== "idle" || one.read_ns);
+        lists.replaceChildren(...shown.map(part));
+    }
+    function part({list, state, t_ns, read_ns, commands}) {
+        const small = (word, action, about = {}) =>
+            may && h("button", {class: "small", onclick: action, ...about}, word);
+        const actions = (ACTIONS[state] ?? []).filter((action) => list || !["start", "stop"].includes(action));
+        return h("section", {class: "panel", "aria-label": `list ${list}`},
+            h("div", {class: "row"}, h("h2", {}, list ? `Sequence ${list}` : "Absolute times"),
+                h("span", {}, STATES[state] ?? state, t_ns != null && ` at ${clock(t_ns, false, 0)}`),
+                h("span", {class: "grow"}), actions.map((action) => small(action, () => act(list, action))),
+                small("read", () => post({list, action: "report"}))),
+            h("table", {class: "plain"},
+                h("thead", {}, h("tr", {}, ["time", "step", "command", "bytes", ""].map((name) => h("th", {}, name)))),
+                h("tbody", {},
+                    commands.map(
+                        ({time_ns, step, name, size}) =>
+                            h("tr", {}, h("td", {class: "num"}, clock(time_ns, utc && !list, list ? 1 : 0)),
+                                h("td", {class: "num"}, step), h("td", {}, name), h("td", {class: "num soft"}, size),
+                                h("td", {},
+                                    small("delete", () => post({list, step, action: "delete"}),
+                                        {"aria-label": `delete step ${step}`}))))),
+                !commands.length && h("caption", {class: "soft"}, read_ns ? "It is empty." : "It was not read yet.")));
+    }
+    const load = async () => {
+        stored = await api.get(of(craft, "stored"));
+        tables();
+        draw();
+    };
+
+    // --- a command to be stored ---
+    const dialog = h("dialog", {"aria-label": "store a command"});
+    function compose() {
+        let form = null;
+        const list = h("input", {type: "number", min: 0, max: 15, value: "1", required: true}),
+              step = h("input", {type: "number", min: 0, max: 65534, value: "0", required: true});
+        const at = h("input", {type: "number", min: 0, step: "any", value: "10", required: true}), holder = h("div");
+        const which = h("select", {
+            onchange: () => {
+                form = new Form(forms.find((one) => one.name === which.value));
+                holder.replaceChildren(form.element);
+            }
+        },
+            listed(forms, "").filter((one) => one.form).map(({form: one}) => h("option", {}, one.name)));
+        const field = (text, input) => h("label", {class: "field"}, h("span", {}, text), input);
+        const inside = h("form", {
+            onsubmit: (event) => {
+                event.preventDefault();
+                const values = form?.values();
+                if (values)
+                    attempt(inside, async () => {
+                        try {
+                            await api.post(of(craft, "stored"), {
+                                list: Number(list.value),
+                                step: Number(step.value),
+                                time_ns: String(Math.round(Number(at.value) * 1e9)),
+                                name: which.value,
+                                arguments: values
+                            });
+                            dialog.close();
+                        } catch (error) {
+                            if (!form.refused(error)) throw error;
+                        }
+                    });
+            }
+        },
+            h("h2", {}, "Store a command"),
+            h("p", {class: "soft"},
+                "List 0 has absolute times of flight; the others are sequences, whose times count from their start."),
+            h("div", {class: "row"}, field("list", list), field("step", step), field("time [s]", at)),
+            field("command", which), holder,
+            h("div", {class: "row end"}, h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
+                h("button", {class: "primary"}, "Store")));
+        dialog.replaceChildren(inside);
+        which.dispatchEvent(new Event("change"));
+        dialog.showModal();
+    }
+    root.append(
+        h("div", {class: "row"},
+            h("button", {class: "primary", disabled: !may, onclick: compose, title: "a"}, "Store a command"),
+            h("button", {disabled: !may, onclick: () => post({action: "report"}), title: "R"}, "Read all lists"),
+            problem),
+        strip, lists, dialog);
+    keys.add("a", "store a command", compose);
+    keys.add("R", "read all lists", () => post({action: "report"}));
+    on("stored", (one) => {
+        if (one.craft !== craft) return;
+        stored = one;
+        tables();
+        draw();
+    });
+    on("sent",
+        (row) => row.craft === craft && row.stages.some(({stage}) => stage === "completed") && load().catch(() => {}));
+    every(1000, draw);
+    await attempt(root, async () => {
+        await load();
+        forms = await api.get(of(craft, "commands"));
+    });
+}
