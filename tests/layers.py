@@ -103,6 +103,7 @@ PARTS = [
      "folder of `targets`"),
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
     ("profile", "what flight costs on a target"),
+    ("control_room", "the server of the control room, and its page"),
     ("cli", "the commands of `./fledge`"),
 ]
 
@@ -112,8 +113,8 @@ THIRD_PARTIES = {
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
     "fledge":     {"IPython", "_core", "_core_build", "_emulator", "_fledge_world", "_ground", "_project_world",
-                   "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "markupsafe", "matplotlib", "numpy",
-                   "pandas", "scipy", "serial", "zmq"},
+                   "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "markupsafe", "matplotlib",
+                   "numpy", "pandas", "scipy", "serial", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "erfa", "jplephem", "mpmath", "numpy"},

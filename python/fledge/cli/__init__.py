@@ -403,8 +403,8 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import (compare, export, flips, fly, ground, keys, montecarlo, node, packets, profile, prompt,
-                            replay, up)
+    from fledge.cli import (compare, control_room, export, flips, fly, ground, keys, montecarlo, node, packets,
+                            profile, prompt, replay, up)
 
     node.add_parameters(one)
     node.add(command)
@@ -420,6 +420,7 @@ def parser() -> argparse.ArgumentParser:
     keys.add(command)
     up.add(command)
     ground.add(command)
+    control_room.add(command)
 
     one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")

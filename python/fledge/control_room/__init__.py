@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control room: a server that decodes the telemetry of spacecraft, keeps it, commands them, and has a console in the
-browser (docs/control-room.md).
+"""The control room: a server that decodes the telemetry of spacecraft, keeps it, commands them, and has a console in
+the browser (docs/control-room.md).
 
     settings.py     what FILE of `fledge ground serve FILE` says
     spacecraft.py   one spacecraft: its link in a thread, its monitor and archive
@@ -10,5 +10,6 @@ browser (docs/control-room.md).
     derived.py      parameters that are computed from others
     journal.py      commands, events, alarms, transfers and the operators' log, in SQLite
     replay.py       a session again, as a further spacecraft
+    users.py        who may use the server: roles, sessions, tokens, and what a stranger may cost
     web.py          HTTP and WebSocket; api.yaml describes them
 """

@@ -1,0 +1,617 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may use the server: users with roles, sessions that end, tokens of scripts, and what a stranger may cost.
+
+    access = Access.read(table, folder)         # of the server's file; refuses to be open to a network without TLS
+    guard = Guard(access, log)                  # log(user, action, details) is the operators' log
+    app = web.Application(middlewares=[guard.middleware], client_max_size=BODY_MOST)
+    guard.attach(app)                           # GET /api/session, POST /api/login, POST /api/logout
+    runner = await guard.listen(app)
+
+    host = "0.0.0.0"                # without it, this machine alone
+    certificate = "server.pem"      # PEM, with its chain; and its key
+    key = "server.key"
+    session_h = 12                  # after which a user logs in again; idle_min = 30 without a request or a live page
+    [[user]]
+    name = "ada"
+    password = "scrypt:..."         # `fledge ground password` prints the line
+    roles = ["view", "command"]     # of view, command, administer
+    crafts = ["imager"]             # the roles hold for these alone; without it, for all
+    [[token]]                       # `fledge ground token NAME` prints both; a script sends "Authorization: Bearer ..."
+    name = "night pass"
+    hash = "sha256:..."
+    roles = ["view"]
+
+Without users and tokens everybody on this machine is "operator" with all roles. Pages of other origins are refused in
+either case: a changing request carries the header X-Fledge-CSRF with the word of GET /api/session, or a token.
+"""
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import logging
+import secrets
+import ssl
+from base64 import urlsafe_b64decode, urlsafe_b64encode
+from binascii import Error as NotBase64
+from collections import Counter, defaultdict, deque
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from ipaddress import ip_address, ip_network
+from json import JSONDecodeError, dumps, loads
+from pathlib import Path
+from time import monotonic
+from typing import Any
+from urllib.parse import urlsplit
+from weakref import WeakSet
+
+from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
+
+from fledge import __version__
+from fledge.errors import SetupError, did_you_mean, listed
+
+ROLES = ("view", "command", "administer")
+KEYS = {"host", "port", "certificate", "key", "session_h", "idle_min", "user", "token"}     # of the server's file
+PORT = 8080
+NAMES = ("localhost", "127.0.0.1", "::1")
+COST = (1 << 15, 8, 3)              # n, r, p of scrypt: 32 MiB, about 0.3 s
+PASSWORD_LEAST, PASSWORD_MOST = 10, 1024            # characters
+ATTEMPTS, ATTEMPTS_S = 10, 600      # failed logins and tokens of one address within a time [s]
+QUEUE = 8                           # logins that wait for their password to be checked
+SESSIONS = 16                       # of one user; the oldest ends
+TOTAL, EACH = 512, 128              # connections, and those of one address
+FIRST_S, BODY_S = 10, 60            # [s] for the first request of a connection, for the body of a request
+BODY_MOST, LOGGED = 1 << 24, 2000   # bytes of a body; of one whose content the log gets, and of a stranger's
+OPEN = {"/api/session", "/api/login"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+                               "media-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'self'; "
+                               "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY", "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin", "Cross-Origin-Resource-Policy": "same-origin", "Server": "fledge"}
+
+Log = Callable[[str, str, dict[str, Any]], None]
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+# --- secrets ---------------------------------------------------------------------------------------
+
+def hashed(password: str, cost: tuple[int, int, int] = COST) -> str:
+    """The text by which the server's file knows a password (RFC 7914)."""
+    salt = secrets.token_bytes(16)
+    return ":".join(["scrypt", *map(str, cost), _text(salt), _text(_scrypt(password, salt, *cost))])
+
+
+def token() -> tuple[str, str]:
+    """(a new token, its hash in the server's file)."""
+    made = f"fledge_{secrets.token_urlsafe(32)}"
+    return made, f"sha256:{_digest(made)}"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode(errors="replace")).hexdigest()
+
+
+def _text(data: bytes) -> str:
+    return urlsafe_b64encode(data).decode().rstrip("=")
+
+
+def _bytes(text: str) -> bytes:
+    return urlsafe_b64decode(text + "=" * (-len(text) % 4))
+
+
+def _scrypt(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:
+    return hashlib.scrypt(password.encode(errors="replace"), salt=salt, n=n, r=r, p=p, maxmem=256 * r * (n + p + 2))
+
+
+@dataclass(frozen=True)
+class _Password:
+    """What an entered password is compared with."""
+
+    cost: tuple[int, int, int]
+    salt: bytes
+    key: bytes
+
+    @classmethod
+    def read(cls, text: Any, where: str) -> _Password:
+        try:
+            kind, n, r, p, salt, key = text.split(":")
+            made = cls((int(n), int(r), int(p)), _bytes(salt), _bytes(key))
+            n, r, p = made.cost
+            if kind == "scrypt" and n & n - 1 == 0 and 1 < n <= 1 << 20 and 0 < r * p <= 64 and len(made.key) == 64:
+                return made
+        except (AttributeError, ValueError, NotBase64):
+            pass
+        raise SetupError(f"{where}: password is no line of `fledge ground password`, which begins with \"scrypt:")
+
+    def fits(self, password: str) -> bool:
+        return hmac.compare_digest(_scrypt(password, self.salt, *self.cost), self.key)
+
+
+# --- the server's file -----------------------------------------------------------------------------
+
+@dataclass(frozen=True)
+class User:
+    """A person or a script."""
+
+    name: str
+    roles: frozenset[str]
+    crafts: frozenset[str] | None = None            #: None: all
+    password: _Password | None = field(default=None, repr=False)
+
+    def may(self, craft: str | None, role: str) -> bool:
+        """Whether a role holds for a craft; for None, for any."""
+        return role in self.roles and (craft is None or self.crafts is None or craft in self.crafts)
+
+
+OPERATOR = User("operator", frozenset(ROLES))
+
+
+@dataclass(frozen=True)
+class Access:
+    """Where the server listens, and to whom."""
+
+    host: str = NAMES[1]
+    port: int = PORT
+    certificate: Path | None = None
+    key: Path | None = None
+    session_s: float = 12 * 3600.0
+    idle_s: float = 30 * 60.0
+    users: dict[str, User] = field(default_factory=dict)
+    tokens: dict[str, User] = field(default_factory=dict)       #: by the token's hash
+
+    @classmethod
+    def read(cls, table: dict[str, Any], folder: Path) -> Access:
+        """That of the server's file, whose other keys are not looked at. folder: where its paths begin.
+        Raises SetupError."""
+        def given(name: str, kinds: type | tuple[type, ...], default: Any, what: str) -> Any:
+            found = table.get(name, default)
+            if name in table and (not isinstance(found, kinds) or isinstance(found, bool)):
+                raise SetupError(f"{name} is {what}; found {found!r}")
+            return found
+
+        host = given("host", str, NAMES[1], "an address of this machine, as \"127.0.0.1\"")
+        port = given("port", int, PORT, "a number from 0 to 65535")
+        if not 0 <= port < 1 << 16:
+            raise SetupError(f"port is a number from 0 to 65535; found {port}")
+        times = [given(name, (int, float), default, "a number above 0")
+                 for name, default in (("session_h", 12), ("idle_min", 30))]
+        for name, found in zip(("session_h", "idle_min"), times):
+            if not 0 < found < 1e5:
+                raise SetupError(f"{name} is a number above 0; found {found}")
+        files = [given(name, str, None, "the path of a PEM file") for name in ("certificate", "key")]
+        if (files[0] is None) != (files[1] is None):
+            raise SetupError("certificate and key belong together; found one of them")
+        users = {one.name: one for one in _people(given("user", list, [], "a table [[user]]"), "user")}
+        tokens: dict[str, User] = {}
+        for entry, one in zip(table.get("token", []), _people(given("token", list, [], "a table [[token]]"), "token")):
+            kind, _, digest = str(entry.get("hash")).partition(":")
+            if kind != "sha256" or len(digest) != 64 or set(digest) - set("0123456789abcdef"):
+                raise SetupError(f"token {one.name}: hash is no line of `fledge ground token`, which begins with "
+                                 "\"sha256:")
+            tokens[digest] = one
+        if not is_loopback(host) and not (files[0] and (users or tokens)):
+            lacks = [what for what, there in (("certificate and key, for TLS", files[0]),
+                                              ("[[user]] or [[token]]", users or tokens)) if not there]
+            raise SetupError(f"host = \"{host}\" opens the server to a network, which needs {' and '.join(lacks)}; "
+                             "without host it is open to this machine alone")
+        certificate, key = [folder / one if one else None for one in files]
+        access = cls(host, port, certificate, key, times[0] * 3600.0, times[1] * 60.0, users, tokens)
+        access.tls()
+        return access
+
+    @property
+    def closed(self) -> bool:
+        """Whether one has to say who one is."""
+        return bool(self.users or self.tokens)
+
+    def tls(self) -> ssl.SSLContext | None:
+        """The context of TLS, if the server has a certificate. Raises SetupError."""
+        if not self.certificate:
+            return None
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_cert_chain(self.certificate, self.key, password=lambda: "")
+        except OSError as error:
+            raise SetupError(f"certificate {self.certificate} and key {self.key} cannot be used: "
+                             f"{error.strerror or error}") from None
+        return context
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host's name or address is this machine's alone."""
+    try:
+        return host == NAMES[0] or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _people(entries: list[Any], kind: str) -> list[User]:
+    known = {"name", "roles", "crafts", "password" if kind == "user" else "hash"}
+    found: list[User] = []
+    for place, entry in enumerate(entries, 1):
+        name = entry.get("name") if isinstance(entry, dict) else None
+        if not isinstance(name, str) or not 0 < len(name) <= 100 or not name.isprintable():
+            raise SetupError(f"{kind} {place}: name is a text of 1 to 100 characters; found {name!r}")
+        where = f"{kind} {name}"
+        for key in entry:
+            if key not in known:
+                raise SetupError(f"{where}: there is no '{key}'{did_you_mean(key, known)} there is "
+                                 + listed(sorted(known)))
+        roles, crafts = entry.get("roles"), entry.get("crafts")
+        if not isinstance(roles, list) or not roles or not set(map(str, roles)) <= set(ROLES):
+            raise SetupError(f"{where}: roles is a list of {listed(ROLES)}; found {roles!r}")
+        if crafts is not None and (not isinstance(crafts, list) or not all(isinstance(one, str) for one in crafts)):
+            raise SetupError(f"{where}: crafts is a list of names; found {crafts!r}")
+        if any(one.name == name for one in found):
+            raise SetupError(f"{where}: there are two of this name")
+        found.append(User(name, frozenset(roles), None if crafts is None else frozenset(crafts),
+                          _Password.read(entry.get("password"), where) if kind == "user" else None))
+    return found
+
+
+# --- requests --------------------------------------------------------------------------------------
+
+class _Session:
+    """What a browser with a cookie may do, until it ends."""
+
+    def __init__(self, user: User, now: float) -> None:
+        self.user, self.used = user, now
+        self.csrf = secrets.token_urlsafe(24)
+        self.live: set[asyncio.Task[Any]] = set()       # its open WebSockets
+        self.end: asyncio.TimerHandle | None = None
+
+
+class Refusal(web.HTTPException):
+    """An answer with a sentence why."""
+
+    def __init__(self, status: int, why: str, headers: dict[str, str] | None = None) -> None:
+        self.status_code = status
+        super().__init__(text=dumps({"error": why}), content_type="application/json", headers=headers)
+        self.why = why
+
+
+class Guard:
+    """Stands in front of every request. clock: [s] of sessions' idleness and of failed attempts."""
+
+    def __init__(self, access: Access, log: Log, clock: Callable[[], float] = monotonic) -> None:
+        self.access, self.log, self.clock = access, log, clock
+        self.total, self.each, self.first_s, self.body_s = TOTAL, EACH, FIRST_S, BODY_S
+        self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
+        self._sessions: dict[str, _Session] = {}        # by the hash of the cookie
+        self._nobody = _Session(OPERATOR, 0.0)          # of everybody, if there are no users
+        self._failed: dict[str, deque[float]] = defaultdict(deque)
+        self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
+        self._heard: WeakSet[Any] = WeakSet()           # connections with a request
+        self._checker, self._waiting = ThreadPoolExecutor(1), 0
+        # One who does not exist takes as long as one who does.
+        self._example = next((one.password for one in access.users.values()), None)
+
+    def attach(self, app: web.Application) -> None:
+        """Add the routes and headers to an application whose middleware this is."""
+        app.router.add_get("/api/session", self._session)
+        app.router.add_post("/api/login", self._login)
+        app.router.add_post("/api/logout", self._logout)
+        app.on_response_prepare.append(self._secured)
+        app.on_cleanup.append(self._stop)
+
+    def allowed(self, request: web.Request, craft: str | None, role: str) -> bool:
+        """Whether the user of a request has a role for a craft; for None, for any."""
+        user: User | None = request.get("user")
+        return user is not None and user.may(craft, role)
+
+    def require(self, request: web.Request, craft: str | None, role: str) -> None:
+        """Raises the answer 403, and notes it."""
+        if not self.allowed(request, craft, role):
+            raise Refusal(403, f"{request['user'].name} lacks the role '{role}'" + (f" for {craft}" if craft else ""))
+
+    @web.middleware
+    async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Of the application."""
+        self._heard.add(request.transport)
+        request["user"] = None
+        try:
+            return await self._admitted(request, handler)
+        except web.HTTPException as error:
+            if error.status < 400:
+                raise
+            why = error.why if isinstance(error, Refusal) else error.text or error.reason
+            if error.status in (401, 403, 413, 429) or request["user"] and _changes(request):
+                self._refused(request, error.status, why)
+            if isinstance(error, Refusal):
+                raise
+            kept = {name: error.headers[name] for name in ("Allow", "Retry-After") if name in error.headers}
+            raise Refusal(error.status, why, kept) from None
+        except Exception:
+            _logger().exception("%s %s", request.method, request.path)
+            self._refused(request, 500, "the server made an error")
+            raise Refusal(500, "the server made an error, which its terminal shows") from None
+
+    async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        live = request.headers.get("Upgrade", "").lower() == "websocket"
+        host = _host(request)
+        if is_loopback(self.access.host) and host not in (*NAMES, self.access.host):
+            raise Refusal(403, f"this server is {NAMES[0]}; the request is for {host!r}")
+        origin = request.headers.get("Origin")
+        if (live or _changes(request)) and origin is not None and origin != f"{request.scheme}://{request.host}":
+            raise Refusal(403, f"a page of {origin} may not do this here")
+        session, by_token = self._who(request)
+        user = session.user if session else by_token
+        request["user"], request["session"] = user, session
+        if request.path.startswith("/api/") and request.path not in OPEN and user is None:
+            raise Refusal(401, "log in first: POST /api/login, or a token")
+        if _changes(request):
+            if session and request.path != "/api/login" and not hmac.compare_digest(
+                    request.headers.get("X-Fledge-CSRF", "").encode(), session.csrf.encode()):
+                raise Refusal(403, "the header X-Fledge-CSRF is missing or old; GET /api/session has it")
+            await self._note(request)
+        if not live or user is None:
+            return await handler(request)
+        task = asyncio.current_task()
+        assert task
+        if session:
+            session.live.add(task)
+        try:
+            return await handler(request)
+        finally:
+            if session:
+                session.live.discard(task)
+                session.used = self.clock()
+
+    def _who(self, request: web.Request) -> tuple[_Session | None, User | None]:
+        """The session of a cookie, or the user of a token."""
+        given = request.headers.get("Authorization")
+        if given is not None:
+            kind, _, word = given.partition(" ")
+            self._count(request)
+            user = self.access.tokens.get(_digest(word.strip())) if kind.lower() == "bearer" else None
+            if user is None:
+                self._failed[_address(request.remote)].append(self.clock())
+                raise Refusal(401, "the token is none of this server")
+            return None, user
+        if not self.access.closed:
+            return self._nobody, None
+        name = _digest(request.cookies.get(self._cookie(request), ""))
+        session = self._sessions.get(name)
+        if session and not session.live and self.clock() - session.used > self.access.idle_s:
+            self._end(name, "it was idle")
+            return None, None
+        if session:
+            session.used = self.clock()
+        return session, None
+
+    async def _note(self, request: web.Request) -> None:
+        """Read the body of a changing request, and write the request into the log."""
+        stranger = request["user"] is None
+        if stranger and ((request.content_length or 0) > LOGGED or "Transfer-Encoding" in request.headers):
+            raise Refusal(413, f"a login has at most {LOGGED} bytes, and says how many")
+        try:
+            body = await asyncio.wait_for(request.read(), self.body_s)
+        except asyncio.TimeoutError:
+            raise Refusal(408, f"the request took longer than {self.body_s} s") from None
+        if stranger or request.path in ("/api/login", "/api/logout"):
+            return
+        details: dict[str, Any] = {"bytes": len(body)}
+        if len(body) <= LOGGED:
+            with suppress(JSONDecodeError, UnicodeDecodeError, RecursionError):
+                details = {"body": loads(body)} if body else {}
+        if request.query_string:
+            details["query"] = dict(request.query)
+        self.log(request["user"].name, f"{request.method} {request.path}", details)
+
+    def _refused(self, request: web.Request, status: int, why: str) -> None:
+        """A refusal in the log; those of strangers at the 1st, the 10th, the 100th, ... time, for they cost nothing."""
+        user, address = request["user"], _address(request.remote)
+        details: dict[str, Any] = {"request": f"{request.method} {request.path}"[:200], "status": status,
+                                   "why": why[:200], "from": address}
+        if user is None:
+            details["times"] = self._times(address, f"{status}")
+            if not details["times"]:
+                return
+        self.log(user.name if user else "", "refused", details)
+
+    def _times(self, address: str, what: str) -> int:
+        if len(self._strangers) > 10_000:
+            self._strangers.clear()
+        self._strangers[address, what] += 1
+        times = self._strangers[address, what]
+        return times if str(times).strip("0") == "1" else 0
+
+    # --- sessions ---
+
+    def _cookie(self, request: web.Request) -> str:
+        here = request.transport.get_extra_info("sockname") if request.transport else None
+        return f"{'__Host-' if request.secure else ''}fledge-{here[1] if here else 0}"      # cookies know no ports
+
+    async def _session(self, request: web.Request) -> web.Response:
+        user, session = request["user"], request["session"]
+        return web.json_response({
+            "user": user.name if user else None, "roles": [one for one in ROLES if user and one in user.roles],
+            "crafts": sorted(user.crafts) if user and user.crafts is not None else None,
+            "csrf": session.csrf if session else "", "version": __version__})
+
+    async def _login(self, request: web.Request) -> web.Response:
+        try:
+            given = await request.json()
+            name, password = given["user"], given["password"]
+            if not isinstance(name, str) or not isinstance(password, str) or len(password) > PASSWORD_MOST:
+                raise ValueError
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise Refusal(400, "expected {\"user\": \"...\", \"password\": \"...\"}") from None
+        if not self.access.users:
+            raise Refusal(400, "this server has no users to log in")
+        self._count(request)
+        if self._waiting >= QUEUE:
+            raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
+        user = self.access.users.get(name)
+        kept = user.password if user else self._example
+        assert kept
+        self._waiting += 1
+        try:
+            fits = await asyncio.get_running_loop().run_in_executor(self._checker, kept.fits, password)
+        finally:
+            self._waiting -= 1
+        if not user or not fits:
+            self._failed[_address(request.remote)].append(self.clock())
+            raise Refusal(401, "the name or the password is wrong")
+        if old := request["session"]:
+            self._end_of(old, f"{old.user.name} logged in again")
+        self._failed.pop(_address(request.remote), None)
+        request["user"], request["session"] = user, self._begin(user, word := secrets.token_urlsafe(32))
+        self.log(user.name, "logged in", {"from": _address(request.remote)})
+        response = await self._session(request)
+        self._give(request, response, word, self.access.session_s)
+        return response
+
+    async def _logout(self, request: web.Request) -> web.Response:
+        if request["session"]:
+            self._end_of(request["session"], "logged out")
+        response = web.json_response({})
+        self._give(request, response, "", 0)
+        return response
+
+    def _give(self, request: web.Request, response: web.Response, word: str, age_s: float) -> None:
+        response.set_cookie(self._cookie(request), word, max_age=int(age_s), path="/", httponly=True,
+                            samesite="Strict", secure=request.secure)
+
+    def _begin(self, user: User, word: str) -> _Session:
+        own = [key for key, one in self._sessions.items() if one.user == user]
+        for key in own[:len(own) - SESSIONS + 1]:
+            self._end(key, "the user began too many others")
+        name, session = _digest(word), _Session(user, self.clock())
+        session.end = asyncio.get_running_loop().call_later(
+            self.access.session_s, lambda: self._end(name, "its time was over"))
+        self._sessions[name] = session
+        return session
+
+    def _end_of(self, session: _Session, why: str) -> None:
+        for name in [key for key, one in self._sessions.items() if one is session]:
+            self._end(name, why)
+
+    def _end(self, name: str, why: str) -> None:
+        session = self._sessions.pop(name)
+        if session.end:
+            session.end.cancel()
+        for task in session.live:
+            task.cancel()
+        self.log(session.user.name, "session ended", {"why": why})
+
+    def _count(self, request: web.Request) -> None:
+        """Refuse an address that guesses names, passwords or tokens."""
+        now, address = self.clock(), _address(request.remote)
+        if len(self._failed) > 10_000:
+            self._failed = defaultdict(deque, {key: kept for key, kept in self._failed.items()
+                                               if kept and kept[-1] > now - ATTEMPTS_S})
+        failed = self._failed.get(address, deque())
+        while failed and failed[0] <= now - ATTEMPTS_S:
+            failed.popleft()
+        if len(failed) >= ATTEMPTS:
+            rest = int(failed[0] + ATTEMPTS_S - now) + 1
+            raise Refusal(429, f"{ATTEMPTS} attempts have failed; try again in {rest} s", {"Retry-After": str(rest)})
+
+    async def _secured(self, request: web.Request, response: web.StreamResponse) -> None:
+        response.headers.update(HEADERS)
+        if request.secure:
+            response.headers["Strict-Transport-Security"] = "max-age=31536000"
+        if request.path.startswith("/api/"):
+            response.headers.setdefault("Cache-Control", "no-store")
+
+    async def _stop(self, _: web.Application) -> None:
+        self._checker.shutdown(wait=False)
+        for one in self._sessions.values():
+            if one.end:
+                one.end.cancel()
+
+    # --- connections ---
+
+    async def listen(self, app: web.Application) -> web.AppRunner:
+        """Serve an application where the file says; `addresses` then has where. Raises SetupError."""
+        listener: list[asyncio.AbstractServer] = []
+
+        async def close(_: web.Application) -> None:
+            for one in listener:
+                one.close()
+
+        app.on_shutdown.append(close)
+        runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30)
+        await runner.setup()
+        tls = self.access.tls()
+        try:
+            server = await asyncio.get_running_loop().create_server(
+                lambda: _Door(self, runner), self.access.host, self.access.port, ssl=tls,
+                ssl_handshake_timeout=self.first_s if tls else None)
+        except OSError as error:
+            await runner.cleanup()
+            raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None
+        listener.append(server)
+        self.addresses = [one.getsockname() for one in server.sockets]
+        return runner
+
+    def full(self, runner: web.AppRunner, address: str) -> bool:
+        """Whether one more connection would be too many."""
+        assert runner.server
+        there = [one.transport for one in runner.server.connections if one.transport]
+        if len(there) < self.total and sum(_peer(one) == address for one in there) < self.each:
+            return False
+        if times := self._times(address, "connections"):
+            self.log("", "refused", {"why": f"{len(there)} connections", "from": address, "times": times})
+        return True
+
+    def late(self, transport: asyncio.Transport) -> None:
+        """Close a connection that has not sent a request in its first seconds."""
+        if transport not in self._heard:
+            transport.abort()
+
+
+class _Door(asyncio.Protocol):
+    """A connection until it is admitted; then aiohttp has it."""
+
+    def __init__(self, guard: Guard, runner: web.AppRunner) -> None:
+        self._guard, self._runner = guard, runner
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport) and self._runner.server
+        if self._guard.full(self._runner, _peer(transport)):
+            transport.abort()
+            return
+        inside = self._runner.server()
+        transport.set_protocol(inside)
+        inside.connection_made(transport)
+        asyncio.get_running_loop().call_later(self._guard.first_s, self._guard.late, transport)
+
+
+def _peer(transport: asyncio.BaseTransport) -> str:
+    peer = transport.get_extra_info("peername")
+    return _address(peer[0] if peer else None)
+
+
+def _address(remote: str | None) -> str:
+    """Where a request comes from: an address of IPv4, or a network of IPv6, of which one host has 2^64 addresses."""
+    try:
+        address = ip_address(remote or "")
+    except ValueError:
+        return str(remote)
+    return str(address) if address.version == 4 else str(ip_network((address, 64), strict=False))
+
+
+def _host(request: web.Request) -> str:
+    try:
+        return urlsplit(f"//{request.host}").hostname or ""
+    except ValueError:
+        return request.host
+
+
+def _changes(request: web.Request) -> bool:
+    return request.method not in ("GET", "HEAD", "OPTIONS")
+
+
+def _logger() -> logging.Logger:
+    """aiohttp's, without a trace of each request that is none: those are answered with 400."""
+    logger = logging.getLogger("fledge.control_room")
+    if not logger.filters:
+        logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+    return logger

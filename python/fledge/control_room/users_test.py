@@ -1,0 +1,390 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may use the server, against a server on its sockets. FLEDGE_CASES=100000 fuzzes so many requests and messages."""
+import asyncio
+import json
+import os
+import random
+import ssl
+import subprocess
+import tomllib
+from contextlib import suppress
+from hashlib import sha256
+from io import StringIO
+
+import pytest
+from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
+
+from fledge import cli
+from fledge.control_room.users import BODY_MOST, HEADERS, LOGGED, ROLES, Access, Guard, hashed, token
+from fledge.errors import SetupError
+
+CASES = int(os.environ.get("FLEDGE_CASES", 300))
+CHEAP = (16, 8, 1)      # of scrypt
+TOKEN, TOKEN_HASH = token()
+USERS = {"user": [
+    {"name": "ada", "password": hashed("correct horse", CHEAP), "roles": ["view", "command"], "crafts": ["imager"]},
+    {"name": "bob", "password": hashed("battery staple", CHEAP), "roles": ["view"]}],
+    "token": [{"name": "night", "hash": TOKEN_HASH, "roles": ["view", "command"]}]}
+
+
+class Server:
+    """A small server behind a guard, a client of it, and the operators' log."""
+
+    def __init__(self, table, folder):
+        self.log, self.now = [], 0.0
+        self.access = Access.read({"port": 0, **table}, folder)
+        self.guard = Guard(self.access, lambda *entry: self.log.append(entry), lambda: self.now)
+        self.received = []
+
+    async def __aenter__(self):
+        app = web.Application(middlewares=[self.guard.middleware], client_max_size=BODY_MOST)
+        self.guard.attach(app)
+        app.router.add_get("/", self.page)
+        app.router.add_get("/api/crafts", self.crafts)
+        app.router.add_post("/api/crafts/{c}/send", self.send)
+        app.router.add_get("/api/live", self.live)
+        self.runner = await self.guard.listen(app)
+        self.port = self.guard.addresses[0][1]
+        self.url = f"http{'s' if self.access.certificate else ''}://127.0.0.1:{self.port}"
+        self.client = ClientSession(cookie_jar=CookieJar(unsafe=True))
+        return self
+
+    async def __aexit__(self, *_):
+        await self.client.close()
+        await self.runner.cleanup()
+
+    async def page(self, request):
+        return web.Response(text="<p>page", content_type="text/html")
+
+    async def crafts(self, request):
+        return web.json_response(["imager"])
+
+    async def send(self, request):
+        self.guard.require(request, request.match_info["c"], "command")
+        self.received.append(await request.json())
+        return web.json_response({"id": len(self.received)})
+
+    async def live(self, request):
+        socket = web.WebSocketResponse(max_msg_size=1 << 16)
+        await socket.prepare(request)
+        async for message in socket:
+            if message.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
+                break
+            try:
+                await socket.send_json({"heard": json.loads(message.data)})
+            except (ValueError, RecursionError):
+                await socket.send_json({"error": "no JSON"})
+        return socket
+
+    async def ask(self, method, path, code=200, **given):
+        async with self.client.request(method, self.url + path, **given) as answer:
+            text = await answer.text()
+            assert answer.status == code, text
+            assert HEADERS.items() <= dict(answer.headers).items()
+            return json.loads(text) if "json" in answer.content_type else text
+
+    async def login(self, user, password, code=200):
+        session = await self.ask("POST", "/api/login", code, json={"user": user, "password": password})
+        return {"X-Fledge-CSRF": session.get("csrf", "")}
+
+    def refusals(self):
+        return [(user, details["why"]) for user, action, details in self.log if action == "refused"]
+
+
+def served(tmp_path, table=USERS):
+    """A decorator: run a coroutine with a server."""
+    def decorate(does):
+        async def run():
+            async with Server(table, tmp_path) as server:
+                await does(server)
+
+        asyncio.run(asyncio.wait_for(run(), 300))
+
+    return decorate
+
+
+def test_without_users_this_machine_alone_is_the_operator(tmp_path):
+    @served(tmp_path, {})
+    async def _(server):
+        session = await server.ask("GET", "/api/session")
+        assert session["user"] == "operator" and session["roles"] == list(ROLES)
+        csrf = {"X-Fledge-CSRF": session["csrf"]}
+        assert await server.ask("POST", "/api/crafts/imager/send", json={"name": "noop"}, headers=csrf) == {"id": 1}
+        assert ("operator", "POST /api/crafts/imager/send", {"body": {"name": "noop"}}) in server.log
+        for headers, why in (({}, "X-Fledge-CSRF is missing"), ({"X-Fledge-CSRF": "\xff"}, "missing or old"),
+                             ({**csrf, "Origin": "https://example.org"}, "a page of https://example.org"),
+                             ({**csrf, "Origin": "null"}, "a page of null"),
+                             ({**csrf, "Origin": f"http://127.0.0.1:{server.port + 1}"}, "may not do this"),
+                             ({**csrf, "Host": f"example.org:{server.port}"}, "this server is localhost")):
+            error = await server.ask("POST", "/api/crafts/imager/send", 403, json={}, headers=headers)
+            assert why in error["error"]
+        await server.ask("GET", "/", 403, headers={"Host": "example.org"})      # a name that was made to lead here
+        assert len(server.received) == 1 and len(server.refusals()) == 3        # at the 1st and the 10th of strangers
+        await server.ask("POST", "/api/login", 400, json={"user": "a", "password": "b"}, headers=csrf)
+
+
+def test_a_session_begins_and_ends(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        assert "<p>page" in await server.ask("GET", "/")
+        assert (await server.ask("GET", "/api/session"))["user"] is None
+        await server.ask("GET", "/api/crafts", 401)
+        csrf = await server.login("ada", "correct horse")
+        assert await server.ask("GET", "/api/crafts") == ["imager"]
+        assert (await server.ask("GET", "/api/session"))["crafts"] == ["imager"]
+        await server.ask("POST", "/api/crafts/imager/send", json={}, headers=csrf)
+        error = await server.ask("POST", "/api/crafts/other/send", 403, json={}, headers=csrf)
+        assert error == {"error": "ada lacks the role 'command' for other"}
+        stolen = {cookie.key: cookie.value for cookie in server.client.cookie_jar}
+        cookie, = server.client.cookie_jar
+        assert cookie["httponly"] and cookie["samesite"] == "Strict" and cookie["path"] == "/"
+        thief = {"Cookie": "; ".join(f"{name}={value}" for name, value in stolen.items())}
+        async with ClientSession() as other:
+            live = await other.ws_connect(f"{server.url}/api/live", headers=thief)
+            await server.ask("POST", "/api/logout", 403)
+            await server.ask("POST", "/api/logout", headers=csrf)
+            assert (await asyncio.wait_for(live.receive(), 60)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+            async with other.get(f"{server.url}/api/crafts", headers=thief) as answer:
+                assert answer.status == 401
+            with pytest.raises(WSServerHandshakeError, match="401"):
+                await other.ws_connect(f"{server.url}/api/live", headers=thief)
+        await server.ask("POST", "/api/crafts/imager/send", 401, json={}, headers={**thief, **csrf})
+        csrf = await server.login("bob", "battery staple")
+        await server.ask("POST", "/api/crafts/imager/send", 403, json={}, headers=csrf)
+        assert ("bob", "bob lacks the role 'command' for imager") in server.refusals()
+        assert [entry[:2] for entry in server.log if entry[1] != "refused"] == [
+            ("ada", "logged in"), ("ada", "POST /api/crafts/imager/send"), ("ada", "POST /api/crafts/other/send"),
+            ("ada", "session ended"), ("bob", "logged in"), ("bob", "POST /api/crafts/imager/send")]
+        assert stolen.popitem()[1] not in str(server.log) and "correct horse" not in str(server.log)
+
+
+def test_a_session_ends_by_itself(tmp_path):
+    @served(tmp_path, {**USERS, "idle_min": 30})
+    async def _(server):
+        await server.login("ada", "correct horse")
+        server.now += 29 * 60
+        await server.ask("GET", "/api/crafts")
+        live = await server.client.ws_connect(f"{server.url}/api/live")
+        server.now += 31 * 60       # a page is open
+        await server.ask("GET", "/api/crafts")
+        await live.close()
+        for _ in range(1000):       # the server learns of it a little later
+            server.now += 31 * 60
+            async with server.client.get(f"{server.url}/api/crafts") as answer:
+                if answer.status == 401:
+                    break
+        assert server.log[-2][1:] == ("session ended", {"why": "it was idle"})
+
+    @served(tmp_path, {**USERS, "session_h": 1 / 3600})
+    async def _(server):
+        await server.login("ada", "correct horse")
+        live = await server.client.ws_connect(f"{server.url}/api/live")
+        assert (await live.receive(60)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+        await server.ask("GET", "/api/crafts", 401)
+        assert ("ada", "session ended", {"why": "its time was over"}) in server.log
+
+
+def test_attempts_are_counted_by_address(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        for i in range(9):
+            await server.login("ada" if i % 2 else "nobody", "wrong", 401)
+        await server.ask("GET", "/api/crafts", 401, headers={"Authorization": f"Bearer {TOKEN}x"})
+        await server.login("ada", "correct horse", 429)
+        await server.ask("GET", "/api/crafts", 429, headers={"Authorization": f"Bearer {TOKEN}"})
+        server.now += 601
+        await server.login("ada", "correct horse")
+        assert any("name or the password" in why for _, why in server.refusals())
+
+
+def test_scripts_have_tokens(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        bearer = {"Authorization": f"Bearer {TOKEN}"}
+        assert (await server.ask("GET", "/api/session", headers=bearer))["user"] == "night"
+        await server.ask("POST", "/api/crafts/imager/send", json={}, headers=bearer)
+        await server.ask("POST", "/api/crafts/imager/send", 403, json={},
+                         headers={**bearer, "Origin": "https://example.org"})
+        async with server.client.ws_connect(f"{server.url}/api/live", headers=bearer) as live:
+            await live.send_str("[1]")
+            assert await live.receive_json() == {"heard": [1]}
+        await server.ask("GET", "/api/crafts", 401, headers={"Authorization": f"Basic {TOKEN}"})
+
+
+def test_a_forged_origin_opens_no_websocket(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        await server.login("ada", "correct horse")
+        for origin in ("https://example.org", "null", f"https://127.0.0.1:{server.port}"):
+            with pytest.raises(WSServerHandshakeError, match="403"):
+                await server.client.ws_connect(f"{server.url}/api/live", headers={"Origin": origin})
+        async with server.client.ws_connect(f"{server.url}/api/live", headers={"Origin": server.url}) as live:
+            await live.send_str("2")
+            assert await live.receive_json() == {"heard": 2}
+
+
+def test_tls(tmp_path):
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", tmp_path / "key.pem", "-out",
+                    tmp_path / "server.pem", "-days", "2", "-subj", "/CN=localhost", "-addext",
+                    "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
+    files = {"certificate": "server.pem", "key": "key.pem"}
+
+    @served(tmp_path, {**USERS, **files, "host": "0.0.0.0"})
+    async def _(server):
+        trust = {"ssl": ssl.create_default_context(cafile=tmp_path / "server.pem")}
+        async with server.client.post(f"{server.url}/api/login", **trust,
+                                      json={"user": "ada", "password": "correct horse"}) as answer:
+            cookie = answer.headers["Set-Cookie"]
+        assert cookie.startswith("__Host-fledge-") and "Secure" in cookie and "Strict-Transport-Security" in \
+            answer.headers
+        async with server.client.get(f"{server.url}/api/crafts", **trust) as answer:
+            assert answer.status == 200
+
+    for table, says in (({"host": "0.0.0.0"}, "needs certificate and key, for TLS and"),
+                        ({"host": "::", **files}, r"needs \[\[user\]\] or \[\[token\]\]"),
+                        ({"host": "0.0.0.0", **USERS}, "needs certificate and key, for TLS; without"),
+                        ({"certificate": "key.pem", "key": "key.pem"}, "cannot be used"),
+                        ({"certificate": "none.pem", "key": "key.pem"}, "No such file"),
+                        ({"certificate": "server.pem"}, "belong together")):
+        with pytest.raises(SetupError, match=says):
+            Access.read(table, tmp_path)
+
+
+def test_a_thousand_connections_are_refused_beyond_the_limit(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        server.guard.total, server.guard.each = 60, 40
+        served, opened = 0, []
+        for _ in range(10):
+            opened += await asyncio.gather(*[asyncio.open_connection("127.0.0.1", server.port) for _ in range(100)])
+        for reader, writer in opened:
+            writer.write(b"GET /api/session HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            with suppress(ConnectionError):
+                served += b" 200 " in await reader.readline()
+        for _, writer in opened:
+            writer.close()
+        assert served == 40
+        assert [entry[2]["times"] for entry in server.log] == [1, 10, 100]
+        await server.ask("GET", "/api/session")
+
+
+def test_slow_and_large_requests_end(tmp_path):
+    @served(tmp_path, {})
+    async def _(server):
+        server.guard.first_s = server.guard.body_s = 0.2
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"GET / HTTP/1.1\r\n")
+        with pytest.raises(ConnectionError):
+            assert await reader.read() == b""
+            raise ConnectionError
+        session = await server.ask("GET", "/api/session")
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"POST /api/crafts/imager/send HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n"
+                     b"X-Fledge-CSRF: " + session["csrf"].encode() + b"\r\n\r\n{")
+        assert b" 408 " in await reader.readline()
+        writer.close()
+        csrf = {"X-Fledge-CSRF": session["csrf"]}
+        await server.ask("POST", "/api/crafts/imager/send", 413, data=b" " * (BODY_MOST + 1), headers=csrf)
+        for path, headers in (("/", {"A": "x" * 9000}), ("/" + "x" * 9000, {}),
+                              ("/", {f"A{i}": "x" for i in range(200)})):
+            async with server.client.get(server.url + path, headers=headers) as answer:
+                assert answer.status == 400
+        assert not server.received
+
+    @served(tmp_path)
+    async def _(server):
+        await server.ask("POST", "/api/login", 413, data=b" " * (LOGGED + 1))
+        await server.ask("POST", "/api/login", 401, json={"user": "ada", "password": "\ud800"})
+        for wrong in (b"", b"[]", b"{}", b"[" * LOGGED, b'{"user": 1, "password": []}', b"\xff"):
+            await server.ask("POST", "/api/login", 400, data=wrong)
+
+
+def test_fuzzed_requests_and_messages(tmp_path):
+    """Whatever comes, the server answers the next one, nobody gets further than he may, and nothing ends in a 500."""
+    draw = random.Random(5)
+    lines = [b"GET /api/crafts HTTP/1.1", b"POST /api/login HTTP/1.1", b"POST /api/crafts/imager/send HTTP/1.1",
+             b"GET /api/live HTTP/1.1", b"Host: localhost", b"Host: [::1", b"Host: localhost:x", b"Content-Length: 3",
+             b"Content-Length: -1", b"Transfer-Encoding: chunked", b"Upgrade: websocket", b"Connection: Upgrade",
+             b"Sec-WebSocket-Version: 13", b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", b"Origin: http://[",
+             b"Authorization: Bearer \xff", b"Cookie: fledge-0=\xff; ;=;", b"Content-Encoding: gzip",
+             b"Expect: 100-continue", b"X-Fledge-CSRF: x", b"Content-Type: application/json; charset=\xff"]
+
+    def mutated(data):
+        for _ in range(draw.randrange(4)):
+            at = draw.randrange(len(data) + 1)
+            data = data[:at] + draw.randbytes(draw.randrange(4)) + data[at + draw.randrange(3):]
+        return data
+
+    @served(tmp_path)
+    async def _(server):
+        for _ in range(CASES):
+            server.now += 601
+            head = b"\r\n".join([draw.choice(lines[:4]), *draw.sample(lines[4:], draw.randrange(8))])
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(mutated(head + b"\r\n\r\n" + draw.choice([b"", b"{}", b"3\r\n{}\n\r\n0\r\n\r\n"])))
+            writer.write_eof()
+            try:
+                answer = await reader.read(1 << 16)
+            except ConnectionError:
+                answer = b""
+            writer.close()
+            assert b'["imager"]' not in answer and b" 101 " not in answer[:20] and b" 500 " not in answer[:20], answer
+        assert not server.received
+        await server.login("ada", "correct horse")
+        live = await server.client.ws_connect(f"{server.url}/api/live")
+        for _ in range(CASES):
+            if live.closed:
+                live = await server.client.ws_connect(f"{server.url}/api/live")
+            data = mutated(b'{"subscribe": {"craft": "imager", "slots": [1, 2]}}')
+            try:
+                if draw.randrange(8) == 0:
+                    live._writer.transport.write(data)      # no frames at all
+                    live._writer.transport.write_eof()
+                    await live.receive(60)
+                    await live.close()
+                elif draw.randrange(2):
+                    await live.send_bytes(data)
+                    await live.receive(60)
+                else:
+                    await live.send_str(data.decode(errors="replace"))
+                    await live.receive(60)
+            except ConnectionError:
+                await live.close()
+        await server.ask("GET", "/api/crafts")
+
+
+@pytest.mark.parametrize("table, says", [
+    ({"host": 5}, "host is an address"), ({"port": "80"}, "port is a number"), ({"port": 70000}, "found 70000"),
+    ({"session_h": 0}, "session_h is a number above 0"), ({"idle_min": float("nan")}, "idle_min"),
+    ({"user": {}}, r"user is a table \[\[user\]\]"), ({"user": [{"name": ""}]}, "user 1: name is a text"),
+    ({"user": [{**USERS["user"][0], "role": 1}]}, "user ada: there is no 'role'; did you mean 'roles'?"),
+    ({"user": [{**USERS["user"][0], "roles": ["fly"]}]}, "roles is a list of view, command, administer; found"),
+    ({"user": [{**USERS["user"][0], "crafts": "imager"}]}, "crafts is a list of names"),
+    ({"user": [{**USERS["user"][0], "password": "correct horse"}]}, "no line of `fledge ground password`"),
+    ({"user": [{**USERS["user"][0], "password": "scrypt:3:8:1:AA:AA"}]}, "no line of `fledge ground password`"),
+    ({"user": [USERS["user"][0]] * 2}, "two of this name"), ({"user": [5]}, "user 1: name"),
+    ({"token": [{**USERS["token"][0], "hash": TOKEN}]}, "token night: hash is no line of `fledge ground token`")])
+def test_a_wrong_file_is_refused(table, says, tmp_path):
+    with pytest.raises(SetupError, match=says):
+        Access.read(table, tmp_path)
+
+
+def test_a_password_is_not_in_its_line():
+    line = hashed("correct horse", CHEAP)
+    assert "horse" not in line and line != hashed("correct horse", CHEAP)
+    # RFC 7914, chapter 12
+    from fledge.control_room.users import _scrypt
+    assert _scrypt("pleaseletmein", b"SodiumChloride", 1 << 14, 8, 1).hex().startswith("7023bdcb3afd7348461c06cd81fd38")
+
+
+def test_the_lines_of_the_command_are_what_the_file_takes(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("sys.stdin", StringIO("correct horse\n"))
+    assert cli.main(["ground", "password"]) == 0
+    line = capsys.readouterr().out
+    assert cli.main(["ground", "token", 'a "script"']) == 0
+    comment, tables = capsys.readouterr().out.split("\n", 1)
+    access = Access.read(tomllib.loads(f'{tables}\n[[user]]\nname = "ada"\nroles = ["view"]\n{line}'), tmp_path)
+    assert access.users["ada"].password.fits("correct horse") and not access.users["ada"].password.fits("battery")
+    assert access.tokens[sha256(comment.split()[-1].encode()).hexdigest()].name == 'a "script"'
+    monkeypatch.setattr("sys.stdin", StringIO("short\n"))
+    assert cli.main(["ground", "password"]) == 2 and "10 to 1024 characters; found 5" in capsys.readouterr().err
