@@ -22,8 +22,7 @@ from fledge.programs import without_preload
 WEB = Path(__file__).with_name("web")
 CONSOLE = WEB.parents[1] / "control_room/web"
 MADE = ("view.js", "view.css", "console.js", "console.css")
-ADVICE = ("The 3-D view and interactive plots need Node when Fledge is built, as the control room's console does: "
-          "./fledge setup --view installs it")
+ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
 
 
 def folder() -> Path:

@@ -20,13 +20,10 @@ export function h(tag, about = {}, ...inside) {
 // eslint-disable-next-line no-control-regex
 const HIDDEN = /[\u0000-\u0009\u000b-\u001f\u007f-\u009f\u200b-\u200f\u202a-\u202e\u2060-\u2069\ufeff\ud800-\udfff]/gu;
 
-/** A text with its control characters to be seen: "\x1b" as the symbol of escape, others by their number. */
+/** A text with its control characters to be seen: an escape becomes <1B>. */
 export function visible(text) {
-    return String(text ?? "").replace(HIDDEN, (one) => {
-        const code = one.codePointAt(0);
-        if (code < 32) return String.fromCodePoint(0x2400 + code);
-        return code === 127 ? "\u2421" : `\u27e8${code.toString(16).toUpperCase().padStart(4, "0")}\u27e9`;
-    });
+    return String(text ?? "").replace(
+        HIDDEN, (one) => `\u27e8${one.codePointAt(0).toString(16).toUpperCase().padStart(2, "0")}\u27e9`);
 }
 
 /** Set a node's text, if it has another one. */

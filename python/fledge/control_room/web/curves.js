@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Curves of parameters over time: from the archive, and what comes since; with gaps where nothing came.
+import uPlot from "uplot";
+
+const FAR = 5;      // so many times the usual step apart, two samples have a gap between them
+
+/** One parameter's samples: time in s, value, and the least and the largest of each step of time. */
+export class Curve {
+    constructor(name) {
+        Object.assign(this, {name, t: [], value: [], low: [], high: [], step: Infinity});
+    }
+
+    /** Take what the archive gave. */
+    fill({t, value, low, high}) {
+        const steps = Array.from(t).slice(1).map((one, k) => one - t[k]).sort((a, b) => a - b);
+        this.step = steps.length > 1 ? steps[steps.length >> 1] : Infinity;
+        for (const key of ["t", "value", "low", "high"]) this[key] = [];
+        for (let k = 0; k < t.length; k++) this.add(t[k], value[k], low[k], high[k]);
+    }
+
+    add(t, value, low = value, high = value) {
+        const last = this.t.at(-1);
+        if (last !== undefined && t <= last) return false;
+        if (last !== undefined && t - last > Math.max(FAR * this.step, 2)) this.push((last + t) / 2, null, null, null);
+        const real = (one) => (Number.isNaN(one) ? null : one);
+        this.push(t, real(value), real(low), real(high));
+        return true;
+    }
+
+    push(t, value, low, high) {
+        this.t.push(t);
+        this.value.push(value);
+        this.low.push(low);
+        this.high.push(high);
+    }
+
+    /** Forget what is before a time. */
+    drop(before) {
+        let n = 0;
+        while (this.t[n] < before) n++;
+        if (n > 100) for (const key of ["t", "value", "low", "high"]) this[key].splice(0, n);
+    }
+
+    get table() { return [this.t, this.value, this.low, this.high]; }
+}
+
+// Told apart by everybody, on dark and on light.
+const COLOURS = {
+    dark: ["#56b4e9", "#e69f00", "#33c79a", "#f0e442", "#e08ab8", "#ff7a45", "#c9d1d9"],
+    light: ["#0062a3", "#b86b00", "#007a5a", "#8a7a00", "#a8457d", "#c03f00", "#3c4650"],
+};
+
+/** Curves in one picture.
+ *
+ *  words(t): a time in s as text;  mark(): the time of the line, in s, or null;  gaps(): [[from, to], ...] in s
+ *  zoom(from, to), seek(t), whole(): what the person has done
+ */
+export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zoom, seek, whole, height}) {
+    const css = getComputedStyle(holder), ink = css.getPropertyValue("--soft"), line = css.getPropertyValue("--line");
+    const axis = {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}, font: "11px system-ui"};
+    const colour = (k) => COLOURS[theme][k % COLOURS[theme].length];
+    const labels = slots[0]?.labels ?? [];
+    const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
+        slot?.labels?.[y] ?? `${+y.toPrecision(7)}${slot?.unit && slot.unit !== "-" ? ` ${slot.unit}` : ""}`);
+    const number = (y) => (labels.length ? labels[y] ?? "" : Math.abs(y) >= 1e5 || (y && Math.abs(y) < 1e-3) ?
+        y.toExponential(1) : String(+y.toPrecision(5)));
+    const edge = {stroke: null, points: {show: false}, width: 0};
+    const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
+    const made = new uPlot({
+        width: Math.max(200, holder.clientWidth),
+        height,
+        padding: [8, 14, 0, 0],
+        tzDate: (t) => uPlot.tzDate(new Date(t * 1e3), "Etc/UTC"),
+        scales: {x: {time: true, auto: false}, y: {range: (_, low, high) => room(low, high)}},
+        axes: [
+            {...axis, size: 28, space: 80, values: (_, all, __, ___, step) => all.map((t) => tick(t, step))},
+            {...axis, size: 70, values: (_, all) => all.map(number)}
+        ],
+        series: [
+            {label: "t", value: (_, t) => (t === null || t === undefined ? "" : words(t))},
+            ...curves.flatMap((one, k) => [{
+                label: one.name,
+                stroke: colour(k),
+                width: 1.5,
+                paths: steps(k),
+                value: (_, y) => shown(slots[k], y)
+            },
+                                  {...edge, label: "low", show: true}, {...edge, label: "high", show: true}])
+        ],
+        bands: curves.map((_, k) => ({series: [3 * k + 3, 3 * k + 2], fill: `${colour(k)}38`})),
+        cursor:
+            {sync: {key: "console", setSeries: false}, drag: {x: true, y: false, setScale: false}, points: {size: 5}},
+        legend: {live: true, markers: {width: 2}},
+        hooks: {
+            drawClear: [(u) => {
+                u.ctx.fillStyle = css.getPropertyValue("--gap");
+                for (const [from, to] of gaps()) {
+                    const a = Math.max(u.bbox.left, u.valToPos(from, "x", true));
+                    const b = Math.min(u.bbox.left + u.bbox.width, u.valToPos(to, "x", true));
+                    if (b > a)
+                        u.ctx.fillRect(a, u.bbox.top, b - a, u.bbox.height);
+                }
+            }],
+            draw: [(u) => {
+                const t = mark();
+                if (t === null)
+                    return;
+                const x = u.valToPos(t, "x", true);
+                if (x < u.bbox.left || x > u.bbox.left + u.bbox.width)
+                    return;
+                u.ctx.fillStyle = css.getPropertyValue("--past");
+                u.ctx.fillRect(x - 1, u.bbox.top, 2, u.bbox.height);
+            }],
+            setSelect: [(u) => {
+                if (u.select.width < 4)
+                    return;
+                zoom(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
+                u.setSelect({left: 0, width: 0, top: 0, height: 0}, false);
+            }],
+            ready: [(u) => {
+                let down = 0;
+                u.over.addEventListener("mousedown", (event) => { down = event.clientX; });
+                u.over.addEventListener("click", (event) => {
+                    if (Math.abs(event.clientX - down) < 4 && event.detail === 1) seek(u.posToVal(event.offsetX, "x"));
+                });
+                u.over.addEventListener("dblclick", (event) => {
+                    event.stopImmediatePropagation();
+                    whole();
+                }, true);
+            }],
+        },
+    },
+        data(curves), holder);
+    return made;
+}
+
+/** The table of all curves over one axis of time. */
+export const data = (curves) => (curves.length === 1 ? curves[0].table : uPlot.join(curves.map((one) => one.table)));
+
+function room(low, high) {
+    if (low === null || high === null) return [0, 1];
+    const edge = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+    return [low - edge, high + edge];
+}

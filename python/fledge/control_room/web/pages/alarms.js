@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Alarms: what is or was beyond its limits, until a person has acknowledged it; shelved ones keep quiet for a while.
+import {of} from "../api.js";
+import {ask, attempt, concern, dress, h, put} from "../dom.js";
+import {editLimits, limitsText} from "../limits.js";
+import {Table} from "../table.js";
+
+export const title = "Alarms", key = "a";
+
+export async function open(context) {
+    const {root, api, live, time, craft, keys} = context;
+    let alarms = [];
+    const buttons = [], notes = h("div", {class: "notes"}), about = h("p", {class: "soft"});
+    const state = (one) => (one.shelved_until_ns ? "shelved"
+                            : one.acknowledged   ? "acknowledged"
+                            : one.concern        ? "open"
+                                                 : "open, over");
+    const table = new Table({
+        label: "alarms",
+        empty: "No alarm is open",
+        columns: [
+            {title: "Now", width: "6.5rem"}, {title: "Worst", width: "6.5rem"},
+            {title: "Parameter", width: "minmax(10rem, 3fr)"},
+            {title: "Value", width: "minmax(6rem, 1fr)", class: "num mono"},
+            {title: "Since", width: "12rem", class: "tab"}, {title: "State", width: "minmax(7rem, 1.2fr)"}
+        ],
+        fill: (cells, row, element) => {
+            const one = alarms[row];
+            for (const [k, level] of [[0, one.concern], [1, one.worst]]) {
+                concern(level, cells[k].firstChild ?? cells[k].appendChild(h("span")));
+                if (!level)
+                    put(cells[k].firstChild, "within");
+            }
+            put(cells[2], one.name);
+            cells[2].title = one.name;
+            put(cells[3], `${one.text ?? one.value ?? ""}`);
+            put(cells[4], time.text(one.since_ns));
+            put(cells[5], state(one));
+            dress(element,
+                `tr${row === table.at ? " at" : ""}${one.acknowledged || one.shelved_until_ns ? " soft" : ""}`);
+        },
+        moved: () => detail(),
+        choose: () => acknowledge(),
+    });
+
+    const rank = (one) => (one.shelved_until_ns ? 2 : one.acknowledged ? 1 : 0);
+    function sort() {
+        const at = alarms[table.at]?.slot;
+        alarms.sort((a, b) => rank(a) - rank(b) || b.worst - a.worst || a.slot - b.slot);
+        table.set(alarms.length);
+        if (at !== undefined) table.go(alarms.findIndex((one) => one.slot === at), true);
+        detail();
+    }
+
+    async function load() {
+        const found = await attempt(notes, () => api.get(of(craft, "alarms")));
+        if (found) alarms = found;
+        sort();
+        const first = alarms.findIndex((one) => one.name === context.selection);
+        if (table.at < 0 && alarms.length) table.go(Math.max(0, first));
+    }
+
+    const post = (one, body) => attempt(notes, async () => {
+        const now = await api.post(of(craft, "alarms", one.slot), body);
+        if (now?.slot === one.slot) merge(now);
+        else await load();
+    });
+
+    async function acknowledge() {
+        const one = alarms[table.at];
+        if (!one || one.acknowledged) return;
+        const note = h("input", {name: "note", autofocus: true, maxLength: 500, autocomplete: "off"});
+        const said = await ask("Acknowledge", one.name, [["Note, for those who come after you", note]], "Acknowledge");
+        if (said) await post(one, {acknowledge: true, note: said.note});
+    }
+
+    async function shelve() {
+        const one = alarms[table.at];
+        if (!one) return;
+        if (one.shelved_until_ns) {
+            await post(one, {shelve_s: 0});
+            return;
+        }
+        const time_s =
+            h("select", {name: "time"}, [[600, "10 minutes"], [3600, "1 hour"], [28800, "8 hours"],
+                [86400, "1 day"]].map(([value, text]) => h("option", {value}, text)));
+        const said = await ask("Shelve", `${one.name} keeps quiet for so long.`, [["Time", time_s]], "Shelve");
+        if (said) await post(one, {shelve_s: Number(said.time)});
+    }
+
+    async function limits() {
+        const one = alarms[table.at];
+        if (!one) return;
+        const store = await live.slots(craft);
+        if (await editLimits(context, store.slots[one.slot])) detail();
+    }
+
+    function detail() {
+        const one = alarms[table.at], said = one?.acknowledged,
+              may = context.can("command") || context.can("administer");
+        for (const [button, right, words] of buttons) {
+            button.disabled = !one || !right || (words === "Acknowledge" && Boolean(said));
+            if (words === "Shelve") put(button.firstChild, one?.shelved_until_ns ? "End shelving" : "Shelve");
+        }
+        if (!one) return put(about, may ? "" : "To acknowledge asks for the role command.");
+        const slot = live.store(craft).slots[one.slot];
+        const parts = [one.name, limitsText(slot?.limits)];
+        if (said) parts.push(`acknowledged${said.user ?? one.user ? ` by ${said.user ?? one.user}` : ""}${
+            said.note ?? one.note ? `: ${said.note ?? one.note}` : ""}`);
+        if (one.shelved_until_ns) parts.push(`shelved until ${time.text(one.shelved_until_ns)}`);
+        return put(about, parts.filter(Boolean).join(" \u00b7 "));
+    }
+
+    function merge({craft: _, kind: __, ...one}) {
+        const at = alarms.findIndex(({slot}) => slot === one.slot);
+        if (one.gone) alarms = alarms.filter(({slot}) => slot !== one.slot);
+        else if (at >= 0) alarms[at] = one;
+        else alarms.push(one);
+        sort();
+    }
+
+    for (const [words, letter, action, role] of [["Acknowledge", "a", acknowledge, "command"],
+             ["Shelve", "s", shelve, "command"], ["Edit limits", "i", limits, "administer"], [
+                 "Plot", "l", () => alarms[table.at] && context.go({page: "plots", sel: alarms[table.at].name}), "view"
+             ]]) {
+        const button = h("button", {onclick: action, disabled: true}, h("span", {}, words), " ",
+            h("kbd", {"aria-hidden": "true"}, letter));
+        buttons.push([button, context.can(role), words]);
+        keys.add(letter, words.toLowerCase(), () => button.click());
+    }
+    root.append(
+        h("div", {class: "head"}, h("h1", {}, title), buttons.map(([one]) => one)), notes, table.element, about);
+    context.on("alarm", (one) => one.craft === craft && merge(one));
+    live.slots(craft).then(detail, () => {});
+    await load();
+    return () => table.close();
+}

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is kept: sessions with their gaps; to look at, to replay, to take away as a table.
+import {of} from "../api.js";
+import {attempt, h, put} from "../dom.js";
+import {count, span, ticks} from "../format.js";
+import {Table} from "../table.js";
+
+export const title = "Archive", key = "h";
+
+export async function open(context) {
+    const {root, api, live, time, craft, keys} = context;
+    let sessions = [];
+    const notes = h("div"), about = h("div", {class: "panel about"});
+    const table = new Table({
+        label: "sessions",
+        empty: "Nothing is archived yet",
+        columns: [
+            {title: "Session", width: "4.5rem", class: "num"},
+            {title: "From", width: "minmax(9rem, 1fr)", class: "tab"},
+            {title: "To", width: "minmax(9rem, 1fr)", class: "tab"}, {title: "Length", width: "5rem", class: "num"},
+            {title: "Packets", width: "6rem", class: "num"}, {title: "Gaps", width: "3.5rem", class: "num"},
+            {title: "Ended", width: "minmax(7rem, 1fr)"}
+        ],
+        fill: (cells, row) => {
+            const one = sessions[row];
+            const texts = [
+                one.session, time.text(one.first_ns, 0), time.text(one.last_ns, 0),
+                span(Number(BigInt(one.last_ns) - BigInt(one.first_ns)) / 1e9), count(one.packets),
+                one.gaps?.length ? `\u25b3 ${one.gaps.length}` : "", one.ended || "still open"
+            ];
+            texts.forEach((text, k) => put(cells[k], String(text)));
+            cells[6].title = one.ended ?? "";
+        },
+        moved: (row) => choose(sessions[row]),
+    });
+
+    const when = (label, t) => h("input", {"aria-label": label, value: time.text(t, 0), size: 20, spellcheck: false});
+    const read = (field) => {
+        const t = ticks(field.value, time.utc);
+        if (t === null) throw new Error(`"${field.value}" is no time; it would be as ${time.text(time.at, 0)}`);
+        return t;
+    };
+
+    function choose(one) {
+        const [from, to] = [when("from", one.first_ns), when("to", one.last_ns)];
+        const speed = h("select", {"aria-label": "speed"},
+            [1, 10, 100, 1000].map((x) => h("option", {value: x}, `${x} times real time`)));
+        const names =
+            h("input", {"aria-label": "parameters", placeholder: "parameter, parameter", size: 40, spellcheck: false});
+        const problem = h("div");
+        const gaps = one.gaps ?? [];
+        about.replaceChildren(h("h2", {}, `Session ${one.session}`),
+            h("div", {class: "row"}, from, h("span", {class: "soft"}, "to"), to,
+                h("button", {
+                    onclick: () => attempt(problem,
+                        async () => {
+                            time.seek(read(from), one.session);
+                            context.go({page: "plots"});
+                        })
+                },
+                    "Look at it")),
+            h("div", {class: "row"}, speed,
+                h("button", {
+                    class: "primary",
+                    onclick: () => attempt(problem,
+                        async () => {
+                            const made = await api.post("/api/replay", {
+                                craft,
+                                session: one.session,
+                                from_ns: read(from),
+                                to_ns: read(to),
+                                speed: Number(speed.value)
+                            });
+                            await live.load();
+                            context.go({page: "parameters", craft: made.name, sel: ""});
+                        })
+                },
+                    "Replay")),
+            h("div", {class: "row"}, names,
+                h("button", {
+                    onclick: () => attempt(problem,
+                        async () => {
+                            if (!names.value.trim())
+                                throw new Error("Name at least one parameter");
+                            const text = await api.bytes(of(craft, "history"), {
+                                names: names.value.replace(/\s/g, ""),
+                                from_ns: read(from),
+                                to_ns: read(to),
+                                points: 0,
+                                session: one.session,
+                                format: "csv"
+                            });
+                            const link = h("a", {
+                                href: URL.createObjectURL(new Blob([text], {type: "text/csv"})),
+                                download: `${craft}.csv`
+                            });
+                            link.click();
+                            setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+                        })
+                },
+                    "Save as CSV")),
+            problem, h("h3", {}, "Gaps"),
+            gaps.length ? h("ul", {class: "lines"}, gaps.map(([a, b,
+                why]) => h("li", {}, h("time", {}, `${time.text(a, 0)} to ${time.text(b, 0)}`), h("span", {}, why))))
+                        : h("p", {class: "soft"}, "none"));
+    }
+
+    async function load() {
+        const found = await attempt(notes, () => api.get(of(craft, "sessions")));
+        if (!found) return;
+        sessions = [...found].reverse();
+        table.set(sessions.length);
+        if (table.at < 0 && sessions.length) table.go(0);
+    }
+
+    const replay = craft.includes("@replay") && h("button", {
+        class: "danger",
+        onclick: () => attempt(notes,
+            async () => {
+                await api.delete(`/api/replay/${encodeURIComponent(craft)}`);
+                await live.load();
+                context.go({craft: craft.split("@")[0], sel: ""});
+            })
+    },
+                                                    "End this replay");
+    root.append(h("div", {class: "head"}, h("h1", {}, title), replay || []), notes, table.element, about);
+    if (replay) keys.add("x", "end this replay", () => replay.click());
+    context.every(5000, load);
+    await load();
+    return () => table.close();
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// The operators' log: who did what, and who was refused.
+import {dress, h, put} from "../dom.js";
+import {clock} from "../format.js";
+import {List} from "../list.js";
+
+export const title = "Log", key = "g";
+
+export async function open(context) {
+    const {root} = context;
+    let word = context.selection;
+    const search = h("input", {type: "search", placeholder: "search users, actions  ( / )", value: word,
+                               "aria-label": "search the log", oninput: () => {
+        word = search.value;
+        context.select(word);
+        list.filter();
+    }});
+    const whole = h("p", {class: "whole mono"});
+    const list = new List(context, {
+        path: "/api/log",
+        fits: (one) => !word || `${one.user} ${one.craft ?? ""} ${one.action} ${one.text}`.toLowerCase().includes(
+                                    word.toLowerCase()),
+        table: {
+            label: "operators' log",
+            empty: "Nobody has done anything",
+            columns: [
+                {title: "Time (UTC)", width: "12rem", class: "tab"}, {title: "User", width: "8rem"},
+                {title: "Spacecraft", width: "8rem"}, {title: "Action", width: "minmax(10rem, 2fr)"},
+                {title: "Details", width: "minmax(8rem, 3fr)", class: "mono"}, {title: "Result", width: "5rem"}
+            ],
+            fill: (cells, one) => {
+                put(cells[0], clock(one.time_ns, true));
+                put(cells[1], one.user ?? "nobody");
+                put(cells[2], one.craft ?? "");
+                put(cells[3], one.action);
+                put(cells[4], one.text);
+                put(cells[5], one.good === false ? "\u25a0 refused" : "");
+                dress(cells[5], `td ${one.good === false ? "c4" : ""}`);
+            },
+            moved: (one) => put(whole, one.text),
+        },
+    });
+    root.append(h("div", {class: "head"}, h("h1", {}, "Operators\u2019 log"), search), list.element, whole);
+    context.on("log", (one) => list.add([one]));
+    await list.load();
+    return () => list.close();
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packets: their bytes beside what they mean; and of one that did not decode, which comparison failed, at which bit.
+import {of} from "../api.js";
+import {attempt, dress, h, put} from "../dom.js";
+import {List} from "../list.js";
+import {Table} from "../table.js";
+
+export const title = "Packets", key = "k";
+
+const WIDTH = 16;       // bytes in a line
+
+export async function open(context) {
+    const {root, api, time, craft, keys} = context;
+    let undecoded = false, container = "", rows = [], bytes = [], asked = 0;
+    const known = new Set();
+    const bad = h("button", {"aria-pressed": "false", onclick: () => {
+        undecoded = !undecoded;
+        bad.setAttribute("aria-pressed", undecoded);
+        list.load();
+    }}, "Not decoded");
+    const kind = h("select", {"aria-label": "container", onchange: () => { container = kind.value; list.load(); }},
+        h("option", {value: ""}, "all packets"));
+    const list = new List(context, {
+        path: of(craft, "packets"),
+        query: () => ({undecoded: undecoded ? 1 : null, container}),
+        table: {
+            label: "packets", empty: "No packet is there",
+            columns: [{title: "Time", width: "8.2rem", class: "tab"}, {title: "Container", width: "minmax(6rem, 1fr)"},
+                      {title: "Bytes", width: "3.2rem", class: "num"}],
+            fill: (cells, one, element) => {
+                put(cells[0], time.text(one.t_ns).slice(time.utc ? 11 : 0));
+                cells[0].title = time.text(one.t_ns, 9);
+                put(cells[1], one.container ?? `\u25a0 ${one.reason || "not decoded"}`);
+                put(cells[2], String(one.size));
+                dress(cells[1], `td ${one.container ? "" : "c4"}`);
+                if (one.container && !known.has(one.container)) {
+                    known.add(one.container);
+                    kind.append(h("option", {value: one.container}, one.container));
+                }
+            },
+            moved: (one) => show(one.id),
+        },
+    });
+
+    // --- one packet ---
+    const name = h("h2", {}, "Choose a packet"), why = h("p", {class: "problem", hidden: true});
+    const dump = h("div", {class: "hex", role: "img", "aria-label": "bytes of the packet"}),
+          said = h("p", {class: "soft said-bits"}, "\u00a0");
+    const fields = new Table({
+        label: "fields",
+        empty: "No field was decoded",
+        columns: [
+            {title: "Field", width: "minmax(8rem, 2fr)"},
+            {title: "Value", width: "minmax(5rem, 1.2fr)", class: "num mono"},
+            {title: "Raw", width: "minmax(4rem, 1fr)", class: "num mono"},
+            {title: "Bits", width: "5.5rem", class: "num"}
+        ],
+        fill: (cells, row, element) => {
+            const one = rows[row];
+            put(cells[0], one.name);
+            cells[0].title = one.name;
+            put(cells[1], String(one.value ?? ""));
+            put(cells[2], String(one.raw ?? ""));
+            put(cells[3], `${one.bit} +${one.bits}`);
+            element.onpointerenter = () => mark(row);
+        },
+        moved: (row) => mark(row),
+    });
+
+    /** Show where a field lies: its bits in the bytes. */
+    function mark(row) {
+        const one = rows[row];
+        if (!one) return;
+        const end = one.bit + one.bits;
+        for (const [k, byte] of bytes.entries()) {
+            const from = Math.max(0, one.bit - 8 * k), to = Math.min(8, end - 8 * k);
+            const style = from < to ? `linear-gradient(90deg, transparent ${12.5 * from}%, var(--mark) ${
+                                          12.5 * from}% ${12.5 * to}%, transparent ${12.5 * to}%)`
+                                    : "";
+            if (byte.style.backgroundImage !== style) byte.style.backgroundImage = style;
+        }
+        put(said, `${one.name}: bit ${one.bit} to ${end - 1}, from byte ${one.bit >> 3}, bit ${one.bit & 7}`);
+    }
+
+    function fill(packet, text) {
+        put(name, text);
+        rows = packet.rows ?? [];
+        const octets = (packet.hex ?? "").match(/../g) ?? [],
+              wrong = packet.reason && Number.isInteger(packet.bit) ? packet.bit : null;
+        why.hidden = !packet.reason;
+        put(why, packet.reason
+                     ? `${packet.nearest && !packet.container ? `Nearest: ${packet.nearest}. ` : ""}${packet.reason}${
+                           wrong === null ? "" : `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`}`
+                     : "");
+        bytes = octets.map((one, k) => h("span", {
+            class: wrong !== null && wrong >> 3 === k ? "wrong" : "",
+            onpointerenter: () => {
+                const row = rows.findIndex(({bit, bits}) => bit < 8 * k + 8 && bit + bits > 8 * k);
+                if (row >= 0)
+                    fields.go(row);
+            }
+        },
+                               one));
+        const lines = [];
+        for (let k = 0; k < bytes.length; k += WIDTH)
+            lines.push(h("div", {}, h("i", {}, k.toString(16).padStart(4, "0")), bytes.slice(k, k + WIDTH)));
+        dump.replaceChildren(...lines);
+        put(said, `${bytes.length} bytes, ${rows.length} fields`);
+        fields.at = -1;
+        fields.set(rows.length);
+    }
+
+    async function show(id) {
+        const turn = ++asked;
+        context.select(String(id));
+        const packet = await attempt(list.problem, () => api.get(of(craft, "packets", id)));
+        if (packet && turn === asked)
+            fill(packet, `${packet.container ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
+    }
+
+    const typed = h("input", {
+        placeholder: "or bytes in hex",
+        "aria-label": "bytes in hex to decode",
+        class: "mono grow",
+        spellcheck: false,
+        onchange: async () => {
+            const hex = typed.value.replace(/0x|[\s,:]/g, "");
+            if (!hex)
+                return;
+            asked++;
+            const packet = await attempt(list.problem, () => api.post(of(craft, "inspect"), {hex}));
+            if (packet)
+                fill({...packet, hex}, packet.container ?? "Not decoded");
+        }
+    });
+    root.append(h("div", {class: "head"}, h("h1", {}, title), kind, bad, typed),
+        h("div", {class: "split packets"}, list.element,
+            h("div", {class: "panel inspect"}, name, why, dump, said, fields.element)));
+    keys.add("u", "only what did not decode", () => bad.click());
+    keys.add("x", "decode bytes in hex", () => typed.focus());
+    context.every(1000, async () => {
+        if (!time.isLive || document.hidden) return;
+        const found = await list.ask({});
+        if (found) list.add(found);
+    });
+    await list.load();
+    if (context.selection) await show(context.selection);
+    return () => {
+        list.close();
+        fields.close();
+    };
+}

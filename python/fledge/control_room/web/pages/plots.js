@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plots: live and back in time on one axis; a zoom asks the archive for what lies there.
+import {of, series} from "../api.js";
+import {attempt, h, put} from "../dom.js";
+import {Curve, chart, data} from "../curves.js";
+import {theme} from "../theme.js";
+
+export const title = "Plots", key = "l";
+
+const SPANS = [[60, "1 min"], [300, "5 min"], [1800, "30 min"], [7200, "2 h"], [86400, "1 day"], [0, "session"]];
+const POINTS = 1200, OFFERS = 12, LEAST = 0.1;
+const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
+
+export async function open(context) {
+    const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
+    /** Of charts, each of parameters: "a,b;c". */
+    let names = context.selection.split(";").map((one) => one.split(",").filter(Boolean)).filter((one) => one.length);
+    let charts = [], curves = new Map(), fixed = null, asked = 0, drawn = 0, behind = false;
+    const problem = h("div"), grid = h("div", {class: "charts"}), loading = h("span", {class: "soft", role: "status"});
+    const wish = context.want([], 20);
+
+    const span = h("select", {"aria-label": "span of time", onchange: () => follow()},
+        SPANS.map(([value, text]) => h("option", {value, selected: value === 300}, text)));
+    const offers = h("div", {class: "offers", hidden: true});
+    const search = h("input", {
+        type: "search",
+        placeholder: "add a parameter  ( / )",
+        "aria-label": "add a parameter",
+        size: 34,
+        oninput: () => offer(),
+        onfocus: () => offer(),
+        onkeydown: (event) => {
+            if (event.key === "Enter")
+                offers.querySelectorAll("button")[event.shiftKey ? 1 : 0]?.click();
+        }
+    });
+
+    function offer() {
+        const words = search.value.toLowerCase().split(/\s+/).filter(Boolean), fit = [];
+        for (const one of words.length ? store.slots : []) {
+            if (!one || one.kind === "text" || one.kind === "binary") continue;
+            if (words.every((part) => one.name.toLowerCase().includes(part))) fit.push(one);
+            if (fit.length === OFFERS) break;
+        }
+        offers.hidden = !words.length;
+        offers.replaceChildren(...(fit.length ? fit.map((one) => h("div", {},
+                                                            h("button", {
+                                                                class: "branch",
+                                                                title: "in a plot of its own (Enter)",
+                                                                onclick: () => add(one.name, false)
+                                                            },
+                                                                one.name),
+                                                            h("button", {
+                                                                class: "small",
+                                                                disabled: !names.length,
+                                                                title: "into the last plot (Shift Enter)",
+                                                                onclick: () => add(one.name, true)
+                                                            },
+                                                                "onto the last")))
+                                              : [h("p", {class: "soft"}, "No parameter that has a number fits")]));
+    }
+
+    function add(name, onto) {
+        if (onto && names.length) names.at(-1).push(name);
+        else names.push([name]);
+        search.value = "";
+        offers.hidden = true;
+        rebuild();
+    }
+
+    // --- the time that is seen ---
+    const seconds = () => Number(time.at) / 1e9;
+    const length = () => {
+        if (Number(span.value)) return Number(span.value);
+        const [first, last] = time.extent();
+        return Math.max(1, Number(last - first) / 1e9);
+    };
+    function view() {
+        if (fixed) return fixed;
+        const at = seconds(), long = length();
+        return time.isLive ? [at - long, at] : [at - 0.75 * long, at + 0.25 * long];
+    }
+
+    function zoom(from, to) {
+        if (to - from < LEAST) [from, to] = [(from + to - LEAST) / 2, (from + to + LEAST) / 2];
+        fixed = [from, to];
+        load();
+    }
+
+    function follow() {
+        fixed = null;
+        load();
+    }
+
+    // --- charts ---
+    function rebuild() {
+        context.select(names.map((one) => one.join(",")).join(";"));
+        const wanted = new Set(names.flat());
+        for (const name of [...curves.keys()]) if (!wanted.has(name)) curves.delete(name);
+        for (const name of wanted) if (!curves.has(name)) curves.set(name, new Curve(name));
+        wish.change([...wanted].map((name) => store.byName.get(name)).filter((slot) => slot !== undefined));
+        draw();
+        load();
+    }
+
+    function draw() {
+        for (const one of charts) one.plot.destroy();
+        grid.replaceChildren();
+        const height =
+            Math.max(150, Math.min(300, Math.floor((root.clientHeight - 80) / Math.max(1, names.length)) - 80));
+        charts = names.map((group, place) => {
+            const holder = h("div", {class: "holder"});
+            grid.append(h("section", {class: "panel chart"},
+                h("button", {
+                    class: "small remove",
+                    "aria-label": `remove the plot of ${group.join(", ")}`,
+                    onclick: () => {
+                        names.splice(place, 1);
+                        rebuild();
+                    }
+                },
+                    "\u00d7"),
+                holder));
+            const shown = group.map((name) => curves.get(name));
+            const gap = (one) => [Number(BigInt(one[0])) / 1e9, Number(BigInt(one[1])) / 1e9];
+            const plot = chart({
+                holder,
+                curves: shown,
+                slots: group.map((name) => store.slots[store.byName.get(name)]),
+                theme: theme(),
+                height,
+                words: (t) => time.text(ns(t), 3),
+                tick: (t, step) => {
+                    const text = time.text(ns(t), step < 1 ? 2 : 0);
+                    return time.utc ? (step >= 86400 ? text.slice(5, 10) : text.slice(11)) : text;
+                },
+                mark: () => (time.isLive ? null : seconds()),
+                gaps: () => (time.sessions.find((one) => one.session === time.session) ?? time.sessions.at(-1))
+                                ?.gaps?.map(gap) ??
+                            [],
+                zoom,
+                seek: (t) => time.seek(ns(t)),
+                whole: follow,
+            });
+            return {plot, holder, shown};
+        });
+        none.hidden = names.length > 0;
+        show(true);
+    }
+
+    function show(all) {
+        const [min, max] = view();
+        for (const {plot, shown} of charts) {
+            if (all) plot.setData(data(shown), false);
+            plot.setScale("x", {min, max});
+            if (plot.cursor.left < 0) plot.setLegend({idx: plot.data[0].length - 1}, false);
+        }
+    }
+
+    /** Ask the archive for what is in view. */
+    async function load() {
+        clearTimeout(behind);
+        const turn = ++asked, wanted = [...curves.keys()];
+        show(false);
+        if (!wanted.length) return;
+        const [from, to] = view();
+        put(loading, "reading\u2026");
+        await attempt(problem, async () => {
+            const found = series(await api.bytes(of(craft, "history"), {
+                names: wanted.join(","), from_ns: ns(from), to_ns: ns(to) + 1n, points: POINTS, session: time.session,
+                format: "binary"}));
+            if (turn !== asked) return;
+            for (const [k, name] of wanted.entries()) curves.get(name)?.fill(found[k]);
+        });
+        if (turn !== asked) return;
+        put(loading, "");
+        show(true);
+    }
+
+    function tick() {
+        if (!time.isLive) return;
+        let fresh = false;
+        for (const [name, curve] of curves) {
+            const slot = store.byName.get(name);
+            if (slot === undefined || !store.seen[slot]) continue;
+            const t = Number(store.at(slot)) / 1e9;
+            if (fixed && t > fixed[1]) continue;
+            fresh = curve.add(t, store.number(slot)) || fresh;
+            curve.drop(view()[0] - 5);
+        }
+        const now = performance.now();
+        if (fixed ? !fresh : now - drawn < 95) return;
+        drawn = now;
+        show(fresh);
+    }
+
+    /** Load when the person has come to rest. */
+    const soon = () => {
+        show(false);
+        clearTimeout(behind);
+        behind = setTimeout(load, 200);
+    };
+    const shift = (share) => {
+        const [from, to] = view(), by = share * (to - from);
+        fixed = [from + by, to + by];
+        soon();
+    };
+    const scale = (by) => {
+        const [from, to] = view(), middle = time.isLive && !fixed ? to : (from + to) / 2;
+        fixed = [middle + (from - middle) * by, middle + (to - middle) * by];
+        soon();
+    };
+    const none = h("p", {class: "none soft"},
+        "Name a parameter above, or choose Plot at one. Drag to zoom, double-click to follow again.");
+    root.append(h("div", {class: "head"}, h("h1", {}, title), h("div", {class: "searching"}, search, offers), span,
+                    h("button", {onclick: follow, title: "follow the time again (0)"}, "Whole span"), loading),
+        problem, none, grid);
+    keys.add("0", "follow the time again", follow);
+    keys.add("+", "zoom in", () => scale(0.5));
+    keys.add("-", "zoom out", () => scale(2));
+    keys.add("ArrowLeft", "look earlier", () => shift(-0.25));
+    keys.add("ArrowRight", "look later", () => shift(0.25));
+    keys.add("x", "remove the last plot", () => { names.pop(); rebuild(); });
+    context.onFrame(tick);
+    context.onTime(() => {
+        if (fixed && (time.isLive || seconds() < fixed[0] || seconds() > fixed[1])) fixed = null;
+        soon();
+    });
+    context.onTheme(draw);
+    const awake = () => document.hidden || load();      // nothing came while the browser slept
+    document.addEventListener("visibilitychange", awake);
+    const fit = new ResizeObserver(() => {
+        for (const {plot, holder} of charts)
+            if (Math.abs(holder.clientWidth - plot.width) > 1)
+                plot.setSize({width: holder.clientWidth, height: plot.height});
+    });
+    fit.observe(grid);
+    rebuild();
+    return () => {
+        clearTimeout(behind);
+        asked++;
+        fit.disconnect();
+        document.removeEventListener("visibilitychange", awake);
+        for (const one of charts) one.plot.destroy();
+    };
+}
