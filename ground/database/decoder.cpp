@@ -47,6 +47,7 @@ struct Decoder::Operand {
     const Type *type;
     std::uint64_t raw = 0; ///< of a label
     std::string_view text{};
+    std::optional<std::size_t> at{}; ///< [bits] in this packet
 };
 
 struct Decoder::Walk {
@@ -119,6 +120,9 @@ Decoder::Decoder(const Database &database, bool plans)
         for (const MathStep &step : type.encoding.calibrator.steps) {
             hold(step.value);
         }
+        for (const Alarm &alarm : type.alarms) {
+            hold(alarm.when);
+        }
         for (const auto &[condition, calibrator] : type.encoding.contexts) {
             hold(condition);
             for (const MathStep &step : calibrator.steps) {
@@ -181,6 +185,11 @@ void Decoder::hold(const Quantity &quantity)
     }
 }
 
+void Decoder::remember(const Decoder &other)
+{
+    held_ = other.held_;
+}
+
 void Decoder::keep(std::size_t field, std::uint32_t slot)
 {
     Held &held = held_[slot];
@@ -224,9 +233,14 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
                         db_.types[node.type].members[node.place].name == reference.name
                   : field.parameter == reference.parameter && leads(reference, nodes_, field.node)) {
             const bool text = field.raw == Kind::text || field.raw == Kind::binary;
-            return operand(field, raw_[i], values_[i], status_[i],
-                           text ? text_of(field.value == Kind::text && reference.calibrated ? values_[i] : raw_[i])
-                                : std::string_view());
+            auto found =
+                operand(field, raw_[i], values_[i], status_[i],
+                        text ? text_of(field.value == Kind::text && reference.calibrated ? values_[i] : raw_[i])
+                             : std::string_view());
+            if (found && !plans_on_) {
+                found->at = places_[i].at;
+            }
+            return found;
         }
     }
     if (named || !earlier) {
@@ -258,18 +272,6 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
         return Operand{Kind::real, word(number), &type};
     }
     return Operand{Kind::text, 0, &type, 0, *initial};
-}
-
-std::optional<double> Decoder::real_of(Kind kind, std::uint64_t word) const
-{
-    switch (kind) {
-    case Kind::natural:
-    case Kind::boolean: return static_cast<double>(word);
-    case Kind::integer: return static_cast<double>(static_cast<std::int64_t>(word));
-    case Kind::time: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
-    case Kind::real: return bit_cast<double>(word);
-    default: return std::nullopt;
-    }
 }
 
 std::string_view Decoder::text_of(std::uint64_t slice) const
@@ -406,7 +408,7 @@ bool Decoder::holds(const Condition &condition, bool earlier)
 
 // --- from raw to calibrated values
 
-Kind Decoder::value_kind(const Type &type) const
+Kind value_kind(const Type &type)
 {
     const Kind raw = raw_kind(type.encoding);
     const bool calibrates = type.encoding.calibrator.what != Calibrator::What::none || !type.encoding.contexts.empty();
@@ -699,6 +701,7 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
         return true;
     }
     const Encoding &encoding = type.encoding;
+    const std::size_t from = walk.at;
     Kind kind = raw_kind(encoding);
     std::uint64_t raw = 0, value = 0;
     Status status = Status::good;
@@ -728,6 +731,9 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
     }
     if (!encoding.algorithm.empty()) {
         status = Status::uncalibrated;
+    }
+    if (!plans_on_) {
+        places_.push_back({from, walk.at - from});
     }
     fields_.push_back({parameter, id, node, kind, value_kind(type)});
     raw_.push_back(raw);
@@ -825,7 +831,11 @@ bool Decoder::entry(const Entry &entry, Walk &walk)
 bool Decoder::entries(Id container, Walk &walk)
 {
     const auto &all = db_.containers[container].entries;
-    return std::all_of(all.begin(), all.end(), [&](const Entry &one) { return entry(one, walk); });
+    const bool whole = std::all_of(all.begin(), all.end(), [&](const Entry &one) { return entry(one, walk); });
+    if (!whole && !packet_.stopped) {
+        packet_.stopped = walk.at;
+    }
+    return whole;
 }
 
 Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool included)
@@ -861,6 +871,7 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
     found_ = no_id;
     fields_.resize(fields);
     nodes_.resize(nodes);
+    places_.resize(std::min(places_.size(), fields));
     raw_.resize(fields);
     values_.resize(fields);
     status_.resize(fields);
@@ -885,19 +896,20 @@ std::string Decoder::shown(const Operand &operand) const
     }
 }
 
-/// The comparisons of a condition that do not hold, with what was found instead.
-std::string Decoder::failing(const Condition &condition)
+/// The comparisons of a condition that do not hold, with what was found instead; at: of the first one, in the packet.
+std::string Decoder::failing(const Condition &condition, std::optional<std::size_t> &at)
 {
     if (holds(condition, false)) {
         return "";
     }
     if (condition.what == Condition::What::compare) {
         const auto found = find(condition.left, false);
+        at = at || !found ? at : found->at;
         return condition.text + (found ? " (found " + shown(*found) + ")" : " (not in this packet)");
     }
     std::string all;
     for (const Condition &part : condition.parts) {
-        const std::string one = failing(part);
+        const std::string one = failing(part, at);
         all += (all.empty() || one.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + one;
     }
     return all;
@@ -911,14 +923,17 @@ void Decoder::say_why_not(Id id, std::size_t depth)
     best_ = depth + 1;
     const Container &container = db_.containers[id];
     packet_.nearest = id;
+    packet_.stopped.reset();
     packet_.reason = container.path + " is abstract, and no container extends it";
     std::size_t fewest = ~std::size_t(0);
     for (const Id heir : container.heirs) {
-        const std::string needs = failing(db_.containers[heir].restriction);
+        std::optional<std::size_t> at;
+        const std::string needs = failing(db_.containers[heir].restriction, at);
         const auto n = static_cast<std::size_t>(std::count(needs.begin(), needs.end(), '('));
         if (!needs.empty() && n < fewest) {
             fewest = n;
             packet_.nearest = heir;
+            packet_.stopped = at;
             packet_.reason = "no container that extends " + container.path + " fits; the nearest, " +
                              db_.containers[heir].path + ", needs " + needs;
         }
@@ -1367,6 +1382,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
         if (found_ != no_id) {
             const Plan &made = *plans_[found_];
             run(made);
+            packet_.planned = true;
             packet_.fields = made.fields;
             packet_.nodes = made.nodes;
             end_ = made.end;
@@ -1377,6 +1393,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
             break;
         }
         nodes_.assign(1, {0, 0, no_id});
+        places_.clear();
         raw_.clear();
         values_.clear();
         status_.clear();
@@ -1389,6 +1406,7 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
         n = fields_.size();
         if (outcome == Outcome::matched) {
             packet_.reason.clear(); // of roots before
+            packet_.stopped.reset();
         }
         packet_.nearest = no_id;
         for (std::size_t i = 0; i < n && !slots_.empty(); i++) {
@@ -1407,20 +1425,21 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
     packet_.values = {values_.data(), n};
     packet_.status = {status_.data(), n};
     packet_.bytes = {bytes_.data(), used_};
+    packet_.places = places_;
     packet_.bits = end_;
     return packet_;
 }
 
-std::string Decoder::name(const Decoded &packet, std::size_t field) const
+std::string suffix(const Database &database, const Decoded &packet, std::size_t field)
 {
     std::string path;
     for (std::uint32_t node = packet.fields[field].node; node != 0; node = packet.nodes[node].parent) {
         const PathNode &one = packet.nodes[node];
-        const Type &type = db_.types[one.type];
+        const Type &type = database.types[one.type];
         path = (type.sort == Sort::array ? "[" + std::to_string(one.place) + "]" : "." + type.members[one.place].name) +
                path;
     }
-    return db_.parameters[packet.fields[field].parameter].name + path;
+    return path;
 }
 
 } // namespace fledge::ground

@@ -13,6 +13,7 @@
 #include "ground/database/numbers.h"
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <unordered_map>
 
@@ -40,6 +41,22 @@ enum class Status : std::uint8_t {
     malformed     ///< the bits are none of its encoding, as a BCD digit beyond 9
 };
 
+/// The kind of a type's values.
+Kind value_kind(const Type &type);
+
+/// A value as a number: a time in seconds, an enumerator's raw value. NaN: there is none.
+inline double number(Kind value_kind, std::uint64_t value, Kind raw_kind, std::uint64_t raw, Status status)
+{
+    const bool none = status == Status::uncalibrated || status == Status::malformed;
+    const auto found = value_kind == Kind::label ? real_of(raw_kind, raw) : real_of(value_kind, value);
+    return none ? std::numeric_limits<double>::quiet_NaN() : found.value_or(std::numeric_limits<double>::quiet_NaN());
+}
+
+/// Bits of a packet.
+struct Bits {
+    std::size_t at, n;
+};
+
 /// A packet that was decoded, until the decoder takes the next one.
 struct Decoded {
     Id container = no_id; ///< no_id: none fits
@@ -51,11 +68,23 @@ struct Decoded {
     std::span<const Status> status;
     std::span<const std::uint8_t> bytes; ///< of texts and binary values
     std::size_t bits = 0;                ///< of the packet up to the last entry
+    bool planned = false;                ///< fields and nodes are the same in every planned packet of this container
+    std::span<const Bits> places;        ///< of each field; empty if the decoder has plans
+    std::optional<std::size_t> stopped;  ///< [bits] of the entry that ended it or of the comparison; not with plans
+
+    /// The bytes of a text or a binary value.
+    std::string_view text(std::uint64_t slice) const
+    {
+        return {reinterpret_cast<const char *>(bytes.data()) + (slice >> 32), slice & 0xFFFFFFFF};
+    }
 };
+
+/// What follows the parameter's name: "", ".member[3]".
+std::string suffix(const Database &database, const Decoded &packet, std::size_t field);
 
 class Decoder {
 public:
-    /// The database must outlive the decoder. plans: false decodes all entry by entry, for tests.
+    /// The database must outlive the decoder. plans: false decodes all entry by entry, and says where values lie.
     explicit Decoder(const Database &database, bool plans = true);
     ~Decoder();
 
@@ -64,7 +93,16 @@ public:
     const Decoded &decode(std::span<const std::uint8_t> packet, Id root = no_id);
 
     /// "parameter", "parameter.member[3]".
-    std::string name(const Decoded &packet, std::size_t field) const;
+    std::string name(const Decoded &packet, std::size_t field) const
+    {
+        return db_.parameters[packet.fields[field].parameter].name + suffix(db_, packet, field);
+    }
+
+    /// Whether a condition of the database holds for the newest values, as that of an alarm.
+    bool applies(const Condition &condition) { return holds(condition, true); }
+
+    /// Know the earlier values that another decoder of the same database knows.
+    void remember(const Decoder &other);
 
     std::span<const Id> roots() const { return roots_; }
 
@@ -96,14 +134,12 @@ private:
     bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
     bool broken(std::string reason);
     void say_why_not(Id container, std::size_t depth);
-    std::string failing(const Condition &condition);
+    std::string failing(const Condition &condition, std::optional<std::size_t> &at);
     bool spend(std::size_t effort);
     std::uint64_t copy(std::size_t bit, std::size_t bits);
 
-    Kind value_kind(const Type &type) const;
     bool refers(const Type &type) const;
     Status convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
-    std::optional<double> real_of(Kind kind, std::uint64_t word) const;
     std::optional<Operand> find(const Reference &reference, bool earlier);
     bool leads(const Reference &reference, std::span<const PathNode> nodes, std::uint32_t node) const;
     bool holds(const Condition &condition, bool earlier);
@@ -133,6 +169,7 @@ private:
     std::size_t used_ = 0, n_bits_ = 0, effort_ = 0, depth_ = 0, best_ = 0;
     std::vector<Field> fields_;
     std::vector<PathNode> nodes_;
+    std::vector<Bits> places_;
     std::vector<std::uint64_t> raw_, values_;
     std::vector<Status> status_;
     bool broken_ = false; ///< the packet's reason is that of a packet that ends early or cannot be followed

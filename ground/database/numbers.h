@@ -55,6 +55,19 @@ inline std::uint64_t load_bits(const std::uint8_t *p, std::size_t bit, unsigned 
 /// Write `bits` bits, 1 to 64, at a bit of bytes that are there.
 void store_bits(std::uint8_t *p, std::size_t bit, unsigned bits, std::uint64_t value);
 
+/// A number, a boolean or a time [s] as a real number; nothing: it is none of these.
+inline std::optional<double> real_of(Kind kind, std::uint64_t word)
+{
+    switch (kind) {
+    case Kind::natural:
+    case Kind::boolean: return static_cast<double>(word);
+    case Kind::integer: return static_cast<double>(static_cast<std::int64_t>(word));
+    case Kind::time: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
+    case Kind::real: return std::bit_cast<double>(word);
+    default: return std::nullopt;
+    }
+}
+
 /// The kind of a number as it lies in a packet.
 Kind raw_kind(const Encoding &encoding);
 

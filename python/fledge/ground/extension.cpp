@@ -2,19 +2,50 @@
 // The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files;
 // the ground's end of a link of frames.
 #include "ground/capture/frames.h"
-#include "ground/database/decoder.h"
 #include "ground/database/encoder.h"
 #include "ground/database/xtce.h"
+#include "ground/loaded.h"
 
-#include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
-
-namespace py = pybind11;
 
 namespace fledge::ground {
 
 void bind_entity(py::module_ &m);   // entity.cpp
 void bind_link_end(py::module_ &m); // link_end.cpp
+void bind_monitor(py::module_ &m);  // monitor.cpp
+
+py::object object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw)
+{
+    switch (kind) {
+    case Kind::natural: return py::int_(word);
+    case Kind::integer:
+    case Kind::time: return py::int_(static_cast<std::int64_t>(word));
+    case Kind::real: return py::float_(std::bit_cast<double>(word));
+    case Kind::boolean: return py::bool_(word != 0);
+    case Kind::label:
+        return word != no_id ? py::object(py::str(type.enumerators[word].label))
+                             : object(type, raw_kind(type.encoding), raw, bytes, raw);
+    case Kind::text:
+        return py::reinterpret_steal<py::object>(
+            PyUnicode_DecodeUTF8(bytes.data(), static_cast<Py_ssize_t>(bytes.size()), "replace"));
+    case Kind::binary: return py::bytes(bytes.data(), bytes.size());
+    default: return py::none();
+    }
+}
+
+std::pair<py::object, py::object> objects(const Database &database, const Decoded &packet, std::size_t i)
+{
+    const Field &field = packet.fields[i];
+    const Type &type = database.types[field.type];
+    const auto bytes = [&](Kind kind, std::uint64_t word) {
+        return kind == Kind::text || kind == Kind::binary ? packet.text(word) : std::string_view();
+    };
+    const bool good = packet.status[i] == Status::good || packet.status[i] == Status::unlabelled;
+    const auto raw_bytes = bytes(field.raw, packet.raw[i]);
+    const auto own = field.value == Kind::label ? raw_bytes : bytes(field.value, packet.values[i]);
+    return {object(type, field.raw, packet.raw[i], raw_bytes, packet.raw[i]),
+            good ? object(type, field.value, packet.values[i], own, packet.raw[i]) : py::object(py::none())};
+}
 
 namespace {
 
@@ -87,25 +118,6 @@ private:
     std::uint32_t place_ = 0;
 };
 
-py::object object(const Decoded &packet, const Type &type, Kind kind, std::uint64_t word, std::uint64_t raw)
-{
-    const char *const bytes = reinterpret_cast<const char *>(packet.bytes.data()) + (word >> 32);
-    const auto size = static_cast<Py_ssize_t>(word & 0xFFFFFFFF);
-    switch (kind) {
-    case Kind::natural: return py::int_(word);
-    case Kind::integer:
-    case Kind::time: return py::int_(static_cast<std::int64_t>(word));
-    case Kind::real: return py::float_(std::bit_cast<double>(word));
-    case Kind::boolean: return py::bool_(word != 0);
-    case Kind::label:
-        return word != no_id ? py::object(py::str(type.enumerators[word].label))
-                             : object(packet, type, raw_kind(type.encoding), raw, raw);
-    case Kind::text: return py::reinterpret_steal<py::object>(PyUnicode_DecodeUTF8(bytes, size, "replace"));
-    case Kind::binary: return py::bytes(bytes, static_cast<std::size_t>(size));
-    default: return py::none();
-    }
-}
-
 Given given(const py::handle &value, int depth = 0)
 {
     Given made;
@@ -150,73 +162,57 @@ Given given(const py::handle &value, int depth = 0)
     return made;
 }
 
-class Loaded {
-public:
-    Loaded(Database database, bool plans) : db_(std::move(database)), decoder_(db_, plans) {}
+template <class Things> std::vector<std::string> paths(const Things &things)
+{
+    std::vector<std::string> made;
+    made.reserve(things.size());
+    for (const auto &one : things) {
+        made.push_back(one.path);
+    }
+    return made;
+}
 
-    Packet decode(const py::bytes &bytes, const std::optional<std::string> &root)
-    {
-        const std::string_view view = bytes;
-        const Id from = root ? db_.container(*root) : no_id;
-        const Decoded &done = decoder_.decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, from);
-        Packet made{path(done.container), path(done.nearest), done.reason, py::list(),
-                    py::dict(),           py::dict(),         done.bits};
-        Tree raws(db_, done), values(db_, done);
-        for (std::size_t i = 0; i < done.fields.size(); i++) {
-            const Field &field = done.fields[i];
-            const Type &type = db_.types[field.type];
-            const bool good = done.status[i] == Status::good || done.status[i] == Status::unlabelled;
-            const py::object raw = object(done, type, field.raw, done.raw[i], done.raw[i]);
-            const py::object value =
-                good ? object(done, type, field.value, done.values[i], done.raw[i]) : py::object(py::none());
-            made.rows.append(py::make_tuple(decoder_.name(done, i), raw, value));
-            raws.put(made.raw, field, raw);
-            values.put(made.values, field, value);
+Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional<std::string> &root)
+{
+    const Database &db = loaded.database();
+    const auto path = [&](Id id) {
+        return id == no_id ? py::object(py::none()) : py::object(py::str(db.containers[id].path));
+    };
+    const std::string_view view = bytes;
+    const Id from = root ? db.container(*root) : no_id;
+    const Decoded &done =
+        loaded.decoder().decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, from);
+    Packet made{path(done.container), path(done.nearest), done.reason, py::list(), py::dict(), py::dict(), done.bits};
+    Tree raws(db, done), values(db, done);
+    for (std::size_t i = 0; i < done.fields.size(); i++) {
+        const auto [raw, value] = objects(db, done, i);
+        made.rows.append(py::make_tuple(loaded.decoder().name(done, i), raw, value));
+        raws.put(made.raw, done.fields[i], raw);
+        values.put(made.values, done.fields[i], value);
+    }
+    return made;
+}
+
+py::bytes encode_command(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+{
+    std::map<std::string, Given> all;
+    for (const auto &[key, value] : arguments) {
+        all.emplace(key.cast<std::string>(), given(value));
+    }
+    const auto bytes = ground::encode(loaded.database(), loaded.database().command(name), all);
+    return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+}
+
+std::vector<std::string> units(const Loaded &loaded, const std::string &parameter)
+{
+    const Database &db = loaded.database();
+    for (const Parameter &one : db.parameters) {
+        if (one.name == parameter || one.path == parameter) {
+            return db.types[one.type].units;
         }
-        return made;
     }
-
-    py::bytes encode(const std::string &name, const py::dict &arguments) const
-    {
-        std::map<std::string, Given> all;
-        for (const auto &[key, value] : arguments) {
-            all.emplace(key.cast<std::string>(), given(value));
-        }
-        const auto bytes = ground::encode(db_, db_.command(name), all);
-        return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
-    }
-
-    template <class Things> static std::vector<std::string> paths(const Things &things)
-    {
-        std::vector<std::string> made;
-        made.reserve(things.size());
-        for (const auto &one : things) {
-            made.push_back(one.path);
-        }
-        return made;
-    }
-
-    const Database &database() const { return db_; }
-
-    std::vector<std::string> units(const std::string &parameter) const
-    {
-        for (const Parameter &one : db_.parameters) {
-            if (one.name == parameter || one.path == parameter) {
-                return db_.types[one.type].units;
-            }
-        }
-        throw Refusal("the database has no parameter " + parameter);
-    }
-
-private:
-    py::object path(Id id) const
-    {
-        return id == no_id ? py::object(py::none()) : py::object(py::str(db_.containers[id].path));
-    }
-
-    Database db_;
-    Decoder decoder_;
-};
+    throw Refusal("the database has no parameter " + parameter);
+}
 
 } // namespace
 
@@ -271,11 +267,12 @@ PYBIND11_MODULE(_ground, m)
                 return std::make_unique<Loaded>(read_xtce(all), plans);
             },
             py::arg("files"), py::arg("plans") = true)
-        .def("decode", &Loaded::decode, py::arg("packet"), py::arg("root") = py::none())
-        .def("encode", &Loaded::encode, py::arg("name"), py::arg("arguments"))
-        .def("units", &Loaded::units, py::arg("parameter"), "The units of a parameter.")
+        .def("decode", &decode_packet, py::arg("packet"), py::arg("root") = py::none())
+        .def("encode", &encode_command, py::arg("name"), py::arg("arguments"))
+        .def("units", &units, py::arg("parameter"), "The units of a parameter.")
         .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
-        .def_property_readonly("containers", [](const Loaded &one) { return Loaded::paths(one.database().containers); })
-        .def_property_readonly("parameters", [](const Loaded &one) { return Loaded::paths(one.database().parameters); })
-        .def_property_readonly("commands", [](const Loaded &one) { return Loaded::paths(one.database().commands); });
+        .def_property_readonly("containers", [](const Loaded &one) { return paths(one.database().containers); })
+        .def_property_readonly("parameters", [](const Loaded &one) { return paths(one.database().parameters); })
+        .def_property_readonly("commands", [](const Loaded &one) { return paths(one.database().commands); });
+    bind_monitor(m);
 }

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// The telemetry of a spacecraft as it comes: packets to newest values with limits, by a database. A batch of packets is
+// decoded, given to the archive and saved there; then its values are visible to readers, in any thread.
+#pragma once
+
+#include "ground/monitor/arrival.h"
+#include "ground/monitor/slots.h"
+
+#include <array>
+#include <map>
+#include <memory>
+#include <mutex>
+
+namespace fledge::ground {
+
+/// The newest value of a slot.
+struct Newest {
+    std::int64_t t = 0, received = 0;
+    std::uint64_t raw = 0, value = 0; ///< by the kinds; texts and bytes are beside it
+    std::uint64_t count = 0;          ///< of values so far
+    std::uint64_t version = 0;        ///< of the take that brought it
+    Kind raw_kind = Kind::none;
+    Status status = Status::good;
+    Concern concern = Concern::normal;
+    std::uint32_t text = no_id; ///< place of its text or bytes
+};
+
+/// Something notable in a batch.
+struct Note {
+    enum class What : std::uint8_t {
+        concern,   ///< of a slot, after persistence
+        undecoded, ///< a packet; text: the reason
+        watched,   ///< a packet of a container that is watched
+        slots,     ///< new ones from `slot` on
+        full,      ///< there are `Slots::most`, and values without one
+        archive    ///< text: why it does not keep packets; empty: it does again
+    };
+    What what;
+    std::uint32_t slot = no_id;
+    std::int64_t t = 0;
+    Concern old = Concern::normal, now = Concern::normal;
+    std::size_t packet = 0; ///< place in the batch
+    Id container = no_id;
+    std::string text{};
+};
+
+/// A frame of values for a browser, little-endian: 32 bytes (u32 "FLD1", u32 the spacecraft, 0 here, u64 version,
+/// i64 the newest t, u32 n, u32 bytes of texts); n rows of 24 bytes (u32 slot, u8 concern, u8 status, u16 0, i64 t,
+/// u64 value); texts. A value of a label is the enumerator's place, or, with the status unlabelled, the raw value; that
+/// of texts and bytes is (place in the texts) << 32 | size.
+struct Frame {
+    std::uint64_t version;
+    std::string bytes;
+};
+
+/// low and high by the level.
+using Bands = std::map<Concern, std::pair<double, double>>;
+
+class Monitor {
+public:
+    /// The database must outlive the monitor. root: of all packets, as for the decoder.
+    explicit Monitor(const Database &database, Id root = no_id);
+    ~Monitor();
+
+    /// What keeps the packets, or nullptr.
+    void sink(PacketSink *sink);
+
+    /// Decode, archive and save a batch; then show it. One batch at a time.
+    std::vector<Note> take(std::span<const Arrival> batch);
+
+    /// Note the packets of these containers and of those that extend them.
+    void watch(std::span<const Id> containers);
+
+    struct Shown {
+        Newest newest;
+        std::string raw, value; ///< of texts and bytes
+    };
+    std::optional<Shown> newest(std::uint32_t slot) const;
+    std::uint64_t version() const;
+    Slot slot(std::uint32_t slot) const;
+    /// The values that came after a version; slots: of these alone.
+    Frame changes(std::uint64_t since, std::optional<std::span<const std::uint32_t>> slots) const;
+
+    std::uint32_t find(const std::string &name) const;
+    struct Described {
+        Slot slot;
+        Bands limits; ///< the static ones without a condition
+        std::uint32_t persistence;
+    };
+    std::vector<Described> slots(std::uint32_t first) const;
+
+    /// Limits instead of those of the database; values are outside of the band of each level. The newest value is
+    /// checked at once. Throws Refusal if one is upside down.
+    std::vector<Note> set_limits(std::uint32_t slot, const Bands &limits, std::uint32_t persistence);
+
+    /// Rows of these slots' numbers, one for each packet that has one of them, once all have come.
+    std::uint32_t trigger(std::vector<std::uint32_t> inputs);
+    /// The rows since the last call, 8 bytes each: int64 t, then the doubles.
+    std::vector<std::uint64_t> rows(std::uint32_t trigger);
+
+    /// A slot for numbers that `put` brings.
+    std::uint32_t derive(const std::string &name, const std::string &unit, const std::string &description,
+                         const Bands &limits, std::uint32_t persistence);
+    std::vector<Note> put(std::uint32_t slot, std::span<const std::int64_t> t, std::span<const double> values);
+
+    /// Let another decoder know what earlier packets had.
+    void lend(Decoder &decoder) const;
+
+private:
+    struct Check;
+    struct Limits;
+    struct Live;
+    struct Trigger;
+    struct Texts {
+        std::string raw, value;
+    };
+
+    void grow();
+    void arm(std::uint32_t slot);
+    void apply(const Decoded &packet, const Arrival &arrival, std::vector<Note> &notes);
+    void keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
+    void judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
+    std::pair<Concern, std::uint32_t> level_of(const Limits &limits, Kind kind, const Newest &next,
+                                               const Newest &before, const Decoded *packet);
+    void write_rows(std::int64_t t, std::vector<Note> &notes);
+    void publish(std::int64_t t);
+    void check(std::uint32_t slot) const;
+
+    const Database &db_;
+    const Id root_;
+    Decoder decoder_;
+
+    // Of the one who takes: under taking_, for as long as the archive needs.
+    mutable std::mutex taking_;
+    PacketSink *sink_ = nullptr;
+    std::string problem_; ///< of the archive
+    bool full_ = false;
+    std::int64_t received_ = 0; ///< of the newest packet
+    std::vector<Live> live_;
+    std::vector<Texts> live_texts_;
+    std::vector<std::array<std::uint32_t, 5>> runs_; ///< of each slot: successive values of each level or above
+    std::vector<std::vector<std::uint32_t>> feeds_;  ///< triggers of each slot
+    std::vector<std::uint32_t> touched_, fired_;
+    std::vector<bool> watched_; ///< of each container
+
+    // Of readers: under shown_, briefly. What the taker reads without it changes under both.
+    mutable std::mutex shown_;
+    Slots slots_;
+    std::vector<std::shared_ptr<const Limits>> by_type_, limits_; ///< of each slot
+    std::vector<Newest> newest_;
+    std::vector<Texts> texts_;
+    std::vector<Trigger> triggers_;
+    std::uint64_t version_ = 0;
+    std::int64_t t_ = 0;
+};
+
+} // namespace fledge::ground

@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+// The monitor of telemetry for Python. What takes time or waits for another thread releases the GIL.
+#include "ground/monitor/monitor.h"
+#include "ground/loaded.h"
+
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace fledge::ground {
+
+namespace {
+
+constexpr const char *levels[] = {"normal", "watch", "warning", "distress", "critical", "severe"};
+constexpr const char *kinds[] = {"none", "natural", "integer", "real", "label", "boolean", "text", "binary", "time"};
+constexpr const char *statuses[] = {"good", "uncalibrated", "unlabelled", "malformed"};
+
+std::span<const std::uint8_t> span_of(std::string_view bytes)
+{
+    return {reinterpret_cast<const std::uint8_t *>(bytes.data()), bytes.size()};
+}
+
+/// Numbers of 8 or 4 bytes, copied, because bytes lie anywhere.
+template <class Number> std::vector<Number> numbers(const py::bytes &bytes, const char *what)
+{
+    const std::string_view view = bytes;
+    if (view.size() % sizeof(Number) != 0) {
+        throw Refusal(std::string(what) + " have " + std::to_string(sizeof(Number)) + " bytes each; found " +
+                      std::to_string(view.size()) + " bytes");
+    }
+    std::vector<Number> made(view.size() / sizeof(Number));
+    std::memcpy(made.data(), view.data(), view.size());
+    return made;
+}
+
+/// {"warning": [low, high]}, None: open.
+Bands bands_of(const py::dict &given)
+{
+    Bands made;
+    for (const auto &[key, value] : given) {
+        const auto name = key.cast<std::string>();
+        const auto *const found = std::find(std::begin(levels) + 1, std::end(levels), name);
+        if (found == std::end(levels)) {
+            throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
+        }
+        const auto ends = value.cast<std::array<std::optional<double>, 2>>();
+        constexpr double infinite = std::numeric_limits<double>::infinity();
+        made[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
+                                                                  ends[1].value_or(infinite)};
+    }
+    return made;
+}
+
+py::dict dict_of(const Bands &bands)
+{
+    const auto end = [](double x) { return std::isinf(x) ? py::object(py::none()) : py::object(py::float_(x)); };
+    py::dict made;
+    for (const auto &[level, band] : bands) {
+        py::list ends;
+        ends.append(end(band.first));
+        ends.append(end(band.second));
+        made[levels[static_cast<std::size_t>(level)]] = ends;
+    }
+    return made;
+}
+
+/// What an action gives, which may wait for another thread.
+template <class Action> auto released(const Action &action)
+{
+    const py::gil_scoped_release here;
+    return action();
+}
+
+/// A monitor, and the packets of inspections, which do not disturb it.
+class Watcher {
+public:
+    Watcher(const Loaded &loaded, const std::optional<std::string> &root)
+        : db_(loaded.database()), root_(root ? db_.container(*root) : no_id), monitor_(db_, root_),
+          inspector_(db_, false)
+    {
+    }
+
+    py::list take(const py::list &batch)
+    {
+        const py::tuple held(batch); // another thread may change the list
+        std::vector<Arrival> arrivals;
+        arrivals.reserve(held.size());
+        for (const auto &one : held) {
+            const auto packet = py::cast<py::tuple>(one);
+            if (packet.size() != 3 || !py::isinstance<py::bytes>(packet[2])) {
+                throw py::type_error("a batch has tuples of t, received and the bytes of a packet");
+            }
+            arrivals.push_back({packet[0].cast<std::int64_t>(), packet[1].cast<std::int64_t>(),
+                                span_of(packet[2].cast<std::string_view>())});
+        }
+        return with([&] { return monitor_.take(arrivals); }, &held);
+    }
+
+    /// What an action notes, as tuples; batch: the packets.
+    template <class Action> py::list with(const Action &action, const py::tuple *batch = nullptr)
+    {
+        py::list made;
+        for (const Note &note : released(action)) {
+            const auto arrival = [&] { return batch != nullptr ? py::tuple((*batch)[note.packet]) : py::tuple(); };
+            switch (note.what) {
+            case Note::What::concern:
+                made.append(py::make_tuple("concern", note.slot, note.t, static_cast<int>(note.old),
+                                           static_cast<int>(note.now)));
+                break;
+            case Note::What::undecoded:
+                made.append(py::make_tuple("undecoded", note.t, arrival()[1], arrival()[2], note.text));
+                break;
+            case Note::What::watched:
+                made.append(
+                    py::make_tuple("watched", db_.containers[note.container].path, note.t, arrival()[1], arrival()[2]));
+                break;
+            case Note::What::slots: made.append(py::make_tuple("slots", note.slot)); break;
+            case Note::What::full: made.append(py::make_tuple("full", note.text)); break;
+            case Note::What::archive: made.append(py::make_tuple("archive", note.text)); break;
+            }
+        }
+        return made;
+    }
+
+    std::uint32_t slot(const std::string &name) const
+    {
+        const std::uint32_t found = monitor_.find(name);
+        if (found == no_id) {
+            py::list names;
+            for (const auto &one : monitor_.slots(0)) {
+                names.append(one.slot.name);
+            }
+            const py::list near = py::module_::import("difflib").attr("get_close_matches")(name, names);
+            throw Refusal("there is no parameter " + name +
+                          (near.empty() ? "" : "; near it: " + py::str(", ").attr("join")(near).cast<std::string>()));
+        }
+        return found;
+    }
+
+    py::list slots(std::uint32_t first) const
+    {
+        py::list made;
+        for (const auto &one : monitor_.slots(first)) {
+            py::dict row;
+            row["slot"] = first + made.size();
+            row["name"] = one.slot.name;
+            row["path"] = one.slot.path;
+            row["container"] =
+                one.slot.container != no_id ? py::object(py::str(db_.containers[one.slot.container].path)) : py::none();
+            row["kind"] = kinds[static_cast<std::size_t>(one.slot.kind)];
+            std::vector<std::string> labels;
+            std::string unit = one.slot.unit, description = one.slot.description;
+            if (one.slot.parameter != no_id) {
+                const Type &type = db_.types[one.slot.type];
+                for (const Enumerator &label : type.enumerators) {
+                    labels.push_back(label.label);
+                }
+                if (one.slot.kind == Kind::boolean) {
+                    labels = {type.zero, type.one};
+                }
+                for (const std::string &part : type.units) {
+                    unit += (unit.empty() ? "" : " ") + part;
+                }
+                description = db_.parameters[one.slot.parameter].description;
+            }
+            row["unit"] = unit;
+            row["labels"] = labels;
+            row["description"] = description;
+            row["limits"] = dict_of(one.limits);
+            row["persistence"] = one.persistence;
+            made.append(row);
+        }
+        return made;
+    }
+
+    py::object newest(std::uint32_t slot) const
+    {
+        const auto shown = released([&] { return monitor_.newest(slot); });
+        if (!shown) {
+            return py::none();
+        }
+        const Newest &one = shown->newest;
+        const Slot what = released([&] { return monitor_.slot(slot); });
+        static const Type plain;
+        const Type &type = what.type != no_id ? db_.types[what.type] : plain;
+        const bool good = one.status == Status::good || one.status == Status::unlabelled;
+        return py::make_tuple(one.t, one.received, object(type, one.raw_kind, one.raw, shown->raw, one.raw),
+                              good ? object(type, what.kind, one.value, shown->value, one.raw) : py::object(py::none()),
+                              statuses[static_cast<std::size_t>(one.status)], static_cast<int>(one.concern), one.count);
+    }
+
+    py::tuple changes(std::uint64_t since, const std::optional<py::bytes> &slots) const
+    {
+        const auto chosen = slots ? numbers<std::uint32_t>(*slots, "slots") : std::vector<std::uint32_t>();
+        const Frame made = released([&] {
+            return monitor_.changes(since,
+                                    slots ? std::optional(std::span<const std::uint32_t>(chosen)) : std::nullopt);
+        });
+        return py::make_tuple(made.version, py::bytes(made.bytes));
+    }
+
+    void watch(const std::vector<std::string> &names)
+    {
+        std::vector<Id> containers;
+        containers.reserve(names.size());
+        for (const std::string &name : names) {
+            containers.push_back(db_.container(name));
+        }
+        released([&] { monitor_.watch(containers); });
+    }
+
+    py::bytes rows(std::uint32_t trigger)
+    {
+        const auto made = released([&] { return monitor_.rows(trigger); });
+        return {reinterpret_cast<const char *>(made.data()), 8 * made.size()};
+    }
+
+    py::dict inspect(const py::bytes &bytes)
+    {
+        released([&] { monitor_.lend(inspector_); });
+        const Decoded &done = inspector_.decode(span_of(bytes), root_);
+        const auto path = [&](Id id) {
+            return id == no_id ? py::object(py::none()) : py::object(py::str(db_.containers[id].path));
+        };
+        py::list rows;
+        for (std::size_t i = 0; i < done.fields.size(); i++) {
+            const auto [raw, value] = objects(db_, done, i);
+            rows.append(py::make_tuple(inspector_.name(done, i), raw, value,
+                                       statuses[static_cast<std::size_t>(done.status[i])], done.places[i].at,
+                                       done.places[i].n));
+        }
+        py::dict made;
+        made["container"] = path(done.container);
+        made["nearest"] = path(done.nearest);
+        made["reason"] = done.reason;
+        made["bit"] = done.stopped ? py::object(py::int_(*done.stopped)) : py::object(py::none());
+        made["rows"] = rows;
+        return made;
+    }
+
+    Monitor &monitor() { return monitor_; }
+
+private:
+    const Database &db_;
+    const Id root_;
+    Monitor monitor_;
+    Decoder inspector_; ///< under the GIL
+};
+
+} // namespace
+
+void bind_monitor(py::module_ &m)
+{
+    py::class_<PacketSink>(m, "PacketSink", "What keeps packets.");
+    py::class_<Watcher>(m, "Monitor", "The newest values of a spacecraft's telemetry, and their limits.")
+        .def(py::init<const Loaded &, const std::optional<std::string> &>(), py::arg("database"),
+             py::arg("root") = py::none(), py::keep_alive<1, 2>())
+        .def(
+            "sink", [](Watcher &one, PacketSink *sink) { released([&] { one.monitor().sink(sink); }); },
+            py::arg("sink").none(true), py::keep_alive<1, 2>())
+        .def("take", &Watcher::take, py::arg("batch"))
+        .def("slots", &Watcher::slots, py::arg("first") = 0)
+        .def("slot", &Watcher::slot, py::arg("name"))
+        .def("newest", &Watcher::newest, py::arg("slot"))
+        .def_property_readonly("version",
+                               [](Watcher &one) { return released([&] { return one.monitor().version(); }); })
+        .def("changes", &Watcher::changes, py::arg("since"), py::arg("slots") = py::none())
+        .def("watch", &Watcher::watch, py::arg("containers"))
+        .def(
+            "set_limits",
+            [](Watcher &one, std::uint32_t slot, const py::dict &limits, std::uint32_t persistence) {
+                const Bands bands = bands_of(limits);
+                return one.with([&] { return one.monitor().set_limits(slot, bands, persistence); });
+            },
+            py::arg("slot"), py::arg("limits"), py::arg("persistence") = 1)
+        .def(
+            "trigger",
+            [](Watcher &one, const std::vector<std::uint32_t> &inputs) {
+                return released([&] { return one.monitor().trigger(inputs); });
+            },
+            py::arg("inputs"))
+        .def("rows", &Watcher::rows, py::arg("trigger"))
+        .def(
+            "derive",
+            [](Watcher &one, const std::string &name, const std::string &unit, const std::string &description,
+               const py::dict &limits, std::uint32_t persistence) {
+                const Bands bands = bands_of(limits);
+                return released([&] { return one.monitor().derive(name, unit, description, bands, persistence); });
+            },
+            py::arg("name"), py::arg("unit") = "", py::arg("description") = "", py::arg("limits") = py::dict(),
+            py::arg("persistence") = 1)
+        .def(
+            "put",
+            [](Watcher &one, std::uint32_t slot, const py::bytes &t, const py::bytes &values) {
+                const auto times = numbers<std::int64_t>(t, "times");
+                const auto all = numbers<double>(values, "values");
+                return one.with([&] { return one.monitor().put(slot, times, all); });
+            },
+            py::arg("slot"), py::arg("t"), py::arg("values"))
+        .def("inspect", &Watcher::inspect, py::arg("packet"));
+}
+
+} // namespace fledge::ground
