@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Displays that a mission composes: rows, large values, plots and buttons of commands (control_room/displays.py).
-import uPlot from "uplot";
 import {of, series} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
-import {clock} from "../format.js";
+import {Curve, chart, data} from "../curves.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
+import {theme} from "../theme.js";
 
 export const title = "Displays", key = "d";
 
-const POINTS = 1000, COLOURS = 6;
+const POINTS = 1000, HEIGHT = 230;
+const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 
 /** A value with its digits behind the point; other texts as they are. */
 export function rounded(store, slot, digits) {
@@ -79,92 +80,76 @@ export async function open(context) {
         }));
     }
     function plot({items, minutes, title: name}) {
-        const good = items.filter(({problem}) => !problem), place = h("div", {class: "curve"}),
-              made = h("div", {}, items.filter(({problem}) => problem).map(wrong), place);
-        if (!good.length) return made;
-        const utc = live.craft(craft)?.clock === "utc", span = 60 * minutes, data = [[], ...good.map(() => [])];
-        const common = good.every(({slot}) => unit(slot) === unit(good[0].slot)) ? unit(good[0].slot) : "";
-        const colour = (word) => getComputedStyle(document.documentElement).getPropertyValue(word).trim();
-        let chart = null, last = -Infinity, over = false;
-        const build = () => {
-            chart?.destroy();
-            const axis = {
-                stroke: colour("--soft"),
-                grid: {stroke: colour("--line"), width: 1},
-                ticks: {stroke: colour("--line"), width: 1},
-                font: "11px system-ui"
-            };
-            chart = new uPlot({
-                width: place.clientWidth || 400,
-                height: 220,
-                legend: {live: false},
-                cursor: {drag: {x: false, y: false}},
-                scales: {x: {time: false}},
-                axes: [
-                    {
-                        ...axis,
-                        values: (_, all) =>
-                            all.map((t) => clock(BigInt(Math.round(t * 1e9)), utc, 0).slice(utc ? 11 : 0)),
-                        space: 80
-                    },
-                    {...axis, size: 62, label: common, labelSize: common ? 16 : 0, labelFont: "11px system-ui"}
-                ],
-                series: [
-                    {}, ...good.map(({label}, k) => ({
-                        label,
-                        stroke: colour(`--plot-${k % COLOURS + 1}`),
-                        width: 1.5,
-                        spanGaps: true,
-                        dash: k >= COLOURS ? [6, 4] : undefined
-                    }))
-                ]
-            },
-                data, place);
-        };
-        const size = new ResizeObserver(
-            () => chart && place.clientWidth && chart.setSize({width: place.clientWidth, height: 220}));
-        ends.push(() => {
-            over = true;
-            size.disconnect();
-            chart?.destroy();
-        }, context.onTheme(build));
-        place.setAttribute("role", "img");
-        place.setAttribute("aria-label", `plot of ${name || good.map(({label}) => label).join(", ")}`);
-        requestAnimationFrame(() => {
-            if (over) return;
-            build();
-            size.observe(place);
+        const {time} = context, good = items.filter(({problem}) => !problem), span = 60 * minutes;
+        const curves = good.map((one) => new Curve(one.name)), holder = h("div", {
+            class: "curve",
+            role: "img",
+            "aria-label": `plot of ${name || good.map(({label}) => label).join(", ")}`
         });
-        attempt(made, async () => {  // what was before
-            const newest = BigInt(live.craft(craft)?.t_ns ?? 0);
+        const made = h("div", {}, items.filter(({problem}) => problem).map(wrong), holder);
+        if (!good.length) return made;
+        let drawn = null, over = false, last = 0;
+        const build = () => {
+            drawn?.destroy();
+            drawn = chart({
+                holder,
+                curves,
+                slots: good.map(({slot}) => store.slots[slot]),
+                theme: theme(),
+                height: HEIGHT,
+                words: (t) => time.text(ns(t), 3),
+                tick: (t) => time.text(ns(t), 0).slice(time.utc ? 11 : 0),
+                mark: () => null,
+                gaps: () => [],
+                zoom() {},
+                seek() {},
+                whole() {},
+            });
+            show();
+        };
+        const show = () => {
+            if (!drawn) return;
+            const to = Number(time.newest ?? 0) / 1e9;
+            drawn.setData(data(curves), false);
+            drawn.setScale("x", {min: to - span, max: to});
+            if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
+        };
+        const load = async () => {  // what was before
+            const newest = time.newest ?? 0n;
             const found = series(await api.bytes(of(craft, "history"), {
-                names: good.map(({name: one}) => one).join(","),
-                from_ns: String(newest - BigInt(Math.round(span * 1e9))),
-                to_ns: String(newest + 1n),
+                names: good.map((one) => one.name).join(","),
+                from_ns: newest - ns(span),
+                to_ns: newest + 1n,
                 points: POINTS,
                 format: "binary"
             }));
             if (over) return;
-            const times = [...new Set(found.flatMap(({t}) => [...t]))]
-                              .filter((t) => !data[0].length || t < data[0][0])
-                              .sort((a, b) => a - b);
-            const at = found.map(({t, value}) => new Map(Array.from(t, (one, k) => [one, value[k]])));
-            data[0].unshift(...times);
-            good.forEach((_, k) => data[k + 1].unshift(...times.map((t) => at[k]?.get(t) ?? null)));
-            chart?.setData(data);
+            curves.forEach((curve, k) => curve.fill(found[k]));
+            show();
+        };
+        const fit = new ResizeObserver(() => {
+            if (!drawn && !over && holder.clientWidth)
+                build();
+            else if (drawn && holder.clientWidth)
+                drawn.setSize({width: holder.clientWidth, height: HEIGHT});
         });
+        fit.observe(holder);
+        ends.push(() => {
+            over = true;
+            fit.disconnect();
+            drawn?.destroy();
+        }, context.onTheme(build));
+        attempt(made, load);
         draws.push(() => {
-            const t = Math.max(...good.map(({slot}) => (store.seen[slot] ? Number(store.at(slot)) / 1e9 : -Infinity)));
-            if (!(t > last) && t > last - 1) return;
-            if (t < last - 1)
-                for (const one of data) one.length = 0;  // the craft began again
-            last = t;
-            data[0].push(t);
-            good.forEach(({slot}, k) => data[k + 1].push(store.seen[slot] ? store.number(slot) : null));
-            const old = data[0].findIndex((one) => one >= t - span);
-            if (old > 0)
-                for (const one of data) one.splice(0, old);
-            chart?.setData(data);
+            let fresh = false;
+            good.forEach(({slot}, k) => {
+                if (!store.seen[slot]) return;
+                fresh = curves[k].add(Number(store.at(slot)) / 1e9, store.number(slot)) || fresh;
+                curves[k].drop(Number(time.newest) / 1e9 - span - 5);
+            });
+            if (!fresh || performance.now() - last < 95) return;
+            last = performance.now();
+            show();
         });
         return made;
     }

@@ -98,7 +98,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
                                                          ""},
                     `${{completed: "\u2713 ", failed: "\u2717 "}[one.state] ?? ""}${one.state}${
                         one.text ? `: ${one.text}` : ""}`),
-                h("td", {class: "soft"}, clock(one.t_ns, utc, utc ? 0 : 1)), h("td", {class: "row"}, open_ && may && [
+                h("td", {class: "soft"}, clock(one.t_ns, utc, utc ? 0 : 1)), h("td", {class: "acts"}, open_ && may && [
                     one.state === "active" ?
                         h("button", {class: "small", onclick: () => act(one.id, "suspend")}, "Suspend") :
                         h("button", {class: "small", onclick: () => act(one.id, "resume")}, "Resume"),
@@ -126,7 +126,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
         draw();
         if (ended) load().catch(() => {});
     });
-    root.append(h("div", {class: "tiles"}, up, received, down, way));
+    root.append(h("div", {class: "tiles"}, h("div", {class: "tower"}, up, down), received, way));
     keys.add("u", "choose a file to send", () => file.click());
     keys.add("d", "list what is on board", directory);
     keys.add("f", "fetch a file", () => wanted.focus());

@@ -7,6 +7,7 @@ import {Form, listed} from "../forms.js";
 
 export const title = "On board", key = "b";
 
+const LISTS = 16;
 const ACTIONS = {
     idle: ["start", "inhibit"],
     running: ["stop", "hold", "inhibit"],
@@ -48,6 +49,9 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             h("thead", {}, h("tr", {}, ["in", "at", "list", "step", "command"].map((one) => h("th", {}, one)))), soon));
     const problem = h("p", {class: "soft"});
 
+    const which = h("select", {"aria-label": "list", disabled: !may},
+        Array.from({length: LISTS}, (_, k) => h("option", {value: k}, k ? `sequence ${k}` : "absolute times")));
+    const read = () => post({list: Number(which.value), action: "report"});
     const post = (what) => attempt(root, () => api.post(of(craft, "stored"), what));
     async function act(list, action) {
         if (action === "start" ||
@@ -159,13 +163,8 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             problem),
         strip, lists, dialog);
     keys.add("a", "store a command", compose);
-    keys.add("R", "read all lists", () => post({action: "report"}));
-    on("stored", (one) => {
-        if (one.craft !== craft) return;
-        stored = one;
-        tables();
-        draw();
-    });
+    keys.add("R", "read the list", () => read());
+    on("stored", (one) => one.craft === craft && load().catch(() => {}));
     on("sent",
         (row) => row.craft === craft && row.stages.some(({stage}) => stage === "completed") && load().catch(() => {}));
     every(1000, draw);

@@ -171,8 +171,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     function buttons() {
         const n = different().length;
         read.disabled = !may;
-        load.disabled = !may || bad() > 0 || (!n && table.values !== null) ||
-            (table.values === null && all.some(({keys: k}) => at(edited(), k) === undefined));
+        load.disabled = !may || bad() > 0 || !n || table.values === null;
         take.disabled = !n;
         save.disabled = bad() > 0;
         from.disabled = !may;
@@ -191,7 +190,9 @@ export async function open({root, api, live, keys, craft, selection, select, can
             for (const row of await api.get(of(craft, "sent"))) follow(row);
         });
     }
-    async function loadAll() { await post({values: edited()}); }
+    /** Load what differs: whole parameters, as their elements are one on board. */
+    const loadAll = () =>
+        post({values: Object.fromEntries(different().map(({keys: [first]}) => [first, edited()[first]]))});
     function follow(row) {
         if (!waiting.has(row.id)) return;
         waiting.set(row.id, row);
