@@ -22,7 +22,8 @@ def read(folder: Path, text: str):
 
 def test_a_field_is_a_row_for_each_element(tmp_path):
     one = read(tmp_path, 'title = "A"\n[[panel]]\nvalues = ["craft.attitude.sigma", "<b>odd</b>"]\n'
-                         '[[panel]]\nplot = [{ name = "craft.attitude.sigma", label = "error", digits = 3 }]\nwide = true\n')
+                         '[[panel]]\nplot = [{ name = "craft.attitude.sigma", label = "error", digits = 3 }]\n'
+                         "wide = true\n")
     values, plot = one["panels"]
     assert one["title"] == "A" and not one["problems"]
     assert [(i["slot"], i["label"]) for i in values["items"]] == [(10, NAMES[0]), (11, NAMES[1]), (14, "<b>odd</b>")]
@@ -36,7 +37,8 @@ def test_unknown_names_say_why_and_the_rest_works(tmp_path):
                          '    { command = "craft.write.K", arguments = { K = 3, L = 4 } }]\n')
     known, unknown = one["panels"][0]["items"]
     assert known["slot"] == 13
-    assert unknown["problem"].endswith("one.toml:4: there is no parameter 'craft.batery'; did you mean 'craft.battery'?")
+    assert unknown["problem"].endswith(
+        "one.toml:4: there is no parameter 'craft.batery'; did you mean 'craft.battery'?")
     good, wrong, argument = one["panels"][1]["items"]
     assert "problem" not in good
     assert wrong["problem"].endswith("one.toml:7: there is no command 'craft.nop'; did you mean 'craft.noop'?")
@@ -51,7 +53,8 @@ def test_unknown_names_say_why_and_the_rest_works(tmp_path):
     ("[[panel]]\nvalues = 'craft.battery'\n", "one.toml:2: `values` is an array"),
     ("[[panel]]\nvalues = [3]\n", "one.toml:2: `values` has names and tables; there is 3"),
     ("[[panel]]\nplot = []\nminutes = -1\n", "one.toml:3: `minutes` is > 0"),
-    ("[[panel]]\nvalues = []\ntitel = 'x'\n", "one.toml:3: only known keys count; there is `titel`; did you mean `title`?"),
+    ("[[panel]]\nvalues = []\ntitel = 'x'\n",
+     "one.toml:3: only known keys count; there is `titel`; did you mean `title`?"),
     ("[[panel]]\nvalues = [{ name = 'craft.battery', digits = 99 }]\n", "`digits` is from 0 to 17; it is 99"),
     ("panel = 3\n", "one.toml:1: `panel` is an array of tables"),
     ("[[panel]]\ncommands = [{ command = 'craft.noop', arguments = 3 }]\n", "`arguments` is a table")])

@@ -4,24 +4,24 @@ import {of, series} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, chart, data} from "../curves.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
+import {valueText} from "../store.js";
 import {theme} from "../theme.js";
 
 export const title = "Displays", key = "d";
 
+const LOOK_BACK = 600n * 1000000000n;  // a value of the past is the newest of so long before
 const POINTS = 1000, HEIGHT = 230;
 const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 
-/** A value with its digits behind the point; other texts as they are. */
-export function rounded(store, slot, digits) {
-    const number = store.number(slot), kind = store.slots[slot]?.kind;
-    return digits == null || kind !== "real" || !Number.isFinite(number) ?
-        store.text(slot) :
-        number.toFixed(digits).replace("-", "\u2212");
-}
+/** A number with its digits behind the point; null: no such number. */
+const rounded = (number, about, digits) => {
+    if (digits == null || about?.kind !== "real" || !Number.isFinite(number)) return null;
+    return number.toFixed(digits).replace(/^-(0[.0]*)$/, "$1").replace("-", "\u2212");
+};
 
 export async function open(context) {
-    const {root, api, live, craft, keys, selection, select} = context, store = await live.slots(craft);
-    let displays = [], shown = null, ends = [], draws = [];
+    const {root, api, live, time, craft, keys, selection, select} = context, store = await live.slots(craft);
+    let displays = [], shown = null, ends = [], draws = [], loads = [], past = null;
     const wish = context.want([]);
     const tabs = h("div", {class: "row tabs", role: "group", "aria-label": "displays"}),
           holder = h("div", {class: "display"});
@@ -31,6 +31,7 @@ export async function open(context) {
         for (const end of ends) end();
         ends = [];
         draws = [];
+        loads = [];
         shown = one;
         select(one.name);
         tabs.replaceChildren(...displays.map(
@@ -41,6 +42,35 @@ export async function open(context) {
             ...one.panels.map(panel));
         wish.change(
             [...new Set(one.panels.flatMap(({items}) => items.map(({slot}) => slot).filter((slot) => slot != null)))]);
+        draw();
+        if (!time.isLive) attempt(root, remember);
+    }
+    /** What an item is now, or was at the time that is shown. */
+    function text({slot, digits}) {
+        const about = store.slots[slot];
+        if (time.isLive) return rounded(store.number(slot), about, digits) ?? (store.text(slot) || "\u2013");
+        const old = past?.get(slot);
+        return old === undefined ? "\u2013" : rounded(old, about, digits) ?? valueText(about, old);
+    }
+    const hasNumber = (slot) => !["text", "binary"].includes(store.slots[slot]?.kind);
+    const level = (slot) => (time.isLive ? store.concern[slot] : 0);
+    async function remember() {
+        const {at} = time,
+              items =
+                  shown?.panels.flatMap((one) => one.items).filter(({slot}) => slot != null && hasNumber(slot)) ?? [];
+        past = null;
+        if (!time.isLive && items.length) {
+            const found = series(await api.bytes(of(craft, "history"), {
+                names: items.map(({name}) => name).join(","),
+                from_ns: at - LOOK_BACK,
+                to_ns: at + 1n,
+                points: 1,
+                session: time.session,
+                format: "binary"
+            }));
+            if (at !== time.at) return;
+            past = new Map(found.flatMap(({value}, k) => (value.length ? [[items[k].slot, value.at(-1)]] : [])));
+        }
         draw();
     }
     const wrong = (item) =>
@@ -58,8 +88,8 @@ export async function open(context) {
             if (item.problem) return h("tr", {}, h("td", {colSpan: 4}, wrong(item)));
             const value = h("td", {class: "num value"}), state = h("span");
             draws.push(() => {
-                put(value, rounded(store, item.slot, item.digits) || "\u2013");
-                concern(store.concern[item.slot], state);
+                put(value, text(item));
+                concern(level(item.slot), state);
             });
             return h("tr", {title: item.name}, h("td", {class: "name"}, item.label), value,
                 h("td", {class: "soft"}, unit(item.slot)), h("td", {class: "state"}, state));
@@ -70,17 +100,17 @@ export async function open(context) {
             if (item.problem) return wrong(item);
             const value = h("strong"), state = h("span");
             draws.push(() => {
-                put(value, rounded(store, item.slot, item.digits) || "\u2013");
-                concern(store.concern[item.slot], state);
-                dress(value, `c${store.concern[item.slot]}`);
-                value.title = CONCERNS[store.concern[item.slot]];
+                put(value, text(item));
+                concern(level(item.slot), state);
+                dress(value, `c${level(item.slot)}`);
+                value.title = CONCERNS[level(item.slot)];
             });
             return h("div", {title: item.name}, h("span", {class: "soft"}, item.label),
                 h("div", {}, value, h("span", {class: "soft"}, ` ${unit(item.slot)}`)), state);
         }));
     }
     function plot({items, minutes, title: name}) {
-        const {time} = context, good = items.filter(({problem}) => !problem), span = 60 * minutes;
+        const good = items.filter(({slot}) => slot != null && hasNumber(slot)), span = 60 * minutes;
         const curves = good.map((one) => new Curve(one.name)), holder = h("div", {
             class: "curve",
             role: "img",
@@ -109,21 +139,21 @@ export async function open(context) {
         };
         const show = () => {
             if (!drawn) return;
-            const to = Number(time.newest ?? 0) / 1e9;
+            const to = Number(time.at) / 1e9;
             drawn.setData(data(curves), false);
             drawn.setScale("x", {min: to - span, max: to});
             if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
         };
         const load = async () => {  // what was before
-            const newest = time.newest ?? 0n;
+            const {at, session} = time;
             const found = series(await api.bytes(of(craft, "history"), {
                 names: good.map((one) => one.name).join(","),
-                from_ns: newest - ns(span),
-                to_ns: newest + 1n,
+                from_ns: at - ns(span),
+                to_ns: at + 1n,
                 points: POINTS,
                 format: "binary"
             }));
-            if (over) return;
+            if (over || (!time.isLive && at !== time.at)) return;
             curves.forEach((curve, k) => curve.fill(found[k]));
             show();
         };
@@ -139,8 +169,10 @@ export async function open(context) {
             fit.disconnect();
             drawn?.destroy();
         }, context.onTheme(build));
+        loads.push(() => attempt(made, load));
         attempt(made, load);
         draws.push(() => {
+            if (!time.isLive) return;
             let fresh = false;
             good.forEach(({slot}, k) => {
                 if (!store.seen[slot]) return;
@@ -195,6 +227,10 @@ export async function open(context) {
         for (const one of draws) one();
     };
     context.onFrame(draw);
+    context.onTime(() => {
+        attempt(root, remember);
+        for (const load of loads) load();
+    });
     for (let k = 1; k < 10; k++) keys.add(String(k), `display ${k}`, () => displays[k - 1] && choose(displays[k - 1]));
     await attempt(root, async () => {
         displays = await api.get(of(craft, "displays"));

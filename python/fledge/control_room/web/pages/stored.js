@@ -156,11 +156,9 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         which.dispatchEvent(new Event("change"));
         dialog.showModal();
     }
-    root.append(
-        h("div", {class: "row"},
-            h("button", {class: "primary", disabled: !may, onclick: compose, title: "a"}, "Store a command"),
-            h("button", {disabled: !may, onclick: () => post({action: "report"}), title: "R"}, "Read all lists"),
-            problem),
+    root.append(h("div", {class: "row"},
+                    h("button", {class: "primary", disabled: !may, onclick: compose, title: "a"}, "Store a command"),
+                    h("button", {disabled: !may, onclick: () => read(), title: "R"}, "Read the list"), which, problem),
         strip, lists, dialog);
     keys.add("a", "store a command", compose);
     keys.add("R", "read the list", () => read());

@@ -175,11 +175,10 @@ export async function open({root, api, live, keys, craft, selection, select, can
         take.disabled = !n;
         save.disabled = bad() > 0;
         from.disabled = !may;
-        put(count,
-            bad() ? `${bad()} values are wrong` :
-                n ? `\u25c6 ${n} ${n > 1 ? "differ" : "differs"} from what is on board` :
-                table.values ? "\u2713 as on board" :
-                               "");
+        const differing = `\u25c6 ${n} ${n > 1 ? "differ" : "differs"} from what is on board`;
+        if (bad()) put(count, `${bad()} values are wrong`);
+        else if (table.values === null) put(count, "Read it before you load it.");
+        else put(count, n ? differing : "\u2713 as on board");
     }
     async function post(what) {
         const one = table;
