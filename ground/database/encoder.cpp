@@ -89,6 +89,7 @@ public:
     }
 
     std::vector<std::uint8_t> bytes; ///< of the packet
+    std::vector<Placed> places;
 
 private:
     static Given text(const std::string &value)
@@ -165,10 +166,17 @@ private:
             if (type == types_.end()) {
                 throw Refusal(db_.where(entry.place) + ": " + command_.path + " has no argument " + entry.name);
             }
+            const std::size_t from = at;
             value(type->second, values_.at(entry.name), entry.name, at, &entry.dimensions);
+            places.push_back({entry.name, true, from, at - from});
             break;
         }
-        case Entry::What::parameter: parameter(entry, at); break;
+        case Entry::What::parameter: {
+            const std::size_t from = at;
+            parameter(entry, at);
+            places.push_back({db_.parameters[entry.id].name, false, from, at - from});
+            break;
+        }
         case Entry::What::indirect: throw Refusal(db_.where(entry.place) + ": a command has no indirect parameters");
         }
     }
@@ -601,9 +609,14 @@ private:
 
 } // namespace
 
-std::vector<std::uint8_t> encode(const Database &database, Id command, const std::map<std::string, Given> &given)
+std::vector<std::uint8_t> encode(const Database &database, Id command, const std::map<std::string, Given> &given,
+                                 std::vector<Placed> *places)
 {
-    return std::move(Encoder(database, command, given).bytes);
+    Encoder done(database, command, given);
+    if (places != nullptr) {
+        *places = std::move(done.places);
+    }
+    return std::move(done.bytes);
 }
 
 } // namespace fledge::ground

@@ -20,9 +20,18 @@ struct Given {
     std::vector<std::string> names; ///< of members
 };
 
+/// Where an argument, or a parameter of the header, stands in a packet.
+struct Placed {
+    std::string name;
+    bool argument;
+    std::size_t bit, bits;
+};
+
 /// The packet of a command. `given` has values of its arguments, and of parameters that stand in its packet, as those
 /// of headers. Missing ones are the initial values of the database. A calibrator of an argument makes the raw number of
 /// the value in units. Throws Refusal: what is missing, not known, out of range or without room.
-std::vector<std::uint8_t> encode(const Database &database, Id command, const std::map<std::string, Given> &given);
+/// places: if given, what stands where, in the order of the entries.
+std::vector<std::uint8_t> encode(const Database &database, Id command, const std::map<std::string, Given> &given,
+                                 std::vector<Placed> *places = nullptr);
 
 } // namespace fledge::ground

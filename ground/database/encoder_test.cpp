@@ -73,6 +73,19 @@ TEST(Encoder, ACommandHasItsHeaderItsFixedAndItsGivenValues)
               (Bytes{42, 3, 7, 0, 43, 0x51}));
 }
 
+TEST(Encoder, PlacesSayWhereWhatStands)
+{
+    const Database database = read_xtce_text(commands, "s.xml");
+    std::vector<Placed> places;
+    encode(database, database.command("C"), {{"gain", number(-2)}, {"sequence", number(3)}}, &places);
+    std::string found;
+    for (const Placed &one : places) {
+        found += one.name + (one.argument ? "*" : "") + " " + std::to_string(one.bit) + "+" + std::to_string(one.bits) +
+                 ", ";
+    }
+    EXPECT_EQ(found, "apid 0+8, sequence 8+8, opcode* 16+8, gain* 24+16, mode* 44+4, ");
+}
+
 TEST(Encoder, WhatIsMissingUnknownOrOutOfRangeIsRefused)
 {
     const Given one = number(1);

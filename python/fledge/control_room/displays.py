@@ -53,7 +53,7 @@ def _display(file: Path, slots: Sequence[Mapping[str, Any]], forms: Sequence[Map
     made: dict[str, Any] = {"name": file.stem, "title": file.stem, "problems": [], "panels": []}
     try:
         text = text_of(file)
-        whole, lines = parse(text, shown(file))
+        whole, lines = parse(text, Path(shown(file)))
     except (OSError, TomlError) as error:
         return made | {"problems": [str(error)]}
     reader = _Reader(str(shown(file)), lines, text, slots, forms)
@@ -129,6 +129,6 @@ class _Reader(Tables):
 
     def place(self, name: str, at: tuple[Any, ...]) -> str:
         """FILE:LINE of a name: of its line in the array, or of the array's."""
-        first = self.lines.get(at) or self.lines.get(at[:-1], 1)
+        first: int = self.lines.get(at) or self.lines.get(at[:-1]) or 1
         line = next((i for i, row in enumerate(self.rows[first - 1:], first) if f'"{name}"' in row), first)
         return f"{self.file}:{line}"
