@@ -193,14 +193,31 @@ Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional
     return made;
 }
 
-py::bytes encode_command(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+std::map<std::string, Given> all_given(const py::dict &arguments)
 {
     std::map<std::string, Given> all;
     for (const auto &[key, value] : arguments) {
         all.emplace(key.cast<std::string>(), given(value));
     }
-    const auto bytes = ground::encode(loaded.database(), loaded.database().command(name), all);
+    return all;
+}
+
+py::bytes encode_command(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+{
+    const auto bytes = ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments));
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
+}
+
+/// (name, whether it is an argument, first bit, bits) of each entry of a command's packet.
+py::list command_places(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+{
+    std::vector<Placed> places;
+    ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments), &places);
+    py::list made;
+    for (const Placed &one : places) {
+        made.append(py::make_tuple(one.name, one.argument, one.bit, one.bits));
+    }
+    return made;
 }
 
 std::vector<std::string> units(const Loaded &loaded, const std::string &parameter)
@@ -269,6 +286,7 @@ PYBIND11_MODULE(_ground, m)
             py::arg("files"), py::arg("plans") = true)
         .def("decode", &decode_packet, py::arg("packet"), py::arg("root") = py::none())
         .def("encode", &encode_command, py::arg("name"), py::arg("arguments"))
+        .def("places", &command_places, py::arg("name"), py::arg("arguments"))
         .def("units", &units, py::arg("parameter"), "The units of a parameter.")
         .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
         .def_property_readonly("containers", [](const Loaded &one) { return paths(one.database().containers); })
