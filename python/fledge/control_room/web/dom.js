@@ -33,6 +33,13 @@ export function put(node, text) {
     node.textContent = visible(text);
 }
 
+/** Say a text in full where a pointer rests on a node that may cut it. */
+export function hint(node, text) {
+    if (node.hint === text) return;
+    node.hint = text;
+    node.title = visible(text);
+}
+
 /** Give a node a class name, if it has another one. */
 export function dress(node, name) {
     if (node.className !== name) node.className = name;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Alarms: what is or was beyond its limits, until a person has acknowledged it; shelved ones keep quiet for a while.
 import {of} from "../api.js";
-import {ask, attempt, concern, dress, h, put} from "../dom.js";
+import {ask, attempt, concern, dress, h, hint, put} from "../dom.js";
 import {editLimits, limitsText} from "../limits.js";
 import {Table} from "../table.js";
 
@@ -32,7 +32,7 @@ export async function open(context) {
                     put(cells[k].firstChild, "within");
             }
             put(cells[2], one.name);
-            cells[2].title = one.name;
+            hint(cells[2], one.name);
             put(cells[3], `${one.text ?? one.value ?? ""}`);
             put(cells[4], time.text(one.since_ns));
             put(cells[5], state(one));

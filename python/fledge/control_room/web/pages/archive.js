@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is kept: sessions with their gaps; to look at, to replay, to take away as a table.
 import {of} from "../api.js";
-import {attempt, h, put} from "../dom.js";
+import {attempt, h, hint, put} from "../dom.js";
 import {count, span, ticks} from "../format.js";
 import {Table} from "../table.js";
 
@@ -29,7 +29,7 @@ export async function open(context) {
                 one.gaps?.length ? `\u25b3 ${one.gaps.length}` : "", one.ended || "still open"
             ];
             texts.forEach((text, k) => put(cells[k], String(text)));
-            cells[6].title = one.ended ?? "";
+            hint(cells[6], one.ended ?? "");
         },
         moved: (row) => choose(sessions[row]),
     });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What happened, on board and on the ground: by severity, source and words.
 import {of} from "../api.js";
-import {CONCERNS, concern, h, put} from "../dom.js";
+import {CONCERNS, concern, h, hint, put} from "../dom.js";
 import {List} from "../list.js";
 
 export const title = "Events", key = "e";
@@ -48,7 +48,7 @@ export async function open(context) {
                 if (!level(event)) put(cells[1].firstChild, event.severity);
                 put(cells[2], event.source);
                 put(cells[3], event.text);
-                cells[3].title = event.text;
+                hint(cells[3], event.text);
                 if (event.source && !sources.has(event.source)) {
                     sources.add(event.source);
                     from.append(h("option", {value: event.source}, event.source));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packets: their bytes beside what they mean; and of one that did not decode, which comparison failed, at which bit.
 import {of} from "../api.js";
-import {attempt, dress, h, put} from "../dom.js";
+import {attempt, dress, h, hint, put} from "../dom.js";
 import {List} from "../list.js";
 import {Table} from "../table.js";
 
@@ -29,7 +29,7 @@ export async function open(context) {
                       {title: "Bytes", width: "3.2rem", class: "num"}],
             fill: (cells, one, element) => {
                 put(cells[0], time.text(one.t_ns).slice(time.utc ? 11 : 0));
-                cells[0].title = time.text(one.t_ns, 9);
+                hint(cells[0], time.text(one.t_ns, 9));
                 put(cells[1], one.container ?? `\u25a0 ${one.reason || "not decoded"}`);
                 put(cells[2], String(one.size));
                 dress(cells[1], `td ${one.container ? "" : "c4"}`);
@@ -58,7 +58,7 @@ export async function open(context) {
         fill: (cells, row, element) => {
             const one = rows[row];
             put(cells[0], one.name);
-            cells[0].title = one.name;
+            hint(cells[0], one.name);
             put(cells[1], String(one.value ?? ""));
             put(cells[2], String(one.raw ?? ""));
             put(cells[3], `${one.bit} +${one.bits}`);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Parameters by tree and search: value, unit, age, and how its limits judge it; live, or as they were at a time.
 import {of, series} from "../api.js";
-import {attempt, concern, dress, h, put, visible} from "../dom.js";
+import {attempt, concern, dress, h, hint, put} from "../dom.js";
 import {clock, span} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
 import {STATUSES, valueText} from "../store.js";
@@ -47,7 +47,7 @@ export async function open(context) {
             put(cells[0],
                 folder && about.name.startsWith(`${folder}.`) ? about.name.slice(folder.length + 1) : about.name);
             if (cells[0].title !== about.name)
-                cells[0].title = visible(about.name);
+                hint(cells[0], about.name);
             put(cells[2], about.unit === "-" ? "" : about.unit);
             if (time.isLive) {
                 put(cells[1], store.text(slot));
