@@ -4,7 +4,7 @@ program, for which the run does not wait, and as a node, for which it does. Both
 `fledge up` sets."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate, takewhile
 from queue import Queue
 from threading import Thread
@@ -50,6 +50,7 @@ class Onlooker(Link):
 
     def __init__(self, process: str, raw: bool = False) -> None:
         self.raw = raw
+        self._hear: Callable[[Any], None] = lambda seen: None
         bindings = _bindings()
         try:
             self._observer = bindings.Observer()
@@ -61,6 +62,16 @@ class Onlooker(Link):
     @property
     def t(self) -> int:
         return int(self._observer.t)
+
+    @property
+    def topics(self) -> Any:
+        """All that the run shows to observers."""
+        return self._observer.topics
+
+    def watch(self, topics: Iterable[str], hear: Callable[[Any], None]) -> None:
+        """Hear also the messages of these topics, as they come in receive()."""
+        self._hear = hear
+        self._observer.subscribe(*topics)
 
     def send(self, packet: bytes) -> None:
         try:
@@ -75,6 +86,7 @@ class Onlooker(Link):
                 raise ConnectionError("the run is over" if self._observer.reason is not None else
                                       f"the run has written nothing for {PATIENCE:g} s")
             self.dropped += seen.missed if seen.topic == self._telemetry else 0
+            self._hear(seen)
             if seen.topic == self._telemetry and seen["n"]:
                 return [Timed(seen.t, one) for one in _packets(seen, self.raw)]
         return []

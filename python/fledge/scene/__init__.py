@@ -44,7 +44,7 @@ def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: boo
     if not isinstance(source, (Archive, Log)):
         first = {one.path: one for one in reversed(source.records)}
         source = Log(source, reversed(first.values()))
-    facts = _facts_of_archive(source) if isinstance(source, Archive) else _facts_of_log(source)
+    facts = _facts_of_archive(source) if isinstance(source, Archive) else facts_of_simulation(source.simulation)
     try:
         scene = derive(source, facts, plots_only)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -52,7 +52,7 @@ def of(source: Archive | Log | Simulation | str | PathLike[str], plots_only: boo
             raise ArchiveError(f"{source.problem}; there is no scene in it: {error}") from None
         raise
     if facts.folder is not None and not plots_only:
-        _add_of_mission(scene, facts.folder)
+        add_of_mission(scene, facts.folder)
     return scene
 
 
@@ -80,18 +80,18 @@ def _facts_of_archive(archive):
                  about.get("instances", {}), about.get("wires", {}), known.folder if known else None)
 
 
-def _facts_of_log(log):
+def facts_of_simulation(sim: Simulation) -> Facts:
+    """What a simulation is made of."""
     import json
 
     from fledge.mission.provenance import instances, parameters, wires
 
-    sim = log.simulation
     decode = json.JSONDecoder().raw_decode
     return Facts(sim.name, "", {name: decode(text)[0] for name, text in parameters(sim.processes).items()},
                  instances(sim.processes), wires(sim), sim.mission.folder if sim.mission else None)
 
 
-def _add_of_mission(scene: Scene, folder: Path) -> None:
+def add_of_mission(scene: Scene, folder: Path) -> None:
     """Run build(view) of the mission's view.py, if it has one."""
     from fledge.mission.folder import Mission, MissionFiles
 

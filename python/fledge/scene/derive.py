@@ -74,7 +74,8 @@ class Derivation:
         return track
 
     def add_plots(self):
-        self.scene.plots = [plot for port in self._ports.values() for plot in self._plots(port)]
+        self.scene.plots = [plot for name, port in self._ports.items() if not self._live or name in self.used
+                            for plot in self._plots(port)]
         if not self.scene.crafts:
             times = [self._records._time(port) for port in self._ports.values()]
             self.scene.begin, self.scene.end = min(t[0] for t in times), max(t[-1] for t in times)
@@ -114,10 +115,10 @@ class Derivation:
         self.used.add(name)
         port = self._ports[name]
         time, table = self._records._time(port), self._records._values(port)
-        last = np.append(np.diff(time) > 0, True)
+        last = np.append(np.diff(time) > 0, True)[:len(time)]
         good = (table["head"]["quality"] != NONE) & last
         for one in fields:
-            good &= np.isfinite(table[one].reshape(len(table), -1)).all(axis=1)
+            good &= np.isfinite(table[one]).all(axis=tuple(range(1, table[one].ndim)))
         kept = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
         found = [np.array(table[one][kept], dtype=float) for one in fields]
         for one in found:
@@ -285,7 +286,7 @@ class Derivation:
             level = self._signal(f"{path}.speeds", "Omega", k)
             at = (self._count(path, "r_WB_B") or [[0, 0, 0]] * len(axes))[k]
             full = limits[k] if limits else 0
-            if not full and level:
+            if not full and level and len(level.time):
                 full = float(np.nanmax(np.abs(self._signal(f"{path}.speeds", "Omega").values[:, :len(axes)])))
             craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis), level=level,
                                     full=full))

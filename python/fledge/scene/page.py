@@ -45,7 +45,7 @@ class _Arrays:
         return {"at": at, "n": len(table), "k": prod(table.shape[1:]), "as": kind}
 
     def _track(self, track: Any, thin: Any, kind: str, *names: str) -> dict[str, Any]:
-        found = {name: self.add(getattr(thin, name), kind) for name in names}
+        found: dict[str, Any] = {name: self.add(getattr(thin, name), kind) for name in names}
         if track.source:
             found["id"] = len(self.growing)
             self.growing.append(track)

@@ -1,0 +1,344 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The 3-D scene of a spacecraft, while it flies: what the viewer begins with, and what comes to its tracks.
+
+The truth is that of the simulation which the server flies, or of a co-simulation's messages. What flight says of its
+attitude, position and reference comes from telemetry, as the monitor decodes it: the ghost is what the ground knows.
+A spacecraft without a truth is shown by its telemetry alone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from threading import Lock
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from fledge import objects
+from fledge.errors import SetupError, listed
+from fledge.mission.log import dtype_of, leaves
+from fledge.scene import add_of_mission, facts_of_simulation, page
+from fledge.scene.derive import Derivation, Facts
+from fledge.series import GOOD, Records, nested_names
+
+if TYPE_CHECKING:
+    from fledge.scene.scene import Scene
+
+PERIOD = 0.25       # [s] of wall time between two samples
+MOST = 2048         # samples that are kept for browsers which come later
+RECENT = 64         # of which the changes are kept for browsers that are there
+SAID = ("NavAttitude", "NavOrbit", "AttReference", "AttError")      # what flight says, in telemetry
+
+Sample = dict[str, tuple[float, bytes]]     # port -> (t [s], message)
+
+
+class Port:
+    """An output of the mission, of which messages come."""
+
+    def __init__(self, name: str, struct: Any) -> None:
+        self.name, self.type, self.dtype = name, struct.name, dtype_of(struct)
+        found = list(leaves(struct))
+        self.fields = {one: field for one, field, _ in found}
+        self.parts = {one: parts for one, _, parts in found}
+        self.names = nested_names(self.fields)
+
+    def packed(self, values: Mapping[str, Any]) -> bytes:
+        """The message of values by name, nested as they are in it; texts and what is not given are left out."""
+        import numpy as np
+
+        row = np.zeros(1, self.dtype)
+
+        def fill(into: Any, given: Any) -> None:
+            if isinstance(given, Mapping) and into.dtype.names:
+                for name in set(given) & set(into.dtype.names):
+                    fill(into[name], given[name])
+            elif isinstance(given, (list, tuple)) and given and isinstance(given[0], Mapping):
+                for i, one in enumerate(given):
+                    fill(into[0, i:i + 1], one)
+            elif into.dtype.kind in "fiu":
+                into[...] = given
+
+        fill(row, values)
+        return row.tobytes()
+
+
+class Window(Records):
+    """The messages of some samples."""
+
+    def __init__(self, label: str, ports: Mapping[str, Port], samples: list[Sample]) -> None:
+        import numpy as np
+
+        self._label = label
+        self._all = list(ports.values())
+        self._found = {}
+        for port in self._all:
+            rows = [one[port.name] for one in samples if port.name in one]
+            self._found[port.name] = (np.array([t for t, _ in rows], dtype=float),
+                                      np.frombuffer(b"".join(message for _, message in rows), port.dtype))
+
+    def _ports(self):
+        return self._all
+
+    def _time(self, port):
+        return self._found[port.name][0]
+
+    def _values(self, port):
+        return self._found[port.name][1]
+
+    def executives(self):
+        return []
+
+
+class Feed:
+    """The scene of one spacecraft of the control room.
+
+    craft: its name there; simulation: of its mission, or None; monitor: of its telemetry, or None
+    flown: the server flies this simulation, so that its outputs are the truth
+    link: gives the link of the moment; of a co-simulation its messages are the truth
+    zero: [ns] of the spacecraft's clock at the time 0 of the mission's simulation
+    """
+
+    def __init__(self, craft: str, simulation: Any, monitor: Any = None, flown: bool = True,
+                 link: Callable[[], Any] = lambda: None, zero: int = 0) -> None:
+        self.craft, self._simulation, self._monitor, self._flown, self._link = craft, simulation, monitor, flown, link
+        self._zero = zero
+        self._lock = Lock()
+        self._kept: list[Sample] = []
+        self._recent: deque[tuple[int, Sample]] = deque(maxlen=RECENT)
+        self._made: dict[int, dict[str, Any]] = {}      # number -> message
+        self._number = 0
+        self._sources: list[Any] = []                   # of the tracks, by their numbers; [] before the first scene
+        self._used: set[str] | None = None
+        self._next = 0.0
+        self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
+        self._watched: Any = None                       # the link whose messages are heard
+        self._heard: dict[str, tuple[float, bytes]] = {}
+        self._truth: dict[str, Port] = {}
+        self._said: dict[str, Port] = {}
+        self._outputs: dict[str, Any] = {}
+        if simulation is None:
+            return
+        flights = {one.name for one in simulation.flights}
+        for process in simulation.processes:
+            for instance in process:
+                for field in objects.struct(instance).fields:
+                    if field.group == "out" and field.type == "struct" and not field.shape:
+                        name, port = f"{objects.path(instance)}.{field.name}", Port
+                        if process.name in flights:
+                            if field.struct.name in SAID:
+                                self._said[name] = port(name, field.struct)
+                        elif field.struct.name not in SAID:
+                            self._truth[name] = port(name, field.struct)
+                            self._outputs[name] = getattr(instance, field.name)
+        self._facts: Facts = facts_of_simulation(simulation)
+
+    # --- the thread that has the link ---
+
+    def sample(self) -> None:
+        """Take what is there now, at most once in PERIOD; for the thread that flies, between two runs."""
+        now = monotonic()
+        if now < self._next or self._simulation is None:
+            return
+        self._next = now + PERIOD
+        self._watch()
+        found = self._true() | self._from_telemetry()
+        t = max((at for at, _ in found.values()), default=None)
+        if t is None:
+            return
+        with self._lock:
+            last = max((at for at, _ in self._kept[-1].values()), default=t) if self._kept else None
+            if last is not None and t < last:       # it was reset, or another session began
+                self._kept.clear()
+                self._recent.clear()
+                self._made.clear()
+                self._number += 1
+                self._made[self._number] = {"kind": "truth", "craft": self.craft, "again": True}
+                self._recent.append((self._number, {}))
+            elif last is not None and t == last:
+                return
+            self._number += 1
+            self._kept.append(found)
+            self._recent.append((self._number, found))
+            if len(self._kept) > MOST:
+                self._thin()
+
+    def _true(self) -> Sample:
+        """What the world does."""
+        if not self._flown:
+            return dict(self._heard)
+        t = float(self._simulation.state_time)
+        if self._simulation.time_ns < 0:
+            return {}
+        return {name: (t, objects.memory(output)) for name, output in self._outputs.items()
+                if self._used is None or name in self._used}
+
+    def _from_telemetry(self) -> Sample:
+        """What flight last said, each with the time at which it did."""
+        import numpy as np
+
+        found: Sample = {}
+        if self._monitor is None or not self._said:
+            return found
+        if self._slots is None:
+            self._slots = self._slots_of_ports()
+        for name, fields in self._slots.items():
+            port = self._said[name]
+            row = np.zeros(1, port.dtype)
+            row["head"]["quality"] = GOOD
+            times = set()
+            for field, slots in fields:
+                newest = [self._monitor.newest(slot) for slot in slots]
+                if None in newest:
+                    break
+                times |= {one[0] for one in newest}
+                row[field] = np.array([one[3] for one in newest]).reshape(row[field].shape[1:])
+            else:
+                if len(times) == 1:     # else a packet came in between
+                    found[name] = ((times.pop() - self._zero) / 1e9, row.tobytes())
+        return found
+
+    def _slots_of_ports(self) -> dict[str, list[tuple[str, list[int]]]]:
+        """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
+        import re
+
+        places: dict[str, list[tuple[str, int]]] = {}
+        for one in self._monitor.slots():
+            path = str(one.get("path") or one["name"])
+            places.setdefault(re.sub(r"[\[_]\d+\]?$", "", path), []).append((path, one["slot"]))
+        found = {}
+        for name, port in self._said.items():
+            fields = []
+            for field, about in port.fields.items():
+                slots = [slot for _, slot in places.get(f"{name}.{field}", [])]
+                size = 1
+                for n in about.shape:
+                    size *= n
+                if len(slots) == size and not field.startswith("head"):
+                    fields.append((field, slots))
+            if fields:
+                found[name] = fields
+        return found
+
+    def _watch(self) -> None:
+        """Hear the messages of a co-simulation."""
+        link = None if self._flown else self._link()
+        if link is self._watched or not hasattr(link, "watch"):
+            return
+        self._watched = link
+        topics = {topic_of(name): port for name, port in self._truth.items()}
+
+        def hear(seen: Any) -> None:
+            if (port := topics.get(seen.topic)) and (self._used is None or port.name in self._used) and seen.t >= 0:
+                self._heard[port.name] = (seen.t / 1e9, port.packed(seen))
+
+        link.watch(sorted(set(topics) & set(link.topics)), hear)
+
+    def _thin(self) -> None:
+        """Give all but the newest quarter of the samples an even spacing, of half as many."""
+        times = [max(t for t, _ in one.values()) for one in self._kept]
+        newest = len(times) - MOST // 4
+        gap, last, kept = (times[newest] - times[0]) / (MOST // 2), float("-inf"), []
+        for i, (t, one) in enumerate(zip(times, self._kept)):
+            if i >= newest or t - last >= gap:
+                kept.append(one)
+                last = t
+        self._kept = kept
+
+    # --- all threads ---
+
+    def pack(self) -> bytes:
+        """The scene, with all that is known of its tracks, as the viewer reads it. Raises SetupError that says what is
+        missing."""
+        if self._simulation is None:
+            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, and FILE gives a "
+                             "database alone")
+        with self._lock:
+            samples = list(self._kept)
+        data, tracks, used = self._packed(samples)
+        with self._lock:
+            if not self._sources:
+                self._used, self._sources = used, [track.source for track in tracks]
+        return data
+
+    def since(self, number: int) -> tuple[int, list[dict[str, Any]]]:
+        """(the number of the newest sample, what the tracks got after a number): texts for browsers."""
+        with self._lock:
+            if not self._sources:
+                return number, []
+            for old in set(self._made) - {n for n, _ in self._recent}:
+                del self._made[old]
+            news = []
+            for n, sample in self._recent:
+                if n > number:
+                    if n not in self._made:
+                        self._made[n] = self._message(sample)
+                    news.append(self._made[n])
+            return self._number, news
+
+    def _ports(self) -> dict[str, Port]:
+        return {name: port for name, port in (self._truth | self._said).items()
+                if self._used is None or name in self._used}
+
+    def _packed(self, samples: list[Sample]) -> tuple[bytes, list[Any], set[str]]:
+        came = {name for one in samples for name in one}
+        ports = {name: port for name, port in self._ports().items() if port.type in SAID or name in came or (
+            self._watched is not None and topic_of(name) in self._watched.topics)}
+        if not any(ports[name].type in ("CraftState", "NavAttitude") for name in came if name in ports):
+            raise SetupError(self._missing())
+        found = Derivation(Window(self.craft, ports, samples), self._facts, live=True)
+        found.add_flight()
+        found.add_plots()
+        scene = found.scene
+        scene.end = max(t for one in samples for t, _ in one.values())
+        self._explain(scene)
+        if self._facts.folder is not None:
+            add_of_mission(scene, self._facts.folder)
+        return *page.pack_growing(scene), found.used
+
+    def _explain(self, scene: Scene) -> None:
+        """What is not shown, and why."""
+        for craft in scene.crafts:
+            craft.poses = [one for one in craft.poses if one.kind != "estimate" or one.name in (self._slots or {})]
+            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self._said:
+                scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is no "
+                                   "ghost.")
+        if not any(port.type == "CraftState" for port in self._truth.values() if self._used is None or
+                   port.name in self._used):
+            scene.notes.append("There is no truth: the spacecraft is shown as telemetry says.")
+
+    def _missing(self) -> str:
+        """Why there is nothing to show."""
+        states = [name for name, port in self._truth.items() if port.type == "CraftState"]
+        if self._flown:
+            return f"{self.craft}: the simulation has not run yet"
+        if self._watched is not None:
+            topics = [topic_of(name) for name in states]
+            absent = [one for one in topics if one not in self._watched.topics]
+            if absent:
+                return (f"{self.craft}: the co-simulation does not show {listed(absent)} to observers; give it "
+                        f"watch = {absent} in its file")
+            return f"{self.craft}: nothing has come of {listed(topics)} yet"
+        if any(port.type == "NavAttitude" for port in self._said.values()):
+            return f"{self.craft}: telemetry has not brought an attitude yet: " + listed(
+                [name for name, port in self._said.items() if port.type == "NavAttitude"])
+        return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among flight's "
+                "outputs; this mission's flight has none")
+
+    def _message(self, sample: Sample) -> dict[str, Any]:
+        """What a sample adds to the tracks, by their numbers: (times, their numbers one row after the other)."""
+        import numpy as np
+
+        later = Derivation(Window(self.craft, self._ports(), [sample]), self._facts, live=True)
+        tracks = {}
+        for number, source in enumerate(self._sources):
+            new = source(later)
+            if len(new.time):
+                columns = [getattr(new, name) for name in ("r", "v", "q", "values") if hasattr(new, name)]
+                numbers = np.hstack(columns).ravel()
+                tracks[number] = [new.time.tolist(), [x if abs(x) < np.inf else None for x in numbers.tolist()]]
+        return {"kind": "truth", "craft": self.craft, "end": max(t for t, _ in sample.values()), "tracks": tracks}
+
+
+def topic_of(name: str) -> str:
+    """The topic of a co-simulation that has the messages of an output."""
+    return "/" + name.replace(".", "/")
