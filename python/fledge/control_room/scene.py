@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from math import prod
 from threading import Lock
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -199,21 +200,15 @@ class Feed:
 
     def _slots_of_ports(self) -> dict[str, list[tuple[str, list[int]]]]:
         """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
-        import re
-
-        places: dict[str, list[tuple[str, int]]] = {}
+        places: dict[str, list[int]] = {}
         for one in self._monitor.slots():
-            path = str(one.get("path") or one["name"])
-            places.setdefault(re.sub(r"[\[_]\d+\]?$", "", path), []).append((path, one["slot"]))
+            places.setdefault(one["name"].partition("[")[0], []).append(one["slot"])
         found = {}
         for name, port in self._said.items():
             fields = []
             for field, about in port.fields.items():
-                slots = [slot for _, slot in places.get(f"{name}.{field}", [])]
-                size = 1
-                for n in about.shape:
-                    size *= n
-                if len(slots) == size and not field.startswith("head"):
+                slots = places.get(f"{name}.{field}", [])
+                if len(slots) == prod(about.shape) and not field.startswith("head"):
                     fields.append((field, slots))
             if fields:
                 found[name] = fields
@@ -221,7 +216,8 @@ class Feed:
 
     def _watch(self) -> None:
         """Hear the messages of a co-simulation."""
-        link = None if self._flown else self._link()
+        link: Any = None if self._flown else self._link()
+        link = getattr(link, "link", link)      # below frames
         if link is self._watched or not hasattr(link, "watch"):
             return
         self._watched = link
@@ -249,16 +245,16 @@ class Feed:
     def pack(self) -> bytes:
         """The scene, with all that is known of its tracks, as the viewer reads it. Raises SetupError that says what is
         missing."""
-        if self._simulation is None:
-            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, and FILE gives a "
-                             "database alone")
-        with self._lock:
-            samples = list(self._kept)
-        data, tracks, used = self._packed(samples)
+        found = self._derived()
+        data, tracks = page.pack_growing(found.scene)
         with self._lock:
             if not self._sources:
-                self._used, self._sources = used, [track.source for track in tracks]
+                self._used, self._sources = found.used, [track.source for track in tracks]
         return data
+
+    def scene(self) -> Scene:
+        """The scene, with all that is known of its tracks. Raises SetupError that says what is missing."""
+        return self._derived().scene
 
     def since(self, number: int) -> tuple[int, list[dict[str, Any]]]:
         """(the number of the newest sample, what the tracks got after a number): texts for browsers."""
@@ -279,7 +275,12 @@ class Feed:
         return {name: port for name, port in (self._truth | self._said).items()
                 if self._used is None or name in self._used}
 
-    def _packed(self, samples: list[Sample]) -> tuple[bytes, list[Any], set[str]]:
+    def _derived(self) -> Derivation:
+        if self._simulation is None:
+            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, and FILE gives a "
+                             "database alone")
+        with self._lock:
+            samples = list(self._kept)
         came = {name for one in samples for name in one}
         ports = {name: port for name, port in self._ports().items() if port.type in SAID or name in came or (
             self._watched is not None and topic_of(name) in self._watched.topics)}
@@ -293,7 +294,7 @@ class Feed:
         self._explain(scene)
         if self._facts.folder is not None:
             add_of_mission(scene, self._facts.folder)
-        return *page.pack_growing(scene), found.used
+        return found
 
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""

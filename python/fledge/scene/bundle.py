@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The viewer and the control room's console: built by Node into a script and a style each, where Node is installed.
+"""The viewer and the control room's console: built by Node into a script and a style each, where Node is installed. The
+console loads the viewer, as viewer.js, only for its 3-D page.
 
     python3 -m fledge.scene.bundle
 
@@ -21,7 +22,7 @@ from fledge.programs import without_preload
 
 WEB = Path(__file__).with_name("web")
 CONSOLE = WEB.parents[1] / "control_room/web"
-MADE = ("view.js", "view.css", "console.js", "console.css")
+MADE = ("view.js", "view.css", "viewer.js", "console.js", "console.css")
 ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
 
 
@@ -67,8 +68,8 @@ def build() -> None:
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
-    for name in MADE:
-        shutil.copyfile(work / "dist" / name, out / name)
+    for made in MADE:
+        shutil.copyfile(work / "dist" / made, out / made)
     stamp.write_text(state.hexdigest())
 
 

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import zlib
 
 import numpy as np
@@ -17,6 +16,7 @@ from fledge import SetupError, scene, world
 from fledge.attitude import mrp_to_dcm
 from fledge.scene import bundle, page, tracks
 from fledge.scene.testing.browser import PROGRAM, Browser
+from fledge.scene.testing.node import in_node, needs_node
 from fledge.units import deg, kg, km, m, minute, rad, s
 
 EARTH = world.EARTH
@@ -283,18 +283,6 @@ def test_without_node_the_reason_is_said(record, monkeypatch, tmp_path):
 
 # --- tracks that grow, and places on the ground, in the viewer's own code ---------------------------
 
-needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs node, which runs the viewer's code")
-
-
-def in_node(text):
-    """What a module in JavaScript says, as JSON; it may import from the viewer's folder of sources, SOURCES."""
-    sources = (bundle.WEB / "src").as_uri()
-    done = subprocess.run(["node", "--expose-gc", "--input-type=module", "-e", text.replace("SOURCES", sources)],
-                          capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
 @needs_node
 def test_a_track_grows_within_a_bound_and_stays_where_it_was():
     """A day of a circle at 4 Hz: what is shown of its first minute and of its last is the circle."""
@@ -309,7 +297,7 @@ def test_a_track_grows_within_a_bound_and_stays_where_it_was():
         for (let hour = 0; hour < 24; hour++) {
             for (let i = 0; i < 14400; i++) {
                 const t = 3600 * hour + i / 4, [x, y] = exact(t);
-                append(motion, [t, t], [x, y, 0, -rate * y, rate * x, 0, 0, 0, 0, 0, 0, 0]);    // the second is no later
+                append(motion, [t, t], [x, y, 0, -rate * y, rate * x, 0, 0, 0, 0, 0, 0, 0]);    // the second: too late
                 append(signal, [t], [i < 7200 ? null : t]);
             }
             gc();

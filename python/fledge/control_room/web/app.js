@@ -90,8 +90,8 @@ async function show(at = {t: time.t, session: time.session}) {
         select: (sel) => { place.sel = sel; write(true); },
         on: (kind, hear) => own(live.on(kind, hear)), onFrame: (draw) => own(live.onFrame(draw)),
         onTime: (hear) => own(time.on(hear)), onTheme: (hear) => own(onTheme(hear)),
-        want: (slots, hz) => {
-            const wish = live.want(place.craft, slots, hz);
+        want: (slots, hz, truth) => {
+            const wish = live.want(place.craft, slots, hz, truth);
             own(() => wish.end());
             return wish;
         },

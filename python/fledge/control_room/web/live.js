@@ -53,9 +53,10 @@ export class Live {
         return this.stores.get(name);
     }
 
-    /** Have values: slots: a list of numbers, or "all". Returns a wish with change(slots) and end(). */
-    want(craft, slots, hz = 10) {
-        const wish = {craft, slots, hz,
+    /** Have values: slots: a list of numbers, or "all"; truth: and the motion of the 3-D view. Returns a wish with
+        change(slots) and end(). */
+    want(craft, slots, hz = 10, truth = false) {
+        const wish = {craft, slots, hz, truth,
                       change: (other) => { wish.slots = other; this.changed(); },
                       end: () => { this.wishes.delete(wish); this.changed(); }};
         this.wishes.add(wish);
@@ -149,9 +150,10 @@ export class Live {
     subscribe() {
         if (this.socket?.readyState !== WebSocket.OPEN) return;
         const wanted = new Map();
-        for (const {craft, slots, hz} of document.hidden ? [] : this.wishes) {
-            const had = wanted.get(craft) ?? {slots: new Set(), hz: 0};
+        for (const {craft, slots, hz, truth} of document.hidden ? [] : this.wishes) {
+            const had = wanted.get(craft) ?? {slots: new Set(), hz: 0, truth: false};
             had.hz = Math.max(had.hz, hz);
+            had.truth ||= truth;
             if (slots === "all" || had.slots === "all") had.slots = "all";
             else for (const one of slots) had.slots.add(one);
             wanted.set(craft, had);
@@ -161,9 +163,9 @@ export class Live {
                 this.socket.send(JSON.stringify({unsubscribe: craft}));
                 this.sent.delete(craft);
             }
-        for (const [craft, {slots, hz}] of wanted) {
+        for (const [craft, {slots, hz, truth}] of wanted) {
             const list = slots === "all" ? slots : [...slots].sort((a, b) => a - b);
-            const text = JSON.stringify({subscribe: {craft, slots: list, hz}});
+            const text = JSON.stringify({subscribe: {craft, slots: list, hz, truth}});
             if (this.sent.get(craft) !== text) this.socket.send(text);
             this.sent.set(craft, text);
         }

@@ -17,9 +17,11 @@ import * as run from "./pages/run.js";
 import * as stacks from "./pages/stacks.js";
 import * as stored from "./pages/stored.js";
 import * as tables from "./pages/tables.js";
+import * as view from "./pages/view.js";
 
 export const pages = new Map(Object.entries({
     overview,
+    view,
     parameters,
     plots,
     displays,

@@ -89,8 +89,8 @@ export function linkState(link, t) {
     };
 }
 
-/** The ellipse on which a planet's gravity alone would lead a spacecraft on from a time t: the motion of one revolution;
-    null where it is none. */
+/** The ellipse on which a planet's gravity alone would lead a spacecraft on from a time t: the motion of one
+    revolution; null where it is none. */
 export function osculating(planet, place, speed, t) {
     if (!planet?.mu) return null;
     const centre = position(planet.motion, t), r = sub(place, centre), distance = norm(r), {mu} = planet;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ground below: an equirectangular map with the ground tracks of the spacecraft, stations, and the night.
-import {position, primary, sub, toSun, velocity} from "./data.js";
+import {norm, position, primary, sub, toSun, velocity} from "./data.js";
 import {fixed, geodetic, linkState, look, osculating, planetOf, spin} from "./geo.js";
 import {surface} from "./planet.js";
 
@@ -102,7 +102,8 @@ export class GroundMap {
     /** A station, and from where it sees what is as high as the spacecraft. */
     station(station, {craft}, t) {
         const {brush, data} = this, planet = planetOf(data, station), place = position(craft.motion, t);
-        const {latitude, longitude} = geodetic(planet, station.place), away = Math.hypot(...sub(place, position(planet.motion, t)));
+        const {latitude, longitude} = geodetic(planet, station.place);
+        const away = norm(sub(place, position(planet.motion, t)));
         const seen = look(data, station, place, t).elevation >= station.mask;
         const reach = Math.acos(Math.min(1, (planet.radius / away) * Math.cos(station.mask))) - station.mask;
         const points = Array.from({length: CIRCLE + 1}, (_, k) => {
@@ -124,7 +125,8 @@ export class GroundMap {
         brush.stroke();
         brush.fill();
         const link = station.links.find((one) => one.craft === craft.name);
-        const state = link && (link.down || link.up) && linkState(link, t).locked ? ", locked" : seen ? ", in view" : "";
+        const locked = link && (link.down || link.up) && linkState(link, t).locked;
+        const state = locked ? ", locked" : seen ? ", in view" : "";
         this.text(`${station.name}${state}`, x, y < 24 ? y + 15 : y - 8);
     }
 

@@ -370,7 +370,7 @@ export class Stage {
         });
     }
 
-    /** A station, and its line to the spacecraft in focus: full while the radio is locked, dashed while only in view. */
+    /** A station, and its line to the spacecraft in focus: full while the radio is locked, dashed if only in view. */
     renderStation({station, label, locked, seen}, t, relative, cone) {
         const {shown, data, focused} = this, planet = planetOf(data, station), {craft, place} = focused;
         const on = shown.stations && !cone;

@@ -13,6 +13,8 @@ import {GroundMap} from "./map.js";
 import {clock, number, Plots} from "./plots.js";
 import {LAYERS, PRESETS, Stage} from "./stage.js";
 
+export {unpack} from "./data.js";
+
 const MODES = ["#5b8fc7", "#d98e4a", "#62b06f", "#a878c4", "#c9a93a", "#4fb3ad", "#cc6478", "#8a97a3"];
 const SPEEDS = [0.1, 1, 5, 10, 30, 60, 120, 300, 600, 1800, 3600];
 const WHOLE_RUN = 75;  // [s] that it takes at the speed which is chosen at first
@@ -27,7 +29,8 @@ const LAG = 0.3;  // [s] of wall time that the picture of what goes on is behind
 const OLD = 5;  // [s] after which an estimate says how old it is
 const KEYS = [
     ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
-    [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"], ["M", "map"], ["N", "now, of what goes on"],
+    [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"],
+    ["M", "map"], ["N", "now, of what goes on"],
     ["T", "dark or light"], ["H", "hide everything but the picture"], ["S", "save a picture"],
     ["drag, wheel", "turn, come nearer"]
 ];
@@ -94,7 +97,8 @@ export class Viewer {
         const around = (this.hash.get("around") ?? "").split(",").map(Number);
         if (around.length === 3 && around.every(Number.isFinite))
             [this.stage.view.azimuth, this.stage.view.elevation, this.stage.view.distance] = around;
-        if (this.hash.has("map") || innerWidth <= 760 || !(this.page || live)) this.openMap(this.hash.get("map") === "1");
+        if (this.hash.has("map") || innerWidth <= 760 || !(this.page || live))
+            this.openMap(this.hash.get("map") === "1");
         if (live && !this.hash.has("t")) this.follow();
         else this.seek(Number(this.hash.get("t") ?? data.begin));
         if (this.hash.get("play") === "1") this.play(true);
@@ -246,7 +250,7 @@ export class Viewer {
         this.nowButton = button("Now", "Back to now (N)", () => this.follow());
         this.nowButton.className = "live";
         this.nowButton.hidden = !this.live;
-        this.speedChoice = make("select");
+        this.speedChoice = make("select", "speed");
         this.speedChoice.title = "Simulated seconds per second";
         for (const one of SPEEDS) this.speedChoice.add(new Option(`${one}×`, one, false, one === this.speed));
         this.speedChoice.onchange = () => (this.speed = Number(this.speedChoice.value));
@@ -518,8 +522,8 @@ export class Viewer {
             ...data.modes.map((one) => `${one.process}: ${modeAt(one, t) || "\u2013"}`),
             ...this.passes.flatMap(({station, found}) => found
                 .filter(({rise, set}) => t > rise - near && t < set + near)
-                .map(({rise, set, peak}) => `${station.name}: ${clock(Math.round(rise))} to ${clock(Math.round(set))}, up to ${
-                    THREE.MathUtils.radToDeg(peak).toFixed(0)}°`)),
+                .map(({rise, set, peak}) => `${station.name}: ${clock(Math.round(rise))} to ${clock(Math.round(set))}, ` +
+                    `up to ${THREE.MathUtils.radToDeg(peak).toFixed(0)}°`)),
             ...data.happened.filter((one) => Math.abs(one.t - t) < near)
                 .slice(0, 6).map((one) => `${clock(one.t)} ${one.text}`)
         ].join("\n");
@@ -560,13 +564,16 @@ export class Viewer {
         brush.drawImage(this.canvas, 0, 0);
         stage.ratio = before;
         brush.setTransform(ratio, 0, 0, ratio, 0, 0);
-        const frame = this.picture.getBoundingClientRect(), ground = getComputedStyle(this.root).getPropertyValue("--ground");
+        const frame = this.picture.getBoundingClientRect();
+        const ground = getComputedStyle(this.root).getPropertyValue("--ground");
+        Object.assign(brush, {lineJoin: "round", lineWidth: 3, strokeStyle: ground});
         for (const one of labels.querySelectorAll(".label:not([hidden])")) {
             const style = getComputedStyle(one), place = one.getBoundingClientRect();
             if (style.visibility === "hidden") continue;
-            Object.assign(brush, {font: `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`, textBaseline: "middle",
-                                  lineJoin: "round", lineWidth: 3, strokeStyle: ground, fillStyle: style.color});
-            const x = place.left - frame.left + parseFloat(style.paddingLeft), y = place.top - frame.top + place.height / 2;
+            const font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+            Object.assign(brush, {font, textBaseline: "middle", fillStyle: style.color});
+            const x = place.left - frame.left + parseFloat(style.paddingLeft);
+            const y = place.top - frame.top + place.height / 2;
             brush.strokeText(one.textContent, x, y);
             brush.fillText(one.textContent, x, y);
         }
@@ -575,7 +582,7 @@ export class Viewer {
             brush.drawImage(this.mapCanvas, place.left - frame.left, place.top - frame.top, place.width, place.height);
         }
         const when = this.now.textContent, words = `${this.data.title}  ${when}`;
-        Object.assign(brush, {font: "600 13px system-ui, sans-serif", textBaseline: "bottom", lineWidth: 3, strokeStyle: ground,
+        Object.assign(brush, {font: "600 13px system-ui, sans-serif", textBaseline: "bottom",
                               fillStyle: getComputedStyle(this.root).color});
         brush.strokeText(words, 10, height - 8, width - 20);
         brush.fillText(words, 10, height - 8, width - 20);
@@ -661,7 +668,8 @@ export class Viewer {
 
     /** Where the spacecraft in focus is over the ground, in words. */
     ground(t) {
-        const {craft, place} = this.stage.focused, planet = this.map.below(craft, t), degrees = THREE.MathUtils.radToDeg;
+        const {craft, place} = this.stage.focused, planet = this.map.below(craft, t);
+        const degrees = THREE.MathUtils.radToDeg;
         const {latitude, longitude, altitude} = geodetic(planet, fixed(planet, place, t));
         const half = (value, names) => `${degrees(Math.abs(value)).toFixed(2)}° ${names[value < 0 ? 1 : 0]}`;
         return `${half(latitude, "NS")}, ${half(longitude, "EW")}, ${(altitude / 1e3).toFixed(1)} km`;
@@ -709,7 +717,8 @@ export class Viewer {
         for (const station of data.stations.slice(0, 4)) {
             const {elevation, range} = look(data, station, one.place, t), seen = elevation >= station.mask;
             const radio = station.links.find((link) => link.craft === one.craft.name);
-            rows.push([station.name, seen ? `${degrees(elevation).toFixed(1)}°, ${(range / 1e3).toFixed(0)} km` : "not in view"]);
+            rows.push([station.name, seen ? `${degrees(elevation).toFixed(1)}°, ${(range / 1e3).toFixed(0)} km` :
+                                            "not in view"]);
             if (radio && (radio.down || radio.up)) rows.push(["radio", linkState(radio, t).text]);
         }
         for (const {part} of one.body.cones)
@@ -720,7 +729,7 @@ export class Viewer {
             const there = this.map.draw(t, stage.crafts, stage.focus);
             this.mapCanvas.hidden = !there;
             this.mapWords.textContent = there ? this.ground(t) :
-                "No map: the run does not say how the body below turns. Give the spacecraft a sky, or the station a spin.";
+                "No map: the run does not say how the body below turns. Give the spacecraft a sky.";
         }
         this.nowButton.classList.toggle("on", this.following);
         this.nowButton.textContent = this.following ? "\u25cf Live" : "Now";

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What browsers get of a spacecraft that flies, against what the simulation recorded of itself."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge import SetupError
+from fledge.control_room import scene
+from fledge.scene import page
+from fledge.scene.testing.node import in_node, needs_node
+from fledge.scene.tracks import Turning
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """Samples as often as the test takes them."""
+    monkeypatch.setattr(scene, "PERIOD", 0.0)
+
+
+def text_of(data):
+    return json.loads(data[4:4 + int.from_bytes(data[:4], "little")])
+
+
+class Telemetry:
+    """A monitor that has some parameters by their names, as those of a database of a mission are called."""
+
+    def __init__(self, values):
+        self.values = values    # name -> (t [ns], value)
+
+    def slots(self):
+        return [{"name": name, "slot": i} for i, name in enumerate(self.values)]
+
+    def newest(self, slot):
+        found = list(self.values.values())[slot]
+        return None if found is None else (found[0], 0, found[1], found[1], 0, 0, 1)
+
+
+@needs_node
+def test_the_tracks_in_the_browser_are_the_flight(tmp_path):
+    """What the viewer has from the scene and from all that came later is what was recorded, at each sample."""
+    sim = fledge.load("earth_imager")
+    w = sim.world
+    log = sim.record(w.craft.state, w.wheels.speeds, w.radio.down, every=2)
+    feed = scene.Feed("imager", sim)
+    messages, number = [], 0
+    for k in range(60):
+        sim.run(2)
+        feed.sample()
+        if k == 20:
+            (tmp_path / "scene").write_bytes(feed.pack())
+            assert feed.since(0)[0] == 21, "with what the scene has already, which is left out"
+        if k > 15:
+            number, news = feed.since(number)
+            messages += news
+    (tmp_path / "messages").write_text(json.dumps(messages, allow_nan=False))
+    found = in_node(f"""
+        import {{readFileSync}} from "node:fs";
+        import {{append, growing, level, position, unpack}} from "SOURCES/data.js";
+        const data = unpack(new Uint8Array(readFileSync("{tmp_path}/scene")).buffer), tracks = growing(data);
+        for (const {{tracks: more}} of JSON.parse(readFileSync("{tmp_path}/messages")))
+            for (const [id, [times, numbers]] of Object.entries(more)) append(tracks.get(Number(id)), times, numbers);
+        const [craft] = data.crafts, wheel = craft.parts.find((one) => one.kind === "wheel");
+        const turning = Array.from({{length: craft.turning.time.n}},
+            (_, k) => [craft.turning.time.data[k], ...craft.turning.q.data.slice(4 * k, 4 * k + 4)]);
+        const times = Array.from({{length: 60}}, (_, k) => 2 * k + 2);
+        console.log(JSON.stringify({{turning, place: times.map((t) => position(craft.motion, t)),
+            speed: times.map((t) => level(wheel.level, t)), sun: times.map((t) => position(data.sun, t)),
+            lock: times.map((t) => level(data.stations[0].links[0].down, t, 1)), end: data.end}}));
+    """)
+    t = log.time
+    some = np.isin(t, np.arange(2, 121, 2))
+    r, sigma = log["craft.state.r_BN_N"][some], log["craft.state.sigma_BN"]
+    assert np.abs(np.array(found["place"]) - r).max() < page.POSITION
+    turning = np.array(found["turning"])
+    assert turning[-1, 0] == 120 and len(turning) > 41 and set(turning[:, 0]) <= set(t)
+    exact = Turning.of_mrp(t, sigma).q[np.searchsorted(t, turning[:, 0])]
+    assert np.abs(np.abs((turning[:, 1:] * exact).sum(axis=1)) - 1).max() < 1e-6
+    # Of the samples that came one by one, each is there; those of the scene are within a share of their range.
+    speed = log["wheels.speeds.Omega"][some, 0]
+    np.testing.assert_allclose(found["speed"][21:], speed[21:], rtol=1e-6)
+    np.testing.assert_allclose(found["speed"], speed, atol=2e-3 * np.ptp(speed))
+    np.testing.assert_allclose(found["lock"], log["radio.down.eb_n0_dB"][some], atol=0.2)
+    sun = [sim.world.craft.sky.state(fledge.world.SUN, one).r_PN_N for one in (2, 60, 120)]
+    np.testing.assert_allclose(np.array(found["sun"])[[0, 29, 59]], sun, atol=1)
+
+
+def test_the_ghost_is_what_telemetry_says_at_its_time():
+    sim = fledge.load("star_slew")
+    names = [f"flight.filter.attitude.sigma_BN[{i}]" for i in range(3)]
+    monitor = Telemetry(dict.fromkeys(names))
+    feed = scene.Feed("slew", sim, monitor)
+    said = {}
+    for k in range(10):
+        sim.run(1)
+        if k % 3 == 2:      # a packet comes, of a moment ago
+            estimate = np.array(sim.flight.filter.attitude.sigma_BN)
+            said[k + 0.5] = estimate
+            monitor.values = {name: (int((k + 0.5) * 1e9), x) for name, x in zip(names, estimate)}
+        feed.sample()
+    [craft] = text_of(feed.pack())["crafts"]
+    assert [one["name"] for one in craft["poses"] if one["kind"] == "estimate"] == ["flight.filter.attitude"]
+    ghost = next(one for one in feed.scene().craft().poses if one.kind == "estimate").turning
+    assert sorted(set(ghost.time)) == list(said)
+    for t, q in zip(ghost.time, ghost.q):
+        assert abs(q @ Turning.of_mrp(np.zeros(1), said[t][None]).q[0]) == pytest.approx(1, abs=1e-12)
+    assert not any("ghost" in note for note in feed.scene().notes)
+
+
+def test_a_mission_without_navigation_on_board_has_no_ghost_and_says_so():
+    sim = fledge.load("earth_imager")
+    sim.run(1)
+    feed = scene.Feed("imager", sim, Telemetry({}))
+    feed.sample()
+    found = text_of(feed.pack())
+    assert not [one for one in found["crafts"][0]["poses"] if one["kind"] == "estimate"]
+    assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in one for one in found["notes"])
+
+
+def test_after_a_reset_the_browser_asks_again():
+    sim = fledge.load("earth_imager")
+    feed = scene.Feed("imager", sim)
+    sim.run(10)
+    feed.sample()
+    feed.pack()
+    number, _ = feed.since(0)
+    sim.reset()
+    sim.run(1)
+    feed.sample()
+    number, news = feed.since(number)
+    assert [one.get("again") for one in news] == [True, None] and news[1]["end"] == pytest.approx(1)
+    assert text_of(feed.pack())["begin"] == pytest.approx(1)
+    feed.sample()       # the simulation stands still: nothing is new
+    assert feed.since(number) == (number, [])
+
+
+def test_the_samples_that_are_kept_have_a_bound(monkeypatch):
+    monkeypatch.setattr(scene, "MOST", 64)
+    sim = fledge.load("earth_imager")
+    feed = scene.Feed("imager", sim)
+    for _ in range(500):
+        sim.run(0.5)
+        feed.sample()
+        assert len(feed._kept) <= 64
+    time = feed.scene().craft().motion.time
+    assert time[0] == pytest.approx(0.5) and time[-1] == pytest.approx(250)
+    old = np.diff(time[time < 200])
+    assert old.max() < 3 * 250 / 32
+    number, news = feed.since(0)
+    assert len(news) == 0, "nobody has looked yet"
+    feed.pack()
+    assert len(feed.since(0)[1]) == scene.RECENT
+
+
+@pytest.mark.parametrize("feed, why", [
+    (lambda sim: scene.Feed("x", None), "needs the spacecraft's mission"),
+    (lambda sim: scene.Feed("x", sim), "has not run yet"),
+    (lambda sim: scene.Feed("x", sim, flown=False), "this mission's flight has none"),
+    (lambda sim: scene.Feed("x", sim, flown=False, link=lambda: SimpleNamespace(topics={}, watch=lambda *_: None)),
+     r"does not show /world/craft/state to observers; give it watch = \['/world/craft/state'\]"),
+])
+def test_what_is_missing_is_said(feed, why):
+    found = feed(fledge.load("earth_imager"))
+    found.sample()
+    with pytest.raises(SetupError, match=why):
+        found.pack()
+
+
+def test_the_messages_of_a_co_simulation_are_the_truth():
+    """Those that an observer sees, by the topics that it has."""
+    other = fledge.load("earth_imager")
+    other.run(5)
+    state = other.world.craft.state
+    heard = {}
+    link = SimpleNamespace(topics={"/world/craft/state": None, "/flight/telemetry": None},
+                           watch=lambda topics, hear: heard.update(topics=list(topics), hear=hear))
+    feed = scene.Feed("imager", fledge.load("earth_imager"), flown=False, link=lambda: link)
+    feed.sample()
+    assert heard["topics"] == ["/world/craft/state"]
+    with pytest.raises(SetupError, match="nothing has come of /world/craft/state yet"):
+        feed.pack()
+
+    class Seen(dict):
+        topic, t = "/world/craft/state", 5 * 10**9
+
+    heard["hear"](Seen(head={"t": 5 * 10**9, "quality": 3, "sequence": 1},
+                       **{name: getattr(state, name).tolist() for name in ("r_BN_N", "v_BN_N", "sigma_BN")}))
+    feed.sample()
+    found = feed.scene().craft()
+    assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
+    assert any(one["name"] == "EARTH" for one in text_of(feed.pack())["planets"])

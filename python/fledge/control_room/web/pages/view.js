@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// The spacecraft in 3-D: the viewer of `fledge view`, fed by the server. The console's time is the viewer's, and its
+// selection holds the camera.
+import {of} from "../api.js";
+import {h} from "../dom.js";
+import {theme} from "../theme.js";
+
+export const title = "3-D view", key = "v";
+
+const AGAIN = 3000;  // [ms] until the scene is asked for again, while there is none
+
+export async function open(context) {
+    const {root, api, live, time, craft, select} = context;
+    const style = h("link", {rel: "stylesheet", href: "/assets/view.css"});
+    const said = h("p", {class: "none", role: "status"});
+    const holder = h("div", {class: "fledge-view guest"}), frame = h("div", {class: "view3d"}, holder);
+    root.append(style, said, frame);
+    const {Viewer, unpack} = await import("/assets/viewer.js");
+    const zero = BigInt((live.craft(craft)?.clock === "utc" && live.craft(craft).epoch_ns) || 0);
+    const seconds = (ns) => Number(ns - zero) / 1e9;
+    let viewer = null, early = [], camera = context.selection, ended = false, asked = false;
+
+    const link = {
+        read: () => {
+            const about = new URLSearchParams(camera);
+            if (!time.isLive) about.set("t", String(seconds(time.t)));
+            return about;
+        },
+        write: (about) => {
+            about.delete("t");
+            select(camera = about.toString());
+        },
+    };
+    const moved = (t) => (t === null ? time.now() : time.seek(zero + BigInt(Math.round(1e9 * t))));
+
+    async function begin() {
+        if (asked || ended) return;
+        asked = true;
+        try {
+            const data = unpack(await api.bytes(of(craft, "scene")));
+            viewer?.destroy();
+            viewer = null;
+            if (ended) return;
+            viewer = new Viewer(holder, data, {live: true, link, theme: theme(), moved});
+            for (const one of early) viewer.extend(one);
+            early = [];
+            said.hidden = true;
+        } catch (error) {
+            said.textContent = error.message;
+            said.hidden = false;
+        } finally {
+            asked = false;
+            frame.hidden = !viewer;
+        }
+    }
+
+    context.on("truth", (message) => {
+        if (message.craft !== craft) return;
+        if (message.again) {
+            early = [];
+            begin();
+        } else if (viewer && !asked) {
+            viewer.extend(message);
+        } else {
+            early = [...early.slice(-63), message];
+        }
+    });
+    context.want([], 4, true);
+    context.onTime(() => {
+        if (!viewer) return;
+        if (!time.isLive) viewer.seek(seconds(time.t));
+        else if (!viewer.following) viewer.follow();
+    });
+    context.onTheme((name) => viewer?.setTheme(name));
+    context.every(AGAIN, () => viewer || begin());
+    frame.hidden = true;
+    await begin();
+    context.root.viewer = viewer;
+    return () => {
+        ended = true;
+        viewer?.destroy();
+    };
+}
