@@ -6,9 +6,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <numeric>
 #include <random>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -252,6 +254,282 @@ TEST_F(Archive, OneWriterAtATime)
         PacketArchive other(folder, "other", db, second);
     }
     PacketArchive again(folder, "craft", db, second);
+}
+
+/// A program that archives until it is killed; returns how many packets it said to be saved. `limits` runs in it first.
+template <class Work> int in_a_child(const Work &work, int kill_after_us)
+{
+    int ends[2];
+    EXPECT_EQ(pipe(ends), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+        ::close(ends[0]);
+        work([&](int saved) {
+            if (write(ends[1], &saved, sizeof saved) != sizeof saved) {
+                _exit(1);
+            }
+        });
+        _exit(0);
+    }
+    ::close(ends[1]);
+    if (kill_after_us > 0) {
+        usleep(static_cast<useconds_t>(kill_after_us));
+        kill(child, SIGKILL);
+    }
+    int saved = 0, last = 0;
+    while (read(ends[0], &saved, sizeof saved) == sizeof saved) {
+        last = saved;
+    }
+    ::close(ends[0]);
+    int status = 0;
+    waitpid(child, &status, 0);
+    EXPECT_TRUE(kill_after_us > 0 || (WIFEXITED(status) && WEXITSTATUS(status) == 0));
+    return last;
+}
+
+TEST_F(Archive, WhatWasSavedOutlivesAnyKill)
+{
+    std::mt19937 random(7);
+    std::vector<std::uint32_t> saved; // of each session
+    for (int run = 0; run < 12; run++) {
+        const int n = in_a_child(
+            [&](const auto &tell) {
+                PacketArchive archive(folder, "craft", db, 10 * second);
+                for (int i = 0;; i++) {
+                    put(archive, i * second / 100, power_packet(static_cast<std::uint32_t>(i)), power);
+                    if (i % 7 == 6) {
+                        archive.save();
+                        tell(i + 1);
+                    }
+                }
+            },
+            2000 + static_cast<int>(random() % 60000));
+        if (n != 0 || !all().empty()) {
+            saved.push_back(static_cast<std::uint32_t>(n));
+        }
+    }
+    // As it is left, and made whole by the next writer.
+    for (const bool recovered : {false, true}) {
+        std::unique_ptr<PacketArchive> next;
+        if (recovered) {
+            next = std::make_unique<PacketArchive>(folder, "craft", db, 10 * second);
+            for (const std::string &name : files()) {
+                EXPECT_TRUE(name.ends_with(".mcap")) << name;
+            }
+        }
+        History past = history(db);
+        std::uint64_t total = 0;
+        for (const auto &session : past.sessions()) {
+            const auto found = all(session.number);
+            EXPECT_EQ(session.ended, "killed");
+            EXPECT_EQ(session.packets, found.size());
+            EXPECT_TRUE(session.gaps.empty()) << session.gaps[0].why;
+            for (std::size_t i = 0; i < found.size(); i++) {
+                ASSERT_EQ(found[i].bytes, power_packet(static_cast<std::uint32_t>(i)));
+            }
+            total += found.size();
+        }
+        EXPECT_GE(total, std::accumulate(saved.begin(), saved.end(), std::uint64_t{0}));
+        EXPECT_GT(total, 0u);
+    }
+}
+
+TEST_F(Archive, AReaderSeesWhatIsSavedWhileTheWriterWrites)
+{
+    std::atomic<std::uint32_t> saved = 0;
+    std::jthread writer([&] {
+        PacketArchive archive(folder, "craft", db, 5 * second);
+        for (std::uint32_t i = 0; i < 20'000; i++) {
+            Bytes packet = power_packet(i);
+            packet.resize(100);
+            put(archive, i * second / 1000, packet, power);
+            if (i % 10 == 9) {
+                archive.save();
+                saved = i + 1;
+            }
+        }
+    });
+    History past = history(db);
+    for (std::uint32_t before = 0; before < 20'000;) {
+        before = saved;
+        const auto found = past.packets({}, "", 1'000'000, false);
+        EXPECT_GE(found.size(), before);
+        for (std::uint32_t i = 0; i < found.size(); i++) {
+            ASSERT_EQ(found[i].bytes[3] << 8 | found[i].bytes[4], i & 0xFFFF);
+        }
+    }
+    writer.join();
+    const auto sessions = past.sessions();
+    ASSERT_EQ(sessions.size(), 1u);
+    EXPECT_EQ(sessions[0].packets, 20'000u);
+    EXPECT_TRUE(sessions[0].gaps.empty()) << sessions[0].gaps[0].why;
+}
+
+void limit_files(rlim_t bytes)
+{
+    rlimit limit{};
+    getrlimit(RLIMIT_FSIZE, &limit);
+    limit.rlim_cur = bytes;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    std::signal(SIGXFSZ, SIG_IGN);
+}
+
+TEST_F(Archive, AFileThatTakesNoMoreIsFollowedByANewOneAndNothingIsLost)
+{
+    in_a_child(
+        [&](const auto &tell) {
+            limit_files(20'000);
+            PacketArchive archive(folder, "craft", db, 1000 * second);
+            for (std::uint32_t i = 0; i < 5000; i++) {
+                put(archive, i * second / 100, power_packet(i), power);
+                if (i % 10 == 9) {
+                    archive.save(); // a Refusal would end the child
+                }
+            }
+            tell(1);
+        },
+        0);
+    const auto found = all();
+    ASSERT_EQ(found.size(), 5000u);
+    for (std::uint32_t i = 0; i < 5000; i++) {
+        ASSERT_EQ(found[i].bytes, power_packet(i));
+    }
+    EXPECT_GT(files().size(), 10u);
+    { // the next writer has room to make them whole
+        PacketArchive archive(folder, "craft", db, 1000 * second);
+    }
+    EXPECT_THAT(files(), ::testing::Each(::testing::EndsWith(".mcap")));
+    EXPECT_EQ(all().size(), 5000u);
+}
+
+TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
+{
+    // 40,000 packets of 10 kB: 64 MiB are kept in memory while the disk is full.
+    constexpr std::uint32_t n = 20'000, full = 1000, room = 15'000;
+    in_a_child(
+        [&](const auto &tell) {
+            PacketArchive archive(folder, "craft", db, 1000 * second);
+            std::uint32_t refused = 0;
+            for (std::uint32_t i = 0; i < n; i++) {
+                if (i == full || i == room) {
+                    limit_files(i == full ? 0 : RLIM_INFINITY);
+                }
+                Bytes packet = power_packet(i);
+                packet.resize(10'000);
+                put(archive, i * second / 100, packet, power);
+                if (i == room + 1) {
+                    sleep(1); // the archive tries once in a second
+                }
+                try {
+                    archive.save();
+                    EXPECT_EQ(archive.problem(), "");
+                } catch (const Refusal &refusal) {
+                    refused++;
+                    if (refusal.what() != archive.problem() || archive.problem().empty()) {
+                        _exit(2);
+                    }
+                }
+            }
+            if (refused < room - full || refused > room - full + 2) {
+                _exit(3);
+            }
+            tell(1);
+        },
+        0);
+    const auto found = all();
+    History past = history(db);
+    const auto sessions = past.sessions();
+    ASSERT_EQ(sessions.size(), 1u);
+    ASSERT_EQ(sessions[0].gaps.size(), 1u);
+    const Missing &gap = sessions[0].gaps[0];
+    EXPECT_THAT(gap.why, HasSubstr("limit on its size"));
+    std::uint32_t lost = 0, next = 0;
+    for (const auto &one : found) {
+        const std::uint32_t i = std::uint32_t(one.bytes[3]) << 8 | one.bytes[4];
+        for (; next < i; next++, lost++) {
+            EXPECT_GE(next * second / 100, gap.from);
+            EXPECT_LE(next * second / 100, gap.to);
+        }
+        EXPECT_EQ(i, next++);
+    }
+    EXPECT_GT(lost, 0u);
+    EXPECT_EQ(found.size() + lost, n);
+    EXPECT_THAT(gap.why, HasSubstr("; " + std::to_string(lost) + " packets"));
+}
+
+TEST_F(Archive, ADamagedFileNamesWhatIsMissingAndTheRestIsRead)
+{
+    {
+        PacketArchive archive(folder, "craft", db, 1'000'000 * second);
+        for (std::uint32_t i = 0; i < 9000; i++) {
+            Bytes packet = power_packet(i);
+            packet.resize(100);
+            put(archive, i * second, packet, power);
+        }
+    }
+    const std::string name = folder + "/craft/000001-0.mcap";
+    std::ifstream in(name, std::ios::binary);
+    const std::string whole{std::istreambuf_iterator<char>(in), {}};
+    ASSERT_EQ(all().size(), 9000u);
+    std::mt19937 random(3);
+    const auto check = [&](const std::string &bytes, const std::string &what) {
+        std::ofstream(name, std::ios::binary) << bytes;
+        History past = history(db);
+        const auto found = past.packets({}, "", 1'000'000, false);
+        std::uint32_t before = 0;
+        for (std::size_t i = 0; i < found.size(); i++) { // in order, and none that was not put
+            const std::uint32_t count = std::uint32_t(found[i].bytes[3]) << 8 | found[i].bytes[4];
+            ASSERT_TRUE(i == 0 || count > before) << what;
+            ASSERT_EQ(found[i].t, count * second) << what;
+            before = count;
+        }
+        const auto sessions = past.sessions();
+        EXPECT_TRUE(found.size() == 9000 || sessions.empty() || !sessions[0].gaps.empty() || sessions[0].packets < 9000)
+            << what;
+        past.series({"count"}, {}, 100);
+    };
+    for (int i = 0; i < 150; i++) {
+        std::string bytes = whole;
+        const std::size_t at = random() % bytes.size();
+        bytes[at] = static_cast<char>(bytes[at] ^ (1 << random() % 8));
+        check(bytes, "a bit of byte " + std::to_string(at));
+        const std::size_t from_end = bytes.size() - 1 - random() % 2000; // the index
+        bytes = whole;
+        bytes[from_end] = static_cast<char>(random());
+        check(bytes, "byte " + std::to_string(from_end));
+        check(whole.substr(0, random() % whole.size()), "cut");
+    }
+    // A chunk in the middle is left out, and only that.
+    std::string bytes = whole;
+    const Bytes packet = power_packet(4500);
+    const std::size_t in_it = bytes.find(std::string(packet.begin(), packet.end())) + 50;
+    bytes[in_it] = static_cast<char>(bytes[in_it] ^ 1);
+    std::ofstream(name, std::ios::binary) << bytes;
+    History past = history(db);
+    const auto found = past.packets({}, "", 1'000'000, false);
+    EXPECT_GT(found.size(), 5000u);
+    EXPECT_LT(found.size(), 9000u);
+    const auto gap = past.sessions().at(0).gaps.at(0);
+    EXPECT_THAT(gap.why, HasSubstr("000001-0.mcap is damaged at byte "));
+    EXPECT_THAT(gap.why, HasSubstr("checksum"));
+    EXPECT_EQ(gap.to - gap.from, std::int64_t(9000 - found.size() - 1) * second);
+}
+
+TEST_F(Archive, ADatabaseThatChangesReadsWhatIsOld)
+{
+    {
+        PacketArchive archive(folder, "craft", db, 100 * second);
+        fill(archive, 0, 50);
+        put(archive, 50 * second, {3, 0, 0, 0, 77}, no_id);
+    }
+    // A container that did not exist decodes what was undecoded.
+    const Database later = read_xtce_text(xml(container("Later", "count", extends("Header", "id", "3"))), "s.xml");
+    EXPECT_NE(later.hash, db.hash);
+    History past = history(later), before = history(db);
+    const auto now = past.series({"count"}, {}, 0)[0], then = before.series({"count"}, {}, 0)[0];
+    ASSERT_EQ(now.value.size(), 51u);
+    EXPECT_EQ(now.value.back(), 77);
+    EXPECT_EQ(then.value.size(), 50u);
 }
 
 } // namespace

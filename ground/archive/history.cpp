@@ -108,7 +108,7 @@ PacketFile *History::file(const Key &key)
         } else {
             made->refresh();
         }
-        if (made->whole) {
+        if (made->path.ends_with(".mcap")) { // others may lose their name until they are read
             made->close();
         }
         return made.get();

@@ -44,7 +44,7 @@ struct PacketArchive::File {
     std::string name;
     std::uint32_t session = 0;
     std::int64_t period = 0;
-    FileSink sink{};
+    FileSink sink{.fd = -1, .error = 0, .part = {}};
     McapWriter writer{};
     McapSchema schema_memory{};
     std::vector<McapChannel> channel_memory;
@@ -55,9 +55,25 @@ struct PacketArchive::File {
     std::uint64_t saved = 0; ///< [bytes] behind the last packet that is safe
     std::uint32_t packets_saved = 0;
 
-    File(std::string path, std::size_t most_channels) : name(std::move(path)), channel_memory(most_channels)
+    explicit File(std::string path) : name(std::move(path)) {}
+    File(const File &) = delete;
+    File &operator=(const File &) = delete;
+
+    /// One that is not closed stays NAME.part with what is saved in it.
+    ~File()
+    {
+        if (sink.fd >= 0) {
+            if (ftruncate(sink.fd, static_cast<off_t>(saved)) == 0 && packets_saved == 0) {
+                unlink(sink.part);
+            }
+            file_sink_close(&sink, false);
+        }
+    }
+
+    void open(std::size_t most_channels)
     {
         const std::size_t index_size = most_chunks * (73 + 10 * most_channels) + 4096;
+        channel_memory.resize(most_channels);
         chunk.reset(new std::uint8_t[chunk_size]);
         index.reset(new std::uint8_t[index_size]);
         if (const int error = file_sink_open(&sink, name.c_str())) {
@@ -219,26 +235,25 @@ void PacketArchive::recover(const std::string &name) const
     }
     try {
         PacketFile old(lost);
+        File made(name);
+        if (old.count != 0 && old.missing.empty()) {
+            made.open(old.channels.size());
+            for (const auto &[about, pairs] : old.metadata) {
+                made.metadata(about, {pairs.begin(), pairs.end()});
+            }
+            for (const auto &chunk : old.chunks) {
+                old.each(chunk, [&](const Stored &one) {
+                    made.put(old.channels[one.channel].topic, one.t, one.received, one.packet);
+                    return true;
+                });
+            }
+        }
         if (old.missing.empty()) {
-            {
-                File made(name, std::max<std::size_t>(old.channels.size(), 1));
-                for (const auto &[about, pairs] : old.metadata) {
-                    made.metadata(about, {pairs.begin(), pairs.end()});
-                }
-                for (const auto &chunk : std::vector(old.chunks)) {
-                    old.each(chunk, [&](const Stored &one) {
-                        made.put(old.channels[one.channel].topic, one.t, one.received, one.packet);
-                        return true;
-                    });
-                }
-                if (old.missing.empty()) {
-                    made.close();
-                }
+            if (old.count != 0) {
+                made.close();
             }
-            if (old.missing.empty()) {
-                fs::remove(lost, ignored);
-                return;
-            }
+            fs::remove(lost, ignored);
+            return;
         }
     } catch (const Refusal &) { // as on a full disk
     }
@@ -294,7 +309,7 @@ void PacketArchive::save()
             return;
         } catch (const Refusal &refusal) {
             problem_ = refusal.what();
-            abandon();
+            file_.reset();
         }
     }
     throw Refusal(problem_);
@@ -346,7 +361,8 @@ void PacketArchive::begin(const Pending &first)
     for (std::int64_t t = first.t; name.empty() || taken("") || taken(".part") || taken(".lost"); t++) {
         name = folder_ + "/" + session + std::to_string(t) + ".mcap"; // a file that was left may have the time
     }
-    auto made = std::make_unique<File>(name, db_.containers.size() + 1);
+    auto made = std::make_unique<File>(name);
+    made->open(db_.containers.size() + 1);
     made->session = first.session;
     made->period = first.t / period_;
     char hash[20];
@@ -370,18 +386,6 @@ void PacketArchive::end(const char *why)
     file_.reset();
 }
 
-/// Leave the file with what is saved in it; it stays NAME.part.
-void PacketArchive::abandon() noexcept
-{
-    if (file_ != nullptr && file_->sink.fd >= 0) {
-        if (ftruncate(file_->sink.fd, static_cast<off_t>(file_->saved)) == 0 && file_->packets_saved == 0) {
-            unlink((file_->name + ".part").c_str());
-        }
-        file_sink_close(&file_->sink, false);
-    }
-    file_.reset();
-}
-
 void PacketArchive::close()
 {
     if (!pending_.empty() || gap_.packets != 0) {
@@ -392,7 +396,7 @@ void PacketArchive::close()
         try {
             end("closed");
         } catch (const Refusal &) {
-            abandon();
+            file_.reset();
             throw;
         }
     }

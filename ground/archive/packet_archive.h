@@ -57,7 +57,6 @@ private:
     void write();
     void begin(const Pending &first);
     void end(const char *why);
-    void abandon() noexcept;
     const std::string &topic(Id container);
 
     const std::string craft_, folder_;

@@ -70,7 +70,7 @@ PacketFile::PacketFile(std::string name) : path(std::move(name))
     mcap_crc_init(&crc_);
     open();
     const auto begin = read(0, sizeof magic, buffer_);
-    if (begin.size() < sizeof magic || std::memcmp(begin.data(), magic, sizeof magic) != 0) {
+    if (std::memcmp(begin.data(), magic, begin.size()) != 0) { // a new file may have no byte yet
         close();
         throw Refusal(path + " is no MCAP file");
     }
@@ -284,8 +284,8 @@ bool PacketFile::read_summary()
 
 void PacketFile::refresh()
 {
+    open();
     if (!whole) {
-        open();
         scan();
     }
 }
