@@ -2,7 +2,8 @@
 """The space packets of a file: a capture of a network, telemetry frames, or packets one behind the other.
 
 Captures are pcap and pcapng; each UDP datagram, or packet of a link that is a user's own, holds packets. So does each
-message of a queue of packets in the record of a co-simulation's exchange.
+message of a queue of packets in the record of a co-simulation's exchange. A file of the control room's archive has a
+packet in each message.
 """
 from __future__ import annotations
 
@@ -78,12 +79,25 @@ def _recorded(path, skip):
     record = Archive(path)
     found: list[tuple] = []
     for topic, channel in record.topics.items():
-        if channel.problem is None and {"n", "bytes"} <= set(channel.fields):
+        if channel.schema == "fledge/msg/GroundPacket":
+            found += (_archived(record._data, at) for at in channel._raw.offsets)
+        elif channel.problem is None and {"n", "bytes"} <= set(channel.fields):
             found += zip(record.time_ns(topic).tolist(), channel._raw.offsets, record[topic])
     for time, at, message in sorted(found, key=lambda one: one[:2]):
+        if isinstance(message, bytes):
+            yield Piece(at, message, time, "" if message else "a message whose packet has another size than it states")
+            continue
         yield from packets(message["bytes"].tobytes()[:int(message["n"])], skip, at, time)
     if record.problem or not found:
         yield Piece(0, b"", None, record.problem or "a record without packets: fledge convert writes its values")
+
+
+def _archived(data, at):
+    """(time, place, packet) of a message of the control room's archive; b"": its sizes do not agree."""
+    size = struct.unpack_from("<Q", data, at + 1)[0] - 46   # behind two heads, t and received, and the packet's size
+    at += 35
+    time, _, n = struct.unpack_from("<qqI", data, at) if size >= 0 else (0, 0, 0)
+    return time, at + 20, data[at + 20:at + 20 + n] if n == size else b""
 
 
 def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// The archive of a spacecraft's packets for Python: its writer, and what reads it.
+#include "fledge/ground/loaded.h"
+#include "ground/archive/history.h"
+#include "ground/archive/packet_archive.h"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+namespace fledge::ground {
+
+namespace {
+
+using Names = std::vector<std::string>;
+constexpr std::int64_t end_of_time = std::numeric_limits<std::int64_t>::max();
+
+/// An array that owns what the vector has.
+template <class Value> py::array_t<Value> array(std::vector<Value> values, std::size_t columns = 0)
+{
+    auto *const owner = new std::vector<Value>(std::move(values));
+    const py::capsule free(owner, [](void *all) { delete static_cast<std::vector<Value> *>(all); });
+    std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(owner->size() / std::max<std::size_t>(columns, 1))};
+    if (columns != 0) {
+        shape.push_back(static_cast<py::ssize_t>(columns));
+    }
+    return py::array_t<Value>(shape, owner->data(), free);
+}
+
+py::bytes bytes(const std::vector<std::uint8_t> &all)
+{
+    return {reinterpret_cast<const char *>(all.data()), all.size()};
+}
+
+py::list gaps(const std::vector<Missing> &all)
+{
+    py::list made;
+    for (const Missing &one : all) {
+        made.append(py::make_tuple(one.from, one.to, one.why));
+    }
+    return made;
+}
+
+py::list sessions(History &history)
+{
+    std::vector<History::Session> all;
+    {
+        const py::gil_scoped_release free;
+        all = history.sessions();
+    }
+    py::list made;
+    for (const auto &one : all) {
+        py::dict about;
+        about["session"] = one.number;
+        about["first"] = one.first;
+        about["last"] = one.last;
+        about["packets"] = one.packets;
+        about["ended"] = one.ended;
+        about["gaps"] = gaps(one.gaps);
+        made.append(std::move(about));
+    }
+    return made;
+}
+
+/// The batches of a replay, each as Monitor.take has it.
+class Replay {
+public:
+    Replay(History &history, History::Query query, std::size_t most, std::int64_t span)
+        : history_(history), query_(query), most_(most), span_(span)
+    {
+    }
+
+    py::list next()
+    {
+        std::vector<History::Packet> all;
+        {
+            const py::gil_scoped_release free;
+            all = history_.next(query_, skip_, most_, span_);
+        }
+        if (all.empty()) {
+            throw py::stop_iteration();
+        }
+        // The next one begins with those of the last time that are not in this one.
+        std::size_t same = 0;
+        while (same < all.size() && all[all.size() - 1 - same].t == all.back().t) {
+            same++;
+        }
+        skip_ = same + (all.back().t == query_.from ? skip_ : 0);
+        query_.from = all.back().t;
+        py::list made;
+        for (const auto &one : all) {
+            made.append(py::make_tuple(one.t, one.received, bytes(one.bytes)));
+        }
+        return made;
+    }
+
+private:
+    History &history_;
+    History::Query query_;
+    const std::size_t most_;
+    const std::int64_t span_;
+    std::size_t skip_ = 0;
+};
+
+} // namespace
+
+void bind_archive(py::module_ &m)
+{
+    using Free = py::call_guard<py::gil_scoped_release>;
+    const auto t0 = py::arg("t0") = 0;
+    const auto t1 = py::arg("t1") = end_of_time;
+    const auto session = py::arg("session") = -1;
+    py::class_<PacketSink>(m, "PacketSink", "What keeps packets.");
+    py::class_<PacketArchive, PacketSink>(m, "PacketArchive", "The archive of a spacecraft, for one writer.")
+        .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database, double period) {
+                 return std::make_unique<PacketArchive>(folder, craft, database.database(),
+                                                        static_cast<std::int64_t>(std::min(period, 9e9) * 1e9));
+             }),
+             py::arg("folder"), py::arg("craft"), py::arg("database"), py::arg("period_s") = 3600.0,
+             py::keep_alive<1, 4>(), Free())
+        .def(
+            "put",
+            [](PacketArchive &archive, std::int64_t t, std::int64_t received, const py::bytes &packet,
+               std::optional<Id> container) {
+                const std::string_view view = packet;
+                archive.put({t, received, {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}},
+                            container.value_or(no_id));
+            },
+            py::arg("t"), py::arg("received"), py::arg("packet"), py::arg("container") = py::none(),
+            "Take a packet, as Monitor.take does; container: its place in Database.containers.")
+        .def("save", &PacketArchive::save, Free(), "Save what was put; raises SetupError.")
+        .def("close", &PacketArchive::close, Free(), "End the session; raises SetupError.")
+        .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.");
+
+    py::class_<Replay>(m, "Replay", "An iterator of batches for Monitor.take.")
+        .def("__iter__", [](const py::object &self) { return self; })
+        .def("__next__", &Replay::next);
+    py::class_<History>(m, "History", "What is in the archive of a spacecraft.")
+        .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database,
+                         const std::optional<std::string> &root) {
+                 return std::make_unique<History>(folder, craft, database.database(), root.value_or(""));
+             }),
+             py::arg("folder"), py::arg("craft"), py::arg("database"), py::arg("root") = py::none(),
+             py::keep_alive<1, 4>())
+        .def("sessions", &sessions, "dicts of session, first, last, packets, ended and gaps (from, to, why).")
+        .def(
+            "series",
+            [](History &history, const Names &names, std::int64_t from, std::int64_t to, std::size_t points,
+               std::int64_t of) {
+                std::vector<History::Series> all;
+                {
+                    const py::gil_scoped_release free;
+                    all = history.series(names, {from, to, of}, points);
+                }
+                py::dict made;
+                for (std::size_t i = 0; i < names.size(); i++) {
+                    made[py::str(names[i])] =
+                        py::make_tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
+                                       array(std::move(all[i].low)), array(std::move(all[i].high)));
+                }
+                return made;
+            },
+            py::arg("names"), t0, t1, py::arg("points") = 0, session,
+            "name -> arrays of t [ns], value, low and high; points: at most so many, 0: all.")
+        .def(
+            "rows",
+            [](History &history, const Names &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
+                std::vector<double> all;
+                {
+                    const py::gil_scoped_release free;
+                    all = history.rows(inputs, {from, to, of});
+                }
+                return array(std::move(all), inputs.size() + 1);
+            },
+            py::arg("inputs"), t0, t1, session,
+            "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values.")
+        .def(
+            "packets",
+            [](History &history, std::int64_t from, std::int64_t to, const std::optional<std::string> &container,
+               std::size_t limit, bool backwards, std::int64_t of) {
+                std::vector<History::Packet> all;
+                {
+                    const py::gil_scoped_release free;
+                    all = history.packets({from, to, of}, container.value_or(""), limit, backwards);
+                }
+                py::list made;
+                for (const auto &one : all) {
+                    made.append(py::make_tuple(one.t, one.received,
+                                               one.container.empty() ? py::object(py::none()) : py::str(one.container),
+                                               bytes(one.bytes)));
+                }
+                return made;
+            },
+            t0, t1, py::arg("container") = py::none(), py::arg("limit") = 1000, py::arg("backwards") = false, session,
+            "(t, received, path of the container or None, packet) of each; container: \"undecoded\" for those.")
+        .def(
+            "replay",
+            [](History &history, std::int64_t from, std::int64_t to, std::int64_t of, std::size_t most,
+               std::int64_t span) {
+                return std::make_unique<Replay>(history, History::Query{from, to, of}, most, span);
+            },
+            t0, t1, session, py::arg("most") = 1000, py::arg("span_ns") = 1'000'000'000, py::keep_alive<0, 1>(),
+            "Batches of (t, received, packet), each of at most so many and so long.");
+}
+
+} // namespace fledge::ground
