@@ -204,6 +204,22 @@ TEST_F(Archive, AQueryThatCannotBeAnsweredSaysWhy)
     EXPECT_THROW(PacketArchive(folder, "craft", db, 0), Refusal);
 }
 
+TEST_F(Archive, ALongQueryIsRefusedWithItsSize)
+{
+    PacketArchive archive(folder, "craft", db, 100 * second);
+    fill(archive, 0, 1000);
+    History past = history(db);
+    past.most_decoded = 500;
+    EXPECT_EQ(past.series({"count"}, {100 * second, 599 * second}, 10)[0].t.size(), 10u);
+    EXPECT_EQ(past.series({"temperature"}, {}, 0)[0].t.size(), 100u); // in rare packets
+    try {
+        past.series({"count"}, {}, 10);
+        FAIL();
+    } catch (const Refusal &refusal) {
+        EXPECT_THAT(refusal.what(), HasSubstr("would decode 1000 packets, of 0.0115 days; the most is 500: ask for"));
+    }
+}
+
 TEST_F(Archive, AClockThatStepsBackBeginsASession)
 {
     PacketArchive archive(folder, "craft", db, 100 * second);

@@ -13,24 +13,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-double real(Kind kind, std::uint64_t word, Status status)
-{
-    if (status != Status::good) {
-        return nan;
-    }
-    switch (kind) {
-    case Kind::natural:
-    case Kind::boolean:
-    case Kind::label: return static_cast<double>(word);
-    case Kind::integer: return static_cast<double>(static_cast<std::int64_t>(word));
-    case Kind::time: return static_cast<double>(static_cast<std::int64_t>(word)) / 1e9;
-    case Kind::real: return std::bit_cast<double>(word);
-    default: return nan;
-    }
-}
-
 std::string metadata(const PacketFile &file, const std::string &name, const std::string &key)
 {
     for (const auto &[about, pairs] : file.metadata) {
@@ -379,6 +361,9 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Piece
         walk({piece}, wanted_of(*piece.file), false, [&](const Stored &one, const std::string &) {
             const Decoded &done = decoder.decode(one.packet, root_);
             bool any = false;
+            if (!done.reason.empty()) {
+                return true;
+            }
             for (std::size_t i = 0; i < done.fields.size(); i++) {
                 const Field &field = done.fields[i];
                 for (std::size_t k = 0; k < targets.size(); k++) {
@@ -391,7 +376,7 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Piece
                         node = done.nodes[node].parent;
                     }
                     if (left == 0 && node == 0) {
-                        value(one.t, k, real(field.value, done.values[i], done.status[i]));
+                        value(one.t, k, number(field.value, done.values[i], field.raw, done.raw[i], done.status[i]));
                         any = true;
                     }
                 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is in the archive of a spacecraft: its packets, and the values in them by the decoder that live telemetry has. It
-// reads while a writer writes.
+// What is in the archive of a spacecraft: its packets, and the values in them by the decoder that live telemetry has.
+// It reads while a writer writes.
 //
 // A query is of a session, or of -1: of the newest one if its clock is not UTC, as that of a simulation; else of all,
 // where each goes on up to the first packet of the next. Times are the spacecraft's [ns], both ends inclusive. Values
-// are numbers: a boolean is 0 or 1, a label is its place among the enumerators, a time has seconds; NaN: no value.
+// are numbers: a boolean is 0 or 1, a label is its raw value, a time has seconds; NaN: there is none.
 #pragma once
 
 #include "ground/archive/packet_file.h"
@@ -39,21 +39,20 @@ public:
         std::int64_t session = -1;
     };
 
-    /// How many packets a query of values may decode.
-    static constexpr std::uint64_t most_decoded = 4'000'000;
+    std::uint64_t most_decoded = 4'000'000; ///< packets, by a query of values
 
     /// The folder of the archive. root: as of Decoder::decode, "" for none.
     History(const std::string &folder, std::string craft, const Database &database, const std::string &root);
 
     std::vector<Session> sessions();
 
-    /// The values of parameters, or of members and elements: "parameter.member[3]", the parameter by its name in Fledge,
-    /// its path or its name. points: at most so many of each, of equal stretches of time with the last value, the
-    /// lowest and the highest one in each; 0: all values. Throws Refusal.
+    /// The values of parameters, or of members and elements: "parameter.member[3]", the parameter by its name in
+    /// Fledge, its path or its name. points: at most so many of each, of equal stretches of time with the last value,
+    /// the lowest and the highest one in each; 0: all values. Throws Refusal.
     std::vector<Series> series(const std::vector<std::string> &names, Query query, std::size_t points);
 
-    /// Rows of the time (its 64 bits) and the newest value of each input, one for each packet that has one of them, from
-    /// the first on at which all were seen.
+    /// Rows of the time (its 64 bits) and the newest value of each input, one for each packet that has one of them,
+    /// from the first on at which all were seen.
     std::vector<double> rows(const std::vector<std::string> &inputs, Query query);
 
     /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The archive of a spacecraft's packets for Python: its writer, and what reads it.
-#include "fledge/ground/loaded.h"
 #include "ground/archive/history.h"
 #include "ground/archive/packet_archive.h"
+#include "ground/loaded.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -109,7 +109,6 @@ void bind_archive(py::module_ &m)
     const auto t0 = py::arg("t0") = 0;
     const auto t1 = py::arg("t1") = end_of_time;
     const auto session = py::arg("session") = -1;
-    py::class_<PacketSink>(m, "PacketSink", "What keeps packets.");
     py::class_<PacketArchive, PacketSink>(m, "PacketArchive", "The archive of a spacecraft, for one writer.")
         .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database, double period) {
                  return std::make_unique<PacketArchive>(folder, craft, database.database(),

@@ -10,6 +10,7 @@
 
 namespace fledge::ground {
 
+void bind_archive(py::module_ &m);  // archive.cpp
 void bind_entity(py::module_ &m);   // entity.cpp
 void bind_link_end(py::module_ &m); // link_end.cpp
 void bind_monitor(py::module_ &m);  // monitor.cpp
@@ -293,4 +294,5 @@ PYBIND11_MODULE(_ground, m)
         .def_property_readonly("parameters", [](const Loaded &one) { return paths(one.database().parameters); })
         .def_property_readonly("commands", [](const Loaded &one) { return paths(one.database().commands); });
     bind_monitor(m);
+    bind_archive(m);
 }

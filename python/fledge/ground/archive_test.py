@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The archive of a spacecraft's packets: what Monitor decodes live is what History decodes again, and a second reader
+finds the same messages in the files."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from fledge import SetupError, _ground, cli
+from fledge.archive import Archive
+from fledge.ground import captures
+
+S = 10**9
+XTCE = """<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>
+<IntegerParameterType name="u8"><IntegerDataEncoding sizeInBits="8"/></IntegerParameterType>
+<IntegerParameterType name="u16"><IntegerDataEncoding sizeInBits="16"/></IntegerParameterType>
+<FloatParameterType name="volt"><UnitSet><Unit>V</Unit></UnitSet><IntegerDataEncoding sizeInBits="16">
+<DefaultCalibrator><PolynomialCalibrator>
+<Term exponent="1" coefficient="0.01"/></PolynomialCalibrator></DefaultCalibrator>
+</IntegerDataEncoding></FloatParameterType></ParameterTypeSet>
+<ParameterSet><Parameter name="a" parameterTypeRef="u8"/><Parameter name="b" parameterTypeRef="u8"/>
+<Parameter name="sequence" parameterTypeRef="u16"/><Parameter name="size" parameterTypeRef="u16"/>
+<Parameter name="bus" parameterTypeRef="volt"><AliasSet><Alias nameSpace="Fledge" alias="flight.power.bus"/></AliasSet>
+</Parameter></ParameterSet><ContainerSet>
+<SequenceContainer name="Packet" abstract="true"><EntryList><ParameterRefEntry parameterRef="a"/>
+<ParameterRefEntry parameterRef="b"/><ParameterRefEntry parameterRef="sequence"/>
+<ParameterRefEntry parameterRef="size"/></EntryList></SequenceContainer>
+<SequenceContainer name="Power"><EntryList><ParameterRefEntry parameterRef="bus"/></EntryList>
+<BaseContainer containerRef="Packet"><RestrictionCriteria><Comparison parameterRef="b" value="1"/></RestrictionCriteria>
+</BaseContainer></SequenceContainer></ContainerSet></TelemetryMetaData></SpaceSystem>"""
+
+
+def packet(i, application=1):
+    return struct.pack(">4H", 0x0800 | application, 0xC000 | i % 0x4000, 1, i % 65536)
+
+
+@pytest.fixture
+def craft(tmp_path):
+    (tmp_path / "s.xml").write_text(XTCE)
+    return _ground.Database.read([(str(tmp_path / "s.xml"), "")])
+
+
+@pytest.fixture
+def flown(craft, tmp_path):
+    """A thousand packets, of which each tenth is of no container: (monitor, packets by their times)."""
+    monitor, archive = _ground.Monitor(craft), _ground.PacketArchive(str(tmp_path / "a"), "imager", craft, 300)
+    monitor.sink(archive)
+    sent = [(i * S, 1_790_000_000 * S + i, packet(i, 2 if i % 10 == 3 else 1)) for i in range(1000)]
+    for i in range(0, 1000, 7):
+        monitor.take(sent[i:i + 7])
+    monitor.sink(None)
+    archive.close()
+    return monitor, sent, tmp_path / "a"
+
+
+def test_what_was_live_is_found_again(craft, flown):
+    monitor, sent, folder = flown
+    history = _ground.History(str(folder), "imager", craft)
+    found = history.packets(limit=10_000)
+    assert [(t, received, one) for t, received, _, one in found] == sent
+    assert {path for _, _, path, _ in found} == {"/S/Power", None}
+    assert [one for *_, one in history.packets(container="undecoded")] == [one for *_, one in sent[3::10]]
+    assert [t for t, *_ in history.packets(t1=500 * S, limit=3, backwards=True)] == [500 * S, 499 * S, 498 * S]
+    t, value, low, high = history.series(["flight.power.bus"])["flight.power.bus"]
+    live = monitor.newest(monitor.slot("flight.power.bus"))
+    assert (t[-1], value[-1]) == (live[0], live[3])
+    kept = [i for i in range(1000) if i % 10 != 3]
+    assert t.dtype == np.int64 and (t == np.array(kept) * S).all()
+    assert value.tolist() == [0.01 * i for i in kept] and low.tolist() == high.tolist() == value.tolist()
+    t, value, low, high = history.series(["/S/bus"], 100 * S, 899 * S, points=8)["/S/bus"]
+    assert t.tolist() == [i * S for i in range(199, 900, 100)]
+    assert low.tolist() == [0.01 * i for i in range(100, 900, 100)]
+    rows = history.rows(["bus", "sequence"], 0, 5 * S)
+    assert rows.shape == (5, 3) and rows[:, 0].copy().view(np.int64).tolist() == [0, S, 2 * S, 4 * S, 5 * S]
+    assert history.sessions() == [{"session": 1, "first": 0, "last": 999 * S, "packets": 1000, "ended": "closed",
+                                   "gaps": []}]
+
+
+def test_a_replay_gives_a_second_monitor_the_same(craft, flown):
+    monitor, sent, folder = flown
+    history = _ground.History(str(folder), "imager", craft)
+    again = _ground.Monitor(craft)
+    batches = list(history.replay(most=64))
+    assert max(map(len, batches)) <= 64 and all(one[-1][0] - one[0][0] <= S for one in batches)
+    for batch in batches:
+        again.take(batch)
+    assert [one for batch in batches for one in batch] == sent
+    assert again.newest(again.slot("flight.power.bus")) == monitor.newest(monitor.slot("flight.power.bus"))
+    part = [one for batch in history.replay(100 * S, 200 * S, span_ns=10**12) for one in batch]
+    assert part == sent[100:201]
+
+
+def test_packets_of_one_time_are_replayed_once_each(craft, tmp_path):
+    archive = _ground.PacketArchive(str(tmp_path), "imager", craft)
+    for i in range(50):
+        archive.put(i // 20 * S, i, packet(i))
+    archive.close()
+    history = _ground.History(str(tmp_path), "imager", craft)
+    for most in (1, 3, 20, 100):
+        assert [received for batch in history.replay(most=most) for _, received, _ in batch] == list(range(50))
+
+
+def test_a_second_reader_finds_the_same_messages(flown):
+    _, sent, folder = flown
+    found = []
+    for file in sorted((folder / "imager").glob("*.mcap")):
+        record = Archive(file)
+        assert record.complete, record.problem
+        assert record.metadata["archive"]["craft"] == "imager"
+        assert {*record.topics} == {"/imager/S/Power", "/imager/undecoded"}
+        assert sum(one.count for one in record.topics.values()) == len(
+            [t for topic in record.topics for t in record.time_ns(topic)])
+        found += [(one.time, one.packet) for one in captures.read(file)]
+    assert found == [(t, one) for t, _, one in sent]
+
+
+def test_the_command_line_decodes_a_file_of_the_archive(flown, tmp_path, capsys):
+    file = min((flown[2] / "imager").glob("*.mcap"))
+    assert cli.main(["packets", str(file), "--database", str(tmp_path / "s.xml"), "--csv"]) == 1    # some fit none
+    lines = [line for line in capsys.readouterr().out.splitlines() if "bus" in line]
+    assert len(lines) == 270 and "2.99" in lines[-1]
+
+
+def test_a_writer_is_refused_beside_another(craft, tmp_path):
+    archive = _ground.PacketArchive(str(tmp_path), "imager", craft)
+    with pytest.raises(SetupError, match="another program writes the archive"):
+        _ground.PacketArchive(str(tmp_path), "imager", craft)
+    archive.close()
+    with pytest.raises(SetupError, match="no parameter flight.power.bas"):
+        _ground.History(str(tmp_path), "imager", craft).series(["flight.power.bas"])
