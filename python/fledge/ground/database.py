@@ -40,10 +40,34 @@ class Database:
         times int [ns] after their epoch, and enumerators their label, or a number if they have none."""
         return self._read.decode(packet, root)
 
-    def encode(self, name: str, **arguments: Any) -> bytes:
+    def encode(self, name: str, /, **arguments: Any) -> bytes:
         """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
         lists and dicts. Raises SetupError."""
         return self._read.encode(name, arguments)
+
+    def forms(self) -> list[dict[str, Any]]:
+        """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group, description,
+        hazardous (why; "": it is not), arguments (name, type, unit, low, high, labels, initial, description, size [bits; of
+        text and binary: bytes at most], counted_by) and places (name, first bit, bits, whether it is an argument, whether
+        it is a whole number)."""
+        return list(self._read.forms())
+
+    def container_names(self) -> dict[str, str]:
+        """Path of each container -> its name in Fledge's words, or the path."""
+        return dict(self._read.container_names())
+
+    def monitor(self, root: str | None = None) -> Any:
+        """What decodes batches of packets, whose container extends `root`, checks their limits and has their newest values
+        (ground/monitor)."""
+        return _ground.Monitor(self._read, root)
+
+    def archive(self, folder: str | os.PathLike[str], craft: str) -> Any:
+        """What writes the packets of a craft into a folder (ground/archive). Raises SetupError if another program does."""
+        return _ground.PacketArchive(os.fspath(folder), craft, self._read)
+
+    def history(self, folder: str | os.PathLike[str], craft: str, root: str | None = None) -> Any:
+        """What reads them, also while they are written."""
+        return _ground.History(os.fspath(folder), craft, self._read, root)
 
     def units(self, parameter: str) -> list[str]:
         """The units of a parameter."""

@@ -10,10 +10,12 @@
 
 namespace fledge::ground {
 
-void bind_archive(py::module_ &m);  // archive.cpp
-void bind_entity(py::module_ &m);   // entity.cpp
-void bind_link_end(py::module_ &m); // link_end.cpp
-void bind_monitor(py::module_ &m);  // monitor.cpp
+void bind_archive(py::module_ &m);          // archive.cpp
+void bind_entity(py::module_ &m);           // entity.cpp
+void bind_link_end(py::module_ &m);         // link_end.cpp
+void bind_monitor(py::module_ &m);          // monitor.cpp
+py::list command_forms(const Database &db); // forms.cpp
+py::dict container_names(const Database &db);
 
 py::object object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw)
 {
@@ -289,6 +291,15 @@ PYBIND11_MODULE(_ground, m)
         .def("encode", &encode_command, py::arg("name"), py::arg("arguments"))
         .def("places", &command_places, py::arg("name"), py::arg("arguments"))
         .def("units", &units, py::arg("parameter"), "The units of a parameter.")
+        .def(
+            "forms", [](const Loaded &one) { return command_forms(one.database()); },
+            "Of each command that can be sent: name (in Fledge's words where there are such), path, group, "
+            "description, hazardous (why, or empty), and its arguments: name, type, unit, low, high, labels, initial, "
+            "description, "
+            "size [bits].")
+        .def(
+            "container_names", [](const Loaded &one) { return container_names(one.database()); },
+            "Path of each container -> its name in Fledge's words, or the path.")
         .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
         .def_property_readonly("containers", [](const Loaded &one) { return paths(one.database().containers); })
         .def_property_readonly("parameters", [](const Loaded &one) { return paths(one.database().parameters); })

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// The commands of a database as forms: what an operator may fill in.
+#include "ground/database/model.h"
+
+#include <pybind11/pybind11.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+namespace py = pybind11;
+
+namespace fledge::ground {
+
+namespace {
+
+/// The name in the name space Fledge, else the path.
+const std::string &shown_name(const Named &one)
+{
+    for (const auto &[space, alias] : one.aliases) {
+        if (space == "Fledge") {
+            return alias;
+        }
+    }
+    return one.path;
+}
+
+const char *kind_of(const Type &type)
+{
+    switch (type.sort) {
+    case Type::Sort::integer: return type.is_signed ? "integer" : "natural";
+    case Type::Sort::real: return "real";
+    case Type::Sort::enumerated: return "label";
+    case Type::Sort::boolean: return "boolean";
+    case Type::Sort::text: return "text";
+    case Type::Sort::binary: return "binary";
+    case Type::Sort::aggregate: return "aggregate";
+    case Type::Sort::array: return "array";
+    default: return "time";
+    }
+}
+
+py::object bound(double x)
+{
+    return x - x == 0 ? py::object(py::float_(x)) : py::object(py::none());
+}
+
+template <class Text> py::object text_or_none(const Text &text)
+{
+    return text ? py::object(py::str(*text)) : py::object(py::none());
+}
+
+py::dict argument_form(const Database &db, const Argument &one)
+{
+    const Type &type = db.types[one.type];
+    py::dict made;
+    made["name"] = one.name;
+    made["type"] = kind_of(type);
+    made["unit"] = type.units.empty() ? std::string() : type.units.front();
+    const Range range = type.valid.size() == 1 ? type.valid.front() : Range();
+    made["low"] = bound(range.low);
+    made["high"] = bound(range.high);
+    made["low_open"] = range.low_open;
+    made["high_open"] = range.high_open;
+    py::list labels;
+    for (const Enumerator &label : type.enumerators) {
+        labels.append(label.label);
+    }
+    if (type.sort == Type::Sort::boolean) {
+        labels.append(type.zero);
+        labels.append(type.one);
+    }
+    made["labels"] = labels;
+    made["initial"] = text_or_none(one.initial ? one.initial : type.initial);
+    made["description"] = one.description.empty() ? type.description : one.description;
+    const Quantity &size = type.encoding.size; // how many bytes: no operator counts them
+    made["counted_by"] = size.from.of == Reference::Of::argument && size.slope == 8 ? size.from.name : std::string();
+    const std::uint32_t bits = type.encoding.bits ? type.encoding.bits
+                               : size.is_fixed()  ? static_cast<std::uint32_t>(size.fixed / 8)
+                                                  : type.encoding.most_bits / 8;
+    made["size"] = bits ? py::object(py::int_(bits)) : py::object(py::none());
+    return made;
+}
+
+/// (name, first bit, bits, whether it is an argument, whether it is a number) of the entries of a command's packet, as far
+/// as their places are fixed; of the last one the bits may vary: 0.
+py::list places(const Database &db, Id container, const std::map<std::string, Id> &arguments)
+{
+    std::vector<const Container *> chain;
+    for (Id at = container; at != no_id; at = db.containers[at].base) {
+        chain.push_back(&db.containers[at]);
+    }
+    py::list made;
+    std::uint32_t bit = 0;
+    for (auto one = chain.rbegin(); one != chain.rend(); ++one) {
+        for (const Entry &entry : (*one)->entries) {
+            const bool argument = entry.what == Entry::What::argument;
+            if (!entry.offset.is_fixed() || entry.offset.fixed != 0 || entry.from != Entry::From::previous ||
+                entry.repeats || entry.include.what != Condition::What::always) {
+                return made;
+            }
+            if (entry.what == Entry::What::fixed) {
+                bit += entry.bits;
+                continue;
+            }
+            if (!(argument && arguments.count(entry.name)) && entry.what != Entry::What::parameter) {
+                return made;
+            }
+            const Type &type = db.types[argument ? arguments.at(entry.name) : db.parameters[entry.id].type];
+            const bool is_number =
+                type.encoding.what == Encoding::What::integer || type.encoding.what == Encoding::What::real;
+            const Quantity &size = type.encoding.size;
+            const std::uint32_t bits = is_number ? type.encoding.bits
+                                       : size.is_fixed()
+                                           ? static_cast<std::uint32_t>(std::max<std::int64_t>(size.fixed, 0))
+                                           : 0;
+            made.append(py::make_tuple(argument ? entry.name : db.parameters[entry.id].name, bit, bits, argument,
+                                       is_number && type.encoding.what == Encoding::What::integer));
+            if (bits == 0) {
+                return made;
+            }
+            bit += bits;
+        }
+    }
+    return made;
+}
+
+} // namespace
+
+/// Of each command that is not abstract: name, path, group, description, hazardous, arguments, places.
+py::list command_forms(const Database &db)
+{
+    py::list made;
+    for (const Command &command : db.commands) {
+        if (command.is_abstract) {
+            continue;
+        }
+        std::vector<const Command *> chain{&command};
+        while (chain.back()->base != no_id) {
+            chain.push_back(&db.commands[chain.back()->base]);
+        }
+        std::set<std::string> assigned;
+        std::map<std::string, Id> types;
+        py::list arguments;
+        std::string hazardous;
+        for (const Command *one : chain) { // the nearest significance counts
+            const std::string &level = one->consequence;
+            if (hazardous.empty() && !level.empty() && level != "none" && level != "watch") {
+                hazardous = one->reason.empty() ? level : one->reason;
+            }
+            for (const auto &[name, value] : one->assignments) {
+                assigned.insert(name);
+            }
+        }
+        for (auto one = chain.rbegin(); one != chain.rend(); ++one) {
+            for (const Argument &argument : (*one)->arguments) {
+                types.emplace(argument.name, argument.type);
+                if (!assigned.count(argument.name)) {
+                    arguments.append(argument_form(db, argument));
+                }
+            }
+        }
+        py::dict form;
+        form["name"] = shown_name(command);
+        form["path"] = command.path;
+        form["group"] = chain.size() > 1 ? shown_name(*chain[1]) : command.path.substr(0, command.path.rfind('/'));
+        form["description"] = command.description;
+        form["hazardous"] = hazardous;
+        form["arguments"] = arguments;
+        form["places"] = places(db, command.container, types);
+        made.append(form);
+    }
+    return made;
+}
+
+/// Path of a container -> its name in the name space Fledge, or the path.
+py::dict container_names(const Database &db)
+{
+    py::dict made;
+    for (const Container &one : db.containers) {
+        made[py::str(one.path)] = shown_name(one);
+    }
+    return made;
+}
+
+} // namespace fledge::ground
