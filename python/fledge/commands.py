@@ -599,10 +599,13 @@ class Packets:
         """A packet with any code and any bytes behind its header: version, None: that of the dictionary."""
         if code > Code.RESET_COUNTERS and code != Code.PDU:
             rest = (self.dictionary.version if version is None else version).to_bytes(2, "big") + rest
-        head = packing.pack(">3H2B", self.dictionary.stream, 0xC000 | self.sequence & 0x3FFF, 8 + len(rest) - 7, code,
-                            0)
+        return self.numbered(packing.pack(">3H2B", self.dictionary.stream, 0, 0, code, 0) + rest)
+
+    def numbered(self, packet: bytes) -> bytes:
+        """A command with the next sequence, its length and its checksum."""
+        raw = numbered(packet, self.sequence)
         self.sequence += 1
-        return head[:7] + bytes([reduce(xor, head + rest, 0xFF)]) + rest
+        return checksummed(raw)
 
     def noop(self) -> bytes:
         return self.packet(Code.NOOP)
@@ -886,6 +889,16 @@ def checked(data: bytes) -> tuple[int, int]:
     """(size [bytes], CRC-16-CCITT of the big-endian block) in the report of Code.CHECK."""
     size, crc = packing.unpack(">IH", data)
     return size, crc
+
+
+def numbered(packet: bytes, sequence: int) -> bytes:
+    """A space packet that is whole, with this sequence, and its length."""
+    return packet[:2] + packing.pack(">HH", 0xC000 | sequence & 0x3FFF, len(packet) - 7) + packet[6:]
+
+
+def checksummed(packet: bytes) -> bytes:
+    """A command with its checksum: the XOR of all bytes is 0xFF."""
+    return packet[:7] + bytes([reduce(xor, packet[:7] + packet[8:], 0xFF)]) + packet[8:]
 
 
 def moved(packet: bytes, by: int) -> bytes:

@@ -238,7 +238,15 @@ class Craft:
         """Send a command, one that fledge.commands.Packets makes: command("mode", "science"), command("noop"),
         command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2).
         Raises SetupError for what the mission does not have."""
-        return self.send(packets(self._packets, what, *arguments, **values))
+        return self.send(self.made(what, *arguments, **values))
+
+    def made(self, what: str, *arguments: Any, **values: Any) -> list[bytes]:
+        """The packets of such a command, for send()."""
+        return packets(self._packets, what, *arguments, **values)
+
+    def numbered(self, packet: bytes) -> bytes:
+        """A command that was made elsewhere, with the sequence that is next here, its length and its checksum."""
+        return self._packets.numbered(packet)
 
     def send(self, packets: Sequence[bytes]) -> Sent:
         """Send packets as they are, one change."""
@@ -264,6 +272,11 @@ class Craft:
         if self._files:
             self._files.close()
         self._files = files
+
+    @property
+    def has_files(self) -> bool:
+        """Whether `files` was used or set."""
+        return self._files is not None
 
     def put(self, local: str | os.PathLike[str], to: str | None = None, *, within: Any = None, class1: bool = False,
             progress: Callable[[Transfer], Any] | None = None) -> Transfer:
@@ -294,11 +307,10 @@ class Craft:
         absent = self._holds(condition)
         while absent is not None and self.link.t < end:
             try:
-                arrived = deque(self._receive(end))
+                arrived = deque(self.receive(end))
             except ConnectionError as error:
                 raise NoAnswer(f"{self._missing(absent, otherwise, '')}: {error}") from None
             try:
-                self._hear()
                 absent = self._holds(condition)     # a file may have ended, or a packet arrived
                 while arrived and absent is not None:
                     self.take(arrived.popleft().packet)
@@ -314,14 +326,16 @@ class Craft:
         """Take what comes for a duration on the link's clock."""
         end = self.link.t + time_ns(duration, "listen")
         while self.link.t < end:
-            for _, packet in self._receive(end):
+            for _, packet in self.receive(end):
                 self.take(packet)
-            self._hear()
         return self.telemetry
 
-    def _receive(self, until: int) -> list[Timed]:
-        """The same as the link's, but files go on: it may return [] earlier."""
-        return self.link.receive(min(until, self._files.work()) if self._files else until)
+    def receive(self, until: int) -> list[Timed]:
+        """The same as the link's, for who takes the packets by himself; files go on, so that it may return [] earlier,
+        and commands learn what the link knows of them."""
+        found = self.link.receive(min(until, self._files.work()) if self._files else until)
+        self._hear()
+        return found
 
     def take(self, packet: bytes) -> Telemetry | None:
         """A packet has come. None: the dictionary does not know it, and it is counted."""

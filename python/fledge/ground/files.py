@@ -168,13 +168,20 @@ class Files:
         options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, one.place)
         return self._begin(one, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
 
-    def directory(self, name: str, within: Any) -> list[str]:
+    def listing(self, name: str) -> Transfer:
+        """Ask for the names in a directory on board; names() has them when it has ended."""
         one = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
-        self._begin(one, "", "", self.entity.message(Message.LIST, first=name, second=one.place)).completed(within)
+        return self._begin(one, "", "", self.entity.message(Message.LIST, first=name, second=one.place))
+
+    def names(self, one: Transfer) -> list[str]:
+        """What a listing has brought."""
         try:
             return sorted((self.folder / one.place).read_text(errors="replace").splitlines())
         finally:
             (self.folder / one.place).unlink()
+
+    def directory(self, name: str, within: Any) -> list[str]:
+        return self.names(self.listing(name).completed(within))
 
     def request(self, options: bytes) -> tuple[int, int]:
         """Send messages alone; their transaction."""
