@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge ground ACTION`: lines for the file of the control room's server, which let people and scripts use it.
+"""`fledge ground ACTION`: the server of the control room (docs/control-room.md), and lines for its file, which let people
+and scripts use it.
 
-Exit codes as of all commands: 0 done; 2 the command line is wrong.
+Exit codes as of all commands: 0 done, also by Ctrl-C; 2 the command line or the file is wrong.
 """
 from __future__ import annotations
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one: Any = command("ground", lambda options: one.error("password or token?"),
-                       "the control room: its users and their scripts", "ground token 'night pass'")
+    one: Any = command("ground", lambda options: one.error("serve, password or token?"),
+                       "the control room: serve it, its users and their scripts", "ground serve ground.toml")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name, function, text, example):
@@ -31,10 +32,38 @@ def add(command: Callable) -> None:
         a.set_defaults(function=function)
         return a
 
+    a = action("serve", serve, "decode, archive and command spacecraft, with a console in the browser",
+               "serve ground.toml")
+    a.add_argument("file", metavar="FILE", help="its spacecraft and their links: docs/control-room.md")
     action("password", password, "ask for a password, and print the line of a [[user]] that knows it", "password")
     a = action("token", token, "make a token for scripts, and print it with its table for the server's file",
                "token 'night pass'")
     a.add_argument("name", metavar="NAME", help="of the script, for the operators' log")
+
+
+def serve(options: argparse.Namespace) -> int:
+    import asyncio
+    import signal
+    from pathlib import Path
+
+    from fledge.control_room import web
+    from fledge.control_room.room import Room
+    from fledge.control_room.settings import read
+
+    room = Room(read(Path(options.file)))
+
+    async def until_signal() -> None:
+        over = asyncio.Event()
+        for one in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(one, over.set)
+        await web.serve(room, lambda address: say(f"  the console is at {address} (Ctrl-C ends)"), over)
+
+    try:
+        asyncio.run(until_signal())
+    finally:
+        room.close()
+    say("  ended")
+    return 0
 
 
 def password(options: argparse.Namespace) -> int:

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands of a spacecraft: forms of its database, their bytes, and how far each is.
+
+A command is in the journal before it leaves. Its stages: released, delivered (the link's COP-1), accepted, started,
+progress, completed or failed, by flight's own reports; of a spacecraft that is no mission of Fledge, released and delivered.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import Stage, checksummed, numbered
+from fledge.errors import SetupError, did_you_mean
+
+if TYPE_CHECKING:
+    from fledge.control_room.spacecraft import Spacecraft
+    from fledge.ground.craft import Sent
+
+WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
+WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
+
+
+class ArgumentError(SetupError):
+    """A command's argument is wrong."""
+
+    def __init__(self, text: str, argument: str = "") -> None:
+        super().__init__(text)
+        self.argument = argument
+
+
+class Hazardous(SetupError):
+    """The command must be confirmed."""
+
+
+class Commanding:
+    """All of it but `preview` and `forms` is for the spacecraft's own thread."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        self.load()
+        self._open: list[tuple[dict[str, Any], Sent, int]] = []     # row, what was sent, reports that are in it
+        self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
+        self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
+
+    def load(self) -> None:
+        """Take the forms of the database."""
+        self._forms = {one["name"]: one for one in self.craft.database.forms()}
+        for form in self._forms.values():       # who gives bytes does not count them
+            counts = {one["counted_by"] for one in form["arguments"]}
+            form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
+
+    @property
+    def forms(self) -> list[dict[str, Any]]:
+        return [{key: value for key, value in one.items() if key not in ("path", "places")} for one in self._forms.values()]
+
+    def preview(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+        """The bytes that a command would have, its sequence apart. Raises ArgumentError."""
+        form, packet = self._encoded(name, arguments)
+        if self.craft.dictionary or self.craft.settings.header == "cfs":
+            packet = checksummed(numbered(packet, 0))
+        units = {one["name"]: one["unit"] for one in form["arguments"]}
+        whole, fields = int.from_bytes(packet, "big"), []
+        for field, bit, bits, argument, is_number in form["places"]:
+            bits = bits or 8 * len(packet) - bit
+            raw = whole >> 8 * len(packet) - bit - bits & (1 << bits) - 1
+            value = arguments.get(field, str(raw) if is_number else None) if argument else str(raw)
+            fields.append({"name": field, "value": value, "unit": units.get(field, ""), "bit": bit,
+                           "bits": bits, "argument": argument and field in units,
+                           "raw": str(raw) if is_number else f"{raw:0{-(-bits // 4)}x}"})
+        return {"hex": packet.hex(), "fields": fields, "hazardous": form["hazardous"]}
+
+    def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> dict[str, Any]:
+        """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
+        form, packet = self._encoded(name, arguments)
+        if form["hazardous"] and not confirmed:
+            raise Hazardous(form["hazardous"])
+        return self.release(user, name, arguments, [self.numbered(packet)])
+
+    def made(self, name: str, arguments: dict[str, Any]) -> bytes:
+        """The packet of a command that is to be stored on board. Raises ArgumentError, SetupError."""
+        return self.numbered(self._encoded(name, arguments)[1])
+
+    def numbered(self, packet: bytes) -> bytes:
+        """With the sequence that is next."""
+        return self.craft.ground.numbered(packet) if self.craft.ground else self._numbered(packet)
+
+    def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
+                then: Callable[[Sent], None] | None = None) -> dict[str, Any]:
+        """Send packets that are one command: into the journal, then by the link. then: is called when flight has executed
+        it. Raises SetupError; JournalError: then nothing was sent."""
+        craft = self.craft
+        if craft.link is None:
+            raise SetupError(f"{craft.name}: the link is down, so nothing was sent: {craft.state}")
+        row: dict[str, Any] = {"craft": craft.name, "t_ns": str(craft.now), "user": user, "name": name,
+                               "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
+        self._stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
+        craft.room.journal.save("sent", craft.name, row)    # before it leaves
+        sent = None
+        try:
+            if craft.ground:
+                sent = craft.ground.send(packets)
+            else:
+                for packet in packets:
+                    craft.link.send(packet)
+        except OSError as error:
+            self._stage(row, "failed", False, f"the link broke: {error.strerror or error}; it may have arrived or not")
+        self._keep(row)
+        if sent:
+            self._open.append((row, sent, 0))
+            if then:
+                self._then[row["id"]] = then
+        return row
+
+    def look(self) -> None:
+        """Note what became of commands since the last look."""
+        if not self._open:
+            return
+        left = []
+        for row, sent, seen in self._open:
+            n = len(row["stages"])
+            over = self._looked(row, sent, seen)
+            if len(row["stages"]) != n:
+                self._keep(row)
+            if not over:
+                left.append((row, sent, len(sent.reports)))
+            elif (then := self._then.pop(row["id"], None)) and row["stages"][-1]["stage"] == "completed":
+                then(sent)
+        self._open = left
+        ground = self.craft.ground
+        if ground and not left:
+            del ground.sent[:-1]        # a report that comes late finds nobody; flight's sequence is known by then
+
+    def _looked(self, row: dict[str, Any], sent: Sent, seen: int) -> bool:
+        """Whether it is over."""
+        stages = {one["stage"] for one in row["stages"]}
+        if "delivered" not in stages and sent.arrived and len(sent.arrived) == len(sent.packets):
+            self._stage(row, "delivered", True, "the link knows that it is there")
+        if sent.given_up and not sent.reports and "failed" not in stages:
+            self._stage(row, "failed", False, "the link gave it up after its last transmission; it may have arrived")
+            return True
+        dictionary = self.craft.dictionary
+        assert dictionary is not None
+        if len(sent.reports) < seen:        # flight counts otherwise, and all was sent again
+            row["hex"] = " ".join(one.hex() for one in sent.packets)
+            seen = 0
+        for report in sent.reports[seen:]:
+            if not report.good:
+                packet = next((one for one in sent.packets if int.from_bytes(one[2:4], "big") & 0x3FFF
+                               == report.sequence), None)
+                self._stage(row, "failed", False, dictionary.refusal(report, packet))
+                return True
+            word = WORDS.get(report.stage, "progress")
+            same = {one.sequence for one in sent.reports if one.stage == report.stage}
+            if word != "progress" and (word in stages or len(same) < len(sent.packets)):
+                continue
+            stages.add(word)
+            at = f"at {report.t / 1e9:g} s" if report.stage != Stage.ACCEPTED else ""
+            self._stage(row, word, True, f"{report.detail} %" if word == "progress" else at)
+            if word == "progress":
+                row["stages"][-1]["percent"] = report.detail
+            if word == "completed":
+                row["data"] = sent.data.hex()
+                return True
+        if self.craft.now - int(row["t_ns"]) > WITHIN and not any(one["stage"] in (
+                "started", "progress", "failed") for one in row["stages"]):
+            self._stage(row, "failed", False, f"no report of its execution within {WITHIN / 1e9:g} s")
+        return self.craft.now - int(row["t_ns"]) > 60 * WITHIN
+
+    def _encoded(self, name: str, arguments: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+        if name not in self._forms:
+            raise SetupError(f"{self.craft.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
+        form = self._forms[name]
+        known = {one["name"]: one for one in form["arguments"]}
+        given: dict[str, Any] = {}
+        for key, value in arguments.items():
+            if key not in known:
+                raise ArgumentError(f"{name} has no argument '{key}'{did_you_mean(key, list(known))}", key)
+            given[key] = self._value(known[key], value)
+            if counter := known[key]["counted_by"]:
+                given[counter] = len(given[key].encode() if isinstance(given[key], str) else given[key])
+        try:
+            return form, self.craft.database.encode(form["path"], **given)
+        except SetupError as error:
+            named = sorted((one for one in known if one in str(error)), key=len)
+            raise ArgumentError(str(error), named[-1] if named else "") from None
+
+    @staticmethod
+    def _value(argument: dict[str, Any], value: Any) -> Any:
+        """What the encoder takes, of what JSON has."""
+        if argument["type"] == "binary":
+            try:
+                return bytes.fromhex(str(value).removeprefix("0x"))
+            except ValueError:
+                raise ArgumentError(f"{argument['name']} is given as hexadecimal digits; found '{value}'",
+                                    argument["name"]) from None
+        if value is None or argument["type"] not in ("aggregate", "array") and isinstance(value, (dict, list)):
+            raise ArgumentError(f"{argument['name']}: give a value; found {value!r}", argument["name"])
+        return value
+
+    def _numbered(self, packet: bytes) -> bytes:
+        """A packet of a database with its sequence and length."""
+        if self.craft.settings.header == "none" or len(packet) < 7:
+            return packet
+        stream = int.from_bytes(packet[:2], "big") & 0x7FF
+        number = self._sequences[stream] = self._sequences.get(stream, -1) + 1
+        made = numbered(packet, number)
+        return checksummed(made) if self.craft.settings.header == "cfs" else made
+
+    def _stage(self, row: dict[str, Any], stage: str, good: bool, text: str) -> None:
+        if stage == "progress":     # the newest one alone
+            row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
+        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now), "good": good, "text": text})
+
+    def _keep(self, row: dict[str, Any]) -> None:
+        self.craft.room.keep("sent", self.craft.name, row)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must not be lost besides packets: commands and how far they came, events, alarms, transfers, and what operators
+did. Each call is on the disk when it returns (SQLite, WAL, synchronous=FULL)."""
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from fledge.errors import SetupError
+
+LISTS = ("sent", "events", "alarms", "transfers", "log")
+MOST = 500          # rows of an answer
+SCHEMA = "".join(f"""
+CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
+    content TEXT NOT NULL);
+CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS)
+
+
+class JournalError(SetupError):
+    """The journal cannot be written: commanding must not go on."""
+
+
+class Journal:
+    """Rows of JSON objects by kind and spacecraft; an object's `id` is its row's."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / "journal.sqlite"
+        self.problem = ""       #: why the last writing failed; "": it did not
+        self._lock = Lock()
+        try:
+            self._db = sqlite3.connect(self.path, check_same_thread=False, isolation_level=None)
+            for line in ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=FULL"):
+                self._db.execute(line)
+            self._db.executescript(SCHEMA)
+        except sqlite3.Error as error:
+            raise SetupError(f"{self.path}: {error}") from None
+
+    def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
+        """Keep objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
+        def write() -> list[int | None]:
+            return [self._put(kind, craft, one) for one in contents]
+
+        for one, number in zip(contents, self._write(write)):
+            one["id"] = number
+
+    def _put(self, kind: str, craft: str, content: dict[str, Any]) -> int | None:
+        text = json.dumps({key: value for key, value in content.items() if key != "id"})
+        if "id" in content:
+            self._db.execute(f"UPDATE {kind} SET content = ? WHERE id = ?", (text, content["id"]))
+            return int(content["id"])
+        t = int(content.get("t_ns") or content.get("time_ns") or 0)
+        return self._db.execute(f"INSERT INTO {kind} (craft, t, content) VALUES (?, ?, ?)", (craft, t, text)).lastrowid
+
+    def rows(self, kind: str, craft: str | None = None, before: int | None = None, limit: int = MOST,
+             before_ns: int | None = None) -> list[dict[str, Any]]:
+        """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of this
+        time of the spacecraft's clock (the log: UTC) at most."""
+        where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
+            before_ns is not None)
+        given = [one for one in (before, craft, before_ns) if one is not None]
+        text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
+        with self._lock:
+            rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()
+        return [json.loads(content) | {"id": number} for number, content in rows]
+
+    def close(self) -> None:
+        with self._lock:
+            self._db.close()
+
+    def _write(self, what: Any) -> Any:
+        with self._lock:
+            try:
+                self._db.execute("BEGIN IMMEDIATE")
+                try:
+                    found = what()
+                    self._db.execute("COMMIT")
+                except BaseException:
+                    if self._db.in_transaction:
+                        self._db.execute("ROLLBACK")
+                    raise
+            except sqlite3.Error as error:
+                self.problem = f"{self.path} cannot be written: {error}"
+                raise JournalError(self.problem) from None
+            self.problem = ""
+            return found

@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the flight software of a mission of Fledge does by its services: files, tables of parameters, stored commands. All
+of it is for the spacecraft's own thread, but what is said to be for all."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import ALL, LISTS, Action, Block, Code, Field, encoded, stored, values
+from fledge.errors import SetupError, did_you_mean
+from fledge.ground.files import Files, Transfer
+
+if TYPE_CHECKING:
+    from fledge.control_room.spacecraft import Spacecraft
+    from fledge.ground.craft import Craft, Sent
+
+ASKED = 0.2         # [s] between two texts of a transfer's progress
+
+
+def _ground(craft: Spacecraft) -> Craft:
+    if craft.ground is None or craft.link is None:
+        raise SetupError(f"{craft.name}: the link is down: {craft.state}" if craft.dictionary else
+                         f"{craft.name} is no mission of Fledge: its files, tables and stored commands are not known")
+    return craft.ground
+
+
+# --- files -----------------------------------------------------------------------------------------
+
+class Transfers:
+    """Files up and down, by CFDP."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        self.folder = craft.room.settings.folder / "files" / craft.name
+        self._open: dict[int, tuple[dict[str, Any], Transfer]] = {}
+        self._listings: list[tuple[Transfer, Future[list[str]]]] = []
+        self._told = 0.0
+        self._received = 0
+        for row in craft.room.journal.rows("transfers", craft.name):
+            if row["state"] in ("active", "suspended"):
+                self._change(row, state="failed", text="the server ended before it did")
+
+    def put(self, name: str, data: bytes) -> dict[str, Any]:
+        """Send a file to the spacecraft. Raises SetupError."""
+        self._files()
+        if not name:
+            raise SetupError("give the file's name on board, as in files?name=plan.bin")
+        local = self.folder / f".up-{time.time_ns()}"
+        local.write_bytes(data)
+        try:
+            return self._began(True, name, len(data), _ground(self.craft).put(local, name))
+        finally:
+            local.unlink()      # the transfer has its own
+
+    def fetch(self, name: str) -> dict[str, Any]:
+        """Ask for a file on board. Raises SetupError."""
+        self._files()
+        if not name:
+            raise SetupError("give the file's name on board")
+        return self._began(False, name, 0, _ground(self.craft).fetch(name, self.folder / local_name(name)))
+
+    def directory(self, path: str) -> Future[list[str]]:
+        """The names in a directory on board."""
+        made: Future[list[str]] = Future()
+        self._listings.append((self._files().listing(path), made))
+        return made
+
+    def action(self, number: int, what: str) -> dict[str, Any]:
+        """cancel, suspend or resume. Raises SetupError."""
+        if number not in self._open:
+            raise SetupError(f"there is no transfer {number} under way")
+        if what not in ("cancel", "suspend", "resume"):
+            raise SetupError(f"a transfer can cancel, suspend and resume; found '{what}'")
+        row, one = self._open[number]
+        getattr(one, what)()
+        if what != "cancel":
+            self._change(row, state="suspended" if what == "suspend" else "active")
+        else:
+            row["cancelled"] = True
+        return row
+
+    def files(self) -> list[dict[str, Any]]:
+        """Those that have come down; for all."""
+        found = [one for one in self.folder.glob("[!.]*") if one.is_file() and not one.name.startswith("way")] \
+            if self.folder.is_dir() else []
+        return [{"name": one.name, "size": one.stat().st_size, "t_ns": str(one.stat().st_mtime_ns)}
+                for one in sorted(found)]
+
+    def look(self) -> None:
+        """Note how far they are."""
+        for number, (row, one) in list(self._open.items()):
+            if one.ended or one.problem:
+                del self._open[number]
+                state = "completed" if one.ended else "cancelled" if row.pop("cancelled", None) else "failed"
+                self._change(row, done=one.done, size=one.size, state=state, text=one.problem)
+            elif (row["done"], row["size"]) != (one.done, one.size) and time.monotonic() - self._told > ASKED:
+                self._told = time.monotonic()
+                row.update(done=one.done, size=one.size)
+                self.craft.room.publish("transfer", self.craft.name, row)
+        for listing, answer in list(self._listings):
+            if listing.ended or listing.problem:
+                self._listings.remove((listing, answer))
+                if listing.problem:
+                    answer.set_exception(SetupError(listing.problem))
+                else:
+                    answer.set_result(self._files().names(listing))
+        if self.craft.ground and self.craft.ground.has_files:
+            received = self.craft.ground.files.received
+            for path in received[self._received:]:      # that the craft sent unasked
+                self._began(False, path.name, path.stat().st_size, None)
+            self._received = len(received)
+
+    def lost(self, why: str) -> None:
+        """The link is another one: what was under way is not."""
+        for row, _ in self._open.values():
+            self._change(row, state="failed", text=why)
+        for _, answer in self._listings:
+            answer.set_exception(SetupError(why))
+        self._open.clear()
+        self._listings.clear()
+        if self.craft.ground and self.craft.ground.has_files:
+            self.craft.ground.files = Files(self.craft.ground, folder=self.folder)
+            self._received = 0
+
+    def _files(self) -> Files:
+        ground = _ground(self.craft)
+        if not ground.has_files:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for left in [*self.folder.glob("way*-*"), *self.folder.glob(".up-*")]:
+                left.unlink()
+            ground.files = Files(ground, folder=self.folder)
+        return ground.files
+
+    def _began(self, up: bool, name: str, size: int, one: Transfer | None) -> dict[str, Any]:
+        row = {"up": up, "name": name, "done": 0 if one else size, "size": size, "text": "",
+               "state": "active" if one else "completed", "t_ns": str(self.craft.now)}
+        self.craft.room.keep("transfers", self.craft.name, row)
+        if one:
+            self._open[row["id"]] = row, one    # type: ignore[index]
+        return row
+
+    def _change(self, row: dict[str, Any], **changes: Any) -> None:
+        row.update(changes)
+        self.craft.room.keep("transfers", self.craft.name, row)
+
+
+def local_name(name: str) -> str:
+    """What a file on board is called here: no path, not hidden."""
+    return name.replace("/", "_").lstrip(".").removeprefix("way") or "file"
+
+
+# --- tables ----------------------------------------------------------------------------------------
+
+class Tables:
+    """The parameters of modules, as they were last read."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        self._read: dict[str, tuple[bytes, str]] = {}       # the block, big-endian, and when
+
+    def rows(self) -> list[dict[str, Any]]:
+        """For all."""
+        return [self._told(one) for one in self._blocks()]
+
+    def _told(self, one: Block) -> dict[str, Any]:
+        block, when = self._read.get(one.path, (None, None))
+        return {"name": one.path, "meaning": one.type, "fields": [_field(f) for f in one.fields if not _spare(f)],
+                "values": values(one.fields, block) if block is not None else None, "read_ns": when}
+
+    def read(self, user: str, name: str) -> dict[str, Any]:
+        """Ask for the values on board: the row of the command. Raises SetupError."""
+        ground, block = _ground(self.craft), self._block(name)
+
+        def done(sent: Sent) -> None:
+            if len(sent.data) == block.size:
+                self._keep(block, sent.data)
+
+        return self.craft.commanding.release(user, "read", {"module": name}, ground.made("read", name), done)
+
+    def write(self, user: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
+        """Change values on board, by stage and commit. Raises SetupError."""
+        ground, block = _ground(self.craft), self._block(name)
+        if name not in self._read:
+            raise SetupError(f"read {name} first: what is not changed stays as it is on board")
+        whole = bytearray(self._read[name][0])
+        fields = {one.name: one for one in block.fields}
+        for key, value in given.items():
+            if key not in fields:
+                raise SetupError(f"{name} has no parameter '{key}'{did_you_mean(key, list(fields))}")
+            try:
+                whole[fields[key].offset:fields[key].offset + fields[key].size] = encoded(fields[key], value)
+            except (TypeError, AttributeError) as error:
+                raise SetupError(f"{name}.{key}: {error}") from None
+        return self.craft.commanding.release(user, "load", {"module": name, **given},
+                                             ground.made("load", name, bytes(whole)),
+                                             lambda _: self._keep(block, bytes(whole)))
+
+    def _keep(self, block: Block, data: bytes) -> None:
+        self._read[block.path] = data, str(self.craft.now)
+        self.craft.room.publish("table", self.craft.name, self._told(block))
+
+    def _blocks(self) -> list[Block]:
+        return self.craft.dictionary.blocks if self.craft.dictionary else []
+
+    def _block(self, name: str) -> Block:
+        found = {one.path: one for one in self._blocks()}
+        if name not in found:
+            raise SetupError(f"{self.craft.name} has no table '{name}'{did_you_mean(name, list(found))}")
+        return found[name]
+
+
+def _spare(one: Field) -> bool:
+    return one.name.startswith("spare")
+
+
+def _field(one: Field) -> dict[str, Any]:
+    return {"name": one.name, "type": one.type, "unit": "" if one.unit == "-" else one.unit, "shape": one.shape,
+            "meaning": one.meaning, "enumerators": one.enumerators, "rule": one.rule,
+            "fields": [_field(f) for f in one.fields]}
+
+
+# --- stored commands -------------------------------------------------------------------------------
+
+class StoredLists:
+    """The commands that wait on board, as they were last reported."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        blocks = craft.dictionary.blocks if craft.dictionary else []
+        self.path = next((one.path for one in blocks if one.type == "StoredCommands"), "")
+        self._lists: dict[int, tuple[list[dict[str, Any]], str]] = {}
+        self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
+        self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here
+
+    def told(self) -> dict[str, Any]:
+        """For all."""
+        if not self.path:
+            return {"lists": [], "text": f"the flight software of {self.craft.name} has no StoredCommands"}
+        running, held, inhibited = (self._bits(name) for name in ("running", "held", "inhibited"))
+        made = []
+        for number in range(LISTS):
+            bit = 1 << number
+            begun = self._begun.get(number) if number and running & bit and not held & bit else None
+            rows, when = self._lists[number] if number in self._lists else ([], None)
+            due = 0 if number == 0 else begun
+            made.append({
+                "list": number, "read_ns": when, "t_ns": None if begun is None else str(self.craft.now - begun),
+                "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
+                else "idle",
+                "commands": [one | {"due_ns": None if due is None else str(due + int(one["time_ns"]))} for one in rows]})
+        return {"lists": made, "text": ""}
+
+    def act(self, user: str, wish: dict[str, Any]) -> dict[str, Any]:
+        """What a browser asks of a list: the row of the command. Raises SetupError."""
+        ground, number = _ground(self.craft), wish.get("list", 0)
+        if not self.path:
+            raise SetupError(self.told()["text"])
+        if not isinstance(number, int) or not 0 <= number < LISTS:
+            raise SetupError(f"a list is a number from 0 to {LISTS - 1}; found {number!r}")
+        action, step = wish.get("action"), wish.get("step", ALL)
+        if not isinstance(step, int):
+            raise SetupError(f"a step is a whole number; found {step!r}")
+        commanding = self.craft.commanding
+        if action is None:
+            packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}))
+            made = ground.made("store", number, step, int(wish.get("time_ns", 0)), packet)
+            if ground.dictionary:
+                self._names[int.from_bytes(made[0][10:12], "big")] = ground.dictionary.command(packet)
+        elif action == "report":
+            made = ground.made("stored", number)
+        elif action == "delete":
+            made = ground.made("delete", number, step)
+        elif isinstance(action, str) and action.upper() in Action.__members__:
+            made = ground.made("control", Action[action.upper()], number)
+        else:
+            raise SetupError(f"a list can report, delete, {', '.join(one.name.lower() for one in Action)}; found "
+                             f"'{action}'")
+        then: Callable[[Sent], None] | None = None
+        if action == "report":
+            def then(sent: Sent) -> None:
+                self._keep(number, sent.data)
+        elif action == "start":
+            def then(sent: Sent) -> None:
+                self._begun[number] = sent.reports[-1].t
+        return commanding.release(user, action or "store", {key: value for key, value in wish.items() if key != "action"},
+                                  made, then)
+
+    def _keep(self, number: int, data: bytes) -> None:
+        rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc,
+                 "name": self._names.get(one.crc) or (Code(one.code).name.lower() if one.code in
+                                                      Code._value2member_map_ else f"code {one.code}")}
+                for one in stored(data)]
+        self._lists[number] = rows, str(self.craft.now)
+        self.craft.room.publish("stored", self.craft.name, {"list": number})
+
+    def _bits(self, name: str) -> int:
+        slot = self.craft.slot_numbers.get(f"{self.path}.state.{name}")
+        newest = self.craft.monitor.newest(slot) if slot is not None else None
+        return int(newest[3]) if newest else 0

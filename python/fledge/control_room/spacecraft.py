@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One spacecraft of the control room. A thread of its own has the link: it gives what arrives to the monitor, in batches,
+and does what others ask of the spacecraft by call(), so that nothing else touches the link, the commands or the files."""
+from __future__ import annotations
+
+import time
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Event as Flag, Thread
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from fledge.commands import SERVICES, Dictionary, Timed
+from fledge.control_room.alarms import Alarms
+from fledge.control_room.commanding import Commanding
+from fledge.control_room.services import StoredLists, Tables, Transfers
+from fledge.control_room.settings import CraftSettings
+from fledge.errors import Failure, SetupError
+from fledge.files import write_files
+from fledge.ground import connect
+from fledge.ground.address import open_link
+from fledge.ground.craft import Craft, NoAnswer
+from fledge.ground.database import Database
+from fledge.ground.links import Link
+
+if TYPE_CHECKING:
+    from fledge.control_room.room import Room
+
+Answer = TypeVar("Answer")
+
+TURN = 20_000_000       # [ns] of a link's clock that one turn of the thread waits
+AGAIN = 1.0             # [s] until a link that broke is opened again
+BACK = 10**9            # [ns] by which the clock may step back within a session
+REASONS = 50            # different ones of packets that are not decoded become events
+RECENT = 500            # packets that are kept for a spacecraft without an archive
+SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "critical"}
+
+
+class Spacecraft:
+    """room: whose it is; index: its number in frames of values. Raises SetupError."""
+
+    replayed = ""           # of which spacecraft this is a replay
+
+    def __init__(self, room: Room, settings: CraftSettings, index: int) -> None:
+        self.room, self.settings, self.index = room, settings, index
+        self.name = settings.name
+        self.state = "not started"      #: of the link, in words
+        self.link: Link | None = None   #: None: it is down
+        self.ground: Craft | None = None    #: of a mission of Fledge: its commands, reports and files
+        self.dictionary: Dictionary | None = None
+        self.simulation: Any = None
+        self.run: Any = None            #: of one that the server flies: its Pace
+        self.mission_folder: Path | None = None
+        self.epoch_ns: int | None = None
+        self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
+        self.packets = self.undecoded = 0
+        self.archive: Any = None
+        self.archive_problem = ""
+        self.recent: deque[tuple[int, int, bytes]] = deque(maxlen=RECENT)
+        self.bad: deque[tuple[int, int, bytes, str]] = deque(maxlen=RECENT)     # those that were not decoded
+        self.sinks: list[Callable[[list[tuple[int, int, bytes]]], None]] = []   #: get each batch after it is shown
+        self.turns: list[Callable[[], None]] = []       #: are called in each turn of the thread
+        self._asked: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
+        self._over = Flag()
+        self._thread: Thread | None = None
+        self._reasons: set[str] = set()
+        self._retry = 0.0
+        self._prepare()
+        self.slot_names: list[str] = []
+        self.slot_numbers: dict[str, int] = {}
+        self._watch()
+        self.commanding = Commanding(self)
+        self.alarms = Alarms(self)
+        self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
+
+    @property
+    def clock(self) -> str:
+        """utc, or simulated: ns since the run's start."""
+        return "simulated" if self.run or self.settings.link.startswith("cosim:") else "utc"
+
+    # --- for all threads ---
+
+    def start(self) -> None:
+        self._thread = Thread(target=self._serve, name=self.name, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End in order."""
+        self._over.set()
+        if self._thread:
+            self._thread.join(timeout=10)
+        if self.ground:
+            self.ground.__exit__()
+        elif self.link:
+            self.link.close()
+        self.ground = self.link = None
+        self.archive = None
+        self.monitor.sink(None)
+
+    def call(self, what: Callable[[], Answer]) -> Future[Answer]:
+        """Do something in the spacecraft's thread."""
+        made: Future[Answer] = Future()
+        if self._over.is_set():
+            made.set_exception(SetupError(f"{self.name} has ended"))
+        else:
+            self._asked.put((what, made))
+        return made
+
+    def told(self) -> dict[str, Any]:
+        """What browsers know of it."""
+        link: dict[str, Any] = {"address": self.settings.link, "state": self.state, "up": self.link is not None}
+        if self.link is not None:
+            link |= {"skipped": self.link.skipped, "dropped": self.link.dropped} | getattr(self.link, "counts", {})
+        if self.ground:
+            link |= {"refused": self.ground.refused}
+        can = [what for what, there in (
+            ("command", not self.replayed), ("run", self.run), ("tables", self.dictionary and not self.replayed),
+            ("files", self._has("Files")), ("stored", self._has("StoredCommands"))) if there]
+        return {"name": self.name, "mission": Path(self.settings.mission).name, "index": self.index,
+                "clock": self.clock, "epoch_ns": None if self.epoch_ns is None else str(self.epoch_ns),
+                "simulated": bool(self.run), "replay": self.replayed, "link": link, "packets": self.packets,
+                "undecoded": self.undecoded, "t_ns": str(self.now),
+                "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem}
+
+    def limit(self, slot: int, levels: dict[str, Any], persistence: int) -> None:
+        """Other limits of a parameter; {}: none. Raises SetupError."""
+        self.monitor.set_limits(slot, levels, persistence)
+        self.room.publish("slots", self.name, {"first": slot})
+
+    def inspect(self, packet: bytes) -> dict[str, Any]:
+        """A packet in words."""
+        found = dict(self.monitor.inspect(packet))
+        found["rows"] = [[one.hex() if isinstance(one, bytes) else one for one in row] for row in found["rows"]]
+        return found | {"hex": packet.hex(), "size": len(packet)}
+
+    def packet_list(self, before: int, limit: int, container: str | None, undecoded: bool) -> list[dict[str, Any]]:
+        """The newest packets first, whose t is `before` at most."""
+        rows: list[tuple[int, int, str | None, bytes, str]] = []
+        if undecoded:
+            rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(self.bad)
+                     if t <= before][:limit]
+        else:
+            for t, received, packet in reversed(self.recent):
+                found = self.monitor.inspect(packet)
+                if t <= before and container in (None, "", found["container"]) and len(rows) < limit:
+                    rows.append((t, received, found["container"], packet, found["reason"]))
+        return [{"id": number_of(t, packet), "t_ns": str(t), "received_ns": str(received), "container": name,
+                 "size": len(packet), "reason": reason, "hex": packet.hex()} for t, received, name, packet, reason in rows]
+
+    def packet_of(self, number: str) -> dict[str, Any] | None:
+        """The packet of a list's `id` in words."""
+        rows = [*self.recent, *((t, received, packet) for t, received, packet, _ in self.bad)]
+        return next((self.inspect(packet) | {"id": number, "t_ns": str(t), "received_ns": str(received)}
+                     for t, received, packet in rows if number_of(t, packet) == number), None)
+
+    def _has(self, service: str) -> bool:
+        return bool(self.dictionary and not self.replayed and service in {one.type for one in self.dictionary.blocks})
+
+    # --- beginning ---
+
+    def _prepare(self) -> None:
+        """The database, and what it is of."""
+        settings = self.settings
+        files = list(settings.database)
+        if settings.mission:
+            files = [self._mission()]
+        self.database = Database.load(*files)
+        self.monitor = self.database.monitor(settings.root)
+
+    def _mission(self) -> Path:
+        """Load the mission and write its database; the file of XTCE."""
+        from fledge.control_room.simulated import Pace, epoch_of, loaded
+        from fledge.export import ground as of_ground, packets, read
+        from fledge.export.xtce import xtce
+        from fledge.ground.simulated import flight_of
+
+        settings = self.settings
+        sim = loaded(settings)
+        process = flight_of(sim, settings.process)
+        self.epoch_ns = epoch_of(sim)
+        self.mission_folder = Path(sim.mission.folder) if sim.mission else None
+        self.dictionary = process.commands.dictionary
+        self.simulation = sim
+        if not settings.link:
+            self.run = Pace(sim, settings.speed)
+        database = packets.database(read(sim, process.name))
+        more = of_ground.read(self.mission_folder, [database])
+        text = {f"{self.name}.xml": xtce(sim.name, [database], more)}
+        return Path(next(iter(write_files(text, self.room.settings.folder / "databases"))))
+
+    def _watch(self) -> None:
+        """Which packets flight's own services have: they come from the monitor one by one."""
+        self.slot_names = [one["name"] for one in self.monitor.slots(0)]
+        self.slot_numbers = {name: i for i, name in enumerate(self.slot_names)}
+        if self.dictionary is None:
+            return
+        process = self.dictionary.name
+        names = self.database.container_names()
+        wanted = {f"{process}.{one}" for one in ("reports", "texts", *SERVICES)}
+        outputs = {one.path for one in self.dictionary.outputs}
+        events = {f"{one.path}.{event.name}" for one in self.dictionary.outputs for event in one.events}
+        self.monitor.watch([path for path, name in names.items() if name in wanted - outputs or name in events])
+
+    # --- the thread ---
+
+    def _serve(self) -> None:
+        while not self._over.is_set():
+            try:
+                if self.link is None and time.monotonic() >= self._retry:
+                    self._open()
+                self._turn()
+            except OSError as error:
+                self._broke(error.strerror or str(error))
+            except (SetupError, NoAnswer, Failure) as error:
+                self._broke(str(error))
+            except Exception as error:      # of a mission's own Python, or of ours: the server goes on
+                self._broke(f"{type(error).__name__}: {error}")
+
+    def _open(self) -> None:
+        """Open the link. Raises OSError or SetupError."""
+        settings = self.settings
+        if self.dictionary is None:
+            self.link = open_link(settings.link)
+        else:
+            radio = getattr(self.simulation.world, settings.radio) if settings.radio else None
+            made = connect(self.simulation, process=settings.process, radio=radio, keys=settings.keys,
+                           role=settings.role) if self.run else connect(
+                settings.link, self.dictionary, keys=settings.keys, role=settings.role)
+            self.link = made.link
+            if self.ground is None:
+                self.ground = made
+            else:
+                self.ground.link = made.link
+                self.transfers.lost("the link broke")
+        self.state = "up"
+        self.room.tell(self.name, "info", "link", f"the link is up: {settings.link or 'the server flies it'}")
+        self.room.publish("craft", self.name, self.told())
+        if self.run and self.ground and not self.ground.sent and not settings.radio:
+            self.commanding.release("server", "telemetry", {}, self.ground.made("telemetry"))
+
+    def _broke(self, why: str) -> None:
+        """The link is gone, or cannot be opened."""
+        self._retry = time.monotonic() + AGAIN
+        if self.link is not None:
+            try:
+                self.link.close()
+            except OSError:
+                pass
+        if self.link is not None or self.state != why:
+            self.state = why
+            self.room.tell(self.name, "warning", "link", f"the link is down: {why}")
+        self.link = None
+        if self.run:        # a simulation that has failed does not go on
+            self._retry = float("inf")
+        self.room.publish("craft", self.name, self.told())
+
+    def _turn(self) -> None:
+        """Do what is asked, and take what arrives."""
+        try:
+            while True:
+                what, answer = self._asked.get_nowait()
+                try:
+                    answer.set_result(what())
+                except BaseException as error:  # is the asker's
+                    answer.set_exception(error)
+        except Empty:
+            pass
+        for turn in self.turns:
+            turn()
+        until = None
+        if self.link is not None:
+            until = self.run.until() if self.run else self.link.t + TURN
+        if self.link is None or until is None:
+            self._over.wait(TURN / 1e9)
+            return
+        arrived = self.ground.receive(until) if self.ground else self.link.receive(until)
+        if self.clock == "simulated":
+            self.now = max(self.now, self.link.t)
+        if arrived:
+            self.take(self._timed(arrived))
+        self.commanding.look()
+        self.transfers.look()
+
+    def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
+        """(t, received, packet) of each."""
+        assert self.link is not None
+        received = time.time_ns()
+        if self.clock == "simulated":
+            return [(max(one.t, 0), received, one.packet) for one in arrived]
+        offset = received - self.link.t
+        rows = [(one.t + offset, one.t + offset, one.packet) for one in arrived]
+        back = self.now - rows[0][0]
+        if back > BACK:
+            self.room.tell(self.name, "warning", "server",
+                           f"the clock went back by {back / 1e9:g} s: a new session begins")
+        elif back > 0:
+            rows = [(max(t, self.now), received, packet) for t, received, packet in rows]
+        return rows
+
+    def take(self, rows: list[tuple[int, int, bytes]]) -> None:
+        """A batch has come: archive and decode it, then what is notable."""
+        self.packets += len(rows)
+        self.recent.extend(rows[-RECENT:])
+        notes = self.monitor.take(rows)
+        self.now = rows[-1][0]
+        self.noted(notes)
+        for sink in self.sinks:
+            sink(rows)
+
+    def noted(self, notes: Iterable[tuple[Any, ...]]) -> None:
+        """What a batch had that is notable."""
+        concerns: list[tuple[int, int, int, int]] = []
+        for note in notes:
+            what, *rest = note
+            if what == "concern":
+                concerns.append(tuple(rest))    # type: ignore[arg-type]
+            elif what == "undecoded":
+                self._undecoded(*rest)
+            elif what == "watched":
+                self._watched(*rest)
+            elif what == "slots":
+                more = self.monitor.slots(rest[0])
+                self.slot_numbers |= {one["name"]: one["slot"] for one in more}
+                self.slot_names += [one["name"] for one in more]
+                self.room.publish("slots", self.name, {"first": rest[0]})
+            elif what == "archive":
+                self._archived(rest[0])
+        if concerns:
+            self.alarms.take(concerns)
+
+    def _undecoded(self, t: int, received: int, packet: bytes, reason: str) -> None:
+        self.undecoded += 1
+        self.bad.append((t, received, packet, reason))
+        if reason not in self._reasons and len(self._reasons) < REASONS:
+            self._reasons.add(reason)
+            self.room.tell(self.name, "warning", "server",
+                           f"a packet of {len(packet)} bytes was not decoded: {reason}", t)
+
+    def _watched(self, _: str, t: int, received: int, packet: bytes) -> None:
+        if self.ground is None:
+            return
+        self.ground.take(packet)
+        for event in self.ground.events:
+            self.room.tell(self.name, SEVERITIES.get(event.severity, event.severity), event.output, event.text, event.t)
+        for text in self.ground.texts:
+            self.room.tell(self.name, "info", text.kind.name.lower(), text.text, text.t)
+        self.ground.events.clear()
+        self.ground.texts.clear()
+
+    def _archived(self, problem: str) -> None:
+        self.archive_problem = problem
+        self.room.tell(self.name, "critical" if problem else "info", "archive",
+                       problem or "the archive is written again")
+        self.room.publish("craft", self.name, self.told())
+
+
+def number_of(t: int, packet: bytes) -> str:
+    """By which a packet is found again."""
+    return f"{t}-{zlib.crc32(packet):08x}"

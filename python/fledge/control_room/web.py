@@ -1,0 +1,545 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control room by HTTP and WebSocket (api.yaml). Requests only read what the threads of the spacecraft have, or ask
+them; a browser that reads slowly gets fewer values, and disturbs nobody."""
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import socket
+import struct
+from collections import deque
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from fledge.control_room.commanding import ArgumentError, Hazardous
+from fledge.control_room.displays import displays
+from fledge.control_room.journal import JournalError
+from fledge.control_room.room import Room
+from fledge.control_room.spacecraft import Spacecraft
+from fledge.control_room.users import BODY_MOST, Guard, Refusal
+from fledge.errors import Failure, SetupError
+
+HERE = Path(__file__).parent
+WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
+SLOTS = 1 << 20     # of a subscription
+SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
+PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+def dumps(content: Any) -> str:
+    """As JSON, in which a number that is not finite is null."""
+    try:
+        return json.dumps(content, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content))
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def answer(content: Any) -> web.Response:
+    return web.Response(text=dumps(content), content_type="application/json")
+
+
+def refusal(status: int, why: str, **more: str) -> Refusal:
+    made = Refusal(status, why)
+    made.text = dumps({"error": why} | more)
+    return made
+
+
+class Server:
+    """The application of a room."""
+
+    def __init__(self, room: Room) -> None:
+        self.room = room
+        self.guard = Guard(room.settings.access, self._log)
+        self.browsers: set[Browser] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self.app = web.Application(middlewares=[self.guard.middleware, self._in_words], client_max_size=BODY_MOST)
+        self.guard.attach(self.app)
+        for path, get, post in (
+                ("", self.crafts, None), ("/{c}/slots", self.slots, None), ("/{c}/commands", self.commands, None),
+                ("/{c}/preview", None, self.preview), ("/{c}/send", None, self.send), ("/{c}/sent", self.sent, None),
+                ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
+                ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
+                ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
+                ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
+                ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
+                ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
+                ("/{c}/tables", self.tables, None), ("/{c}/tables/{name}", None, self.table),
+                ("/{c}/stored", self.stored, self.command_stored), ("/{c}/run", self.run, self.command_run), ("/{c}/displays", self.displays, None)):
+            if get:
+                self.app.router.add_get(f"/api/crafts{path}", get)
+            if post:
+                self.app.router.add_post(f"/api/crafts{path}", post)
+        self.app.router.add_put("/api/crafts/{c}/limits/{slot}", self.limits)
+        self.app.router.add_get("/api/log", self.log)
+        self.app.router.add_get("/api/openapi.yaml", self.openapi)
+        self.app.router.add_get("/api/live", self.live)
+        self.app.router.add_get("/assets/{name:[a-z0-9._-]+}", self.asset)
+        self.app.router.add_get("/", self.page)
+        self.app.on_startup.append(self._begin)
+        self.app.on_shutdown.append(self._end)
+
+    # --- in between ---
+
+    async def _begin(self, _: web.Application) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.room.listeners.append(self._hear)
+
+    async def _end(self, _: web.Application) -> None:
+        self.room.listeners.remove(self._hear)
+        for one in list(self.browsers):
+            await one.socket.close(code=1001, message=b"the server ends")
+
+    def _hear(self, content: dict[str, Any]) -> None:
+        """From any thread: something has happened."""
+        if self._loop and self.browsers:
+            text = dumps(content)
+            self._loop.call_soon_threadsafe(self._spread, content.get("craft"), text)
+
+    def _spread(self, craft: str | None, text: str) -> None:
+        for one in self.browsers:
+            one.put(craft, text)
+
+    def _log(self, user: str, action: str, details: dict[str, Any]) -> None:
+        """A line of the operators' log; what changes something is not done without it."""
+        parts = action.split()[-1].split("/")
+        craft = parts[3] if parts[1:3] == ["api", "crafts"] and len(parts) > 3 else ""
+        try:
+            self.room.log(user, action, dumps(details.get("body", details)) if details else "", craft,
+                          action != "refused")
+        except JournalError as error:
+            if action.startswith(("POST", "PUT", "DELETE")):
+                raise Refusal(409, f"nothing is done that cannot be logged: {error}") from None
+
+    @web.middleware
+    async def _in_words(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Errors as answers."""
+        try:
+            return await handler(request)
+        except ArgumentError as error:
+            raise refusal(400, str(error), argument=error.argument) from None
+        except Hazardous as error:
+            raise refusal(409, f"this command is hazardous: {error}", hazardous=str(error)) from None
+        except (JournalError, Failure) as error:
+            raise refusal(409, str(error)) from None
+        except SetupError as error:
+            raise refusal(400, str(error)) from None
+        except asyncio.TimeoutError:
+            raise refusal(409, f"the spacecraft's link did not answer within {PATIENCE:g} s") from None
+
+    def _craft(self, request: web.Request, role: str = "view") -> Spacecraft:
+        name = request.match_info["c"]
+        self.guard.require(request, name, role)
+        try:
+            return self.room.craft(name)
+        except SetupError as error:
+            raise refusal(404, str(error)) from None
+
+    async def _body(self, request: web.Request, **kinds: tuple[type, ...] | type) -> dict[str, Any]:
+        """The JSON object of a request. kinds: what its keys must be, if they are there."""
+        try:
+            found = json.loads(await request.read() or b"{}")
+        except (ValueError, RecursionError):
+            raise refusal(400, "the body is no JSON") from None
+        if not isinstance(found, dict):
+            raise refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
+        for key, value in found.items():
+            if key not in kinds:
+                raise refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
+            if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
+                raise refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
+        return found
+
+    @staticmethod
+    def _number(request: web.Request, key: str, default: int | None = None, least: int = -2**63) -> int | None:
+        text = request.query.get(key)
+        if text is None or text == "":
+            return default
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if not least <= value < 2**63:
+            raise refusal(400, f"{key} is a whole number; found '{text[:40]}'")
+        return value
+
+    @staticmethod
+    async def _asked(craft: Spacecraft, what: Callable[[], Any]) -> Any:
+        """Something that the spacecraft's thread does."""
+        return await asyncio.wait_for(asyncio.wrap_future(craft.call(what)), PATIENCE)
+
+    def _user(self, request: web.Request) -> str:
+        return str(request["user"].name)
+
+    # --- spacecraft and parameters ---
+
+    async def crafts(self, request: web.Request) -> web.StreamResponse:
+        self.guard.require(request, None, "view")
+        return answer([one.told() for one in self.room.crafts.values() if self.guard.allowed(request, one.name, "view")])
+
+    async def slots(self, request: web.Request) -> web.StreamResponse:
+        return answer(self._craft(request).monitor.slots(self._number(request, "first", 0, 0) or 0))
+
+    async def limits(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "administer")
+        body = await self._body(request, limits=dict, persistence=int)
+        slot = self._slot(craft, request)
+        levels = body.get("limits", {})
+        for level, pair in levels.items():
+            if not isinstance(pair, list) or len(pair) != 2 or not all(
+                    one is None or isinstance(one, (int, float)) and not isinstance(one, bool) for one in pair):
+                raise refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
+        await self._asked(craft, lambda: craft.limit(slot, levels, body.get("persistence", 1)))
+        return answer(craft.monitor.slots(slot)[0])
+
+    def _slot(self, craft: Spacecraft, request: web.Request) -> int:
+        text = request.match_info["slot"]
+        if not text.isdigit() or int(text) >= len(craft.slot_names):
+            raise refusal(404, f"{craft.name} has the slots 0 to {len(craft.slot_names) - 1}; found '{text[:40]}'")
+        return int(text)
+
+    async def displays(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        folders = [self.room.settings.displays] + ([craft.mission_folder / "displays"] if craft.mission_folder else [])
+        return answer(displays(folders, craft.monitor.slots(0), craft.commanding.forms))
+
+    # --- commands ---
+
+    async def commands(self, request: web.Request) -> web.StreamResponse:
+        return answer(self._craft(request).commanding.forms)
+
+    async def preview(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        body = await self._body(request, name=str, arguments=dict)
+        return answer(craft.commanding.preview(body.get("name", ""), body.get("arguments", {})))
+
+    async def send(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, name=str, arguments=dict, confirmed=bool)
+        row = await self._asked(craft, lambda: craft.commanding.send(
+            self._user(request), body.get("name", ""), body.get("arguments", {}), body.get("confirmed", False)))
+        return answer({"id": row["id"]})
+
+    async def sent(self, request: web.Request) -> web.StreamResponse:
+        return self._list(request, "sent", self._craft(request).name)
+
+    # --- what happened ---
+
+    def _list(self, request: web.Request, kind: str, craft: str | None) -> web.Response:
+        return answer(self.room.journal.rows(
+            kind, craft, self._number(request, "before"), self._number(request, "limit", 200, 1) or 200,
+            self._number(request, "before_ns")))
+
+    async def events(self, request: web.Request) -> web.StreamResponse:
+        return self._list(request, "events", self._craft(request).name)
+
+    async def log(self, request: web.Request) -> web.StreamResponse:
+        self.guard.require(request, None, "view")
+        return self._list(request, "log", None)
+
+    async def alarms(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        return answer(craft.alarms.rows())
+
+    async def alarm(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, acknowledge=bool, note=str, shelve_s=(int, float))
+        name = craft.slot_names[self._slot(craft, request)]
+        if "shelve_s" in body:
+            return answer(await self._asked(craft, lambda: craft.alarms.shelve(name, body["shelve_s"])))
+        if not body.get("acknowledge"):
+            raise refusal(400, "give {\"acknowledge\": true, \"note\": ...} or {\"shelve_s\": ...}")
+        return answer(await self._asked(craft, lambda: craft.alarms.acknowledge(
+            name, self._user(request), body.get("note", ""))))
+
+    # --- packets ---
+
+    async def inspect(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        body = await self._body(request, hex=str)
+        try:
+            packet = bytes.fromhex(body.get("hex", ""))
+        except ValueError:
+            raise refusal(400, "hex has hexadecimal digits, two a byte") from None
+        return answer(craft.inspect(packet))
+
+    async def packets(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        before = self._number(request, "before_ns", 2**63 - 1)
+        limit = min(self._number(request, "limit", 200, 1) or 200, 1000)
+        return answer(await self._aside(craft.packet_list, before, limit, request.query.get("container"),
+                                        request.query.get("undecoded") == "1"))
+
+    async def packet(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        found = await self._aside(craft.packet_of, request.match_info["id"])
+        if found is None:
+            raise refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
+        return answer(found)
+
+    async def _aside(self, what: Callable[..., Any], *given: Any) -> Any:
+        """What takes longer, in a thread of its own."""
+        return await asyncio.get_running_loop().run_in_executor(None, what, *given)
+
+    # --- files, tables, stored commands ---
+
+    async def transfers(self, request: web.Request) -> web.StreamResponse:
+        return self._list(request, "transfers", self._craft(request).name)
+
+    async def transfer(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, action=str)
+        text = request.match_info["id"]
+        number = int(text) if text.isdigit() else -1
+        return answer(await self._asked(craft, lambda: craft.transfers.action(number, body.get("action", ""))))
+
+    async def upload(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        name, data = request.query.get("name", ""), await request.read()
+        row = await self._asked(craft, lambda: craft.transfers.put(name, data))
+        return answer({"id": row["id"]})
+
+    async def fetch(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, name=str)
+        row = await self._asked(craft, lambda: craft.transfers.fetch(body.get("name", "")))
+        return answer({"id": row["id"]})
+
+    async def directory(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")     # it sends a request
+        if "files" not in craft.told()["can"]:
+            raise refusal(404, f"the flight software of {craft.name} has no Files")
+        listing = await self._asked(craft, lambda: craft.transfers.directory(request.query.get("path", "")))
+        return answer({"names": await asyncio.wait_for(asyncio.wrap_future(listing), 6 * PATIENCE)})
+
+    async def files(self, request: web.Request) -> web.StreamResponse:
+        return answer(await self._aside(self._craft(request).transfers.files))
+
+    async def file(self, request: web.Request) -> web.StreamResponse:
+        craft, name = self._craft(request), request.match_info["name"]
+        if name not in [one["name"] for one in craft.transfers.files()]:
+            raise refusal(404, f"there is no file '{name[:80]}'")
+        return web.FileResponse(craft.transfers.folder / name, headers={
+            "Content-Type": "application/octet-stream", "Content-Disposition": "attachment"})
+
+    async def tables(self, request: web.Request) -> web.StreamResponse:
+        return answer(self._craft(request).tables.rows())
+
+    async def table(self, request: web.Request) -> web.StreamResponse:
+        craft, name = self._craft(request, "command"), request.match_info["name"]
+        body = await self._body(request, read=bool, values=dict)
+        user, given = self._user(request), body.get("values")
+        row = await self._asked(craft, lambda: craft.tables.read(user, name) if given is None else
+                                craft.tables.write(user, name, given))
+        return answer({"ids": [row["id"]]})
+
+    async def stored(self, request: web.Request) -> web.StreamResponse:
+        return answer(self._craft(request).stored.told())
+
+    async def command_stored(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict)
+        row = await self._asked(craft, lambda: craft.stored.act(self._user(request), body))
+        return answer({"ids": [row["id"]]})
+
+    # --- run control ---
+
+    def _flown(self, craft: Spacecraft) -> Any:
+        if craft.run is None:
+            raise refusal(404, f"{craft.name} is not flown by the server: it has no run control")
+        return craft.run
+
+    async def run(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        return answer(self._flown(craft).told(craft.state if craft.link is None else ""))
+
+    async def command_run(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        run = self._flown(craft)
+        body = await self._body(request, action=str, seconds=(int, float), speed=(int, float), fault=dict)
+
+        def act() -> dict[str, Any]:
+            if fault := body.get("fault"):
+                before = run.inject(str(fault.get("path", "")), fault.get("value"))
+                self.room.tell(craft.name, "warning", "run", f"{self._user(request)} set {fault.get('path')} to "
+                               f"{fault.get('value')}; it was {before}")
+            if "action" in body or "speed" in body:
+                run.command(body.get("action", "pause" if run.paused else "go"), body.get("seconds", 1.0),
+                            body.get("speed"))
+            told: dict[str, Any] = run.told("")
+            self.room.publish("run", craft.name, told)
+            return told
+
+        return answer(await self._asked(craft, act))
+
+    # --- the page, and live ---
+
+    async def page(self, _: web.Request) -> web.StreamResponse:
+        return self._file(HERE / "web/index.html")
+
+    async def asset(self, request: web.Request) -> web.StreamResponse:
+        from fledge.scene.bundle import folder
+
+        name = request.match_info["name"]
+        if Path(name).suffix not in (".js", ".css", ".svg", ".png", ".webp"):
+            raise refusal(404, f"there is no {name}")
+        return self._file(folder() / name)
+
+    async def openapi(self, _: web.Request) -> web.StreamResponse:
+        return self._file(HERE / "api.yaml")
+
+    @staticmethod
+    def _file(path: Path) -> web.StreamResponse:
+        if not path.is_file():
+            raise refusal(404, f"{path.name} was not built: ./fledge setup --view builds the console, with Node")
+        return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
+
+    async def live(self, request: web.Request) -> web.StreamResponse:
+        self.guard.require(request, None, "view")
+        browser = Browser(self, request)
+        return await browser.serve()
+
+
+class Browser:
+    """One WebSocket. It gets a frame of values or texts only when the last one has left."""
+
+    def __init__(self, server: Server, request: web.Request) -> None:
+        self.server, self.request = server, request
+        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=1 << 24, compress=False)
+        self.wanted: dict[str, _Subscription] = {}
+        self.skipped = self._told = 0
+        self._texts: deque[str] = deque()
+        self._wake = asyncio.Event()
+
+    def put(self, craft: str | None, text: str) -> None:
+        """A text for it, if it may see that."""
+        if craft and not self.server.guard.allowed(self.request, craft, "view"):
+            return
+        if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
+            self.skipped += len(self._texts)
+            self._texts.clear()
+        self._texts.append(text)
+        self._wake.set()
+
+    async def serve(self) -> web.WebSocketResponse:
+        await self.socket.prepare(self.request)
+        transport = self.request.transport
+        if transport is None:
+            return self.socket
+        if end := transport.get_extra_info("socket"):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
+        self.server.browsers.add(self)
+        sender = asyncio.create_task(self._send(transport))
+        try:
+            async for message in self.socket:
+                if message.type == WSMsgType.TEXT:
+                    try:
+                        self._take(message.data)
+                    except SetupError as error:
+                        self.put(None, dumps({"kind": "refused", "error": str(error)}))
+        finally:
+            self.server.browsers.discard(self)
+            sender.cancel()
+        return self.socket
+
+    def _take(self, text: str) -> None:
+        """What the browser asks for. Raises SetupError."""
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            raise SetupError("a message is JSON") from None
+        if isinstance(found, dict) and isinstance(name := found.get("unsubscribe"), str):
+            self.wanted.pop(name, None)
+            return
+        wish = found.get("subscribe") if isinstance(found, dict) else None
+        if not isinstance(wish, dict) or not isinstance(wish.get("craft"), str):
+            raise SetupError(
+                'a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}} or {"unsubscribe": ...}')
+        craft = self.server.room.craft(wish["craft"])
+        if not self.server.guard.allowed(self.request, craft.name, "view"):
+            raise SetupError(f"you may not see {craft.name}")
+        slots, hz = wish.get("slots", []), wish.get("hz", 10)
+        if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
+                isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
+            raise SetupError("slots are \"all\" or numbers")
+        if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
+            raise SetupError("hz is from 0.01 to 60")
+        packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
+        self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
+        self._wake.set()
+
+    async def _send(self, transport: asyncio.Transport) -> None:
+        loop = asyncio.get_running_loop()
+        while not self.socket.closed:
+            now = loop.time()
+            due = min((one.due for one in self.wanted.values()), default=now + 1)
+            if not self._texts or transport.get_write_buffer_size():
+                self._wake.clear()
+                try:
+                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, 0.005), 1))
+                except asyncio.TimeoutError:
+                    pass
+            free = not transport.get_write_buffer_size()
+            try:
+                await self._values(loop.time(), transport)
+                if free and self.skipped != self._told:
+                    self._told = self.skipped
+                    self._texts.appendleft(dumps({"kind": "skipped", "count": self.skipped}))
+                while self._texts and not transport.get_write_buffer_size():
+                    await self.socket.send_str(self._texts.popleft())
+            except ConnectionError:
+                return
+
+    async def _values(self, now: float, transport: asyncio.Transport) -> None:
+        for name, one in list(self.wanted.items()):
+            if now < one.due:
+                continue
+            one.due = now + one.period
+            if self.server.room.crafts.get(name) is not one.craft:
+                self.wanted.pop(name, None)
+                continue
+            monitor = one.craft.monitor
+            if monitor is not one.monitor:      # another database: all anew
+                one.monitor, one.version = monitor, 0
+            if monitor.version == one.version:
+                continue
+            if transport.get_write_buffer_size():
+                self.skipped += 1
+                continue
+            one.version, frame = monitor.changes(one.version, one.slots)
+            made = bytearray(frame)
+            struct.pack_into("<I", made, 4, one.craft.index)
+            await self.socket.send_bytes(made)
+
+
+class _Subscription:
+    def __init__(self, craft: Spacecraft, slots: bytes | None, period: float, truth: bool) -> None:
+        self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
+        self.monitor: Any = None
+        self.version, self.due = 0, 0.0
+
+
+async def serve(room: Room, ready: Callable[[str], None], over: asyncio.Event) -> None:
+    """Serve a room until `over` is set. ready: gets the address of the page."""
+    server = Server(room)
+    runner = await server.guard.listen(server.app)
+    try:
+        room.start()
+        host, port = server.guard.addresses[0][:2]
+        scheme = "https" if room.settings.access.certificate else "http"
+        ready(f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/")
+        await over.wait()
+    finally:
+        await runner.cleanup()
