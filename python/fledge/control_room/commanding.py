@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from fledge.ground.craft import Sent
 
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
+NUMBERS = ("natural", "integer", "label", "boolean")
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
 
 
@@ -51,34 +52,34 @@ class Commanding:
 
     @property
     def forms(self) -> list[dict[str, Any]]:
-        return [{key: value for key, value in one.items() if key not in ("path", "places")} for one in self._forms.values()]
+        return [{key: value for key, value in one.items() if key != "path"} for one in self._forms.values()]
 
     def preview(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         """The bytes that a command would have, its sequence apart. Raises ArgumentError."""
-        form, packet = self._encoded(name, arguments)
+        form, given, packet = self._encoded(name, arguments)
         if self.craft.dictionary or self.craft.settings.header == "cfs":
             packet = checksummed(numbered(packet, 0))
-        units = {one["name"]: one["unit"] for one in form["arguments"]}
+        known = {one["name"]: one for one in form["arguments"]}
         whole, fields = int.from_bytes(packet, "big"), []
-        for field, bit, bits, argument, is_number in form["places"]:
-            bits = bits or 8 * len(packet) - bit
+        for field, is_argument, bit, bits in self.craft.database.places(form["path"], **given):
             raw = whole >> 8 * len(packet) - bit - bits & (1 << bits) - 1
-            value = arguments.get(field, str(raw) if is_number else None) if argument else str(raw)
-            fields.append({"name": field, "value": value, "unit": units.get(field, ""), "bit": bit,
-                           "bits": bits, "argument": argument and field in units,
-                           "raw": str(raw) if is_number else f"{raw:0{-(-bits // 4)}x}"})
+            one = known.get(field) if is_argument else None
+            digits = f"{raw:0{-(-bits // 4)}x}" if one and one["type"] not in NUMBERS else str(raw)
+            fields.append({"name": field, "value": arguments.get(field, one["initial"]) if one else str(raw),
+                           "unit": one["unit"] if one else "", "bit": bit, "bits": bits, "argument": bool(one),
+                           "raw": digits})
         return {"hex": packet.hex(), "fields": fields, "hazardous": form["hazardous"]}
 
     def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> dict[str, Any]:
         """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
-        form, packet = self._encoded(name, arguments)
+        form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
             raise Hazardous(form["hazardous"])
         return self.release(user, name, arguments, [self.numbered(packet)])
 
     def made(self, name: str, arguments: dict[str, Any]) -> bytes:
         """The packet of a command that is to be stored on board. Raises ArgumentError, SetupError."""
-        return self.numbered(self._encoded(name, arguments)[1])
+        return self.numbered(self._encoded(name, arguments)[2])
 
     def numbered(self, packet: bytes) -> bytes:
         """With the sequence that is next."""
@@ -166,7 +167,9 @@ class Commanding:
             self._stage(row, "failed", False, f"no report of its execution within {WITHIN / 1e9:g} s")
         return self.craft.now - int(row["t_ns"]) > 60 * WITHIN
 
-    def _encoded(self, name: str, arguments: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    def _encoded(self, name: str, arguments: dict[str, Any]
+                 ) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+        """(form, what the encoder is given, packet)."""
         if name not in self._forms:
             raise SetupError(f"{self.craft.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
         form = self._forms[name]
@@ -179,7 +182,7 @@ class Commanding:
             if counter := known[key]["counted_by"]:
                 given[counter] = len(given[key].encode() if isinstance(given[key], str) else given[key])
         try:
-            return form, self.craft.database.encode(form["path"], **given)
+            return form, given, self.craft.database.encode(form["path"], **given)
         except SetupError as error:
             named = sorted((one for one in known if one in str(error)), key=len)
             raise ArgumentError(str(error), named[-1] if named else "") from None

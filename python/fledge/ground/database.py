@@ -47,10 +47,13 @@ class Database:
 
     def forms(self) -> list[dict[str, Any]]:
         """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group, description,
-        hazardous (why; "": it is not), arguments (name, type, unit, low, high, labels, initial, description, size [bits; of
-        text and binary: bytes at most], counted_by) and places (name, first bit, bits, whether it is an argument, whether
-        it is a whole number)."""
+        hazardous (why; "": it is not) and arguments (name, type, unit, low, high, labels, initial, description, size [bits;
+        of text and binary: bytes at most], counted_by)."""
         return list(self._read.forms())
+
+    def places(self, name: str, /, **arguments: Any) -> list[tuple[str, bool, int, int]]:
+        """(name, whether it is an argument, first bit, bits) of each entry in the packet of encode()."""
+        return list(self._read.places(name, arguments))
 
     def container_names(self) -> dict[str, str]:
         """Path of each container -> its name in Fledge's words, or the path."""

@@ -295,8 +295,7 @@ PYBIND11_MODULE(_ground, m)
             "forms", [](const Loaded &one) { return command_forms(one.database()); },
             "Of each command that can be sent: name (in Fledge's words where there are such), path, group, "
             "description, hazardous (why, or empty), and its arguments: name, type, unit, low, high, labels, initial, "
-            "description, "
-            "size [bits].")
+            "description, size [bits].")
         .def(
             "container_names", [](const Loaded &one) { return container_names(one.database()); },
             "Path of each container -> its name in Fledge's words, or the path.")

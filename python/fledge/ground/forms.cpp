@@ -4,8 +4,6 @@
 
 #include <pybind11/pybind11.h>
 
-#include <algorithm>
-#include <map>
 #include <set>
 
 namespace py = pybind11;
@@ -82,52 +80,9 @@ py::dict argument_form(const Database &db, const Argument &one)
     return made;
 }
 
-/// (name, first bit, bits, whether it is an argument, whether it is a number) of the entries of a command's packet, as far
-/// as their places are fixed; of the last one the bits may vary: 0.
-py::list places(const Database &db, Id container, const std::map<std::string, Id> &arguments)
-{
-    std::vector<const Container *> chain;
-    for (Id at = container; at != no_id; at = db.containers[at].base) {
-        chain.push_back(&db.containers[at]);
-    }
-    py::list made;
-    std::uint32_t bit = 0;
-    for (auto one = chain.rbegin(); one != chain.rend(); ++one) {
-        for (const Entry &entry : (*one)->entries) {
-            const bool argument = entry.what == Entry::What::argument;
-            if (!entry.offset.is_fixed() || entry.offset.fixed != 0 || entry.from != Entry::From::previous ||
-                entry.repeats || entry.include.what != Condition::What::always) {
-                return made;
-            }
-            if (entry.what == Entry::What::fixed) {
-                bit += entry.bits;
-                continue;
-            }
-            if (!(argument && arguments.count(entry.name)) && entry.what != Entry::What::parameter) {
-                return made;
-            }
-            const Type &type = db.types[argument ? arguments.at(entry.name) : db.parameters[entry.id].type];
-            const bool is_number =
-                type.encoding.what == Encoding::What::integer || type.encoding.what == Encoding::What::real;
-            const Quantity &size = type.encoding.size;
-            const std::uint32_t bits = is_number ? type.encoding.bits
-                                       : size.is_fixed()
-                                           ? static_cast<std::uint32_t>(std::max<std::int64_t>(size.fixed, 0))
-                                           : 0;
-            made.append(py::make_tuple(argument ? entry.name : db.parameters[entry.id].name, bit, bits, argument,
-                                       is_number && type.encoding.what == Encoding::What::integer));
-            if (bits == 0) {
-                return made;
-            }
-            bit += bits;
-        }
-    }
-    return made;
-}
-
 } // namespace
 
-/// Of each command that is not abstract: name, path, group, description, hazardous, arguments, places.
+/// Of each command that is not abstract: name, path, group, description, hazardous, arguments.
 py::list command_forms(const Database &db)
 {
     py::list made;
@@ -140,7 +95,6 @@ py::list command_forms(const Database &db)
             chain.push_back(&db.commands[chain.back()->base]);
         }
         std::set<std::string> assigned;
-        std::map<std::string, Id> types;
         py::list arguments;
         std::string hazardous;
         for (const Command *one : chain) { // the nearest significance counts
@@ -154,7 +108,6 @@ py::list command_forms(const Database &db)
         }
         for (auto one = chain.rbegin(); one != chain.rend(); ++one) {
             for (const Argument &argument : (*one)->arguments) {
-                types.emplace(argument.name, argument.type);
                 if (!assigned.count(argument.name)) {
                     arguments.append(argument_form(db, argument));
                 }
@@ -167,7 +120,6 @@ py::list command_forms(const Database &db)
         form["description"] = command.description;
         form["hazardous"] = hazardous;
         form["arguments"] = arguments;
-        form["places"] = places(db, command.container, types);
         made.append(form);
     }
     return made;
