@@ -420,8 +420,8 @@ Kind value_kind(const Type &type)
     case Sort::real: return Kind::real;
     case Sort::enumerated: return Kind::label;
     case Sort::boolean: return Kind::boolean;
-    case Sort::text: return Kind::text;
-    case Sort::binary: return Kind::binary;
+    case Sort::text: return raw == Kind::text || raw == Kind::binary ? Kind::text : raw;
+    case Sort::binary: return raw == Kind::text || raw == Kind::binary ? Kind::binary : raw;
     case Sort::absolute_time:
     case Sort::relative_time: return Kind::time;
     default: return Kind::none;

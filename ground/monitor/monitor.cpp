@@ -19,6 +19,11 @@ bool is_bytes(Kind kind)
     return kind == Kind::text || kind == Kind::binary;
 }
 
+bool is_there(const Newest &one)
+{
+    return one.status == Status::good || one.status == Status::unlabelled;
+}
+
 template <class Unsigned> void append(std::string &to, Unsigned number)
 {
     for (std::size_t i = 0; i < sizeof number; i++) {
@@ -248,7 +253,7 @@ std::vector<Note> Monitor::take(std::span<const Arrival> batch)
     }
     if (!batch.empty()) {
         received_ = batch.back().received;
-        publish(batch.back().t);
+        publish(batch.back().t, notes);
     }
     return notes;
 }
@@ -290,7 +295,7 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
         next.status = packet.status[i];
         keep(slot, live, field.value, next, &packet, notes);
     }
-    write_rows(arrival.t, notes);
+    write_rows(arrival.t);
 }
 
 /// The next value of a slot.
@@ -301,8 +306,7 @@ inline void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &nex
     next.count = live.newest.count + 1;
     next.text = live.newest.text;
     const double x = real_of(kind, next.value).value_or(0);
-    const bool there = next.status == Status::good || next.status == Status::unlabelled;
-    if (!(x >= live.low && x <= live.high) && there) {
+    if (!(x >= live.low && x <= live.high)) {
         judge(slot, kind, next, packet, notes);
     }
     if (live.newest.version != next.version) {
@@ -329,7 +333,7 @@ void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *
         }
     }
     const Limits *limits = limits_[slot].get();
-    if (limits == nullptr || limits->checks.empty()) {
+    if (limits == nullptr || limits->checks.empty() || !is_there(next)) {
         return;
     }
     const auto [level, violations] = level_of(*limits, kind, next, live_[slot].newest, packet);
@@ -368,9 +372,8 @@ std::pair<Concern, std::uint32_t> Monitor::level_of(const Limits &limits, Kind k
     for (const Alarm::Limits &one : chosen->limits) {
         auto x = number_of(next, one.range.calibrated);
         if (chosen->on_change) {
-            const bool there =
-                before.count > 0 && (before.status == Status::good || before.status == Status::unlabelled);
-            const auto last = there ? number_of(before, one.range.calibrated) : std::nullopt;
+            const auto last =
+                before.count > 0 && is_there(before) ? number_of(before, one.range.calibrated) : std::nullopt;
             x = x && last ? std::optional(*x - *last) : std::nullopt;
         }
         if (x && one.range.holds(*x) == one.inside) {
@@ -390,18 +393,13 @@ std::pair<Concern, std::uint32_t> Monitor::level_of(const Limits &limits, Kind k
     return {level, chosen->violations};
 }
 
-void Monitor::write_rows(std::int64_t t, std::vector<Note> &notes)
+void Monitor::write_rows(std::int64_t t)
 {
     for (const std::uint32_t one : fired_) {
         Trigger &trigger = triggers_[one];
         if (!std::all_of(trigger.inputs.begin(), trigger.inputs.end(),
                          [&](std::uint32_t slot) { return live_[slot].newest.count > 0; })) {
             continue;
-        }
-        if (trigger.pending.size() > most_words) {
-            trigger.pending.clear();
-            notes.push_back(
-                {.what = Note::What::full, .text = "rows of derived parameters were not collected in time"});
         }
         trigger.pending.push_back(static_cast<std::uint64_t>(t));
         for (const std::uint32_t slot : trigger.inputs) {
@@ -414,7 +412,7 @@ void Monitor::write_rows(std::int64_t t, std::vector<Note> &notes)
 }
 
 /// Show what was touched.
-void Monitor::publish(std::int64_t t)
+void Monitor::publish(std::int64_t t, std::vector<Note> &notes)
 {
     const std::lock_guard shown(shown_);
     texts_.resize(live_texts_.size());
@@ -426,6 +424,11 @@ void Monitor::publish(std::int64_t t)
     }
     for (Trigger &trigger : triggers_) {
         if (!trigger.pending.empty()) {
+            if (trigger.rows.size() > most_words) {
+                trigger.rows.clear();
+                notes.push_back(
+                    {.what = Note::What::full, .text = "rows of derived parameters were not collected in time"});
+            }
             trigger.rows.insert(trigger.rows.end(), trigger.pending.begin(), trigger.pending.end());
             trigger.pending.clear();
         }
@@ -562,13 +565,13 @@ std::vector<Note> Monitor::set_limits(std::uint32_t slot, const Bands &bands, st
     if (bands.empty() && next.concern != Concern::normal) {
         notes.push_back({.what = Note::What::concern, .slot = slot, .t = next.t, .old = next.concern});
         next.concern = Concern::normal;
-    } else if (next.status == Status::good || next.status == Status::unlabelled) {
+    } else if (is_there(next)) {
         judge(slot, slots_.all()[slot].kind, next, nullptr, notes);
         fired_.clear();
     }
     live_[slot].newest = next;
     arm(slot);
-    publish(t_);
+    publish(t_, notes);
     return notes;
 }
 
@@ -630,9 +633,9 @@ std::vector<Note> Monitor::put(std::uint32_t slot, std::span<const std::int64_t>
         next.raw_kind = Kind::real;
         next.status = values[i] == values[i] ? Status::good : Status::uncalibrated;
         keep(slot, live_[slot], Kind::real, next, nullptr, notes);
-        write_rows(t[i], notes);
+        write_rows(t[i]);
     }
-    publish(t_);
+    publish(t_, notes);
     return notes;
 }
 

@@ -122,8 +122,8 @@ private:
     void judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
     std::pair<Concern, std::uint32_t> level_of(const Limits &limits, Kind kind, const Newest &next,
                                                const Newest &before, const Decoded *packet);
-    void write_rows(std::int64_t t, std::vector<Note> &notes);
-    void publish(std::int64_t t);
+    void write_rows(std::int64_t t);
+    void publish(std::int64_t t, std::vector<Note> &notes);
     void check(std::uint32_t slot) const;
 
     const Database &db_;
