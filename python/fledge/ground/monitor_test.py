@@ -194,8 +194,8 @@ def test_labels_texts_and_numbers_that_are_none_have_their_concern(tmp_path):
     monitor = _ground.Monitor(read(tmp_path, spacecraft(types, {"e": "e", "s": "s", "f": "f"})))
     assert [(one["name"], one["kind"], one["labels"], one["limits"]) for one in monitor.slots()] == [
         ("e", "label", ["OFF", "ON", "SAFE"], {}), ("s", "text", [], {}), ("f", "real", [], {"severe": [-1, 1]})]
-    for e, s, f, expected in [(1, b"BAAA", 1.0, (0, 0, 0)), (0, b"AAAB", -1.0, (1, 2, 0)), (2, b"xA\xFF\0", 1.5, (4, 0, 5)),
-                              (7, b"\0\0\0\0", float("nan"), (1, 0, 5))]:
+    for e, s, f, expected in [(1, b"BAAA", 1.0, (0, 0, 0)), (0, b"AAAB", -1.0, (1, 2, 0)),
+                              (2, b"xA\xFF\0", 1.5, (4, 0, 5)), (7, b"\0\0\0\0", float("nan"), (1, 0, 5))]:
         monitor.take([(0, 0, struct.pack(">B4sf", e, s, f))])
         assert tuple(monitor.newest(slot)[5] for slot in range(3)) == expected
         frame = values_of(monitor, monitor.changes(0)[1])[2]
@@ -331,7 +331,7 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
                 if len(found) > 1 or found - {(version & 0xFFFFFF) * 10 + 9}:
                     problems.append((version, found))
                 monitor.newest(7), monitor.version, monitor.inspect(bytes(200))
-        except Exception as error:              # noqa: BLE001, it is the main thread's to tell
+        except Exception as error:              # it is the main thread's to tell
             problems.append(error)
 
     threads = [threading.Thread(target=reads) for _ in range(3)]
@@ -347,8 +347,8 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
 
 def test_strange_batches_and_packets_are_refused_or_noted(tmp_path):
     types = integer("u8") + "<ArrayParameterType name='l' arrayTypeRef='u8'><DimensionList><Dimension><StartingIndex>" \
-        "<FixedValue>0</FixedValue></StartingIndex><EndingIndex><DynamicValue><ParameterInstanceRef parameterRef='n'/>" \
-        "</DynamicValue></EndingIndex></Dimension></DimensionList></ArrayParameterType>" + integer("u16", 16)
+        "<FixedValue>0</FixedValue></StartingIndex><EndingIndex><DynamicValue><ParameterInstanceRef " \
+        "parameterRef='n'/></DynamicValue></EndingIndex></Dimension></DimensionList></ArrayParameterType>" + integer("u16", 16)
     monitor = _ground.Monitor(read(tmp_path, spacecraft(types, {"n": "u16", "l": "l"})))
     for batch in [[(1, 2)], [(1, 2, "text")], [(1.5, 2, b"")], [None], [(1, 2, bytearray(3))], [(1 << 70, 2, b"")]]:
         with pytest.raises((TypeError, RuntimeError, ValueError)):
