@@ -4,8 +4,9 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 
+import {Alarms} from "./alarms.js";
 import {Api} from "./api.js";
-import {attempt, concern, dress, h, put} from "./dom.js";
+import {SHAPES, attempt, dress, h, put} from "./dom.js";
 import {Keys} from "./keys.js";
 import {Live} from "./live.js";
 import {login} from "./login.js";
@@ -13,7 +14,7 @@ import {pages} from "./pages.js";
 import {onTheme, turn} from "./theme.js";
 import {Time} from "./time.js";
 
-const api = new Api(), live = new Live(api), keys = new Keys();
+const api = new Api(), live = new Live(api), keys = new Keys(), alarms = new Alarms(live);
 const time = new Time(live, keys, () => write(true));
 const place = {page: "overview", craft: "", sel: ""};    // what the link says, besides the time
 let close = () => {}, opening = 0;
@@ -22,7 +23,7 @@ const main = h("main", {tabIndex: -1});
 const said = h("div", {class: "said", role: "status"});
 const menu = h("nav", {"aria-label": "pages"});
 const chooser = h("select", {"aria-label": "spacecraft", onchange: () => go({craft: chooser.value, sel: ""})});
-const alarms = h("a", {class: "alarms"}), link = h("span", {class: "link"});
+const bell = h("a", {class: "alarms"}), link = h("span", {class: "link"});
 const skipped = h("span", {class: "skipped", title: "updates that the server left out, as this browser was slow"});
 const user = h("span", {class: "soft user"});
 
@@ -84,7 +85,7 @@ async function show(at = {t: time.t, session: time.session}) {
         return end;
     };
     const end = await attempt(root, () => page.open({
-        root, api, live, time, keys, go, say, craft: place.craft, selection: place.sel,
+        root, api, live, alarms, time, keys, go, say, craft: place.craft, selection: place.sel,
         store: live.store(place.craft),
         /** The selection of the page has changed: the link follows. */
         select: (sel) => { place.sel = sel; write(true); },
@@ -100,7 +101,11 @@ async function show(at = {t: time.t, session: time.session}) {
             const timer = setInterval(action, ms);
             own(() => clearInterval(timer));
         },
-        can: (role) => (live.craft(place.craft)?.can ?? api.session.roles).includes(role),
+        can: (role) => {
+            const {roles, crafts} = api.session, {can} = live.craft(place.craft) ?? {};
+            return roles.includes(role) && (!crafts || crafts.includes(place.craft)) &&
+                (role !== "command" || !can || can.includes(role));
+        },
     }));
     const finish = () => {
         for (const one of ends) one();
@@ -119,7 +124,7 @@ function say(text, bad = false) {
 
 /** What the top says. */
 function frame() {
-    const craft = live.craft(place.craft), names = live.crafts.map((one) => one.name);
+    const names = live.crafts.map((one) => one.name);
     if (chooser.names !== names.join("\n")) {
         chooser.names = names.join("\n");
         chooser.replaceChildren(...names.map((name) => h("option", {value: name}, name)));
@@ -129,12 +134,10 @@ function frame() {
     dress(link, `link ${ok ? "good" : "bad"}`);
     put(link, ok ? "\u25cf connected" : "\u25b2 no connection");
     put(skipped, live.skipped ? `${live.skipped} skipped` : "");
-    const open = craft?.alarms ?? 0, worst = craft?.worst ?? 0;
-    alarms.href = `#/alarms?craft=${encodeURIComponent(place.craft)}`;
-    if (open) concern(worst, alarms);
-    else dress(alarms, "alarms soft");
-    put(alarms, open ? `${alarms.textContent.split(" ")[0]} ${open} alarm${open > 1 ? "s" : ""}` : "no alarms");
-    alarms.said = null;
+    const {count, worst} = alarms.waiting(place.craft);
+    bell.href = `#/alarms?craft=${encodeURIComponent(place.craft)}`;
+    dress(bell, count ? `concern c${worst}` : "alarms soft");
+    put(bell, count ? `${SHAPES[worst]} ${count} alarm${count > 1 ? "s" : ""}` : "no alarms");
     put(user, api.session.user ?? "");
 }
 
@@ -160,13 +163,13 @@ async function begin() {
     keys.always("T", "light or dark", turn);
     keys.always("m", "to the page's main part", () => (main.querySelector(".scroll") ?? main).focus());
     document.body.append(
-        h("header", {class: "top"}, h("strong", {}, "Control room"), chooser, alarms, h("span", {class: "grow"}),
+        h("header", {class: "top"}, h("strong", {}, "Control room"), chooser, bell, h("span", {class: "grow"}),
             skipped, link, user,
             h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
             h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
             api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
         menu, main, time.element, said);
-    for (const kind of ["state", "skipped", "craft", "crafts"]) live.on(kind, frame);
+    for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);
     live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
     live.on("again", () => show());
     api.refused = () => location.reload();

@@ -77,7 +77,7 @@ export function ask(title, text, fields, word, dangerous = false) {
 
 /** An element that shows how bad something is: by shape, word and colour. */
 export const CONCERNS = ["nominal", "watch", "warning", "distress", "critical", "severe"];
-const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
+export const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
 
 export function concern(level, node = h("span")) {
     dress(node, `concern c${level}`);

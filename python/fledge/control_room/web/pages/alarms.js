@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Alarms: what is or was beyond its limits, until a person has acknowledged it; shelved ones keep quiet for a while.
+import {isShelved} from "../alarms.js";
 import {of} from "../api.js";
 import {ask, attempt, concern, dress, h, hint, put} from "../dom.js";
+import {clock} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
+import {real} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Alarms", key = "a";
@@ -11,7 +14,7 @@ export async function open(context) {
     const {root, api, live, time, craft, keys} = context;
     let alarms = [];
     const buttons = [], notes = h("div", {class: "notes"}), about = h("p", {class: "soft"});
-    const state = (one) => (one.shelved_until_ns ? "shelved"
+    const state = (one) => (isShelved(one) ? "shelved"
                             : one.acknowledged   ? "acknowledged"
                             : one.concern        ? "open"
                                                  : "open, over");
@@ -33,37 +36,28 @@ export async function open(context) {
             }
             put(cells[2], one.name);
             hint(cells[2], one.name);
-            put(cells[3], `${one.text ?? one.value ?? ""}`);
+            put(cells[3], typeof one.value === "number" ? real(one.value) : String(one.value ?? ""));
             put(cells[4], time.text(one.since_ns));
             put(cells[5], state(one));
             dress(element,
-                `tr${row === table.at ? " at" : ""}${one.acknowledged || one.shelved_until_ns ? " soft" : ""}`);
+                `tr${row === table.at ? " at" : ""}${one.acknowledged || isShelved(one) ? " soft" : ""}`);
         },
         moved: () => detail(),
         choose: () => acknowledge(),
     });
 
-    const rank = (one) => (one.shelved_until_ns ? 2 : one.acknowledged ? 1 : 0);
-    function sort() {
-        const at = alarms[table.at]?.slot;
-        alarms.sort((a, b) => rank(a) - rank(b) || b.worst - a.worst || a.slot - b.slot);
+    /** Keep the order, and the cursor on its alarm. */
+    function show() {
+        const at = alarms[table.at]?.name ?? context.selection;
+        alarms = context.alarms.of(craft);
         table.set(alarms.length);
-        if (at !== undefined) table.go(alarms.findIndex((one) => one.slot === at), true);
+        const row = alarms.findIndex((one) => one.name === at);
+        if (alarms.length) table.go(row < 0 ? Math.max(0, table.at) : row, true);
         detail();
     }
 
-    async function load() {
-        const found = await attempt(notes, () => api.get(of(craft, "alarms")));
-        if (found) alarms = found;
-        sort();
-        const first = alarms.findIndex((one) => one.name === context.selection);
-        if (table.at < 0 && alarms.length) table.go(Math.max(0, first));
-    }
-
     const post = (one, body) => attempt(notes, async () => {
-        const now = await api.post(of(craft, "alarms", one.slot), body);
-        if (now?.slot === one.slot) merge(now);
-        else await load();
+        context.alarms.merge(craft, await api.post(of(craft, "alarms", one.slot), body));
     });
 
     async function acknowledge() {
@@ -77,7 +71,7 @@ export async function open(context) {
     async function shelve() {
         const one = alarms[table.at];
         if (!one) return;
-        if (one.shelved_until_ns) {
+        if (isShelved(one)) {
             await post(one, {shelve_s: 0});
             return;
         }
@@ -100,23 +94,14 @@ export async function open(context) {
               may = context.can("command") || context.can("administer");
         for (const [button, right, words] of buttons) {
             button.disabled = !one || !right || (words === "Acknowledge" && Boolean(said));
-            if (words === "Shelve") put(button.firstChild, one?.shelved_until_ns ? "End shelving" : "Shelve");
+            if (words === "Shelve") put(button.firstChild, one && isShelved(one) ? "End shelving" : "Shelve");
         }
         if (!one) return put(about, may ? "" : "To acknowledge asks for the role command.");
         const slot = live.store(craft).slots[one.slot];
         const parts = [one.name, limitsText(slot?.limits)];
-        if (said) parts.push(`acknowledged${said.user ?? one.user ? ` by ${said.user ?? one.user}` : ""}${
-            said.note ?? one.note ? `: ${said.note ?? one.note}` : ""}`);
-        if (one.shelved_until_ns) parts.push(`shelved until ${time.text(one.shelved_until_ns)}`);
+        if (said) parts.push(`acknowledged by ${said.user}${said.note ? `: ${said.note}` : ""}`);
+        if (isShelved(one)) parts.push(`shelved until ${clock(one.shelved_until_ns, true, 0)} UTC`);
         return put(about, parts.filter(Boolean).join(" \u00b7 "));
-    }
-
-    function merge({craft: _, kind: __, ...one}) {
-        const at = alarms.findIndex(({slot}) => slot === one.slot);
-        if (one.gone) alarms = alarms.filter(({slot}) => slot !== one.slot);
-        else if (at >= 0) alarms[at] = one;
-        else alarms.push(one);
-        sort();
     }
 
     for (const [words, letter, action, role] of [["Acknowledge", "a", acknowledge, "command"],
@@ -130,8 +115,9 @@ export async function open(context) {
     }
     root.append(
         h("div", {class: "head"}, h("h1", {}, title), buttons.map(([one]) => one)), notes, table.element, about);
-    context.on("alarm", (one) => one.craft === craft && merge(one));
-    live.slots(craft).then(detail, () => {});
-    await load();
+    context.on("alarms", show);
+    context.every(5000, show);      // a shelving ends by itself
+    await attempt(notes, () => Promise.all([context.alarms.load(craft), live.slots(craft)]));
+    show();
     return () => table.close();
 }

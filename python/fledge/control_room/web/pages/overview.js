@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every spacecraft at a glance: its link, its radio if its telemetry is there, packets, alarms and newest events.
 import {of} from "../api.js";
-import {CONCERNS, concern, dress, h, put} from "../dom.js";
+import {CONCERNS, SHAPES, concern, dress, h, put} from "../dom.js";
 import {clock, count} from "../format.js";
 
 export const title = "Overview", key = "o";
@@ -91,11 +91,9 @@ export async function open(context) {
                 "none");
         made.archive.hidden = !craft.archive;
         put(made.archive, craft.archive ?? "");
-        if (craft.alarms) concern(craft.worst ?? 1, made.alarms);
-        else dress(made.alarms, "soft");
-        put(made.alarms, craft.alarms
-                             ? `${CONCERNS[craft.worst ?? 1]}: ${craft.alarms} alarm${craft.alarms > 1 ? "s" : ""}`
-                             : "no alarms");
+        const {count: waiting, worst} = context.alarms.waiting(made.name);
+        dress(made.alarms, waiting ? `concern c${worst}` : "soft");
+        put(made.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
         for (const {slot, unit, cell} of made.slots) put(cell, `${store.text(slot)} ${unit === "-" ? "" : unit ?? ""}`);
         const lines = made.list.slice(0, MOST).map((one) => one.id).join();
         if (made.lines === lines) return;
@@ -120,6 +118,7 @@ export async function open(context) {
         if (made) made.list = [event, ...made.list].slice(0, MOST);
     });
     context.on("crafts", all);
+    context.on("alarms", all);
     context.onFrame(all);
     all();
     return () => {

@@ -84,7 +84,8 @@ export async function open(context) {
 
     function fill(packet, text) {
         put(name, text);
-        rows = packet.rows ?? [];
+        rows =
+            (packet.rows ?? []).map(([name, raw, value, status, bit, bits]) => ({name, raw, value, status, bit, bits}));
         const octets = (packet.hex ?? "").match(/../g) ?? [],
               wrong = packet.reason && Number.isInteger(packet.bit) ? packet.bit : null;
         why.hidden = !packet.reason;
