@@ -407,3 +407,162 @@ def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
         browser.wait_for("!fledgeView.dirty || fledgeView.playing")
         assert browser.ask("fledgeView.stage.preset") == camera
     assert browser.problems == []
+
+
+@pytest.fixture(scope="module")
+def passing():
+    """The Earth imager over its station, in a run of 30 minutes, the simulation, and its log."""
+    sim = fledge.load("earth_imager")
+    w = sim.world
+    log = sim.record(w.craft.state, w.station.contact, w.radio.down, every=1 * s)
+    sim.run(30 * minute)
+    return scene.of(log), sim, log
+
+
+def ground_below(sim, t, r):
+    """Geodetic latitude and longitude by ERFA, on WGS 84, for the Earth as the simulation's sky turns it; and the
+    longitude with the Earth turned by ERFA itself."""
+    erfa = pytest.importorskip("erfa", reason="needs python3-erfa")
+    lon, lat, _ = erfa.gc2gd(1, sim.world.craft.sky.orientation(EARTH, t * s).dcm_PN @ r)
+    days = 2461119.5 + 10 / 24 + t / 86400      # 2026-03-20T10:00:00, as UTC, UT1 and TT: 69 s are 2e-8 rad to the pole
+    turned = erfa.c2t06a(days, 0, days, 0, 0, 0) @ r
+    return lat, lon, np.arctan2(turned[1], turned[0])
+
+
+def path_of(log):
+    return tracks.Motion(log.time, log["craft.state.r_BN_N"], log["craft.state.v_BN_N"])
+
+
+def apart(a, b):
+    """[rad] between two longitudes."""
+    return abs((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+@needs_browser
+def test_the_ground_track_is_that_of_another_library(browser, passing, tmp_path):
+    shown, sim, log = passing
+    browser.open(page.write(shown, tmp_path / "view.html"), "#map=1&t=900")
+    assert browser.ask("fledgeView.mapCanvas.dataset.planet") == "EARTH"
+    path = path_of(log)
+    points = browser.ask("fledgeView.map.track(fledgeView.data.crafts[0], fledgeView.data.planets"
+                         ".find((one) => one.name === 'EARTH'), 900)")
+    inside = [one for one in points if one["t"] <= 1800]
+    assert len(inside) > 50 and inside[0]["t"] < 40
+    for one in inside:
+        lat, lon, coarse = ground_below(sim, one["t"], path.at(np.array([one["t"]]))[0])
+        assert one["latitude"] == pytest.approx(lat, abs=3e-5)
+        assert apart(one["longitude"], lon) * np.cos(lat) < 3e-5
+        assert apart(one["longitude"], coarse) < np.deg2rad(0.3)
+    # Beyond the record the orbit of the moment goes on, without what flattening does to it, and the Earth turns on.
+    sim.run(20 * minute)
+    for one in [one for one in points if 1800 < one["t"] < 3000]:
+        lat, lon, _ = ground_below(sim, one["t"], path_of(log).at(np.array([one["t"]]))[0])
+        assert one["latitude"] == pytest.approx(lat, abs=0.01) and apart(one["longitude"], lon) * np.cos(lat) < 0.01
+    words = browser.ask("fledgeView.mapWords.textContent").split()
+    lat, lon, _ = ground_below(sim, 900, path.at(np.array([900.0]))[0])
+    assert float(words[0].rstrip("\u00b0")) == pytest.approx(abs(np.rad2deg(lat)), abs=0.006)
+    assert words[1] == ("N," if lat > 0 else "S,") and words[3] == ("E," if lon > 0 else "W,")
+    painted = browser.ask("new Set(fledgeView.mapCanvas.getContext('2d').getImageData(0, 0, 150, 70).data).size")
+    assert painted > 30, "coasts, night and tracks"
+    assert browser.problems == []
+
+
+@needs_browser
+def test_passes_and_radio_are_those_of_the_record(browser, passing, tmp_path):
+    shown, _, log = passing
+    browser.open(page.write(shown, tmp_path / "view.html"), "#map=1&camera=orbit")
+    visible = log.time[log["contact.visible"] == 1]
+    [[found]] = browser.ask("fledgeView.passes.map(({found}) => found)")
+    assert found["rise"] == pytest.approx(visible[0], abs=1.1) and found["set"] == pytest.approx(visible[-1], abs=1.1)
+    assert found["peak"] == pytest.approx(log["contact.elevation"].max(), abs=1e-3)
+    for t in (600, int(visible[0]) + 60, int(visible[-1]) - 30, 1790):
+        browser.ask(f"fledgeView.seek({t})")
+        browser.wait_for("!fledgeView.dirty")
+        rows = browser.ask("Object.fromEntries([...document.querySelectorAll('.readout dt')].map((one) => "
+                           "[one.textContent, one.nextSibling.textContent]))")
+        line = browser.ask("fledgeView.stage.stations.map(({locked, seen}) => [locked.visible, seen.visible])[0]")
+        if log["contact.visible"][t]:
+            elevation, far = rows["station"].split("\u00b0, ")
+            assert float(elevation) == pytest.approx(np.rad2deg(log["contact.elevation"][t]), abs=0.06)
+            assert float(far.split()[0]) == pytest.approx(log["contact.range"][t] / 1e3, abs=0.6)
+        else:
+            assert rows["station"] == "not in view"
+        locked = bool(log["down.lock"][t])
+        assert rows["radio"].startswith("down locked, " if locked else "down not locked")
+        assert line == [locked, bool(log["contact.visible"][t]) and not locked]
+        assert labels(browser).keys() >= {"station"} or not locked
+    assert browser.problems == []
+
+
+@needs_browser
+def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
+    from fledge.control_room.scene import Feed
+
+    sim = fledge.load("earth_imager")
+    feed, number = Feed("imager", sim), 0
+
+    def fly(samples):
+        """What browsers get of so many samples."""
+        nonlocal number
+        found = []
+        for _ in range(samples):
+            sim.run(2 * s)
+            feed._next = 0
+            feed.sample()
+            number, news = feed.since(number)
+            found += news
+        return json.dumps(found)
+
+    fly(5)
+    feed.pack()
+    browser.open(page.write(feed.scene(), tmp_path / "view.html"))
+    browser.ask("""(() => {
+        const {root, data, constructor} = fledgeView;
+        window.said = [];
+        fledgeView.destroy();
+        history.replaceState(null, "", "#");
+        window.fledgeView = new constructor(root, data, {live: true, moved: (t) => said.push(t)});
+    })()""")
+    assert browser.ask("[fledgeView.following, fledgeView.data.end]") == [True, 10]
+    browser.ask(f"{fly(20)}.forEach((one) => fledgeView.extend(one))")
+    assert browser.ask("fledgeView.data.end") == 50 and browser.wait_for("fledgeView.t > 49.9 && fledgeView.t <= 50")
+    assert "Live" in browser.ask("fledgeView.nowButton.textContent") and "t=" not in browser.ask("location.hash")
+
+    # Back in time the picture stays, whatever comes; the link holds time and camera.
+    browser.ask("fledgeView.slider.value = 0.5; fledgeView.slider.oninput(); fledgeView.choose('orbit')")
+    t = browser.ask("fledgeView.t")
+    assert t == pytest.approx(26, abs=0.1) and browser.ask("said") == [None, t]
+    browser.ask(f"{fly(20)}.forEach((one) => fledgeView.extend(one))")
+    assert browser.ask("[fledgeView.t, fledgeView.data.end, fledgeView.following]") == [t, 90, False]
+    browser.wait_for("location.hash.includes('camera=orbit') && location.hash.includes('t=' + fledgeView.t)")
+    here = browser.ask("fledgeView.stage.crafts[0].place")
+    browser.ask("fledgeView.savePicture = fledgeView.savePicture.bind(fledgeView)")
+    browser.ask("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob; }")
+    browser.ask("fledgeView.savePicture()")
+    assert browser.wait_for("window.saved?.png?.type") == "image/png"
+    assert browser.ask("createImageBitmap(saved.png).then((one) => one.width)") == 960
+    browser.ask("fledgeView.nowButton.click()")
+    browser.wait_for("fledgeView.t === 90 && !fledgeView.dirty")
+    now = browser.ask("fledgeView.stage.crafts[0].place")
+    assert np.linalg.norm(np.array(now) - np.array(here)) == pytest.approx(64 * 7.56e3, rel=0.01)
+    assert np.linalg.norm(np.array(now) - sim.world.craft.state.r_BN_N) < 1
+    browser.ask("fledgeView.film()")
+    browser.ask(f"{fly(10)}.forEach((one) => fledgeView.extend(one))")
+    browser.wait_for("fledgeView.parts.length > 0")
+    browser.ask("fledgeView.film()")
+    assert browser.wait_for("window.saved.webm?.size") > 1000
+
+    # An hour at 4 Hz: the tracks keep within their bound, and so does the memory.
+    browser.ask("""(() => {
+        const last = """ + fly(1).strip("[]") + """, tracks = Object.entries(last.tracks);
+        for (let k = 1; k <= 14400; k++) {
+            const end = last.end + k / 4;
+            fledgeView.extend({end, tracks: Object.fromEntries(tracks.map(([id, [, row]]) => [id, [[end], row]]))});
+        }
+    })()""")
+    sizes = browser.ask("[...fledgeView.tracks.values()].map((one) => [one.time.n, one.time.data.length])")
+    assert max(n for n, _ in sizes) <= 8192 and max(room for _, room in sizes) <= 8192
+    assert browser.ask("fledgeView.data.end") == pytest.approx(sim.time + 3600)
+    browser.ask("fledgeView.destroy()")
+    assert browser.ask("fledgeView.root.childElementCount") == 0
+    assert browser.problems == []

@@ -63,15 +63,25 @@ export function passes(scene, station, motion, begin, end) {
         }
         return high;
     };
-    let open = null;
+    const highest = (low, high) => {    // of one summit
+        for (let k = 0; k < 40; k++) {
+            const third = (high - low) / 3;
+            if (over(low + third) < over(high - third))
+                low += third;
+            else
+                high -= third;
+        }
+        return over(low) + station.mask;
+    };
+    let open = null, best = 0;
     for (let t = begin, before = begin;; before = t, t = Math.min(end, t + step)) {
         const height = over(t);
-        if (height > 0 && !open) found.push(open = {rise: t > begin ? crossing(before, t) : begin, set: end, peak: 0});
-        if (height <= 0 && open) {
-            open.set = crossing(before, t);
-            open = null;
-        }
-        if (open) open.peak = Math.max(open.peak, height + station.mask);
+        if (height > 0 && !open) found.push(open = {rise: t > begin ? crossing(before, t) : begin, set: end, at: t});
+        if (open && (open.at === t || height > best)) [open.at, best] = [t, height];
+        if (height <= 0 && open) open.set = crossing(before, t);
+        if (open && (height <= 0 || t >= end))
+            open.peak = highest(Math.max(open.rise, open.at - step), Math.min(open.set, open.at + step));
+        if (height <= 0) open = null;
         if (t >= end) return found;
     }
 }

@@ -522,7 +522,8 @@ export class Viewer {
             ...data.modes.map((one) => `${one.process}: ${modeAt(one, t) || "\u2013"}`),
             ...this.passes.flatMap(({station, found}) => found
                 .filter(({rise, set}) => t > rise - near && t < set + near)
-                .map(({rise, set, peak}) => `${station.name}: ${clock(Math.round(rise))} to ${clock(Math.round(set))}, ` +
+                .map(({rise, set, peak}) =>
+                    `${station.name}: ${clock(Math.round(rise))} to ${clock(Math.round(set))}, ` +
                     `up to ${THREE.MathUtils.radToDeg(peak).toFixed(0)}°`)),
             ...data.happened.filter((one) => Math.abs(one.t - t) < near)
                 .slice(0, 6).map((one) => `${clock(one.t)} ${one.text}`)
