@@ -547,7 +547,10 @@ def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
     assert np.linalg.norm(np.array(now) - np.array(here)) == pytest.approx(64 * 7.56e3, rel=0.01)
     assert np.linalg.norm(np.array(now) - sim.world.craft.state.r_BN_N) < 1
     browser.ask("fledgeView.film()")
-    browser.ask(f"{fly(10)}.forEach((one) => fledgeView.extend(one))")
+    browser.ask("(async () => { for (const one of " + fly(10) + """) {
+        fledgeView.extend(one);
+        await new Promise((next) => setTimeout(next, 80));
+    } })()""")
     browser.wait_for("fledgeView.parts.length > 0")
     browser.ask("fledgeView.film()")
     assert browser.wait_for("window.saved.webm?.size") > 1000

@@ -26,6 +26,7 @@ const TOO_SLOW = 0.042, QUICK = 0.018;  // [s] of a frame: with fewer pixels fro
 const READABLE = 90;  // [ms] that a number stands at least
 const REDRAWN = 1000;  // [ms] between two drawings of all that has come, of what goes on
 const LAG = 0.3;  // [s] of wall time that the picture of what goes on is behind, so that it moves evenly
+const PAUSE = 5;  // [s] of wall time after which nothing is said of the pace
 const OLD = 5;  // [s] after which an estimate says how old it is
 const KEYS = [
     ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
@@ -129,9 +130,9 @@ export class Viewer {
             if (track) append(track, times, numbers);
         }
         if (!(end > data.end)) return;
-        const now = performance.now(), since = (now - (this.came ?? now)) / 1000;
-        if (since > 0 && since < 5) {
-            const pace = (end - data.end) / since;
+        const now = performance.now(), since = this.came ? (now - this.came) / 1000 : Infinity;
+        if (since < PAUSE) {
+            const pace = (end - data.end) / Math.max(since, LAG / 6);
             this.pace += (this.pace ? 0.2 : 1) * (pace - this.pace);
         }
         this.came = now;
