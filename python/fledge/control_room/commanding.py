@@ -151,7 +151,7 @@ class Commanding:
                 self._stage(row, "failed", False, dictionary.refusal(report, packet))
                 return True
             word = WORDS.get(report.stage, "progress")
-            same = {one.sequence for one in sent.reports if one.stage == report.stage}
+            same = {one.sequence for one in sent.reports if one.stage == report.stage and one.good}
             if word != "progress" and (word in stages or len(same) < len(sent.packets)):
                 continue
             stages.add(word)

@@ -305,7 +305,7 @@ class Spacecraft:
         self.packets += len(rows)
         self.recent.extend(rows[-RECENT:])
         notes = self.monitor.take(rows)
-        self.now = rows[-1][0]
+        self.now = max(self.now, rows[-1][0]) if self.clock == "simulated" else rows[-1][0]
         self.noted(notes)
         for sink in self.sinks:
             sink(rows)

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server in real flights, by HTTP and WebSocket."""
+import asyncio
+import struct
+from contextlib import asynccontextmanager
+
+import pytest
+from aiohttp import WSMsgType
+from aiohttp.test_utils import TestClient, TestServer
+
+from fledge.control_room.room import Room
+from fledge.control_room.settings import read
+from fledge.control_room.web import Server
+
+PATIENCE = 60       # [s] of a test that waits; it goes on as soon as it can
+
+
+class Console:
+    """What a browser does."""
+
+    def __init__(self, client, room, csrf):
+        self.client, self.room, self.csrf = client, room, csrf
+
+    async def get(self, path, status=200):
+        return await self._answer(await self.client.get(f"/api/{path}"), status)
+
+    async def post(self, path, content=None, status=200, data=None, method="post"):
+        how = {"data": data} if data is not None else {"json": content}
+        return await self._answer(await getattr(self.client, method)(
+            f"/api/{path}", headers={"X-Fledge-CSRF": self.csrf}, **how), status)
+
+    @staticmethod
+    async def _answer(response, status):
+        text = await response.text()
+        assert response.status == status, text
+        return await response.json() if "json" in response.content_type else text
+
+    async def until(self, path, holds):
+        """Ask again until the answer is as it must be."""
+        for _ in range(PATIENCE * 20):
+            found = await self.get(path)
+            if holds(found):
+                return found
+            await asyncio.sleep(0.05)
+        raise AssertionError(f"{path} stays {str(found)[:2000]}")
+
+    async def verified(self, craft, name, arguments, stage="completed"):
+        """Send a command; its row when it has come to a stage."""
+        number = (await self.post(f"crafts/{craft}/send", {"name": name, "arguments": arguments}))["id"]
+        return await self.row(craft, number, stage)
+
+    async def row(self, craft, number, stage="completed"):
+        rows = await self.until(f"crafts/{craft}/sent", lambda rows: stage in [
+            each["stage"] for one in rows if one["id"] == number for each in one["stages"]])
+        return next(one for one in rows if one["id"] == number)
+
+
+@asynccontextmanager
+async def console(folder, text):
+    """A browser at a server of a file."""
+    (folder / "ground.toml").write_text(text)
+    room = Room(read(folder / "ground.toml"))
+    try:
+        async with TestClient(TestServer(Server(room).app)) as client:
+            room.start()
+            csrf = (await (await client.get("/api/session")).json())["csrf"]
+            yield Console(client, room, csrf)
+    finally:
+        room.close()
+
+
+def flown(test):
+    """Run a test's coroutine."""
+    def run(tmp_path):
+        asyncio.run(asyncio.wait_for(test(tmp_path), 3 * PATIENCE))
+
+    run.__name__ = test.__name__
+    return run
+
+
+SIGMA = "flight.tracking.error.sigma_BR[0]"
+NADIR = '[[craft]]\nmission = "nadir_spin"\nspeed = 20\n'
+
+
+@flown
+async def test_values_move_and_a_command_is_verified(tmp_path):
+    async with console(tmp_path, NADIR) as c:
+        craft, = await c.get("crafts")
+        assert craft["name"] == "nadir_spin" and craft["simulated"] and craft["clock"] == "simulated"
+        slots = await c.until("crafts/nadir_spin/slots", lambda found: SIGMA in [one["name"] for one in found])
+        places = {one["name"]: one["slot"] for one in slots}
+        slot = places[SIGMA]
+        live = await c.client.ws_connect("/api/live")
+        await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": [slot], "hz": 30}})
+        seen = []
+        while len(seen) < 3:
+            message = await live.receive(PATIENCE)
+            if message.type == WSMsgType.BINARY:
+                magic, number, _, t, n, _ = struct.unpack_from("<IIQqII", message.data)
+                assert (magic, number) == (0x31444C46, craft["index"])
+                seen += [(t, struct.unpack_from("<d", message.data, 32 + 16)[0])] * (
+                    n == 1 and struct.unpack_from("<I", message.data, 32)[0] == slot)
+        assert seen[0][0] < seen[1][0] < seen[2][0] and len({value for _, value in seen}) == 3
+
+        row = await c.verified("nadir_spin", "flight.write.control.K", {"K": 3})
+        assert [one["stage"] for one in row["stages"]] == ["released", "accepted", "completed"]
+        assert all(one["good"] for one in row["stages"]) and row["user"] == "operator"
+        control = c.room.crafts["nadir_spin"].simulation.flight.control
+        assert control.K == 3.0
+        stages = []
+        while "completed" not in stages:
+            message = await live.receive(PATIENCE)
+            if message.type == WSMsgType.TEXT and message.json()["kind"] == "sent":
+                stages = [one["stage"] for one in message.json()["stages"]]
+
+
+@flown
+async def test_forms_previews_and_refusals(tmp_path):
+    async with console(tmp_path, '[[craft]]\nmission = "earth_imager"\nspeed = 0\n') as c:
+        forms = {one["name"]: one for one in await c.get("crafts/earth_imager/commands")}
+        gain = forms["flight.write.steering.K1"]["arguments"][0]
+        assert (gain["name"], gain["type"], gain["unit"], gain["size"]) == ("K1", "real", "rad/s", 64)
+        assert forms["flight.reset_flight"]["hazardous"] and "flight.write.control" not in forms
+        craft = "crafts/earth_imager"
+        made = await c.post(f"{craft}/preview", {"name": "flight.write.steering.K1", "arguments": {"K1": 0.25}})
+        packet = bytes.fromhex(made["hex"])
+        assert packet[-8:] == struct.pack(">d", 0.25) and int.from_bytes(packet[4:6], "big") == len(packet) - 7
+        field = made["fields"][-1]
+        assert (field["name"], field["bit"], field["bits"], field["argument"]) == ("K1", 8 * len(packet) - 64, 64, True)
+        for name, arguments, why in (
+                ("flight.write.steering.K1", {"K1": -1}, "K1"), ("flight.write.steering.K1", {"K1": "x"}, "K1"),
+                ("flight.write.steering.K1", {}, "K1"), ("flight.write.steering.K1", {"K1": 1, "L": 2}, "L"),
+                ("flight.write.steering.K1", {"K1": None}, "K1"), ("flight.write.steering.K1", {"K1": [1]}, "K1"),
+                ("flight.write.steering.K2", {}, "did you mean"), ("flight.telemetry", {"output": "x", "on": "on"}, "output")):
+            found = await c.post(f"{craft}/preview", {"name": name, "arguments": arguments}, 400)
+            assert why in found["error"] and found.get("argument") == (why if len(why) < 8 else None), found
+        found = await c.post(f"{craft}/send", {"name": "flight.reset_flight"}, 409)
+        assert "begin anew" in found["hazardous"]
+        await c.post(f"{craft}/send", {"name": "flight.reset_flight", "confirmed": True})
+        refused = await c.verified("earth_imager", "flight.commit", {"module": "flight.steering", "crc": 3}, "failed")
+        assert "nothing of this module is staged" in refused["stages"][-1]["text"]
+        log = await c.get("log")
+        assert [one["action"] for one in log[:4]].count("POST /api/crafts/earth_imager/send") == 3
+        assert any(one["action"] == "refused" and not one["good"] for one in log)
+
+
+@flown
+async def test_run_control_and_faults(tmp_path):
+    async with console(tmp_path, NADIR) as c:
+        run = "crafts/nadir_spin/run"
+        paused = await c.post(run, {"action": "pause"})
+        assert paused["state"] == "paused"
+        later = await c.post(run, {"action": "step", "seconds": 5})
+        found = await c.until(run, lambda one: one["state"] == "paused")
+        assert int(found["t_ns"]) - int(paused["t_ns"]) == 5 * 10**9 and later["speed"] == 20
+        wheels = c.room.crafts["nadir_spin"].simulation.world.wheels
+        await c.post(run, {"fault": {"path": "world.wheels.friction", "value": [0, 0.03, 0, 0]}})
+        assert list(wheels.friction)[:4] == [0, 0.03, 0, 0]
+        for fault, why in (({"path": "world.wheels.frictio", "value": 1}, "did you mean 'friction'"),
+                           ({"path": "world.wheel.friction", "value": 1}, "did you mean 'wheels'"),
+                           ({"path": "world.wheels.friction", "value": "x"}, "friction"),
+                           ({"path": "world.wheels.__class__", "value": 1}, "a fault is of a parameter"),
+                           ({"path": 3}, "a fault is of a parameter")):
+            assert why in (await c.post(run, {"fault": fault}, 400))["error"]
+        assert "found 'fly'" in (await c.post(run, {"action": "fly"}, 400))["error"]
+        assert "speed" in (await c.post(run, {"speed": -1}, 400))["error"]
+        assert (await c.post(run, {"action": "go", "speed": 0}))["state"] == "running"
+        await c.until(run, lambda one: int(one["t_ns"]) > int(found["t_ns"]) + 20 * 10**9)
+        events = await c.get("crafts/nadir_spin/events")
+        assert any(one["source"] == "run" and "friction" in one["text"] for one in events)
+
+
+@flown
+async def test_files_and_tables_of_flight(tmp_path):
+    async with console(tmp_path, '[[craft]]\nmission = "flatsat"\nspeed = 20\n') as c:
+        craft = "crafts/flatsat"
+        assert {"files", "tables", "run"} <= set((await c.get("crafts"))[0]["can"])
+        content = bytes(range(256)) * 20
+        number = (await c.post(f"{craft}/files?name=plan.bin", data=content))["id"]
+        rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
+        assert (rows[0]["id"], rows[0]["state"], rows[0]["done"], rows[0]["up"]) == (number, "completed", 5120, True)
+        assert "plan.bin" in (await c.get(f"{craft}/directory"))["names"]
+        await c.post(f"{craft}/fetch", {"name": "plan.bin"})
+        rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
+        assert (rows[0]["state"], rows[0]["up"]) == ("completed", False)
+        assert [one["name"] for one in await c.get(f"{craft}/files")] == ["plan.bin"]
+        assert await (await c.client.get(f"/api/{craft}/files/plan.bin")).read() == content
+        for path, status in (("files/..%2fjournal.sqlite", 404), ("files/none", 404)):
+            await c.get(f"{craft}/{path}", status)
+        await c.post(f"{craft}/fetch", {"name": "none"})
+        rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
+        assert rows[0]["state"] == "failed" and rows[0]["text"]
+        await c.post(f"{craft}/files?name=", data=b"x", status=400)
+        await c.post(f"{craft}/transfers/99", {"action": "cancel"}, 400)
+
+        table = f"{craft}/tables/flight.control"
+        assert "read flight.control first" in (await c.post(table, {"values": {"K": 3.0}}, 400))["error"]
+        await c.row("flatsat", (await c.post(table, {"read": True}))["ids"][0])
+        control = c.room.crafts["flatsat"].simulation.flight.control
+        one = next(one for one in await c.get(f"{craft}/tables") if one["name"] == "flight.control")
+        assert one["values"]["K"] == control.K and one["read_ns"]
+        await c.row("flatsat", (await c.post(table, {"values": {"K": 3.5}}))["ids"][0])
+        assert control.K == 3.5
+        row = await c.row("flatsat", (await c.post(table, {"values": {"K": -3.5}}))["ids"][0], "failed")
+        assert "the parameters would break a rule" in row["stages"][-1]["text"] and control.K == 3.5
+        await c.post(f"{craft}/tables/flight.contro", {"read": True}, 400)
+        await c.post(table, {"values": {"k": 1}}, 400)
+        await c.post(table, {"values": {"K": "x"}}, 400)
+
+
+@flown
+async def test_what_is_wrong_is_said(tmp_path):
+    async with console(tmp_path, NADIR) as c:
+        for path in ("nothing", "crafts/other", "crafts/other/slots", "crafts/nadir_spin/packets/1-2"):
+            assert (await c.get(path, 404))["error"]
+        for path in ("slots?first=x", "slots?first=-1", "packets?limit=0", "sent?before=1e3", "events?before=" + "9" * 30):
+            assert "is a whole number" in (await c.get(f"crafts/nadir_spin/{path}", 400))["error"]
+        for path, body in (("send", b"{"), ("send", b"[]"), ("send", b'{"name": 3}'), ("send", b'{"nam": "x"}'),
+                           ("preview", b"[" * 100000), ("inspect", b'{"hex": "0g"}'), ("run", b'{"action": true}'),
+                           ("alarms/0", b"{}"), ("stored", b'{"list": 1}')):
+            assert (await c.post(f"crafts/nadir_spin/{path}", data=body, status=400))["error"]
+        await c.post("crafts/nadir_spin/alarms/99999", {"acknowledge": True}, 404)
+        assert (await c.client.post("/api/crafts/nadir_spin/send", json={})).status == 403      # without the CSRF word
+        live = await c.client.ws_connect("/api/live")
+        for text in ("{", "3", '{"subscribe": 3}', '{"subscribe": {"craft": "x"}}',
+                     '{"subscribe": {"craft": "nadir_spin", "slots": "some"}}',
+                     '{"subscribe": {"craft": "nadir_spin", "slots": [-1]}}',
+                     '{"subscribe": {"craft": "nadir_spin", "slots": [], "hz": 1e9}}'):
+            await live.send_str(text)
+            while (found := (await live.receive(PATIENCE)).json())["kind"] != "refused":
+                pass
+            assert found["error"]
+        assert await c.get("crafts")
+        await c.get("openapi.yaml")
+
+
+@flown
+async def test_a_browser_that_does_not_read_disturbs_nobody(tmp_path):
+    async with console(tmp_path, '[[craft]]\nmission = "nadir_spin"\nspeed = 0\n') as c:
+        await c.until("crafts/nadir_spin/slots", lambda found: SIGMA in [one["name"] for one in found])
+        asleep = await c.client.ws_connect("/api/live", max_msg_size=0)
+        asleep._conn.transport.pause_reading()      # its window fills up
+        awake = await c.client.ws_connect("/api/live")
+        for one in (asleep, awake):
+            await one.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
+        frames = 0
+        server = c.room.listeners[0].__self__
+        while max(one.skipped for one in server.browsers) == 0:
+            frames += (await awake.receive(PATIENCE)).type == WSMsgType.BINARY
+        assert frames > 10 and min(one.skipped for one in server.browsers) < frames
+        asleep._conn.transport.resume_reading()
+        while True:
+            message = await asleep.receive(PATIENCE)
+            if message.type == WSMsgType.TEXT and message.json()["kind"] == "skipped":
+                assert message.json()["count"] > 0
+                break
+
+
+@pytest.mark.parametrize("text, why", [
+    ("", "a control room has spacecraft"),
+    ("[[craft]]\n", "ground.toml:1: a spacecraft has a `mission` or a `database`; there are neither"),
+    ('[[craft]]\nmission = "nadir_spin"\nlink = "udp://x"\n', "ground.toml:3: a link has an address"),
+    ('[[craft]]\nmission = "nadir_spin"\nlink = "listen://1"\nspeed = 2\n', "`speed` is of a mission that the server flies"),
+    ('[[craft]]\nmission = "nadir_spin"\n[[craft]]\nmission = "nadir_spin"\n', "names differ; nadir_spin is there"),
+    ('[[craft]]\nmission = "nadir_spin"\nname = "a/b"\n', "a name is of letters"),
+    ('[[craft]]\ndatabase = ["none.xml"]\nlink = "listen://1"\n', "files of a database are there"),
+    ('[[craft]]\nmission = "nadir_spin"\nsped = 3\n', "did you mean `speed`?"),
+    ('[[craft]]\nmission = "nadir_spin"\n[craft.derived.x]\nexpression = "1"\n', "`of` has names and their parameters"),
+    ('port = 70000\n[[craft]]\nmission = "nadir_spin"\n', "ground.toml:1: "),
+    ('host = "0.0.0.0"\n[[craft]]\nmission = "nadir_spin"\n', "opens the server to a network")])
+def test_a_wrong_file_is_refused_with_its_line(tmp_path, text, why):
+    from fledge.errors import SetupError
+
+    (tmp_path / "ground.toml").write_text(text)
+    with pytest.raises(SetupError) as error:
+        read(tmp_path / "ground.toml")
+    assert why in str(error.value)
