@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge ground ACTION`: the server of the control room (docs/control-room.md), and lines for its file, which let people
-and scripts use it.
+"""`fledge ground ACTION`: the server of the control room (docs/control-room.md), scripts of the ground, and lines for the
+server's file, which let people and scripts use it.
 
-Exit codes as of all commands: 0 done, also by Ctrl-C; 2 the command line or the file is wrong.
+Exit codes: 0 done, also by Ctrl-C of the server; 1 the script failed; 2 the command line, the file or the address is
+wrong; 130 Ctrl-C of a script.
 """
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ import argparse
 import getpass
 import sys
 
-from fledge.cli.console import say
+from fledge.cli.arguments import number
+from fledge.cli.console import say, trace
 from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one: Any = command("ground", lambda options: one.error("serve, password or token?"),
-                       "the control room: serve it, its users and their scripts", "ground serve ground.toml")
+    one: Any = command("ground", lambda options: one.error("serve, run, password or token?"),
+                       "the control room: serve it, run scripts, its users", "ground serve ground.toml")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name, function, text, example):
@@ -35,6 +37,19 @@ def add(command: Callable) -> None:
     a = action("serve", serve, "decode, archive and command spacecraft, with a console in the browser",
                "serve ground.toml")
     a.add_argument("file", metavar="FILE", help="its spacecraft and their links: docs/control-room.md")
+    a = action("run", run, "run a script of the ground, and write a page about it", "run gains.py --to nadir_spin")
+    a.add_argument("script", metavar="SCRIPT.py", help="has a function run(craft, script); docs/ground.md")
+    a.add_argument("--to", required=True, metavar="CRAFT", help="a mission, which is simulated meanwhile; or an address, "
+                   "as of `fledge command`")
+    a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
+    a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
+    a.add_argument("--seed", type=int, default=0, metavar="N", help="of a simulated mission's random streams; "
+                   "default: 0")
+    a.add_argument("--pace", type=number(), default=0.0, metavar="X", help="of a simulated mission: X simulated seconds "
+                   "per second; default: as fast as possible")
+    a.add_argument("--yes", action="store_true", help="answer the script's questions with yes")
+    a.add_argument("--out", metavar="DIR", help="for script.html and script.jsonl; default: a new folder in "
+                   "runs/scripts")
     action("password", password, "ask for a password, and print the line of a [[user]] that knows it", "password")
     a = action("token", token, "make a token for scripts, and print it with its table for the server's file",
                "token 'night pass'")
@@ -64,6 +79,77 @@ def serve(options: argparse.Namespace) -> int:
         room.close()
     say("  ended")
     return 0
+
+
+def run(options: argparse.Namespace) -> int:
+    import shlex
+    from datetime import datetime, timezone
+    from json import dumps
+    from pathlib import Path
+
+    from fledge.cli.runs import RUNS, alone
+    from fledge.ground import script as scripts
+    from fledge.report import script as page
+
+    path = Path(options.script)
+    function = scripts.load(path)
+    folder = Path(options.out) if options.out else \
+        RUNS / "scripts" / f"{path.stem}-{datetime.now(timezone.utc):%Y%m%dT%H%M%S}Z"
+    entries: list[scripts.Entry] = []
+    with _craft(options, scripts.Watched) as craft, alone(folder), (folder / "script.jsonl").open("w") as lines:
+        def write(entry: scripts.Entry) -> None:
+            entries.append(entry)
+            lines.write(dumps(entry, ensure_ascii=False) + "\n")
+            lines.flush()
+            _show(entry)
+
+        write(scripts.begin(path, options.to, function))
+        script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes))
+        try:
+            problem, code = script.run(function, lambda: trace(options))
+        finally:
+            at = page.write(folder / "script.html", entries, shlex.join(["./fledge", *options.words]))
+            say(f"  page     {at}")
+    if problem:
+        raise Failure(f"{path.name}: {problem}" if code == 130 else problem, code)
+    say("  passed")
+    return 0
+
+
+def _craft(options, kind):
+    """The spacecraft of --to."""
+    import re
+
+    import fledge
+    from fledge import ground
+
+    if re.match(r"[a-z]+://|serial:|cosim:", options.to):
+        if not options.mission:
+            raise Failure(f"ground run: {options.to} is an address; --mission says what is there")
+        return ground.connect(options.to, options.mission, process=options.process, kind=kind)
+    sim = fledge.load(options.to, options.seed)
+    sim.pace = options.pace
+    return ground.connect(sim, process=options.process, kind=kind)
+
+
+def _show(entry):
+    """An entry as a line of the terminal."""
+    texts = {"step": " / ".join(entry.get("step", [])), "command": entry.get("text"), "confirm": entry.get("why"),
+             "stage": f"{entry.get('id')} {entry.get('stage')} {entry.get('text')}", "file": entry.get("text"),
+             "wait": entry.get("why") or "done", "hold": "", "exception": entry.get("text"),
+             "check": f"{entry.get('text') or entry.get('source')}: {'holds' if entry.get('good') else 'fails'}",
+             "value": str(entry.get("values"))}
+    if (text := texts.get(entry["kind"])) is not None:
+        say(f"  {entry['t_ns'] / 1e9:10.3f} s  {entry['kind']:9} {text}".rstrip())
+
+
+def _ask(question, yes):
+    """(the answer of the operator, who that was)."""
+    if yes:
+        return True, "by --yes"
+    if not sys.stdin.isatty():
+        raise Failure(f"the script asks '{question}', and there is no terminal; --yes answers it", 1)
+    return input(f"{question} [y/N] ").strip().lower() in ("y", "yes"), f"by {getpass.getuser()}"
 
 
 def password(options: argparse.Namespace) -> int:

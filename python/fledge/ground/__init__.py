@@ -42,7 +42,8 @@ def __getattr__(name: str) -> Any:
 
 
 def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,
-            process: str | None = None, radio: Any = None, keys: Path | str | None = None, role: int = 0) -> Craft:
+            process: str | None = None, radio: Any = None, keys: Path | str | None = None, role: int = 0,
+            kind: type[Craft] = Craft) -> Craft:
     """A spacecraft behind a link. One that speaks frames, as its dictionary says, gets them.
 
     where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
@@ -53,6 +54,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
     keys: the file of a secured link (`fledge keys link FILE`), role: the place of the role that commands; of a
     simulation keys is the file of its mission, unless another is given
+    kind: what is made, a Craft or a class of that
 
     Raises SetupError for an address, file or mission that is none.
     """
@@ -61,7 +63,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
         found = link.process.commands.dictionary
         mission = getattr(where, "mission", None)
         own = Path(mission.folder) / FILE if mission else None
-        return Craft(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
+        return kind(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
     if radio is not None:
         raise SetupError("connect: a radio is in a simulation; give that in place of the address")
     if dictionary is None:
@@ -72,7 +74,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
         where = open_link(_with(str(where), options), accepts(found), found.frames)
     elif found.frames and not isinstance(where, Framed):
         where = Framed(where, found.frames, keys, role)
-    return Craft(where, found, sequence)
+    return kind(where, found, sequence)
 
 
 def _with(address: str, options: str) -> str:

@@ -137,6 +137,12 @@ class Sent:
         return max((100 if one.executed and one.good else one.detail if one.stage == Stage.UNDER_WAY else 0
                     for one in self.reports), default=0)
 
+    @property
+    def over(self) -> bool:
+        """Whether flight will say no more of it: it is done, or refused."""
+        return any(not one.good for one in self.reports) or sum(one.executed for one in self.reports) == len(
+            self.packets)
+
     def delivered(self, within: Any = WITHIN) -> Self:
         """Wait until the link knows that the spacecraft has all of it: by frames with COP-1. Raises NoAnswer."""
         self._craft.wait(lambda _: self._is_on_its_way() and len(self.arrived) == len(self.packets), within,
@@ -252,9 +258,13 @@ class Craft:
         """Send packets as they are, one change."""
         one = Sent(self, packets)
         self.sent.append(one)
+        self._leaves(one)
         for packet in one.packets:
             self.link.send(packet)
         return one
+
+    def _leaves(self, one: Sent) -> None:
+        """A command is about to be sent."""
 
     # --- files ---
 

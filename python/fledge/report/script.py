@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run of a script of the ground on one HTML page, as `fledge ground run` writes it: no other file, no script, no
+network. It has the entries of the run alone (fledge.ground.script): nothing but its head names target and date."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fledge import __version__
+from fledge.files import Part
+from fledge.report.run import templates
+
+Entry = dict[str, Any]
+
+
+class Row(NamedTuple):
+    """What happened at an instant."""
+
+    t_ns: int
+    kind: str
+    good: bool | None           # None: it is neither
+    text: str                   # of the script, or what it did
+    results: list[str]
+    values: dict[str, Any]
+    packets: Sequence[str] = ()
+    line: int = 0
+
+
+class Group(NamedTuple):
+    """A step, or what stands between two."""
+
+    title: str
+    begin_ns: int
+    rows: list[Row]
+    ends: list[Entry]           # how it ended: none yet, or one
+
+
+def write(path: Path, entries: Sequence[Entry], command: str) -> Path:
+    """Write the page; returns its path. command: repeats the run."""
+    end = entries[-1] if entries[-1]["kind"] == "end" else None
+    first = entries[0]
+    with Part(path) as part:
+        part.write_text(templates().get_template("script.html").render(
+            run=first, about=first["about"].split("\n\n"), end=end, parts=_parts(entries), command=command,
+            version=__version__, seconds=_seconds, counts={
+                "commands": sum(one["kind"] == "command" for one in entries),
+                "refused": sum(one["kind"] == "stage" and not one["good"] for one in entries),
+                "waits": sum(one["kind"] == "wait" for one in entries),
+                "checks": sum(one["kind"] == "check" for one in entries)}), encoding="utf-8")
+    return path
+
+
+def _parts(entries: Sequence[Entry]) -> list[Group]:
+    """The entries by steps, in the order of their beginnings. A stage stands with its command."""
+    parts: list[Group] = []
+    steps: dict[tuple[str, ...], Group] = {}
+    rows: dict[int, Row] = {}
+    for one in entries:
+        key = tuple(one.get("step", ()))
+        if one["kind"] == "step":
+            parts.append(Group(" / ".join(key), one["t_ns"], [], []))
+            steps[key] = parts[-1]
+        elif one["kind"] == "step ends":
+            steps.pop(key).ends.append(one)
+        elif one["kind"] == "stage":
+            rows[one["id"]].results.append(_stage(one))
+        elif one["kind"] not in ("run", "end"):
+            if key in steps:
+                part = steps[key]
+            elif parts and not parts[-1].title:
+                part = parts[-1]
+            else:
+                parts.append(part := Group("", one["t_ns"], [], []))
+            part.rows.append(row := _row(one))
+            if one["kind"] == "command":
+                rows[one["id"]] = row
+    return parts
+
+
+def _row(one: Entry) -> Row:
+    kind, results = one["kind"], []
+    if kind == "wait":
+        results = [f"after {_seconds(one['took_ns'])} of {_seconds(one['within_ns'])}", one["why"]]
+    elif kind == "hold":
+        results = [_seconds(one["took_ns"])]
+    elif kind == "check":
+        results = ["holds" if one["good"] else "does not hold"]
+    elif kind == "confirm":
+        results = [("yes, " if one["good"] else "no, ") + one["why"]]
+    elif kind == "exception":
+        results = [one["text"]]
+    said = one.get("text", "") if kind in ("command", "check", "confirm", "file") else ""
+    values = one.get("values", {})
+    if kind == "command":
+        said, values = f"{said} " + " ".join(f"{name}={value}" for name, value in values.items()), {}
+    good = False if kind == "exception" else one.get("good")
+    return Row(one["t_ns"], kind, good, (said or one["source"]).strip(), list(filter(None, results)), values,
+               one.get("packets", ()), one["line"])
+
+
+def _stage(one: Entry) -> str:
+    at = one.get("on_board_ns", one["t_ns"])
+    data = f", {one['data']}" if one.get("data") else ""
+    return "".join([one["stage"], f" at {_seconds(at)}" if at >= 0 else "", f": {one['text']}" if one["text"] else "",
+                    data])
+
+
+def _seconds(ns: int) -> str:
+    return f"{ns / 1e9:.3f}".rstrip("0").rstrip(".") + " s"
