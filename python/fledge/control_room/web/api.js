@@ -27,6 +27,14 @@ export class Api {
         return (await this.ask("GET", path + search(query), undefined, options)).json();
     }
 
+    /** GET, or POST of a body, as JSON whose integers beyond 2^53 are BigInt, where the browser can tell. */
+    async exact(path, body) {
+        const answer = await this.ask(body ? "POST" : "GET", path, body);
+        return JSON.parse(await answer.text(), (_, value, from) => (typeof value === "number" &&
+            Number.isInteger(value) && !Number.isSafeInteger(value) && /^-?\d+$/.test(from?.source) ?
+            BigInt(from.source) : value));
+    }
+
     /** GET as an ArrayBuffer. */
     async bytes(path, query = {}, options = {}) {
         return (await this.ask("GET", path + search(query), undefined, options)).arrayBuffer();

@@ -84,7 +84,7 @@ export async function open(context) {
         put(made.link, address || (craft.simulated ? "flown by this server" : "none"));
         put(made.counts,
             Object.entries(counts)
-                    .filter(([, value]) => typeof value !== "object")
+                    .filter(([, value]) => ["number", "string"].includes(typeof value))
                     .map(([name, value]) =>
                              `${name.replaceAll("_", " ")} ${typeof value === "number" ? count(value) : value}`)
                     .join(" \u00b7 ") ||

@@ -3,11 +3,14 @@
 import {of} from "../api.js";
 import {attempt, dress, h, hint, put} from "../dom.js";
 import {List} from "../list.js";
+import {real} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Packets", key = "k";
 
 const WIDTH = 16;       // bytes in a line
+const short = (path) => path?.split("/").at(-1);
+const written = (value) => (typeof value === "number" && !Number.isInteger(value) ? real(value) : String(value ?? ""));
 
 export async function open(context) {
     const {root, api, time, craft, keys} = context;
@@ -30,12 +33,13 @@ export async function open(context) {
             fill: (cells, one, element) => {
                 put(cells[0], time.text(one.t_ns).slice(time.utc ? 11 : 0));
                 hint(cells[0], time.text(one.t_ns, 9));
-                put(cells[1], one.container ?? `\u25a0 ${one.reason || "not decoded"}`);
+                hint(cells[1], one.container ?? one.reason);
+                put(cells[1], short(one.container) ?? `\u25a0 ${one.reason || "not decoded"}`);
                 put(cells[2], String(one.size));
                 dress(cells[1], `td ${one.container ? "" : "c4"}`);
                 if (one.container && !known.has(one.container)) {
                     known.add(one.container);
-                    kind.append(h("option", {value: one.container}, one.container));
+                    kind.append(h("option", {value: one.container}, short(one.container)));
                 }
             },
             moved: (one) => show(one.id),
@@ -59,8 +63,8 @@ export async function open(context) {
             const one = rows[row];
             put(cells[0], one.name);
             hint(cells[0], one.name);
-            put(cells[1], String(one.value ?? ""));
-            put(cells[2], String(one.raw ?? ""));
+            put(cells[1], one.status && one.status !== "good" ? one.status : written(one.value));
+            put(cells[2], written(one.raw));
             put(cells[3], `${one.bit} +${one.bits}`);
             element.onpointerenter = () => mark(row);
         },
@@ -114,9 +118,9 @@ export async function open(context) {
     async function show(id) {
         const turn = ++asked;
         context.select(String(id));
-        const packet = await attempt(list.problem, () => api.get(of(craft, "packets", id)));
+        const packet = await attempt(list.problem, () => api.exact(of(craft, "packets", id)));
         if (packet && turn === asked)
-            fill(packet, `${packet.container ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
+            fill(packet, `${short(packet.container) ?? "Not decoded"} \u00b7 ${time.text(packet.t_ns, 6)}`);
     }
 
     const typed = h("input", {
@@ -129,9 +133,9 @@ export async function open(context) {
             if (!hex)
                 return;
             asked++;
-            const packet = await attempt(list.problem, () => api.post(of(craft, "inspect"), {hex}));
+            const packet = await attempt(list.problem, () => api.exact(of(craft, "inspect"), {hex}));
             if (packet)
-                fill({...packet, hex}, packet.container ?? "Not decoded");
+                fill({...packet, hex}, short(packet.container) ?? "Not decoded");
         }
     });
     root.append(h("div", {class: "head"}, h("h1", {}, title), kind, bad, typed),

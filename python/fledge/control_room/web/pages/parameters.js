@@ -131,7 +131,7 @@ export async function open(context) {
         fact("Meaning", about.description);
         fact("Kind", about.kind);
         fact("Unit", about.unit);
-        fact("Packet", about.container);
+        fact("Packet", about.container?.split("/").at(-1));
         fact("In the database", about.path);
         fact("Limits", limitsText(about.limits));
         if (about.labels?.length) fact("Values", about.labels.join(", "));

@@ -77,8 +77,9 @@ export async function open(context) {
     };
     function view() {
         if (fixed) return fixed;
-        const at = seconds(), long = length();
-        return time.isLive ? [at - long, at] : [at - 0.75 * long, at + 0.25 * long];
+        const at = seconds(), long = length(), first = Number(time.extent()[0]) / 1e9;
+        if (time.isLive) return [Math.min(Math.max(at - long, first), at - 10), at];
+        return [at - 0.75 * long, at + 0.25 * long];
     }
 
     function zoom(from, to) {
