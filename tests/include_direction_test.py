@@ -27,7 +27,7 @@ EXTENSIONS = {
               "cosim"},
     "_cosim": {"cosim"},
     "_emulator": {"emulator"},
-    "_ground": {"ground"},
+    "_ground": {"control_room", "ground"},
 }
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)
