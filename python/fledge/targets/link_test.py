@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A target in a co-simulation of several programs, one of which commands it and reads its telemetry while it flies."""
 import re
+import shutil
 import socket
 import struct
 import subprocess
@@ -8,12 +9,14 @@ import sys
 import time
 
 import pytest
+import yaml
 
 from fledge import cli, ground
 from fledge.activity import happenings
 from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
+from fledge.export.xtce_test import Reader
 from fledge.ground.links import split
 from fledge.targets import TARGETS
 
@@ -352,6 +355,119 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
     said = [(one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind == "command"]
     assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
     assert cli.main(["replay", "runs/link", "flight", "--", *fly("linux", place)]) == 0, capfd.readouterr()
+
+
+STATION = """
+simulation = "link"
+until = 120
+pace = 10
+join = 300
+
+""" + NODES.replace("{target}", "linux") + """
+[[asynchronous]]
+name = "station"
+process = "flight"
+link = "udp://127.0.0.1:{telemetry}?listen={commands}"
+"""
+
+
+class Station:
+    """A ground station that knows the folder of `--yamcs` and nothing else: the ports of its file, the packets and
+    verifiers of its XTCE; it gives commands their sequence, length and checksum as CfsCommandPostprocessor does."""
+
+    def __init__(self, folder, name):
+        links = {one["class"].rpartition(".")[2]: one for one in yaml.safe_load(
+            (folder / f"etc/yamcs.{name}.yaml").read_text(encoding="utf-8"))["dataLinks"]}
+        self.reader = Reader((folder / f"mdb/{name}.xml").read_text(encoding="utf-8"))
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", links["UdpTmDataLink"]["port"]))
+        self.there = (links["UdpTcDataLink"]["host"], links["UdpTcDataLink"]["port"])
+        self.sequence, self.seen = 0, []        # datagrams both ways, in their order
+
+    def packet(self, seconds):
+        """Raw values of the next packet by the parameters' names; None: none comes in time."""
+        self.socket.settimeout(seconds)
+        try:
+            packet = self.socket.recv(1500)
+        except TimeoutError:
+            return None
+        self.seen.append(packet)
+        paths = self.reader.decode(packet, "flight_packet")[1]
+        return {name: paths[Reader.alias(one)] for name, one in self.reader.parameters.items()
+                if Reader.alias(one) in paths}
+
+    def command(self, name, within=20, **arguments):
+        """Send a command; the tags of its verifiers up to one that ends it, or those that came in time [s]."""
+        sequence, self.sequence = self.sequence, self.sequence + 1
+        self.seen.append(self.reader.encode(name, sequence, **arguments))
+        self.socket.sendto(self.seen[-1], self.there)
+        verifiers = next(one for one in reversed([each.find("VerifierSet") for each in self.reader.chain(name)])
+                         if one is not None)
+        end, tags = time.monotonic() + within, []
+        while time.monotonic() < end and tags[-1:] not in (["CompleteVerifier"], ["FailedVerifier"]):
+            if values := self.packet(1):
+                tags += [one.tag for one in verifiers if self.holds(one, values, sequence)]
+        return tags
+
+    @staticmethod
+    def holds(verifier, values, sequence):
+        for condition in verifier.iter("Condition"):
+            left = values.get(condition.find("ParameterInstanceRef").get("parameterRef"))
+            right = [sequence for one in condition.iterfind("ParameterInstanceRef")
+                     if one.get("parameterRef") == "/yamcs/cmdHist/ccsds-seqcount"]
+            right += [int(one.text) for one in condition.iterfind("Value")]
+            if left is None or (left == right[0]) != (condition.find("ComparisonOperator").text == "=="):
+                return False
+        return True
+
+
+def shown_by_wireshark(packets, path):
+    """(type, secondary header, stream, flags, sequence, length) of each, by a decoder that is not ours."""
+    records = b"".join(struct.pack(">IIII", 0, 0, len(one), len(one)) + one for one in packets)
+    path.write_bytes(struct.pack(">IIIIII", 0xA1B2C3D4, 0x00020004, 0, 0, 131072, 147) + records)
+    fields = [word for name in ("type", "secheader", "apid", "seqflag", "seqnum", "length")
+              for word in ("-e", f"ccsds.{name}")]
+    text = subprocess.run(["tshark", "-n", "-r", path, "-o", 'uat:user_dlts:"User 0 (DLT=147)","ccsds","0","","0",""',
+                           "-T", "fields", *fields], capture_output=True, text=True, check=True).stdout
+    return [[int(word, 0) for word in line.split()] for line in text.splitlines()]
+
+
+@pytest.mark.skipif(not shutil.which("tshark"), reason="not here: tshark")
+def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulation(place, tmp_path, capfd):
+    assert cli.main(["export", "xtce", "./plays", "--yamcs", "--out", "out"]) == 0, capfd.readouterr()
+    ports = {10015: free_port(), 10025: free_port()}
+    file = place / "out/yamcs/etc/yamcs.plays.yaml"
+    file.write_text(re.sub("10015|10025", lambda found: str(ports[int(found[0])]), file.read_text()))
+    station = Station(place / "out/yamcs", "plays")
+    (place / "station.toml").write_text(STATION.format(telemetry=ports[10015], commands=ports[10025]))
+    run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "station.toml"], stdout=subprocess.PIPE,
+                           stderr=subprocess.STDOUT, text=True)
+    try:
+        while not (tags := station.command("flight_noop", within=1)):     # until flight is there
+            assert run.poll() is None
+        assert tags == ["AcceptedVerifier", "CompleteVerifier"]
+        assert station.command("flight_telemetry", output="flight.housekeeping", every=10)[-1] == "CompleteVerifier"
+        assert station.command("flight_mode", mode="rest") == ["AcceptedVerifier", "CompleteVerifier"]
+        assert station.command("flight_write_control_K", K=-1.0)[-1] == "FailedVerifier"
+        housekeeping = []
+        while len(housekeeping) < 3:
+            values = station.packet(10)
+            assert values is not None
+            housekeeping += [values] if "flight_housekeeping_mode" in values else []
+        text = run.communicate(timeout=120)[0]
+    finally:
+        run.kill()
+        station.socket.close()
+    assert run.returncode == 0, text
+    shown = shown_by_wireshark(station.seen, tmp_path / "seen.pcap")
+    assert len(shown) == len(station.seen) and {tuple(one[:2]) for one in shown} == {(0, 1), (1, 1)}
+    assert all(flags == 3 and length + 7 == len(packet) for (_, _, _, flags, _, length), packet in zip(
+        shown, station.seen))
+    sent = [number for kind, _, _, _, number, _ in shown if kind == 1]
+    assert sent == list(range(len(sent)))
+    for stream in {apid for kind, _, apid, *_ in shown if kind == 0}:
+        numbers = [number for kind, _, apid, _, number, _ in shown if (kind, apid) == (0, stream)]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), stream
 
 
 BY_HAND = """
