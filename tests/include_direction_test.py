@@ -27,7 +27,7 @@ EXTENSIONS = {
               "cosim"},
     "_cosim": {"cosim"},
     "_emulator": {"emulator"},
-    "_ground": {"control_room", "ground"},
+    "_ground": {"ground"},
 }
 
 # flight.py also runs under MicroPython, which has nothing but these. (sqrt is exact in both.)

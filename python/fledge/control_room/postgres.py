@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psycopg
 
-from fledge import _ground
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -233,9 +232,8 @@ class Tail:
                  server: int) -> None:
         self.craft, self.names, self.base, self.server = craft, names, base, server
         self.database = craft.database
-        self.history = _ground.History(str(room.settings.folder / "archive"), craft.name, craft.database,
-                                       craft.settings.root)
-        self.monitor = _ground.Monitor(craft.database, craft.settings.root)
+        self.history = craft.database.history(room.settings.folder / "archive", craft.name, craft.settings.root)
+        self.monitor = craft.database.monitor(craft.settings.root)
         self.epoch = (craft.epoch_ns or 0) if craft.clock == "simulated" else 0
         with base.transaction():
             base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from fledge import _ground
 from fledge.control_room.postgres import Postgres, PostgresSettings
 from fledge.errors import SetupError
+from fledge.ground import Database
 from tests.tree import ROOT
 
 psycopg = pytest.importorskip("psycopg")
@@ -113,14 +113,14 @@ class Server:
 
     def __init__(self, folder, base, **more):
         (folder / "craft.xml").write_text(DATABASE, encoding="utf-8")
-        self.database = _ground.Database.read([(str(folder / "craft.xml"), "")])
+        self.database = Database.load(folder / "craft.xml")
         craft = SimpleNamespace(name="craft", database=self.database, settings=SimpleNamespace(root=None), clock="utc",
                                 epoch_ns=None, replayed="")
         self.events = []
         room = SimpleNamespace(settings=SimpleNamespace(folder=folder), crafts={"craft": craft},
                                tell=lambda *words: self.events.append(words))
-        self.monitor = _ground.Monitor(self.database)
-        self.archive = _ground.PacketArchive(str(folder / "archive"), "craft", self.database)
+        self.monitor = self.database.monitor()
+        self.archive = self.database.archive(folder / "archive", "craft")
         self.monitor.sink(self.archive)
         self.postgres = Postgres(PostgresSettings.read({"url": base.url, "partition": "1 hour", **more}), room)
 

@@ -23,9 +23,12 @@ class Room:
         self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
+        self.postgres: Any = None
         try:
             for one in settings.crafts:
                 self.add(Spacecraft(self, one, self._numbers))
+            if "postgres" in settings.more:
+                self.postgres = self._postgres(settings.more["postgres"])
         except BaseException:
             self.close()
             raise
@@ -54,12 +57,23 @@ class Room:
     def start(self) -> None:
         for one in self.crafts.values():
             one.start()
+        if self.postgres:
+            self.postgres.start()
 
     def close(self) -> None:
         """End all in order."""
+        if self.postgres:
+            self.postgres.close()
         for one in self.crafts.values():
             one.close()
         self.journal.close()
+
+    def _postgres(self, table: dict[str, Any]) -> Any:
+        try:
+            from fledge.control_room.postgres import Postgres, PostgresSettings
+        except ModuleNotFoundError as error:
+            raise SetupError(f"[postgres] needs Debian's package python3-psycopg ({error})") from None
+        return Postgres(PostgresSettings.read(table), self)
 
     # --- what happens ---
 
