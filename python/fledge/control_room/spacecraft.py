@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Event as Flag, Thread
+from threading import Event as Flag, Lock, Thread
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from fledge.commands import SERVICES, Dictionary, Timed
 from fledge.control_room.alarms import Alarms
 from fledge.control_room.commanding import Commanding
+from fledge.control_room.derived import DerivedParameters
 from fledge.control_room.services import StoredLists, Tables, Transfers
 from fledge.control_room.settings import CraftSettings
 from fledge.errors import Failure, SetupError
@@ -57,7 +58,9 @@ class Spacecraft:
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
         self.packets = self.undecoded = 0
-        self.archive: Any = None
+        self.archive: Any = None        #: None: it is not kept
+        self.history: Any = None
+        self._reading = Lock()          # of the history
         self.archive_problem = ""
         self.recent: deque[tuple[int, int, bytes]] = deque(maxlen=RECENT)
         self.bad: deque[tuple[int, int, bytes, str]] = deque(maxlen=RECENT)     # those that were not decoded
@@ -68,13 +71,18 @@ class Spacecraft:
         self._thread: Thread | None = None
         self._reasons: set[str] = set()
         self._retry = 0.0
+        self._changed: list[int] = []   # when the files of the database did
+        self._looked = 0.0
         self._prepare()
+        self.derived = DerivedParameters(self, self.monitor)
         self.slot_names: list[str] = []
         self.slot_numbers: dict[str, int] = {}
         self._watch()
-        self.commanding = Commanding(self)
+        self.commanding: Commanding = Commanding(self)
         self.alarms = Alarms(self)
         self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
+        if not self.replayed:
+            self._keep()
 
     @property
     def clock(self) -> str:
@@ -97,8 +105,13 @@ class Spacecraft:
         elif self.link:
             self.link.close()
         self.ground = self.link = None
-        self.archive = None
         self.monitor.sink(None)
+        if self.archive is not None:
+            try:
+                self.archive.close()
+            except SetupError as error:
+                self._archived(str(error))
+            self.archive = None
 
     def call(self, what: Callable[[], Answer]) -> Future[Answer]:
         """Do something in the spacecraft's thread."""
@@ -139,22 +152,47 @@ class Spacecraft:
     def packet_list(self, before: int, limit: int, container: str | None, undecoded: bool) -> list[dict[str, Any]]:
         """The newest packets first, whose t is `before` at most."""
         rows: list[tuple[int, int, str | None, bytes, str]] = []
-        if undecoded:
+        if self.history is not None:
+            with self._reading:
+                found = self.history.packets(0, before, "undecoded" if undecoded else container or None, limit, True)
+            rows += ((*one, self.monitor.inspect(one[3])["reason"] if one[2] is None else "") for one in found)
+        elif undecoded:
             rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(self.bad)
                      if t <= before][:limit]
         else:
             for t, received, packet in reversed(self.recent):
-                found = self.monitor.inspect(packet)
-                if t <= before and container in (None, "", found["container"]) and len(rows) < limit:
-                    rows.append((t, received, found["container"], packet, found["reason"]))
+                seen = self.monitor.inspect(packet)
+                if t <= before and container in (None, "", seen["container"]) and len(rows) < limit:
+                    rows.append((t, received, seen["container"], packet, seen["reason"]))
         return [{"id": number_of(t, packet), "t_ns": str(t), "received_ns": str(received), "container": name,
                  "size": len(packet), "reason": reason, "hex": packet.hex()} for t, received, name, packet, reason in rows]
 
     def packet_of(self, number: str) -> dict[str, Any] | None:
         """The packet of a list's `id` in words."""
-        rows = [*self.recent, *((t, received, packet) for t, received, packet, _ in self.bad)]
+        text = number.partition("-")[0]
+        if self.history is not None and text.isdigit() and int(text) < 2**63:
+            with self._reading:
+                rows = [(t, received, packet) for t, received, _, packet in self.history.packets(int(text), int(text))]
+        else:
+            rows = [*self.recent, *((t, received, packet) for t, received, packet, _ in self.bad)]
         return next((self.inspect(packet) | {"id": number, "t_ns": str(t), "received_ns": str(received)}
                      for t, received, packet in rows if number_of(t, packet) == number), None)
+
+    def sessions(self) -> list[dict[str, Any]]:
+        """What the archive has."""
+        with self._reading:
+            return [{"session": one["session"], "first_ns": str(one["first"]), "last_ns": str(one["last"]),
+                     "packets": one["packets"], "ended": one["ended"],
+                     "gaps": [[str(begin), str(end), why] for begin, end, why in one["gaps"]]}
+                    for one in self.history.sessions()]
+
+    def series(self, names: list[str], begin: int, end: int, points: int, session: int) -> dict[str, Any]:
+        """name -> (t [ns], value, low, high), arrays, of what the archive has. Raises SetupError."""
+        plain = [one for one in names if one not in self.derived]
+        with self._reading:
+            found = self.history.series(plain, begin, end, points, session) if plain else {}
+            return {name: found[name] if name in found else self.derived.series(
+                name, self.history, begin, end, session, points) for name in names}
 
     def _has(self, service: str) -> bool:
         return bool(self.dictionary and not self.replayed and service in {one.type for one in self.dictionary.blocks})
@@ -169,6 +207,45 @@ class Spacecraft:
             files = [self._mission()]
         self.database = Database.load(*files)
         self.monitor = self.database.monitor(settings.root)
+        self._changed = self._times()
+
+    def _times(self) -> list[int]:
+        """When the files of the database were written."""
+        try:
+            return [one.stat().st_mtime_ns for one in self.settings.database]
+        except OSError:
+            return self._changed        # it is being written
+
+    def _keep(self) -> None:
+        """Archive what comes. Raises SetupError if another program does."""
+        folder = self.room.settings.folder / "archive"
+        self.archive = self.database.archive(folder, self.name)
+        self.monitor.sink(self.archive)
+        self.history = self.database.history(folder, self.name, self.settings.root)
+
+    def _reread(self) -> None:
+        """Take a database that has changed; a wrong one is refused, and the old one stays."""
+        if not self.settings.database or time.monotonic() - self._looked < AGAIN or self._times() == self._changed:
+            return
+        self._looked, self._changed = time.monotonic(), self._times()
+        try:
+            database = Database.load(*self.settings.database)
+            monitor = database.monitor(self.settings.root)
+            derived = DerivedParameters(self, monitor)
+        except (SetupError, OSError) as error:
+            self.room.tell(self.name, "critical", "database",
+                           f"the changed database is refused, the old one stays: {error}")
+            return
+        with self._reading:
+            self.monitor.sink(None)
+            self.archive.close()
+            self.database, self.monitor, self.derived = database, monitor, derived
+            self._keep()
+        self._watch()
+        self.commanding.load()
+        self.room.tell(self.name, "info", "database", f"the database has changed and was read anew: "
+                       f"{len(self.slot_names)} parameters")
+        self.room.publish("slots", self.name, {"first": 0})
 
     def _mission(self) -> Path:
         """Load the mission and write its database; the file of XTCE."""
@@ -259,15 +336,8 @@ class Spacecraft:
 
     def _turn(self) -> None:
         """Do what is asked, and take what arrives."""
-        try:
-            while True:
-                what, answer = self._asked.get_nowait()
-                try:
-                    answer.set_result(what())
-                except BaseException as error:  # is the asker's
-                    answer.set_exception(error)
-        except Empty:
-            pass
+        self._answer()
+        self._reread()
         for turn in self.turns:
             turn()
         until = None
@@ -283,6 +353,18 @@ class Spacecraft:
             self.take(self._timed(arrived))
         self.commanding.look()
         self.transfers.look()
+
+    def _answer(self) -> None:
+        """Do what others have asked."""
+        try:
+            while True:
+                what, answer = self._asked.get_nowait()
+                try:
+                    answer.set_result(what())
+                except BaseException as error:  # is the asker's
+                    answer.set_exception(error)
+        except Empty:
+            pass
 
     def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
         """(t, received, packet) of each."""
@@ -307,6 +389,7 @@ class Spacecraft:
         notes = self.monitor.take(rows)
         self.now = max(self.now, rows[-1][0]) if self.clock == "simulated" else rows[-1][0]
         self.noted(notes)
+        self.noted(self.derived.turn())
         for sink in self.sinks:
             sink(rows)
 

@@ -27,6 +27,7 @@ HERE = Path(__file__).parent
 WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
 SLOTS = 1 << 20     # of a subscription
 SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
+REPLAYS = 8
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -45,6 +46,17 @@ def _finite(content: Any) -> Any:
     if isinstance(content, (list, tuple)):
         return [_finite(value) for value in content]
     return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def owner(craft: str) -> str:
+    """Whose roles count: those of a replay are of its spacecraft."""
+    return craft.partition("@")[0]
+
+
+def _quoted(text: str) -> str:
+    """A field of CSV; one that a table would take for a formula begins with an apostrophe."""
+    text = f"'{text}" if text[:1] in "=+-@\t\r" else text
+    return '"' + text.replace('"', '""') + '"' if set(text) & set('",\n') else text
 
 
 def answer(content: Any) -> web.Response:
@@ -73,6 +85,7 @@ class Server:
                 ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
                 ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
                 ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
+                ("/{c}/sessions", self.sessions, None), ("/{c}/history", self.history, None),
                 ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
                 ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
                 ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
@@ -84,6 +97,8 @@ class Server:
                 self.app.router.add_post(f"/api/crafts{path}", post)
         self.app.router.add_put("/api/crafts/{c}/limits/{slot}", self.limits)
         self.app.router.add_get("/api/log", self.log)
+        self.app.router.add_post("/api/replay", self.replay)
+        self.app.router.add_delete("/api/replay/{c}", self.end_replay)
         self.app.router.add_get("/api/openapi.yaml", self.openapi)
         self.app.router.add_get("/api/live", self.live)
         self.app.router.add_get("/assets/{name:[a-z0-9._-]+}", self.asset)
@@ -141,7 +156,7 @@ class Server:
 
     def _craft(self, request: web.Request, role: str = "view") -> Spacecraft:
         name = request.match_info["c"]
-        self.guard.require(request, name, role)
+        self.guard.require(request, owner(name), role)
         try:
             return self.room.craft(name)
         except SetupError as error:
@@ -187,7 +202,7 @@ class Server:
 
     async def crafts(self, request: web.Request) -> web.StreamResponse:
         self.guard.require(request, None, "view")
-        return answer([one.told() for one in self.room.crafts.values() if self.guard.allowed(request, one.name, "view")])
+        return answer([one.told() for one in self.room.crafts.values() if self.guard.allowed(request, owner(one.name), "view")])
 
     async def slots(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).monitor.slots(self._number(request, "first", 0, 0) or 0))
@@ -292,6 +307,69 @@ class Server:
     async def _aside(self, what: Callable[..., Any], *given: Any) -> Any:
         """What takes longer, in a thread of its own."""
         return await asyncio.get_running_loop().run_in_executor(None, what, *given)
+
+    # --- back in time ---
+
+    def _kept(self, craft: Spacecraft) -> Spacecraft:
+        if craft.history is None:
+            raise refusal(404, f"{craft.name} has no archive of its own")
+        return craft
+
+    async def sessions(self, request: web.Request) -> web.StreamResponse:
+        return answer(await self._aside(self._kept(self._craft(request)).sessions))
+
+    async def history(self, request: web.Request) -> web.StreamResponse:
+        craft = self._kept(self._craft(request))
+        names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
+        if not 0 < len(names) <= 100:
+            raise refusal(400, f"names has 1 to 100 parameters, with commas between; found {len(names)}")
+        begin, end = self._number(request, "from_ns", 0), self._number(request, "to_ns", 2**63 - 1)
+        points = self._number(request, "points", 2000, 0) or 0
+        found = await self._aside(craft.series, names, begin, end, points, self._number(request, "session", -1, -1))
+        form = request.query.get("format", "json")
+        if form == "json":
+            return answer({name: {"t_ns": [str(one) for one in t.tolist()], "value": value.tolist(), "low": low.tolist(),
+                                  "high": high.tolist()} for name, (t, value, low, high) in found.items()})
+        if form == "csv":
+            lines = ["t_ns,name,value", *(f"{t},{_quoted(name)},{value!r}" for name, (times, values, _, _) in found.items()
+                                          for t, value in zip(times.tolist(), values.tolist()))]
+            return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
+                "Content-Disposition": "attachment; filename=history.csv"})
+        if form != "binary":
+            raise refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
+        parts = [struct.pack("<II", 0x31484C46, len(names))]
+        for t, *values in found.values():
+            parts += [struct.pack("<II", len(t), 0), t.astype("<i8").tobytes(), *(
+                one.astype("<f8").tobytes() for one in values)]
+        return web.Response(body=b"".join(parts), content_type="application/octet-stream")
+
+    async def replay(self, request: web.Request) -> web.StreamResponse:
+        from fledge.control_room.replay import Replay
+
+        body = await self._body(request, craft=str, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float))
+        name = body.get("craft", "")
+        self.guard.require(request, name, "view")
+        source = self._kept(self.room.craft(name))
+        try:
+            begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
+        except ValueError:
+            raise refusal(400, "from_ns and to_ns are whole numbers") from None
+        if not -2**63 <= begin <= end < 2**63:
+            raise refusal(400, "from_ns comes before to_ns")
+        if sum(bool(one.replayed) for one in self.room.crafts.values()) >= REPLAYS:
+            raise refusal(409, f"there are {REPLAYS} replays already: end one")
+        made = await self._aside(Replay, self.room, source, body.get("session", -1), begin, end, body.get("speed", 1.0))
+        self.room.add(made)
+        made.start()
+        self.room.publish("crafts", "", {})
+        return answer(made.told())
+
+    async def end_replay(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        if not craft.replayed:
+            raise refusal(409, f"{craft.name} is no replay")
+        await self._aside(self.room.remove, craft.name)
+        return answer({})
 
     # --- files, tables, stored commands ---
 
@@ -425,7 +503,7 @@ class Browser:
 
     def put(self, craft: str | None, text: str) -> None:
         """A text for it, if it may see that."""
-        if craft and not self.server.guard.allowed(self.request, craft, "view"):
+        if craft and not self.server.guard.allowed(self.request, owner(craft), "view"):
             return
         if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
             self.skipped += len(self._texts)
@@ -468,7 +546,7 @@ class Browser:
             raise SetupError(
                 'a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}} or {"unsubscribe": ...}')
         craft = self.server.room.craft(wish["craft"])
-        if not self.server.guard.allowed(self.request, craft.name, "view"):
+        if not self.server.guard.allowed(self.request, owner(craft.name), "view"):
             raise SetupError(f"you may not see {craft.name}")
         slots, hz = wish.get("slots", []), wish.get("hz", 10)
         if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
