@@ -29,6 +29,13 @@ __attribute__((visibility("default"))) double time_link_layer(const char *layer,
 /// parameter, or a negative number if there is no such packet.
 __attribute__((visibility("default"))) double time_decoder(const char *packet, long n);
 
+/// Monitor n packets of 369 integers, in batches of 200, with limits or none, and keep them in an archive in a folder,
+/// if one is given; seconds of processor time per packet, or a negative number if packets were not decoded.
+__attribute__((visibility("default"))) double time_monitor(const char *folder, int limits, long n);
+
+/// Write 10,000 values that changed into a frame, n times; seconds of processor time per frame.
+__attribute__((visibility("default"))) double time_changes(long n);
+
 /// Gravity of a field of a degree along a low orbit, n times; seconds of processor time
 /// per evaluation. Plain: by the textbook's recursion, else by the world's.
 __attribute__((visibility("default"))) double time_harmonics(int plain, int degree, long n);

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cost of decoding packets by a database.
+// The cost of decoding packets by a database, and of monitoring them.
 #include "bench/bench.h"
 
-#include "ground/database/decoder.h"
+#include "ground/archive/packet_archive.h"
 #include "ground/database/xtce.h"
+#include "ground/monitor/monitor.h"
 
 #include <chrono>
 #include <cstring>
+#include <ctime>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -83,6 +86,20 @@ const std::string repeated = "<ParameterRefEntry parameterRef='version'><RepeatE
                              "<ParameterInstanceRef parameterRef='part'/></DynamicValue></Count></RepeatEntry>"
                              "</ParameterRefEntry>";
 
+/// Packets of the applications of `file`, of 1500 bytes.
+std::vector<std::vector<std::uint8_t>> packets_of_file()
+{
+    std::vector<std::vector<std::uint8_t>> packets(20, std::vector<std::uint8_t>(1500));
+    for (std::size_t i = 0; i < packets.size(); i++) {
+        for (std::size_t j = 6; j < 1500; j++) {
+            packets[i][j] = static_cast<std::uint8_t>(31 * i + 7 * j);
+        }
+        packets[i][1] = static_cast<std::uint8_t>(100 + i);
+        packets[i][2] = 0xC0;
+    }
+    return packets;
+}
+
 } // namespace
 
 double time_decoder(const char *name, long n)
@@ -95,14 +112,9 @@ double time_decoder(const char *name, long n)
     const Database database =
         read_xtce_text(whole ? file(integers, 369, "") : file(mixed, 200, varies ? repeated : ""), "s");
     Decoder decoder(database);
-    std::vector<std::vector<std::uint8_t>> packets(20, std::vector<std::uint8_t>(1500));
-    for (std::size_t i = 0; i < packets.size(); i++) {
-        for (std::size_t j = 6; j < 1500; j++) {
-            packets[i][j] = static_cast<std::uint8_t>(31 * i + 7 * j);
-        }
-        packets[i][1] = static_cast<std::uint8_t>(100 + i);
-        packets[i][2] = 0xC0;
-        decoder.decode(packets[i]); // makes its plan
+    const auto packets = packets_of_file();
+    for (const auto &packet : packets) {
+        decoder.decode(packet); // makes its plan
     }
     std::size_t parameters = 0;
     const auto start = std::chrono::steady_clock::now();
@@ -112,4 +124,55 @@ double time_decoder(const char *name, long n)
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     return parameters == 0 ? -1 : elapsed.count() / static_cast<double>(parameters);
+}
+
+double time_monitor(const char *folder, int limits, long n)
+{
+    const std::string bounds = "<DefaultAlarm><StaticAlarmRanges><WarningRange minInclusive='-2e9' maxInclusive='2e9'/>"
+                               "<CriticalRange minInclusive='-2.1e9' maxInclusive='2.1e9'/></StaticAlarmRanges>"
+                               "</DefaultAlarm>";
+    const Database database = read_xtce_text(
+        file({number("Integer", "Integer", "sizeInBits='32' encoding='twosComplement'", "", limits ? bounds : "")}, 369,
+             ""),
+        "s");
+    Monitor monitor(database);
+    std::optional<PacketArchive> archive;
+    if (*folder != '\0') {
+        archive.emplace(folder, "bench", database, std::int64_t(3600) * 1000000000);
+        monitor.sink(&*archive);
+    }
+    const auto packets = packets_of_file();
+    std::vector<Arrival> batch;
+    std::size_t undecoded = 0;
+    const auto processor = [] { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; };
+    double start = 0;
+    for (long i = -40; i < n; i++) { // the first ones make plans
+        start = i == 0 ? processor() : start;
+        batch.push_back({(i + 40) * 50000, i, packets[static_cast<std::size_t>(i + 40) % packets.size()]});
+        if (batch.size() == 200 || i == -1 || i == n - 1) {
+            undecoded += monitor.take(batch).size() != 0 && i > 0;
+            batch.clear();
+        }
+    }
+    const double elapsed = processor() - start;
+    monitor.sink(nullptr);
+    return undecoded != 0 || monitor.newest(7)->newest.count == 0 ? -1 : elapsed / static_cast<double>(n);
+}
+
+double time_changes(long n)
+{
+    const Database database = read_xtce_text(file(integers, 500, ""), "s");
+    Monitor monitor(database);
+    for (auto &packet : packets_of_file()) {
+        packet.resize(2100);
+        const Arrival arrival{1, 1, packet};
+        monitor.take({&arrival, 1});
+    }
+    std::size_t bytes = 0;
+    const auto start = std::clock();
+    for (long i = 0; i < n; i++) {
+        bytes += monitor.changes(0, {}).bytes.size();
+    }
+    const double elapsed = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    return bytes < static_cast<std::size_t>(n) * 240000 ? -1 : elapsed / static_cast<double>(n);
 }

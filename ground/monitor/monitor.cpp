@@ -24,10 +24,10 @@ bool is_there(const Newest &one)
     return one.status == Status::good || one.status == Status::unlabelled;
 }
 
-template <class Unsigned> void append(std::string &to, Unsigned number)
+template <class Unsigned> void store(char *to, Unsigned number)
 {
-    for (std::size_t i = 0; i < sizeof number; i++) {
-        to.push_back(static_cast<char>(number >> 8 * i & 0xFF));
+    for (std::size_t i = 0; i < sizeof number; i++) { // which a compiler makes one store
+        to[i] = static_cast<char>(number >> 8 * i & 0xFF);
     }
 }
 
@@ -479,28 +479,29 @@ std::uint64_t Monitor::version() const
 
 Frame Monitor::changes(std::uint64_t since, std::optional<std::span<const std::uint32_t>> slots) const
 {
+    constexpr std::size_t head = 32, row = 24;
     const std::lock_guard shown(shown_);
     Frame made;
+    made.version = version_;
+    made.bytes.resize(head + row * (slots ? slots->size() : newest_.size()));
     std::string texts;
-    std::uint32_t n = 0;
-    made.bytes.assign(32, '\0');
+    char *to = made.bytes.data() + head;
     const auto add = [&](std::uint32_t slot) {
         const Newest &one = newest_[slot];
         if (one.version <= since) {
             return;
         }
-        n++;
         std::uint64_t word = one.status == Status::unlabelled ? one.raw : one.value;
-        const Kind kind = slots_.all()[slot].kind;
-        if (one.text != no_id && is_bytes(kind)) {
+        if (one.text != no_id && is_bytes(slots_.all()[slot].kind)) {
             const std::string &text = texts_[one.text].value;
             word = slice(texts.size(), text.size());
             texts += text;
         }
-        append(made.bytes, slot);
-        append(made.bytes, static_cast<std::uint32_t>(one.concern) | static_cast<std::uint32_t>(one.status) << 8);
-        append(made.bytes, static_cast<std::uint64_t>(one.t));
-        append(made.bytes, word);
+        store(to, slot);
+        store(to + 4, static_cast<std::uint32_t>(one.concern) | static_cast<std::uint32_t>(one.status) << 8);
+        store(to + 8, static_cast<std::uint64_t>(one.t));
+        store(to + 16, word);
+        to += row;
     };
     if (slots) {
         for (const std::uint32_t slot : *slots) {
@@ -512,15 +513,15 @@ Frame Monitor::changes(std::uint64_t since, std::optional<std::span<const std::u
             add(slot);
         }
     }
-    std::string head = "FLD1";
-    append(head, 0U);
-    append(head, version_);
-    append(head, static_cast<std::uint64_t>(t_));
-    append(head, n);
-    append(head, static_cast<std::uint32_t>(texts.size()));
-    made.bytes.replace(0, 32, head);
+    const auto size = static_cast<std::size_t>(to - made.bytes.data());
+    to = made.bytes.data();
+    store(to, 0x31444C46U); // "FLD1"
+    store(to + 8, version_);
+    store(to + 16, static_cast<std::uint64_t>(t_));
+    store(to + 24, static_cast<std::uint32_t>((size - head) / row));
+    store(to + 28, static_cast<std::uint32_t>(texts.size()));
+    made.bytes.resize(size);
     made.bytes += texts;
-    made.version = version_;
     return made;
 }
 
