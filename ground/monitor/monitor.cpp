@@ -191,7 +191,9 @@ void Monitor::arm(std::uint32_t slot)
     const auto &runs = runs_[slot];
     const bool uneasy = live.newest.concern != Concern::normal || runs != decltype(runs_)::value_type{};
     const bool all = limits == nullptr || limits->checks.empty();
-    live.low = uneasy || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low;
+    const Slot &what = slots_.all()[slot];
+    const bool bytes = is_bytes(what.kind) || (what.type != no_id && is_bytes(raw_kind(db_.types[what.type].encoding)));
+    live.low = uneasy || bytes || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low;
     live.high = all ? infinite : limits->high;
 }
 
@@ -289,6 +291,16 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
         }
         const Field &field = packet.fields[i];
         Live &live = live_[slot];
+        const double x = real_of(field.value, packet.values[i]).value_or(0);
+        if (x >= live.low && x <= live.high && live.newest.version == next.version) {
+            live.newest.t = next.t;
+            live.newest.received = next.received;
+            live.newest.raw = packet.raw[i];
+            live.newest.value = packet.values[i];
+            live.newest.status = packet.status[i];
+            live.newest.count++;
+            continue;
+        }
         next.raw = packet.raw[i];
         next.value = packet.values[i];
         next.raw_kind = field.raw;
@@ -298,9 +310,9 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
     write_rows(arrival.t);
 }
 
-/// The next value of a slot.
-inline void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet,
-                          std::vector<Note> &notes)
+/// The next value of a slot, with all care.
+void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet,
+                   std::vector<Note> &notes)
 {
     next.concern = live.newest.concern;
     next.count = live.newest.count + 1;

@@ -320,7 +320,7 @@ def test_an_inspection_says_where_values_lie_and_which_comparison_failed(tmp_pat
 
 def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
     monitor = _ground.Monitor(read(tmp_path, spacecraft(integer("u32", 32), {f"p{i}": "u32" for i in range(50)})))
-    taken, problems, over = 300, [], threading.Event()
+    taken, problems, over = 100, [], threading.Event()
 
     def reads():
         try:
