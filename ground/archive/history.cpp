@@ -514,12 +514,12 @@ std::vector<History::Session> History::sessions()
         session.packets += one->count;
         const std::string why = metadata(*one, "ended", "why");
         session.ended = !why.empty() ? why : key.first == written ? "" : "killed";
-        for (const auto &[about, pairs] : one->metadata) {
+        for (const auto &about : one->metadata) {
             const auto text = [&](const char *which) {
-                const auto at = pairs.find(which);
-                return at != pairs.end() ? at->second : std::string();
+                const auto at = about.second.find(which);
+                return at != about.second.end() ? at->second : std::string();
             };
-            if (about == "gap") {
+            if (about.first == "gap") {
                 session.gaps.push_back(
                     {whole(text("from")), whole(text("to")), text("why") + "; " + text("packets") + " packets"});
             }

@@ -106,6 +106,7 @@ struct PacketArchive::File {
     void metadata(const std::string &about, const std::vector<std::pair<std::string, std::string>> &pairs)
     {
         std::vector<McapPair> list;
+        list.reserve(pairs.size());
         for (const auto &[key, value] : pairs) {
             list.push_back({key.c_str(), value.c_str()});
         }
