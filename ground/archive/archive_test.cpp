@@ -531,6 +531,42 @@ TEST_F(Archive, ADamagedFileNamesWhatIsMissingAndTheRestIsRead)
     EXPECT_EQ(gap.to - gap.from, std::int64_t(9000 - found.size() - 1) * second);
 }
 
+TEST_F(Archive, AValueThatDependsOnAnEarlierPacketIsThatOfLiveTelemetry)
+{
+    // The calibrator of `level` is that of the newest `range`, which other packets have.
+    const Database both = read_xtce_text(
+        file(integer("u8", 8) +
+                 "<FloatParameterType name='scaled'><IntegerDataEncoding sizeInBits='8'><ContextCalibratorList>"
+                 "<ContextCalibrator><ContextMatch><Comparison parameterRef='range' "
+                 "value='2'/></ContextMatch><Calibrator>"
+                 "<PolynomialCalibrator><Term coefficient='10' exponent='1'/></PolynomialCalibrator></Calibrator>"
+                 "</ContextCalibrator></ContextCalibratorList></IntegerDataEncoding></FloatParameterType>",
+             "id:u8 range:u8 level:scaled other:u8",
+             container("Header", "id") + container("Range", "range", extends("Header", "id", "1")) +
+                 container("Level", "level", extends("Header", "id", "2")) +
+                 container("Other", "other", extends("Header", "id", "3"))),
+        "s.xml");
+    PacketArchive archive(folder, "craft", both, 10 * second);
+    Decoder live(both);
+    std::vector<double> expected;
+    for (int i = 0; i < 100; i++) {
+        const bool range = i % 30 == 5;
+        const Bytes packet = range ? Bytes{1, std::uint8_t(i % 60 == 5 ? 2 : 1)} : Bytes{std::uint8_t(2 + i % 2), 7};
+        const Decoded &done = live.decode(packet);
+        put(archive, i * second, packet, done.container);
+        expected.push_back(!range && i % 2 == 0 ? std::bit_cast<double>(done.values[1]) : -1);
+    }
+    archive.save();
+    History past = history(both);
+    for (int from = 0; from < 95; from++) {
+        const auto found = past.series({"level"}, {from * second, (from + 3) * second}, 0)[0];
+        ASSERT_GT(found.t.size(), 0u);
+        for (std::size_t i = 0; i < found.t.size(); i++) {
+            EXPECT_EQ(found.value[i], expected[std::size_t(found.t[i] / second)]) << from;
+        }
+    }
+}
+
 TEST_F(Archive, ADatabaseThatChangesReadsWhatIsOld)
 {
     {

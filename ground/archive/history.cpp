@@ -284,8 +284,10 @@ History::Target History::target(const std::string &name) const
     return made;
 }
 
-/// Whether packets of a container may have values of targets.
-bool History::carries(Id id, const std::vector<Target> &targets, std::vector<signed char> &known) const
+namespace {
+
+/// Whether packets of a container may have values of parameters.
+bool carries(const Database &db, Id id, const std::set<Id> &parameters, std::vector<signed char> &known)
 {
     if (id == no_id) {
         return false;
@@ -294,17 +296,16 @@ bool History::carries(Id id, const std::vector<Target> &targets, std::vector<sig
         return known[id] != 0;
     }
     known[id] = 0;
-    bool found = carries(db_.containers[id].base, targets, known);
-    for (const Entry &entry : db_.containers[id].entries) {
+    bool found = carries(db, db.containers[id].base, parameters, known);
+    for (const Entry &entry : db.containers[id].entries) {
         found = found || entry.what == Entry::What::indirect ||
-                (entry.what == Entry::What::parameter &&
-                 std::any_of(targets.begin(), targets.end(), [&](auto &one) { return one.parameter == entry.id; }));
+                (entry.what == Entry::What::parameter && parameters.count(entry.id) != 0);
         if (entry.what == Entry::What::container && !found) {
-            found = carries(entry.id, targets, known);
-            std::vector<Id> heirs = db_.containers[entry.id].heirs; // which may stand for it
+            found = carries(db, entry.id, parameters, known);
+            std::vector<Id> heirs = db.containers[entry.id].heirs; // which may stand for it
             for (std::size_t i = 0; i < heirs.size() && !found; i++) {
-                found = carries(heirs[i], targets, known);
-                const auto &more = db_.containers[heirs[i]].heirs;
+                found = carries(db, heirs[i], parameters, known);
+                const auto &more = db.containers[heirs[i]].heirs;
                 heirs.insert(heirs.end(), more.begin(), more.end());
             }
         }
@@ -313,26 +314,160 @@ bool History::carries(Id id, const std::vector<Target> &targets, std::vector<sig
     return found;
 }
 
-/// Each value of the targets; after all those of a packet, `packet` with its time.
-void History::decode(const std::vector<Target> &targets, const std::vector<Piece> &all, const Value &value,
-                     const std::function<void(std::int64_t)> &packet)
+/// The parameters that places, sizes and values depend on; a restriction sees its own packet alone.
+struct References {
+    const Database &db;
+    std::set<Id> found{}, types{}, containers{};
+
+    void add(const Reference &one)
+    {
+        if (one.of == Reference::Of::parameter) {
+            found.insert(one.parameter);
+        }
+    }
+    void add(const Condition &one)
+    {
+        add(one.left), add(one.right);
+        for (const Condition &part : one.parts) {
+            add(part);
+        }
+    }
+    void add(const Quantity &one)
+    {
+        add(one.from);
+        for (const auto &[condition, value] : one.cases) {
+            add(condition);
+        }
+    }
+    void add(const std::vector<Dimension> &all)
+    {
+        for (const Dimension &one : all) {
+            add(one.first), add(one.last);
+        }
+    }
+    void add(const Calibrator &one)
+    {
+        for (const MathStep &step : one.steps) {
+            add(step.value);
+        }
+    }
+    void type(Id id)
+    {
+        if (id == no_id || !types.insert(id).second) {
+            return;
+        }
+        const Type &one = db.types[id];
+        add(one.offset_from), add(one.encoding.size), add(one.encoding.calibrator), add(one.dimensions);
+        for (const auto &[condition, calibrator] : one.encoding.contexts) {
+            add(condition), add(calibrator);
+        }
+        type(one.element);
+        for (const Member &member : one.members) {
+            type(member.type);
+        }
+    }
+    void container(Id id)
+    {
+        if (id == no_id || !containers.insert(id).second) {
+            return;
+        }
+        container(db.containers[id].base);
+        for (const Entry &entry : db.containers[id].entries) {
+            add(entry.offset), add(entry.include), add(entry.count), add(entry.gap), add(entry.selector);
+            add(entry.dimensions);
+            if (entry.what == Entry::What::parameter) {
+                type(db.parameters[entry.id].type);
+            } else if (entry.what == Entry::What::container) {
+                container(entry.id);
+                for (const Id heir : db.containers[entry.id].heirs) {
+                    container(heir);
+                }
+            }
+        }
+    }
+};
+
+} // namespace
+
+std::set<Id> History::carriers(const std::set<Id> &parameters) const
 {
     std::vector<signed char> known(db_.containers.size(), -1);
-    std::map<std::string, bool> carriers;
+    std::set<Id> found;
     for (Id id = 0; id < db_.containers.size(); id++) {
-        carriers[db_.containers[id].path] = carries(id, targets, known);
+        if (carries(db_, id, parameters, known)) {
+            found.insert(id);
+        }
+    }
+    return found;
+}
+
+/// The parameters of earlier packets on which the values of a container's packets depend.
+std::set<Id> History::references(Id container) const
+{
+    References all{db_};
+    all.container(container);
+    std::erase_if(all.found, [&](Id parameter) {
+        std::vector<signed char> known(db_.containers.size(), -1);
+        return carries(db_, container, {parameter}, known);
+    });
+    return all.found;
+}
+
+/// First the times between which there are packets, then each value of the targets; after all those of a packet,
+/// `packet` with its time.
+void History::decode(const std::vector<Target> &targets, const Query &query, const Range &range, const Value &value,
+                     const std::function<void(std::int64_t)> &packet)
+{
+    std::set<Id> parameters;
+    for (const Target &one : targets) {
+        parameters.insert(one.parameter);
+    }
+    // With the packets that they depend on, from the last ones before the query on.
+    std::set<Id> containers = carriers(parameters), before;
+    std::vector<Id> open(containers.begin(), containers.end());
+    while (!open.empty()) {
+        const std::set<Id> needed = references(open.back());
+        open.pop_back();
+        for (const Id id : needed.empty() ? std::set<Id>() : carriers(needed)) {
+            before.insert(id);
+            if (containers.insert(id).second) {
+                open.push_back(id);
+            }
+        }
+    }
+    std::set<std::string> paths;
+    for (const Id id : containers) {
+        paths.insert(db_.containers[id].path);
     }
     char hash[20];
     std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(db_.hash));
     const auto wanted_of = [&](const PacketFile &file) -> Wanted {
         // Of another database, any packet may have them now.
         const bool same = metadata(file, "archive", "database") == hash;
-        return [&carriers, same](const std::string &container) {
-            const auto at = carriers.find(container);
-            return !same || (at != carriers.end() && at->second);
-        };
+        return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
     };
+    Decoder decoder(db_);
+    std::vector<Piece> all = pieces(query);
+    if (!before.empty() && !all.empty() && query.from > 0) {
+        const std::int64_t session = whole(metadata(*all.front().file, "archive", "session"));
+        std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> last;
+        for (const Id id : before) {
+            walk(
+                pieces({0, query.from - 1, session}),
+                [&](const std::string &container) { return container == db_.containers[id].path; }, true,
+                [&](const Stored &one, const std::string &) {
+                    last.emplace_back(one.t, std::vector(one.packet.begin(), one.packet.end()));
+                    return false;
+                });
+        }
+        std::sort(last.begin(), last.end());
+        for (const auto &[t, bytes] : last) {
+            decoder.decode(bytes, root_);
+        }
+        all = pieces(query); // which may have got other names meanwhile
+    }
     double n = 0, span = 0;
+    std::int64_t begin = query.to, end = query.from;
     for (const Piece &piece : all) {
         const PacketFile &file = *piece.file;
         const Wanted wanted = wanted_of(file);
@@ -341,6 +476,8 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Piece
             of_file += wanted(container_of(file, id)) ? channel.count : 0;
         }
         const std::int64_t from = std::max(piece.from, file.first), to = std::min(piece.to, file.last);
+        begin = std::min(begin, from);
+        end = std::max(end, to);
         const double length = static_cast<double>(file.last) - static_cast<double>(file.first);
         const double part = static_cast<double>(to) - static_cast<double>(from);
         n += static_cast<double>(of_file) * (length > 0 ? part / length : 1);
@@ -356,7 +493,7 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Piece
             span / 86400e9 * static_cast<double>(most_decoded) / n);
         throw Refusal(text);
     }
-    Decoder decoder(db_);
+    range(begin, end);
     for (const Piece &piece : all) {
         walk({piece}, wanted_of(*piece.file), false, [&](const Stored &one, const std::string &) {
             const Decoded &done = decoder.decode(one.packet, root_);
@@ -396,18 +533,15 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
     for (const std::string &name : names) {
         targets.push_back(target(name));
     }
-    const std::vector<Piece> all = pieces(query);
-    std::int64_t from = query.to, to = query.from;
-    for (const Piece &piece : all) {
-        from = std::min(from, std::max(piece.from, piece.file->first));
-        to = std::max(to, std::min(piece.to, piece.file->last));
-    }
-    const std::int64_t width =
-        points != 0 && to > from ? (to - from) / static_cast<std::int64_t>(points) + 1 : 0; // 0: each value
+    std::int64_t from = 0, width = 0; // 0: each value
     std::vector<Series> made(names.size());
     std::vector<std::int64_t> bucket(names.size(), -1);
     decode(
-        targets, all,
+        targets, query,
+        [&](std::int64_t begin, std::int64_t end) {
+            from = begin;
+            width = points != 0 && end > begin ? (end - begin) / static_cast<std::int64_t>(points) + 1 : 0;
+        },
         [&](std::int64_t t, std::size_t target, double value) {
             Series &one = made[target];
             const std::int64_t place = width != 0 ? (t - from) / width : 0;
@@ -438,7 +572,7 @@ std::vector<double> History::rows(const std::vector<std::string> &inputs, Query 
     std::vector<double> made, newest(inputs.size());
     std::vector<bool> seen(inputs.size());
     decode(
-        targets, pieces(query),
+        targets, query, [](std::int64_t, std::int64_t) {},
         [&](std::int64_t, std::size_t target, double value) {
             newest[target] = value;
             seen[target] = true;

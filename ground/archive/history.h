@@ -13,6 +13,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <set>
 
 namespace fledge::ground {
 
@@ -73,6 +74,7 @@ private:
     };
     using Wanted = std::function<bool(const std::string &container)>; ///< by its path; "": not decoded
     using Take = std::function<bool(const Stored &, const std::string &container)>;
+    using Range = std::function<void(std::int64_t from, std::int64_t to)>;
     using Value = std::function<void(std::int64_t t, std::size_t target, double value)>;
 
     void list();
@@ -81,8 +83,9 @@ private:
     void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Take &take);
     std::string container_of(const PacketFile &file, std::uint16_t channel) const;
     Target target(const std::string &name) const;
-    bool carries(Id container, const std::vector<Target> &targets, std::vector<signed char> &known) const;
-    void decode(const std::vector<Target> &targets, const std::vector<Piece> &all, const Value &value,
+    std::set<Id> carriers(const std::set<Id> &parameters) const;
+    std::set<Id> references(Id container) const;
+    void decode(const std::vector<Target> &targets, const Query &query, const Range &range, const Value &value,
                 const std::function<void(std::int64_t)> &packet);
 
     const std::string folder_, craft_;
