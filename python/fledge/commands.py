@@ -436,7 +436,12 @@ class Dictionary:
     @classmethod
     def load(cls, file: Path | str) -> Dictionary:
         """That of a file MISSION_packets.json."""
-        whole = json.loads(Path(file).read_text(encoding="utf-8"))
+        return cls.read(Path(file).read_text(encoding="utf-8"), str(file))
+
+    @classmethod
+    def read(cls, text: str, file: str) -> Dictionary:
+        """That of the text of such a file. file: its name in errors."""
+        whole = json.loads(text)
 
         def fields(rows):
             return [Field(**{**row, "fields": fields(row["fields"])}) for row in rows]

@@ -39,8 +39,9 @@ def add(command: Callable) -> None:
     a.add_argument("file", metavar="FILE", help="its spacecraft and their links: docs/control-room.md")
     a = action("run", run, "run a script of the ground, and write a page about it", "run gains.py --to nadir_spin")
     a.add_argument("script", metavar="SCRIPT.py", help="has a function run(craft, script); docs/ground.md")
-    a.add_argument("--to", required=True, metavar="CRAFT", help="a mission, which is simulated meanwhile; or an address, "
-                   "as of `fledge command`")
+    a.add_argument("--to", required=True, metavar="CRAFT", help="MISSION or MISSION:SCENARIO, which is simulated "
+                   "meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of `fledge ground serve`")
+    a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN")
     a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
     a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     a.add_argument("--seed", type=int, default=0, metavar="N", help="of a simulated mission's random streams; "
@@ -124,10 +125,15 @@ def _craft(options, kind):
     from fledge import ground
 
     if re.match(r"[a-z]+://|serial:|cosim:", options.to):
-        if not options.mission:
+        if not options.mission and not options.to.startswith("http"):
             raise Failure(f"ground run: {options.to} is an address; --mission says what is there")
-        return ground.connect(options.to, options.mission, process=options.process, kind=kind)
-    sim = fledge.load(options.to, options.seed)
+        return ground.connect(options.to, options.mission, process=options.process, kind=kind, token=options.token)
+    mission, colon, scenario = options.to.partition(":")
+    sim = fledge.load(mission, options.seed)
+    if colon:
+        from fledge.mission.scenario import chosen, set_up
+
+        set_up(sim, chosen(sim, scenario)[1])
     sim.pace = options.pace
     return ground.connect(sim, process=options.process, kind=kind)
 

@@ -8,6 +8,7 @@ import json
 import math
 import socket
 import struct
+import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -28,6 +29,7 @@ WAITING = 2000      # texts that wait for a browser; then it has to ask for all 
 SLOTS = 1 << 20     # of a subscription
 SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
 REPLAYS = 8
+FEED_S, FEED_MOST = 0.05, 100_000   # [s] between the packets for a script; how many may wait
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -81,6 +83,7 @@ class Server:
         self.guard.attach(self.app)
         for path, get, post in (
                 ("", self.crafts, None), ("/{c}/slots", self.slots, None), ("/{c}/commands", self.commands, None),
+                ("/{c}/raw", None, self.raw), ("/{c}/dictionary", self.dictionary, None),
                 ("/{c}/preview", None, self.preview), ("/{c}/send", None, self.send), ("/{c}/sent", self.sent, None),
                 ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
                 ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
@@ -246,6 +249,32 @@ class Server:
         row = await self._asked(craft, lambda: craft.commanding.send(
             self._user(request), body.get("name", ""), body.get("arguments", {}), body.get("confirmed", False)))
         return answer({"id": row["id"]})
+
+    async def raw(self, request: web.Request) -> web.StreamResponse:
+        """A packet that a script has made; it gets the number that is next."""
+        craft = self._craft(request, "command")
+        if craft.ground is None:
+            raise refusal(409, f"{craft.name} takes no packets now: {craft.state}")
+        ground, body = craft.ground, await self._body(request, hex=str)
+        try:
+            packet = bytes.fromhex(body.get("hex", ""))
+        except ValueError:
+            packet = b""
+        if not 8 <= len(packet) <= 1 << 16:
+            raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
+
+        def release() -> bytes:
+            made = ground.numbered(packet)
+            craft.commanding.release(self._user(request), ground.dictionary.command(made), {}, [made])
+            return made
+
+        return answer({"hex": (await self._asked(craft, release)).hex()})
+
+    async def dictionary(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        if craft.dictionary is None:
+            raise refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
+        return web.Response(text=craft.dictionary.text(), content_type="application/json")
 
     async def sent(self, request: web.Request) -> web.StreamResponse:
         return self._list(request, "sent", self._craft(request).name)
@@ -500,6 +529,7 @@ class Browser:
         self.skipped = self._told = 0
         self._texts: deque[str] = deque()
         self._wake = asyncio.Event()
+        self._feeds: dict[str, _Feed] = {}
 
     def put(self, craft: str | None, text: str) -> None:
         """A text for it, if it may see that."""
@@ -530,6 +560,8 @@ class Browser:
         finally:
             self.server.browsers.discard(self)
             sender.cancel()
+            for one in self._feeds.values():
+                one.craft.sinks.remove(one.take)
         return self.socket
 
     def _take(self, text: str) -> None:
@@ -540,6 +572,15 @@ class Browser:
             raise SetupError("a message is JSON") from None
         if isinstance(found, dict) and isinstance(name := found.get("unsubscribe"), str):
             self.wanted.pop(name, None)
+            return
+        if isinstance(found, dict) and isinstance(name := found.get("subscribe_packets"), str):
+            craft = self.server.room.craft(name)
+            if not self.server.guard.allowed(self.request, name, "view"):
+                raise SetupError(f"you may not see {name}")
+            if name not in self._feeds:
+                self._feeds[name] = _Feed(craft)
+                craft.sinks.append(self._feeds[name].take)
+            self._wake.set()
             return
         wish = found.get("subscribe") if isinstance(found, dict) else None
         if not isinstance(wish, dict) or not isinstance(wish.get("craft"), str):
@@ -562,7 +603,8 @@ class Browser:
         loop = asyncio.get_running_loop()
         while not self.socket.closed:
             now = loop.time()
-            due = min((one.due for one in self.wanted.values()), default=now + 1)
+            due = min([one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()],
+                      default=now + 1)
             if not self._texts or transport.get_write_buffer_size():
                 self._wake.clear()
                 try:
@@ -575,6 +617,10 @@ class Browser:
                 if free and self.skipped != self._told:
                     self._told = self.skipped
                     self._texts.appendleft(dumps({"kind": "skipped", "count": self.skipped}))
+                for feed in self._feeds.values():
+                    if loop.time() >= feed.due and not transport.get_write_buffer_size():
+                        feed.due = loop.time() + FEED_S
+                        await self.socket.send_str(feed.text())
                 while self._texts and not transport.get_write_buffer_size():
                     await self.socket.send_str(self._texts.popleft())
             except ConnectionError:
@@ -600,6 +646,28 @@ class Browser:
             made = bytearray(frame)
             struct.pack_into("<I", made, 4, one.craft.index)
             await self.socket.send_bytes(made)
+
+
+class _Feed:
+    """The packets of a spacecraft for a script: all of them, unless it is too slow."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft, self.due, self._dropped = craft, 0.0, 0
+        self._rows: deque[tuple[int, int, bytes]] = deque()
+
+    def take(self, rows: list[tuple[int, int, bytes]]) -> None:
+        """In the spacecraft's thread."""
+        if len(self._rows) + len(rows) > FEED_MOST:
+            self._dropped += len(rows)
+        else:
+            self._rows.extend(rows)
+
+    def text(self) -> str:
+        """What has come since the last one."""
+        rows = [self._rows.popleft() for _ in range(len(self._rows))]
+        now = self.craft.now if self.craft.clock == "simulated" else max(self.craft.now, time.time_ns())
+        return dumps({"kind": "packets", "craft": self.craft.name, "t_ns": str(now), "dropped": self._dropped,
+                      "packets": [[str(t), packet.hex()] for t, _, packet in rows]})
 
 
 class _Subscription:

@@ -43,7 +43,7 @@ def __getattr__(name: str) -> Any:
 
 def connect(where: Any, dictionary: Dictionary | Path | str | None = None, sequence: int = 0,
             process: str | None = None, radio: Any = None, keys: Path | str | None = None, role: int = 0,
-            kind: type[Craft] = Craft) -> Craft:
+            kind: type[Craft] = Craft, token: str | None = None) -> Craft:
     """A spacecraft behind a link. One that speaks frames, as its dictionary says, gets them.
 
     where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
@@ -54,7 +54,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
     keys: the file of a secured link (`fledge keys link FILE`), role: the place of the role that commands; of a
     simulation keys is the file of its mission, unless another is given
-    kind: what is made, a Craft or a class of that
+    kind: what is made, a Craft or a class of that; token: of a server's address
 
     Raises SetupError for an address, file or mission that is none.
     """
@@ -64,6 +64,11 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
         mission = getattr(where, "mission", None)
         own = Path(mission.folder) / FILE if mission else None
         return kind(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
+    if str(where).startswith(("http://", "https://")):
+        from fledge.ground.served import Served
+
+        served = Served(str(where), token)
+        return kind(served, served.dictionary, sequence)
     if radio is not None:
         raise SetupError("connect: a radio is in a simulation; give that in place of the address")
     if dictionary is None:

@@ -8,6 +8,7 @@
     cosim:PROCESS                           a flight process of the co-simulation that `fledge up` runs; the run does
                                             not wait
     cosim:PROCESS?every=0.5                 the same as a node, which steps every 0.5 s of simulated time; the run waits
+    http://HOST:PORT/CRAFT, https://...     a spacecraft of a control room's server (fledge.ground.served)
 
 Without an ADDRESS, a port is open to this machine alone. A link of any kind may carry frames: `frames=68` of a
 spacecraft with that id and otherwise the settings with which others begin, `frames=spacecraft:68,cop1:1,...`, or, of a

@@ -259,8 +259,8 @@ class Craft:
         one = Sent(self, packets)
         self.sent.append(one)
         self._leaves(one)
-        for packet in one.packets:
-            self.link.send(packet)
+        for place, packet in enumerate(one.packets):
+            one.packets[place] = self.link.send(packet) or packet
         return one
 
     def _leaves(self, one: Sent) -> None:

@@ -47,8 +47,9 @@ class Link(ABC):
         return self.t // 10**6 + 1
 
     @abstractmethod
-    def send(self, packet: bytes) -> None:
-        """Send a packet. Raises OSError if the link is broken."""
+    def send(self, packet: bytes) -> bytes | None:
+        """Send a packet. Returns it as it went, if the link has numbered it anew. Raises OSError if the link is broken.
+        """
 
     @abstractmethod
     def receive(self, until: int) -> list[Timed]:

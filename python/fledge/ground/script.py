@@ -212,7 +212,7 @@ class Script:
         """A command is about to be sent."""
         self.heard()
         self._commands += 1
-        self._sent.append((self._commands, one, one.packets, 0, 0))
+        self._sent.append((self._commands, one, list(one.packets), 0, 0))
         self.note("command", id=self._commands, values=values, packets=[packet.hex() for packet in one.packets],
                   text=", ".join(dict.fromkeys(map(self.craft.dictionary.command, one.packets))))
 
@@ -220,8 +220,8 @@ class Script:
         """Note what has come about the commands since the last time."""
         for place, (number, one, packets, reports, arrived) in enumerate(self._sent):
             if one.packets != packets:
-                self.note("stage", id=number, stage="sent again", good=True, packets=[packet.hex() for packet in one.packets],
-                          text="flight has accepted commands of another ground, and this counts on from those")
+                self.note("stage", id=number, stage="numbered", good=True, text="anew, behind the commands of others",
+                          packets=[packet.hex() for packet in one.packets])
             if len(one.arrived) > arrived:
                 self.note("stage", id=number, stage="delivered", good=True,
                           text=f"the link knows that {len(one.arrived)} of {len(one.packets)} packets are there")
@@ -231,7 +231,7 @@ class Script:
                           on_board_ns=report.t,
                           text="" if report.good else self.craft.dictionary.refusal(report, packet),
                           data=report.data.hex())
-            self._sent[place] = (number, one, one.packets, len(one.reports), len(one.arrived))
+            self._sent[place] = (number, one, list(one.packets), len(one.reports), len(one.arrived))
         self._sent = [entry for entry in self._sent if not entry[1].over]
 
     def _statement(self) -> tuple[int, str]:

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of the ground by the server: the same calls, logged and verified as an operator's."""
+import asyncio
+import json
+
+import pytest
+
+from fledge import cli, ground
+from fledge.control_room.users import token
+from fledge.control_room.web_test import console, flown
+from fledge.errors import Failure, SetupError
+from fledge.units import N, m, minute, s
+
+FILE = """
+folder = "kept"
+[[craft]]
+mission = "nadir_spin"
+speed = 200
+"""
+SCRIPT = '''
+from fledge.units import N, m, minute, s
+
+
+def run(craft, script):
+    with script.step("gain"):
+        craft.command("telemetry", "flight.tracking.error", every=2).completed(within=20 * minute)
+        craft.command("write", "flight.control", K=3 * N * m).completed(within=20 * minute)
+        seen = craft.wait(lambda t: t.flight.tracking.error.head.t > 0, within=20 * minute)
+    script.hold(10 * s)
+    craft.command("write", "flight.control", K=-3 * N * m).completed(within=20 * minute)
+'''
+
+
+def address(page, craft="nadir_spin"):
+    return f"http://127.0.0.1:{page.client.server.port}/{craft}"
+
+
+@flown
+async def test_a_script_commands_by_the_server(folder):
+    async with console(folder, FILE) as page:
+        (folder / "script.py").write_text(SCRIPT)
+        await page.verified("nadir_spin", "flight.write.control.K", {"K": 2})
+        code = await asyncio.to_thread(cli.main, ["ground", "run", str(folder / "script.py"), "--to", address(page),
+                                                  "--out", str(folder / "out")])
+        said = [json.loads(line) for line in (folder / "out/script.jsonl").read_text().splitlines()]
+        assert code == 1 and "flight refused write flight.control.K" in said[-1]["why"], said[-1]
+        assert [one["stage"] for one in said if one["kind"] == "stage" and one["id"] == 2 and
+                one["stage"] != "numbered"] == ["accepted", "executed"]
+        rows = [one for one in await page.get("crafts/nadir_spin/sent") if one["name"] == "write flight.control.K"]
+        assert [one["user"] for one in rows] == ["operator"] * 2
+        assert [one["stage"] for one in (await page.row("nadir_spin", rows[1]["id"]))["stages"]][-1] == "completed"
+        assert [one["action"] for one in await page.get("log")].count("POST /api/crafts/nadir_spin/raw") == 3
+        await page.verified("nadir_spin", "flight.write.control.K", {"K": 4})   # others go on behind it
+
+
+@flown
+async def test_two_scripts_and_an_operator_share_a_spacecraft(folder):
+    def commands():
+        with ground.connect(address(page)) as craft:
+            for _ in range(10):
+                craft.command("noop").completed(within=60 * minute)
+            return craft.sent
+
+    async with console(folder, FILE) as page:
+        one, other = await asyncio.gather(asyncio.to_thread(commands), asyncio.to_thread(commands))
+        sequences = [sent.reports[0].sequence for sent in one + other]
+        assert len(set(sequences)) == 20
+
+
+@flown
+async def test_whom_the_server_refuses(folder):
+    word, kept = token()
+    text = FILE + f'[[token]]\nname = "night"\nhash = "{kept}"\nroles = ["view"]\n'
+    async with console(folder, text) as page:
+        def connected(given, craft="nadir_spin"):
+            with ground.connect(address(page, craft), token=given) as one:
+                one.listen(1 * s)
+                return one.command("write", "flight.control", K=3 * N * m)
+
+        for given, craft, error, says in (
+                (None, "nadir_spin", Failure, "log in first.*FLEDGE_TOKEN"),
+                ("x", "nadir_spin", Failure, "token is none"),
+                (word, "nadir_span", SetupError, "did you mean 'nadir_spin'"),
+                (word, "nadir_spin", Failure, "night lacks the role 'command' for nadir_spin")):
+            with pytest.raises(error, match=says):
+                await asyncio.to_thread(connected, given, craft)
+    with pytest.raises(OSError):
+        await asyncio.to_thread(connected, word)
