@@ -113,8 +113,8 @@ THIRD_PARTIES = {
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
     "fledge":     {"IPython", "_core", "_core_build", "_emulator", "_fledge_world", "_ground", "_project_world",
-                   "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "markupsafe", "matplotlib",
-                   "numpy", "pandas", "psycopg", "scipy", "serial", "yaml", "zmq"},
+                   "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "jsonschema",
+                   "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial", "yaml", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "erfa", "jplephem", "mpmath", "numpy"},
