@@ -41,6 +41,7 @@ class Replay(Spacecraft):
     def _prepare(self) -> None:
         self.database = self.source.database
         self.monitor = self.database.monitor(self.settings.root)
+        self.simulation = self.source.simulation
 
     def _open(self) -> None:
         """It has no link."""
@@ -56,6 +57,7 @@ class Replay(Spacecraft):
             self._over.wait(min(ahead, TURN / 1e9))
             return
         self.take(self._batch)
+        self.feed.sample()
         self._batch = next(self._batches, [])
         if not self._batch:
             self.state = "ended"

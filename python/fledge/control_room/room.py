@@ -8,7 +8,9 @@ from typing import Any
 
 from fledge.control_room.journal import Journal, JournalError
 from fledge.control_room.settings import Settings
+from fledge.control_room.simulated import Steered
 from fledge.control_room.spacecraft import Spacecraft
+from fledge.cosim.steering import Steering
 from fledge.errors import SetupError, did_you_mean, listed
 
 KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "log": "log"}
@@ -23,6 +25,9 @@ class Room:
         self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
+        steering = Steering.of_run()
+        #: the run of the co-simulation that this is a part of
+        self.steered = Steered(steering) if steering else None
         self.postgres: Any = None
         try:
             for one in settings.crafts:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, did_you_mean, listed
 
 if TYPE_CHECKING:
+    from fledge.cosim.steering import Steering
     from fledge.control_room.settings import CraftSettings
 
 AHEAD = 200_000_000     # [ns] of wall time that one turn may take
@@ -58,30 +58,34 @@ class Pace:
 
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
         """pause, go or step. Raises SetupError."""
+        _check(action, seconds, speed)
         if speed is not None:
-            if not 0 <= speed <= 1e6:
-                raise SetupError(f"a speed is from 0 (as fast as possible) to 1e6 times real time; found {speed:g}")
             self.speed = speed
         if action == "step":
-            if not 0 < seconds <= 1e7:
-                raise SetupError(f"a step is of more than 0 s, up to 1e7 s; found {seconds:g}")
             self._end = max(int(self.sim.time_ns), 0) + round(seconds * 1e9)
-        elif action not in ("pause", "go"):
-            raise SetupError(f"a run can pause, go and step; found '{action}'")
         self.paused = action != "go"
         if action == "pause":
             self._end = None
         self._anchor()
 
     def told(self, problem: str = "") -> dict[str, Any]:
-        """What browsers know of it. problem: why it has ended."""
+        """What browsers know of it; faults: where, of which values. problem: why it has ended."""
         t = max(int(self.sim.time_ns), 0)
         wall = monotonic() - self._begun
         real = (t - self._t) / 1e9 / wall if wall > 0 else 0.0
         standing = self.paused and self._end is None
         return {"state": "ended" if problem else "paused" if standing else "running", "speed": self.speed,
-                "real_speed": 0.0 if standing or problem else real, "t_ns": str(t), "text": problem,
-                "faults": list(faults(self.sim))}
+                "real_speed": 0.0 if standing or problem else real, "t_ns": str(t), "text": problem}
+
+    def faults(self) -> list[dict[str, Any]]:
+        """The parameters of the world that may be changed."""
+        from fledge.objects import struct
+
+        return [{"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
+                 "value": _plain(getattr(one, field.name))}
+                for process in self.sim.processes if process not in self.sim.flights
+                for name, one in process.instances.items() for field in struct(one).fields
+                if field.group == "par" and not field.spare]
 
     def inject(self, path: str, value: Any) -> str:
         """Set a parameter of the simulation, as "world.wheels.friction" or "world.wheels.faults", checked as in a
@@ -118,18 +122,56 @@ class Pace:
         self._t, self._begun = max(int(self.sim.time_ns), 0), monotonic()
 
 
-def faults(sim: Any) -> Iterator[dict[str, Any]]:
-    """The parameters of the world that may be changed."""
-    from fledge.objects import struct
+class Steered:
+    """The run of a co-simulation, of which the server is a program."""
 
-    for process in sim.processes:
-        for name, one in process.instances.items():
-            for field in struct(one).fields if process not in sim.flights else ():
-                if field.group == "par" and not field.spare:
-                    value = getattr(one, field.name)
-                    yield {"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
-                           "value": value.tolist() if hasattr(value, "tolist") else value if isinstance(
-                               value, (int, float, str)) else str(value)}
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+
+    @property
+    def paused(self) -> bool:
+        return bool(self._steering.state.get("paused"))
+
+    def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
+        """pause, go or step. Raises SetupError."""
+        _check(action, seconds, speed)
+        if speed is not None:
+            self._steering.pace(float(speed))
+        if action == "step":
+            self._steering.until(float(self._steering.state.get("t", 0.0)) + seconds)
+        elif action == "pause":
+            self._steering.pause()
+        else:
+            self._steering.go()
+
+    def told(self, problem: str = "") -> dict[str, Any]:
+        """What browsers know of it."""
+        state = self._steering.state
+        t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
+        return {"state": "ended" if problem else "paused" if state.get("paused") else "running",
+                "speed": state.get("pace", 0.0), "real_speed": t / wall if wall > 0 else 0.0, "t_ns": str(round(t * 1e9)),
+                "text": problem}
+
+    def faults(self) -> list[dict[str, Any]]:
+        return []
+
+    def inject(self, path: str, value: Any) -> str:
+        """A co-simulation's faults are those of its own programs. Raises SetupError."""
+        raise SetupError("a co-simulation's parameters are those of its programs: faults can be injected where the server "
+                         "flies the mission itself")
+
+
+def _check(action: str, seconds: float, speed: float | None) -> None:
+    if speed is not None and not 0 <= speed <= 1e6:
+        raise SetupError(f"a speed is from 0 (as fast as possible) to 1e6 times real time; found {speed:g}")
+    if action == "step" and not 0 < seconds <= 1e7:
+        raise SetupError(f"a step is of more than 0 s, up to 1e7 s; found {seconds:g}")
+    if action not in ("pause", "go", "step"):
+        raise SetupError(f"a run can pause, go and step; found '{action}'")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, (int, float, str)) else str(value)
 
 
 def epoch_of(sim: Any) -> int | None:

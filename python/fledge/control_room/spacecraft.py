@@ -17,6 +17,7 @@ from fledge.commands import SERVICES, Dictionary, Timed
 from fledge.control_room.alarms import Alarms
 from fledge.control_room.commanding import Commanding
 from fledge.control_room.derived import DerivedParameters
+from fledge.control_room.scene import Feed
 from fledge.control_room.services import StoredLists, Tables, Transfers
 from fledge.control_room.settings import CraftSettings
 from fledge.errors import Failure, SetupError
@@ -54,6 +55,7 @@ class Spacecraft:
         self.dictionary: Dictionary | None = None
         self.simulation: Any = None
         self.run: Any = None            #: of one that the server flies: its Pace
+        self.control: Any = None        #: how its run is controlled: that, or Steered of a co-simulation
         self.mission_folder: Path | None = None
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
@@ -72,7 +74,7 @@ class Spacecraft:
         self._reasons: set[str] = set()
         self._retry = 0.0
         self._changed: list[int] = []   # when the files of the database did
-        self._looked = 0.0
+        self._looked = self._published = 0.0
         self._prepare()
         self.derived = DerivedParameters(self, self.monitor)
         self.slot_names: list[str] = []
@@ -83,6 +85,7 @@ class Spacecraft:
         self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
         if not self.replayed:
             self._keep()
+        self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link)
 
     @property
     def clock(self) -> str:
@@ -130,7 +133,7 @@ class Spacecraft:
         if self.ground:
             link |= {"refused": self.ground.refused}
         can = [what for what, there in (
-            ("command", not self.replayed), ("run", self.run), ("tables", self.dictionary and not self.replayed),
+            ("command", not self.replayed), ("run", self.control), ("tables", self.dictionary and not self.replayed),
             ("files", self._has("Files")), ("stored", self._has("StoredCommands"))) if there]
         return {"name": self.name, "mission": Path(self.settings.mission).name, "index": self.index,
                 "clock": self.clock, "epoch_ns": None if self.epoch_ns is None else str(self.epoch_ns),
@@ -140,7 +143,7 @@ class Spacecraft:
 
     def limit(self, slot: int, levels: dict[str, Any], persistence: int) -> None:
         """Other limits of a parameter; {}: none. Raises SetupError."""
-        self.monitor.set_limits(slot, levels, persistence)
+        self.noted(self.monitor.set_limits(slot, levels, persistence))
         self.room.publish("slots", self.name, {"first": slot})
 
     def inspect(self, packet: bytes) -> dict[str, Any]:
@@ -155,7 +158,8 @@ class Spacecraft:
         if self.history is not None:
             with self._reading:
                 found = self.history.packets(0, before, "undecoded" if undecoded else container or None, limit, True)
-            rows += ((*one, self.monitor.inspect(one[3])["reason"] if one[2] is None else "") for one in found)
+            rows += ((one[0], one[1], one[2], one[3], self.monitor.inspect(one[3])
+                     ["reason"] if one[2] is None else "") for one in found)
         elif undecoded:
             rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(self.bad)
                      if t <= before][:limit]
@@ -262,7 +266,7 @@ class Spacecraft:
         self.dictionary = process.commands.dictionary
         self.simulation = sim
         if not settings.link:
-            self.run = Pace(sim, settings.speed)
+            self.run = self.control = Pace(sim, settings.speed)
         database = packets.database(read(sim, process.name))
         more = of_ground.read(self.mission_folder, [database])
         text = {f"{self.name}.xml": xtce(sim.name, [database], more)}
@@ -313,6 +317,9 @@ class Spacecraft:
                 self.ground.link = made.link
                 self.transfers.lost("the link broke")
         self.state = "up"
+        if settings.link.startswith("cosim:"):
+            self.control = self.room.steered
+            getattr(self.link, "link", self.link).wait = TURN / 1e9
         self.room.tell(self.name, "info", "link", f"the link is up: {settings.link or 'the server flies it'}")
         self.room.publish("craft", self.name, self.told())
         if self.run and self.ground and not self.ground.sent and not settings.radio:
@@ -338,6 +345,11 @@ class Spacecraft:
         """Do what is asked, and take what arrives."""
         self._answer()
         self._reread()
+        if time.monotonic() - self._published > AGAIN:
+            self._published = time.monotonic()
+            self.room.publish("craft", self.name, self.told())
+            if self.control:
+                self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
         for turn in self.turns:
             turn()
         until = None
@@ -353,6 +365,7 @@ class Spacecraft:
             self.take(self._timed(arrived))
         self.commanding.look()
         self.transfers.look()
+        self.feed.sample()
 
     def _answer(self) -> None:
         """Do what others have asked."""
@@ -411,6 +424,8 @@ class Spacecraft:
                 self.room.publish("slots", self.name, {"first": rest[0]})
             elif what == "archive":
                 self._archived(rest[0])
+            elif what == "full":
+                self.room.tell(self.name, "critical", "server", rest[0])
         if concerns:
             self.alarms.take(concerns)
 

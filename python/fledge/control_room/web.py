@@ -88,7 +88,8 @@ class Server:
                 ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
                 ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
                 ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
-                ("/{c}/sessions", self.sessions, None), ("/{c}/history", self.history, None),
+                ("/{c}/scene", self.scene, None), ("/{c}/sessions",
+                                                   self.sessions, None), ("/{c}/history", self.history, None),
                 ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
                 ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
                 ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
@@ -339,6 +340,13 @@ class Server:
 
     # --- back in time ---
 
+    async def scene(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        try:
+            return web.Response(body=await self._aside(craft.feed.pack), content_type="application/octet-stream")
+        except SetupError as error:
+            raise refusal(404, str(error)) from None
+
     def _kept(self, craft: Spacecraft) -> Spacecraft:
         if craft.history is None:
             raise refusal(404, f"{craft.name} has no archive of its own")
@@ -464,13 +472,14 @@ class Server:
     # --- run control ---
 
     def _flown(self, craft: Spacecraft) -> Any:
-        if craft.run is None:
-            raise refusal(404, f"{craft.name} is not flown by the server: it has no run control")
-        return craft.run
+        if craft.control is None:
+            raise refusal(404, f"{craft.name} has no run control: neither the server nor its co-simulation flies it")
+        return craft.control
 
     async def run(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
-        return answer(self._flown(craft).told(craft.state if craft.link is None else ""))
+        run = self._flown(craft)
+        return answer(run.told(craft.state if craft.link is None else "") | {"faults": run.faults()})
 
     async def command_run(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request, "command")
@@ -487,7 +496,7 @@ class Server:
                             body.get("speed"))
             told: dict[str, Any] = run.told("")
             self.room.publish("run", craft.name, told)
-            return told
+            return told | {"faults": run.faults()}
 
         return answer(await self._asked(craft, act))
 
@@ -634,6 +643,10 @@ class Browser:
             if self.server.room.crafts.get(name) is not one.craft:
                 self.wanted.pop(name, None)
                 continue
+            if one.truth and not transport.get_write_buffer_size():
+                one.number, texts = one.craft.feed.since(one.number)
+                for text in texts:
+                    await self.socket.send_str(dumps(text))
             monitor = one.craft.monitor
             if monitor is not one.monitor:      # another database: all anew
                 one.monitor, one.version = monitor, 0
@@ -674,7 +687,7 @@ class _Subscription:
     def __init__(self, craft: Spacecraft, slots: bytes | None, period: float, truth: bool) -> None:
         self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
         self.monitor: Any = None
-        self.version, self.due = 0, 0.0
+        self.version, self.number, self.due = 0, 0, 0.0
 
 
 async def serve(room: Room, ready: Callable[[str], None], over: asyncio.Event) -> None:

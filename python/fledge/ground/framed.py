@@ -84,7 +84,7 @@ class Framed(Link):
                 self._work()
                 answered = bool(self._answers)
             self.skipped, self.dropped = self.link.skipped + self._end.counts["skipped"], self.link.dropped
-            if found or answered or self.t >= until:
+            if found or answered or self.t >= until or not arrived and self.link.wait is not None:
                 return found
 
     def close(self) -> None:

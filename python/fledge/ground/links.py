@@ -35,6 +35,8 @@ class Link(ABC):
 
     skipped = 0     #: bytes that were no packet
     dropped = 0     #: packets that a slow reader missed
+    #: [s] of real time after which receive() returns, also while the link's own clock stands; None: it waits on
+    wait: float | None = None
 
     @property
     @abstractmethod

@@ -81,7 +81,9 @@ class Onlooker(Link):
 
     def receive(self, until: int) -> list[Timed]:
         while self.t < until:
-            seen = self._observer.next(PATIENCE)
+            seen = self._observer.next(PATIENCE if self.wait is None else self.wait)
+            if seen is None and self.wait is not None and self._observer.reason is None:
+                break       # the run is paused
             if seen is None:
                 raise ConnectionError("the run is over" if self._observer.reason is not None else
                                       f"the run has written nothing for {PATIENCE:g} s")

@@ -73,6 +73,8 @@ class Program:
     writes: list[str] = _key("topics", list, of="asynchronous")
     link: str | None = _key("text", of="asynchronous")          # carries the packets of a flight process there
     steers: bool = _key("flag", False, of="asynchronous")       # it may pause the run and change its pace
+    serve: str | None = _key("text", of="asynchronous")         # the file of a control room's server
+    sees: list[str] = field(default_factory=list)               # flight processes whose packets it carries
     asynchronous: bool = False
 
     def named(self, topic: str) -> str:
@@ -187,7 +189,7 @@ class _Reader(Tables):
         self.fill(plan, data, (), "", ("node", "asynchronous"))
         plan.programs = [self.program(table, (kind, i), kind) for kind in ("node", "asynchronous")
                          for i, table in enumerate(self.tables(data, (), kind))]
-        plan.watch += sorted({f"/{p.process}/telemetry" for p in plan.programs if p.link} - {*plan.watch})
+        plan.watch += sorted({f"/{name}/telemetry" for p in plan.programs for name in p.sees} - {*plan.watch})
         if not plan.nodes and not self.problems:
             self.refuse((), "a simulation has nodes", "there is none", "write [[node]] with a name and a command, "
                         "or a mission")
@@ -304,7 +306,7 @@ class _Reader(Tables):
 
     def start(self, table: dict, path: tuple, p: Program) -> None:
         """Check how the program starts."""
-        given = [key for key in ("mission", "command", "by_hand", "link") if table.get(key)]
+        given = [key for key in ("mission", "command", "by_hand", "link", "serve") if table.get(key)]
         if len(given) != 1:
             self.refuse((*path, given[1] if given else "command"),
                         "a program is a `mission` with its `process`, a `command`, or started `by_hand`",
@@ -323,6 +325,8 @@ class _Reader(Tables):
                 self.mission(table, path, p, p.mission, p.process)
         elif p.link:
             self.link(table, path, p, p.link)
+        elif p.serve:
+            self.serve(table, path, p, self.folder / p.serve)
         elif p.command and not p.host:      # on a host the log will say if it is missing
             self.executable(path, p, p.command)
         for name in re.findall(r"\{(\w+)\}", "\0".join(p.command or ())):
@@ -343,8 +347,31 @@ class _Reader(Tables):
         if not p.process:
             self.refuse((*path, "link"), "a link is of a flight process", f"{p.name} names none",
                         'write process = "flight"')
-        elif "writes" not in table:
-            p.writes = [f"/{p.process}/commands"]
+        else:
+            self.carries(table, p, [p.process])
+
+    def serve(self, table: dict, path: tuple, p: Program, file: Path) -> None:
+        """The server of a control room (docs/control-room.md), whose spacecraft have the links cosim:PROCESS."""
+        p.serve, p.steers = str(file), True
+        try:
+            crafts = parse(text_of(file), file)[0].get("craft", [])
+        except (TomlError, OSError) as error:
+            self.refuse((*path, "serve"), "`serve` is the file of a control room", str(error),
+                        "it is relative to this file's folder")
+            return
+        links = [str(one.get("link", "")) for one in crafts if isinstance(one, dict)]
+        found = [one.removeprefix("cosim:").partition("?")[0] for one in links if one.startswith("cosim:")]
+        if not found:
+            self.refuse((*path, "serve"), "a control room in a co-simulation has a spacecraft there",
+                        f"none in {file} has a link cosim:PROCESS", 'write link = "cosim:flight" in its [[craft]]')
+        self.carries(table, p, found)
+
+    @staticmethod
+    def carries(table: dict, p: Program, processes: list[str]) -> None:
+        """The packets of these processes; without `writes` their commands, too."""
+        p.sees = processes
+        if "writes" not in table:
+            p.writes = [f"/{name}/commands" for name in processes]
 
     def executable(self, path: tuple, p: Program, command: list[str]) -> None:
         if p.launcher and not shutil.which(p.launcher[0]):

@@ -292,6 +292,8 @@ class Session:
             return [re.sub(places, lambda found: values[str(found[1])], word) for word in p.command]
         if p.link:
             return [*fledge, "link", str(p.process), p.link]
+        if p.serve:
+            return [*fledge, "ground", "serve", p.serve]
         record = f"runs/{self.plan.simulation}" if p.host else folder
         given = [*(word for name, value in p.parameters.items() for word in ("--set", f"{name}={value!r}")),
                  *["--free"] * p.free]
