@@ -14,6 +14,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 #include <unordered_map>
+#include <utility>
 
 namespace fledge::ground {
 
@@ -217,8 +218,8 @@ PacketArchive::~PacketArchive()
     try {
         close();
     } catch (const Refusal &) { // the files say what is missing
+        ::close(lock_);
     }
-    ::close(lock_);
 }
 
 /// Make NAME of NAME.part, which a lost program has left: as NAME.lost it is read until NAME is whole. If that is not
@@ -401,6 +402,7 @@ void PacketArchive::close()
             throw;
         }
     }
+    ::close(std::exchange(lock_, -1));
 }
 
 } // namespace fledge::ground

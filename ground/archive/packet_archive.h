@@ -32,7 +32,7 @@ public:
     /// written into a new file as soon as there is room; the files tell the gap of those that are lost.
     void save() override;
 
-    /// End the session. Throws as save().
+    /// End the session: another program may write there then. Throws as save().
     void close();
 
     /// Why packets are not saved; "": they are.
