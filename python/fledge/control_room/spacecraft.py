@@ -73,6 +73,7 @@ class Spacecraft:
         self._thread: Thread | None = None
         self._reasons: set[str] = set()
         self._retry = 0.0
+        self._published = 0.0
         self._changed: list[int] = []   # when the files of the database did
         self._looked = self._published = 0.0
         self._prepare()
@@ -352,6 +353,9 @@ class Spacecraft:
                 self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
         for turn in self.turns:
             turn()
+        if time.monotonic() - self._published > 1:      # pages show its time and counts without asking
+            self._published = time.monotonic()
+            self.room.publish("craft", self.name, self.told())
         until = None
         if self.link is not None:
             until = self.run.until() if self.run else self.link.t + TURN

@@ -118,16 +118,16 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         const now = live.craft(craft);
         if (run && now?.t_ns) take({t_ns: now.t_ns});
     });
-    keys.add("s", "pause, or go on", () => pause.click());
+    keys.add(" ", "pause, or go on", () => pause.click());
     keys.add("s", "a step", () => step.click());
-    keys.add("s", "faster", () => faster(1));
-    keys.add("s", "slower", () => faster(-1));
+    keys.add("+", "faster", () => faster(1));
+    keys.add("-", "slower", () => faster(-1));
     function faster(by) {
         const all = [...speed.options].map((one) => one.value);
         speed.selectedIndex = Math.max(0, Math.min(all.length - 1, speed.selectedIndex + by));
         speed.dispatchEvent(new Event("change"));
     }
-    keys.add("s", "inject a fault", () => search.focus());
+    keys.add("F", "inject a fault", () => search.focus());
     await load();
     return undefined;
 }

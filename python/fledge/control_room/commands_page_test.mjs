@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an operator does on the pages that command, in a real browser: node SCRIPT ADDRESS FOLDER MODULES
+// prints {check: "" or what went wrong}. commands_page_test.py starts the server, and reads it.
+import assert from "node:assert/strict";
+import {readFileSync, writeFileSync} from "node:fs";
+import {join} from "node:path";
+import {pathToFileURL} from "node:url";
+
+const [address, folder, modules, shots] = process.argv.slice(2);
+const {chromium} = await import(pathToFileURL(join(modules, "playwright-core/index.mjs")));
+const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf-8");
+const PATIENCE = Number(process.env.PATIENCE ?? 60000), PAGES = ["commands", "stacks", "stored", "files", "tables", "run", "displays"];
+
+const browser = await chromium.launch({
+    executablePath: "/usr/bin/chromium",
+    args: [
+        "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+        "--disable-component-update", "--disable-sync"
+    ]
+});
+
+/** A page of the console. wide: of the window. */
+async function open(name, craft = "imager", selection = "", {width = 1280, height = 800, colorScheme = "dark"} = {}) {
+    const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
+    const page = await context.newPage();
+    page.setDefaultTimeout(PATIENCE);
+    page.problems = [];
+    page.on("pageerror", (error) => page.problems.push(error.stack));
+    page.on("console",
+        (said) => said.type() === "error" && !/status of 4\d\d/.test(said.text()) && page.problems.push(said.text()));
+    await page.goto(`${address}/#/${name}?craft=${craft}${selection && `&sel=${encodeURIComponent(selection)}`}`);
+    await page.waitForSelector("html[data-opened]");
+    return page;
+}
+
+/** The newest row of the sent commands that has this name. */
+const row = (page, name) => page.locator(".sent .tbody .tr:not([hidden])", {hasText: name}).first();
+const ticked = (page, name, stage) => row(page, name).locator(`[aria-label="${stage}"]`).waitFor();
+const press = (page, name) => page.getByRole("button", {name, exact: true}).click();
+const choose = async (page, name) => {
+    await page.keyboard.press("/");
+    await page.keyboard.type(name);
+    await page.keyboard.press("Enter");
+    await page.locator(".command h2", {hasText: name}).waitFor();
+};
+
+const checks = {
+    async "a command is sent by keys alone, and its verifiers tick"() {
+        const page = await open("overview");
+        await page.keyboard.press("g");
+        await page.keyboard.press("c");
+        await page.locator(".commands .list .tr", {hasText: "noop"}).waitFor();
+        await choose(page, "flight.noop");
+        await page.keyboard.press("Enter");
+        for (const stage of ["released", "accepted", "completed"]) await ticked(page, "flight.noop", stage);
+        return page;
+    },
+
+    async "the bytes follow what is typed, with the place of each argument"() {
+        const page = await open("commands", "imager", "flight.write.steering.K1");
+        await page.fill("#argument-K1", "0.25");
+        await page.waitForFunction(() => document.querySelector(".preview .hex")
+                                             ?.getAttribute("aria-label")
+                                             .endsWith("3f d0 00 00 00 00 00 00"));
+        assert.equal(
+            await page.locator(".byte.given").allTextContents().then((all) => all.join("")), "3fd0000000000000");
+        await page.locator(".bytes tbody tr", {hasText: "module"}).hover();
+        assert.equal(await page.locator(".byte.on").count(), 2);
+        await page.fill("#argument-K1", "-2");
+        await page.waitForSelector(".preview.old");
+        return page;
+    },
+
+    async "a refused argument says why beside it, and nothing is sent"() {
+        const page = await open("commands", "imager", "flight.telemetry");
+        await page.locator(".preview, #argument-output").first().waitFor();
+        for (const [text, why] of [["many", "a whole number is needed"], ["99999999", "too few for 99999999"]]) {
+            await page.fill("#argument-every", text);
+            await page.locator("#argument-every-problem", {hasText: why}).waitFor();
+        }
+        const before = await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count();
+        await press(page, "Send");
+        assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-invalid")), "true");
+        assert.equal(
+            await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count(), before);
+        return page;
+    },
+
+    async "what flight refuses says which rule it would break"() {
+        const page = await open("commands", "imager", "flight.write.vehicle.I_B");
+        await page.locator("#argument-I_B_0_0, .form textarea, .form input").first().waitFor();
+        for (const one of await page.locator(".form :is(input, textarea)").all()) await one.fill("1");
+        await press(page, "Send");
+        await row(page, "flight.write.vehicle.I_B").locator("[aria-label='failed, no']").waitFor();
+        await row(page, "flight.write.vehicle.I_B")
+            .locator(".problem", {hasText: "the parameters would break a rule"})
+            .waitFor();
+        return page;
+    },
+
+    async "a hazardous command asks once more"() {
+        const page = await open("commands", "imager", "flight.reset_flight");
+        await page.locator(".hazard", {hasText: "begin anew"}).waitFor();
+        const rows = () => page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.reset_flight"}).count();
+        const before = await rows();
+        await press(page, "Send");
+        await page.locator("dialog[open]", {hasText: "begin anew"}).waitFor();
+        await page.keyboard.press("Escape");
+        await page.locator(".answer", {hasText: "Not sent."}).waitFor();
+        assert.equal(await rows(), before);
+        await press(page, "Send");
+        await press(page, "Send it");
+        await ticked(page, "flight.reset_flight", "completed");
+        return page;
+    },
+
+    async "a stack stops at the step that fails, and goes on when that is mended"() {
+        const step = (command, values = {}, more = {}) => ({command, arguments: values, ...more});
+        const bad = {K1: "-3"},
+              steps = [step("flight.noop", {}, {wait: 1}), step("flight.write.steering.K1", bad), step("flight.noop")];
+        const file = join(folder, "stack.json");
+        writeFileSync(file, JSON.stringify({kind: "fledge-stack", steps}));
+        const page = await open("stacks");
+        await page.setInputFiles("input[type=file]", file);
+        await page.locator(".steps tbody tr").nth(2).waitFor();
+        await page.keyboard.press("r");
+        await page.locator(".answer.problem", {hasText: "step 2, flight.write.steering.K1"}).waitFor();
+        const signs = () => page.locator(".steps tbody td:first-child").allTextContents();
+        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u25b6", ""]);
+        await page.locator(".steps tbody tr").nth(1).click();
+        await page.fill("#argument-K1", "0.3");
+        await page.keyboard.press("Escape");
+        await page.keyboard.press("r");
+        await page.locator(".answer", {hasText: "All steps are done."}).waitFor();
+        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u2713", "\u2713"]);
+        const [saved] = await Promise.all([page.waitForEvent("download"), page.click("text=Save")]);
+        assert.equal(JSON.parse(readFileSync(await saved.path(), "utf-8")).steps[1].arguments.K1, 0.3);
+        writeFileSync(file, '{"kind": "fledge-stack", "steps": [{"command": "flight.noop", "until": "later"}]}');
+        await page.setInputFiles("input[type=file]", file);
+        await page.locator(".problem", {hasText: 'Step 1: "until" is one of'}).waitFor();
+        return page;
+    },
+
+    async "a table is read, edited beside what is on board, and loaded"() {
+        const page = await open("tables", "imager", "flight.steering");
+        await page.locator("h2", {hasText: "flight.steering"}).waitFor();
+        await page.click("text=Read from the spacecraft");
+        await page.waitForFunction(() => Number(document.querySelector(".pane tbody td.num")?.textContent) > 0);
+        const other = (Number(await page.locator(".pane tbody td.num").first().textContent()) + 0.125).toString();
+        const field = page.getByLabel("K1, to load");
+        await field.fill("");
+        await page.locator(".row .soft", {hasText: "1 values are wrong"}).waitFor();
+        assert(await page.locator(".primary", {hasText: "Load"}).isDisabled());
+        await field.fill(other);
+        await page.locator(".row .soft", {hasText: "1 differs"}).waitFor();
+        await page.click(".primary >> text=Load");
+        await page.locator(".answer", {hasText: "done"}).waitFor();
+        await page.locator(".row .soft", {hasText: "as on board"}).waitFor();
+        await page.click("text=Read from the spacecraft");
+        await page.waitForFunction((value) => document.querySelector(".answer").textContent.includes("done") &&
+                document.querySelector(".pane tbody td.num").textContent === value,
+            other);
+        return page;
+    },
+
+    async "a file goes up, is listed, and comes back the same"() {
+        const file = join(folder, "plan.bin"),
+              content = Buffer.from(Array.from({length: 3000}, (_, k) => (k * k) % 251));
+        writeFileSync(file, content);
+        const page = await open("files", "flatsat");
+        await page.setInputFiles("input[type=file]", file);
+        await page.fill("[aria-label='its name on board']", "next");
+        await page.click("text=Send the file");
+        await page.locator("[aria-label=transfers] tr", {hasText: "next"}).locator("text=completed").waitFor();
+        await page.fill("[aria-label='name of a file on board']", "next");
+        await page.click("text=Fetch");
+        const [link] = [page.locator("[aria-label='received files'] a", {hasText: "next"})];
+        await link.waitFor();
+        const [down] = await Promise.all([page.waitForEvent("download"), link.click()]);
+        assert(readFileSync(await down.path()).equals(content), "the file came back otherwise");
+        await page.click("text=List what is on board");
+        await page.locator("[aria-label='from the spacecraft'] tbody tr", {hasText: "next"}).waitFor();
+        await page.fill("[aria-label='name of a file on board']", "nowhere");
+        await page.click("[aria-label='from the spacecraft'] >> text=Fetch");
+        await page.locator("[aria-label=transfers] tr", {hasText: "nowhere"}).locator("text=failed").waitFor();
+        return page;
+    },
+
+    async "a simulated craft pauses, steps, changes its speed, and takes a fault"() {
+        const page = await open("run");
+        const t = async () => (await (await page.request.get(`${address}/api/crafts/imager/run`)).json()).t_ns;
+        await page.locator(".state.running").waitFor();
+        await page.keyboard.press(" ");
+        await page.locator(".state.paused").waitFor();
+        const before = BigInt(await t());
+        await page.waitForTimeout(300);
+        assert.equal(BigInt(await t()), before);
+        await page.fill("[aria-label='seconds of a step']", "7");
+        await page.click("text=Step");
+        for (let k = 0; BigInt(await t()) !== before + 7000000000n; k++) {
+            assert(k < 300, `after a step of 7 s it is ${BigInt(await t()) - before} ns further`);
+            await page.waitForTimeout(100);
+        }
+        await page.fill(".faults input[type=search]", "wheels friction");
+        await page.locator(".faults tbody tr", {hasText: "world.wheels.friction"}).first().click();
+        await page.fill("[aria-label=value]", "[0, 0.03, 0, 0]");
+        await page.click("text=Inject");
+        await page.locator(".done li", {hasText: "world.wheels.friction = [0,0.03,0,0]"}).waitFor();
+        await page.fill("[aria-label=value]", "[1]");
+        await page.click("text=Inject");
+        await page.locator(".faults .problem").waitFor();
+        await page.selectOption("[aria-label=speed]", "50");
+        await page.locator(".state.running").waitFor();
+        const {speed} = await (await page.request.get(`${address}/api/crafts/imager/run`)).json();
+        assert.equal(speed, 50);
+        return page;
+    },
+
+    async "a display with an unknown name says why, and the rest of it moves"() {
+        const page = await open("displays", "imager", "odd");
+        await page.locator(".problem", {hasText: "odd.toml:6: there is no parameter 'flight.tracking.eror'"}).waitFor();
+        await page.locator(".display h3", {hasText: "<img src=x onerror=alert(1)>"}).waitFor();
+        assert.equal(await page.locator(".display img").count(), 0);
+        const value = page.locator("td.value").first(), first = await value.textContent();
+        await page.waitForFunction((was) => document.querySelector("td.value").textContent !== was, first);
+        await page.locator("canvas").waitFor();
+        await page.click(".buttons >> text=Nothing");
+        await page.locator(".buttons .answer", {hasText: "completed"}).waitFor();
+        return page;
+    },
+
+    async "the displays of the mission have no problem"() {
+        const page = await open("displays", "imager", "pointing");
+        await page.locator("canvas").waitFor();
+        assert.equal(await page.locator(".display .problem").count(), 0);
+        return page;
+    },
+
+    async "axe finds nothing serious, and nothing is wider than its window"() {
+        for (const colorScheme of ["dark", "light"])
+            for (const [width, height] of [[1280, 800], [820, 1180]]) {
+                const page = await open("commands", "imager", "flight.telemetry", {width, height, colorScheme});
+                await page.evaluate(axe);
+                for (const name of PAGES) {
+                    await page.evaluate((one) => {
+                        location.hash = `#/${one}?craft=imager`;
+                    }, name);
+                    await page.locator(`.page.${name}`).waitFor();
+                    await page.waitForTimeout(400);
+                    const {violations} = await page.evaluate(() => window.axe.run());
+                    const serious = violations.filter(({impact}) => ["serious", "critical"].includes(impact));
+                    assert.deepEqual(serious.map(({id,
+                        nodes}) => [name, colorScheme, id, nodes.map((one) => one.html.slice(0, 200))]),
+                        []);
+                    const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+                    assert(wide <= 0, `${name} is ${wide} px wider than a window of ${width}`);
+                    if (shots) await page.screenshot({path: join(shots, `${name}-${colorScheme}-${width}.png`)});
+                }
+                assert.deepEqual(page.problems, []);
+                await page.context().close();
+            }
+    },
+};
+
+const found = {};
+for (const [name, check] of Object.entries(checks)) {
+    if (process.env.FLEDGE_CHECK && !name.includes(process.env.FLEDGE_CHECK)) continue;
+    try {
+        const page = await check();
+        assert.deepEqual(page?.problems ?? [], []);
+        found[name] = "";
+    } catch (error) { found[name] = error.stack; }
+    for (const context of browser.contexts()) await context.close();
+}
+await browser.close();
+process.stdout.write(JSON.stringify(found));
