@@ -9,7 +9,8 @@ import {pathToFileURL} from "node:url";
 const [address, folder, modules, shots] = process.argv.slice(2);
 const {chromium} = await import(pathToFileURL(join(modules, "playwright-core/index.mjs")));
 const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf-8");
-const PATIENCE = Number(process.env.PATIENCE ?? 60000), PAGES = ["commands", "stacks", "stored", "files", "tables", "run", "displays"];
+const PATIENCE = Number(process.env.PATIENCE ?? 60000),
+      PAGES = ["commands", "stacks", "stored", "files", "tables", "run", "displays"];
 
 const browser = await chromium.launch({
     executablePath: "/usr/bin/chromium",
@@ -73,14 +74,16 @@ const checks = {
 
     async "a refused argument says why beside it, and nothing is sent"() {
         const page = await open("commands", "imager", "flight.telemetry");
-        await page.locator(".preview, #argument-output").first().waitFor();
+        await page.selectOption("#argument-output", {index: 1});
+        await page.selectOption("#argument-on", {index: 1});
         for (const [text, why] of [["many", "a whole number is needed"], ["99999999", "too few for 99999999"]]) {
             await page.fill("#argument-every", text);
             await page.locator("#argument-every-problem", {hasText: why}).waitFor();
         }
         const before = await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count();
         await press(page, "Send");
-        assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-invalid")), "true");
+        await page.waitForFunction(() => document.activeElement.id === "argument-every");
+        await page.locator("#argument-every[aria-invalid=true]").waitFor();
         assert.equal(
             await page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.telemetry"}).count(), before);
         return page;
@@ -133,7 +136,7 @@ const checks = {
         await page.keyboard.press("r");
         await page.locator(".answer", {hasText: "All steps are done."}).waitFor();
         assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u2713", "\u2713"]);
-        const [saved] = await Promise.all([page.waitForEvent("download"), page.click("text=Save")]);
+        const [saved] = await Promise.all([page.waitForEvent("download"), press(page, "Save")]);
         assert.equal(JSON.parse(readFileSync(await saved.path(), "utf-8")).steps[1].arguments.K1, 0.3);
         writeFileSync(file, '{"kind": "fledge-stack", "steps": [{"command": "flight.noop", "until": "later"}]}');
         await page.setInputFiles("input[type=file]", file);
@@ -171,9 +174,9 @@ const checks = {
         await page.setInputFiles("input[type=file]", file);
         await page.fill("[aria-label='its name on board']", "next");
         await page.click("text=Send the file");
-        await page.locator("[aria-label=transfers] tr", {hasText: "next"}).locator("text=completed").waitFor();
+        await page.locator("[aria-label=transfers] tr", {hasText: "next"}).locator("text=completed").first().waitFor();
         await page.fill("[aria-label='name of a file on board']", "next");
-        await page.click("text=Fetch");
+        await press(page, "Fetch");
         const [link] = [page.locator("[aria-label='received files'] a", {hasText: "next"})];
         await link.waitFor();
         const [down] = await Promise.all([page.waitForEvent("download"), link.click()]);
@@ -182,7 +185,7 @@ const checks = {
         await page.locator("[aria-label='from the spacecraft'] tbody tr", {hasText: "next"}).waitFor();
         await page.fill("[aria-label='name of a file on board']", "nowhere");
         await page.click("[aria-label='from the spacecraft'] >> text=Fetch");
-        await page.locator("[aria-label=transfers] tr", {hasText: "nowhere"}).locator("text=failed").waitFor();
+        await page.locator("[aria-label=transfers] tr", {hasText: "nowhere"}).locator("text=failed").first().waitFor();
         return page;
     },
 
@@ -196,7 +199,7 @@ const checks = {
         await page.waitForTimeout(300);
         assert.equal(BigInt(await t()), before);
         await page.fill("[aria-label='seconds of a step']", "7");
-        await page.click("text=Step");
+        await press(page, "Step");
         for (let k = 0; BigInt(await t()) !== before + 7000000000n; k++) {
             assert(k < 300, `after a step of 7 s it is ${BigInt(await t()) - before} ns further`);
             await page.waitForTimeout(100);
@@ -204,10 +207,10 @@ const checks = {
         await page.fill(".faults input[type=search]", "wheels friction");
         await page.locator(".faults tbody tr", {hasText: "world.wheels.friction"}).first().click();
         await page.fill("[aria-label=value]", "[0, 0.03, 0, 0]");
-        await page.click("text=Inject");
+        await press(page, "Inject");
         await page.locator(".done li", {hasText: "world.wheels.friction = [0,0.03,0,0]"}).waitFor();
         await page.fill("[aria-label=value]", "[1]");
-        await page.click("text=Inject");
+        await press(page, "Inject");
         await page.locator(".faults .problem").waitFor();
         await page.selectOption("[aria-label=speed]", "50");
         await page.locator(".state.running").waitFor();

@@ -125,11 +125,12 @@ export class Form {
         if (text) input.setAttribute("aria-invalid", "true");
     }
 
-    /** Take a refusal of the server: beside its argument, or false if it is of none. */
-    refused(error) {
+    /** Take a refusal of the server: beside its argument, or false if it is of none. focus: go there. */
+    refused(error, focus = false) {
         const name = error.body?.argument;
         if (!this.fields.has(name)) return false;
         this.refuse(name, error.message);
+        if (focus) this.fields.get(name).input.focus();
         return true;
     }
 

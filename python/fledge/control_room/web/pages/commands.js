@@ -117,7 +117,7 @@ export async function open({root, api, live, keys, craft, selection, select}) {
             put(said, id === null ? "Not sent." : "Sent.");
             dress(said, "answer");
         } catch (error) {
-            if (!now.refused(error)) {
+            if (!now.refused(error, true)) {
                 put(said, error.message);
                 dress(said, "answer problem");
             }
