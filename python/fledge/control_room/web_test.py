@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server in real flights, by HTTP and WebSocket."""
 import asyncio
+import re
+import socket
 import struct
+import subprocess
+import sys
 from contextlib import asynccontextmanager
 
 import pytest
-from aiohttp import WSMsgType
+from aiohttp import ClientSession, WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 
 from fledge.control_room.room import Room
@@ -275,3 +279,245 @@ def test_a_wrong_file_is_refused_with_its_line(tmp_path, text, why):
     with pytest.raises(SetupError) as error:
         read(tmp_path / "ground.toml")
     assert why in str(error.value)
+
+
+LIMITED = """
+[[craft]]
+name = "imager"
+mission = "earth_imager"
+speed = 0
+[craft.derived.angle]
+of = { a = "flight.tracking.error.sigma_BR[0]", b = "flight.tracking.error.sigma_BR[1]" }
+expression = "sqrt(a**2 + b**2)"
+unit = "deg"
+limits = { warning = [0.0, 0.001] }
+[craft.derived.twice]
+of = { a = "flight.tracking.error.sigma_BR[0]" }
+function = "functions.py:twice"
+[craft.derived.wrong]
+of = { a = "flight.tracking.error.sigma_BR[0]" }
+function = "functions.py:wrong"
+"""
+
+
+@flown
+async def test_history_derived_parameters_and_replays_agree(tmp_path):
+    (tmp_path / "functions.py").write_text("def twice(a):\n    return 2 * a\ndef wrong(a):\n    return 1 // 0\n")
+    async with console(tmp_path, LIMITED) as c:
+        craft = "crafts/imager"
+        sigmas = [f"flight.tracking.error.sigma_BR[{i}]" for i in (0, 1)]
+        await c.until("crafts", lambda found: int(found[0]["t_ns"]) > 300 * 10**9)
+        await c.post(f"{craft}/run", {"action": "pause"})
+        found = await c.get(f"{craft}/history?names={','.join(sigmas)},angle,twice&points=0")
+        a, b = (found[name]["value"] for name in sigmas)
+        assert len(a) > 500 and found["angle"]["t_ns"] == found[sigmas[0]]["t_ns"]
+        assert found["twice"]["value"] == [2 * x for x in a]
+        assert found["angle"]["value"] == pytest.approx([(x * x + y * y)**0.5 for x, y in zip(a, b)], rel=1e-14)
+        newest = c.room.crafts["imager"].monitor.newest(c.room.crafts["imager"].slot_numbers["angle"])
+        assert newest[3] == found["angle"]["value"][-1]
+        few = (await c.get(f"{craft}/history?names=angle&points=20"))["angle"]
+        assert len(few["t_ns"]) <= 20 and max(few["high"]) == max(found["angle"]["value"])
+        data = await (await c.client.get(f"/api/{craft}/history?names=twice&points=0&format=binary")).read()
+        magic, n_series, n, _ = struct.unpack_from("<IIII", data)
+        assert (magic, n_series, n) == (0x31484C46, 1, len(a))
+        assert list(struct.unpack_from(f"<{n}d", data, 16 + 8 * n)) == found["twice"]["value"]
+        lines = (await c.get(f"{craft}/history?names=twice&points=0&format=csv")).splitlines()
+        assert lines[0] == "t_ns,name,value" and [float(one.split(",")[2])
+                                                  for one in lines[1:]] == found["twice"]["value"]
+        for query, why in (("", "1 to 100"), ("names=none", "none"), ("names=angle&format=x", "json, csv or binary"),
+                           ("names=angle&from_ns=x", "whole number")):
+            assert why in (await c.get(f"{craft}/history?{query}", 400))["error"]
+        assert any("wrong" in one["text"] and one["source"] == "derived" for one in await c.get(f"{craft}/events"))
+
+        session, = await c.get(f"{craft}/sessions")
+        packets = await c.get(f"{craft}/packets?limit=5")
+        assert len(packets) == 5 and int(packets[0]["t_ns"]) == int(session["last_ns"]) and not session["gaps"]
+        one = await c.get(f"{craft}/packets/{packets[0]['id']}")
+        assert one["hex"] == packets[0]["hex"] and one["rows"] and one["reason"] == ""
+        assert (await c.post(f"{craft}/inspect", {"hex": "0801" + packets[0]["hex"][4:]}))["container"] is None
+
+        made = await c.post("replay", {"craft": "imager", "from_ns": "0", "to_ns": "200000000000", "speed": 0})
+        assert made["name"] == "imager@replay" and made["replay"] == "imager"
+        await c.until("crafts", lambda rows: rows[-1]["link"]["state"] == "ended")
+        replay = c.room.crafts["imager@replay"]
+        for name in ("angle", *sigmas):
+            t, _, _, value, *_ = replay.monitor.newest(replay.slot_numbers[name])
+            assert t <= 200 * 10**9 and value == found[name]["value"][found[name]["t_ns"].index(str(t))]
+        assert "command" not in next(one for one in await c.get("crafts") if one["replay"])["can"]
+        await c.post("crafts/imager@replay/send", {"name": "flight.noop"}, 400)
+        await c.post("replay/imager@replay", method="delete")
+        assert len(await c.get("crafts")) == 1
+        await c.post("replay/imager", method="delete", status=409)
+        for body, why in (({"craft": "x"}, "no spacecraft"), ({"craft": "imager", "from_ns": "9" * 18}, "no packets there"),
+                          ({"craft": "imager", "from_ns": "x"}, "whole numbers"), ({"craft": "imager", "speed": -1}, "speed"),
+                          ({"craft": "imager", "from_ns": 5, "to_ns": 3}, "comes before")):
+            assert why in (await c.post("replay", body, 400))["error"]
+
+
+@flown
+async def test_alarms_stay_until_somebody_has_seen_them(tmp_path):
+    async with console(tmp_path, LIMITED.partition("[craft.derived.twice]")[0]) as c:
+        path = "crafts/imager/alarms"
+        one, = [one for one in await c.until(path, lambda rows: any(
+            one["name"] == "angle" and one["concern"] == 0 for one in rows)) if one["name"] == "angle"]
+        assert (one["worst"], one["acknowledged"]) == (2, None) and int(one["since_ns"]) < int(one["t_ns"])
+        await c.post(f"{path}/{one['slot']}", {"shelve_s": 600})
+        assert any(int(row["shelved_until_ns"]) > 0 for row in await c.get(path) if row["name"] == "angle")
+        await c.post(f"{path}/{one['slot']}", {"shelve_s": -1}, 400)
+        done = await c.post(f"{path}/{one['slot']}", {"acknowledge": True, "note": "the acquisition"})
+        assert done["acknowledged"]["note"] == "the acquisition" and done["ended_ns"]
+        assert "angle" not in [one["name"] for one in await c.get(path)]
+        await c.post(f"{path}/{one['slot']}", {"acknowledge": True}, 400)
+
+        slot = one["slot"]
+        limits = f"crafts/imager/limits/{slot}"
+        await c.post(limits, {"limits": {"critical": [5, 9]}}, method="put")
+        again = [one for one in await c.until(path, len) if one["name"] == "angle"]
+        assert again[0]["worst"] == 4 and again[0]["concern"] == 4
+        for wrong in ({"critical": [9, 5]}, {"awful": [1, 2]}, {"critical": [1]}, {"critical": ["x", 1]}):
+            await c.post(limits, {"limits": wrong}, 400, method="put")
+    async with console(tmp_path, LIMITED.partition("[craft.derived.twice]")[0]) as c:      # the server starts again
+        assert "angle" in [one["name"] for one in await c.get("crafts/imager/alarms")]
+
+
+XTCE = """<?xml version="1.0"?>
+<SpaceSystem name="Sat" xmlns="http://www.omg.org/spec/XTCE/20180204"><TelemetryMetaData><ParameterTypeSet>
+<IntegerParameterType name="u16" signed="false"><UnitSet><Unit>V</Unit></UnitSet>
+<IntegerDataEncoding sizeInBits="16"/></IntegerParameterType></ParameterTypeSet><ParameterSet>
+<Parameter name="head" parameterTypeRef="u16"/><Parameter name="count" parameterTypeRef="u16"/>
+<Parameter name="size" parameterTypeRef="u16"/><Parameter name="NAME" parameterTypeRef="u16"/></ParameterSet><ContainerSet>
+<SequenceContainer name="packet" abstract="true"><EntryList><ParameterRefEntry parameterRef="head"/>
+<ParameterRefEntry parameterRef="count"/><ParameterRefEntry parameterRef="size"/></EntryList></SequenceContainer>
+<SequenceContainer name="power"><EntryList><ParameterRefEntry parameterRef="NAME"/></EntryList>
+<BaseContainer containerRef="packet"><RestrictionCriteria><Comparison parameterRef="head" value="2049"/>
+</RestrictionCriteria></BaseContainer></SequenceContainer></ContainerSet></TelemetryMetaData></SpaceSystem>
+"""
+
+
+def power(i, head=2049):
+    return struct.pack(">4H", head, 0xC000 | i & 0x3FFF, 1, i)
+
+
+async def sending(port, packets):
+    """A spacecraft that sends packets to whoever connects, once; then it is gone."""
+    over = asyncio.Event()
+
+    async def serve(_, writer):
+        writer.write(b"".join(packets))
+        await writer.drain()
+        over.set()
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", port)
+    async with server:
+        await asyncio.wait_for(over.wait(), PATIENCE)
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+@flown
+async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_path):
+    port = free_port()
+    file = tmp_path / "sat.xml"
+    file.write_text(XTCE.replace("NAME", "battery"))
+    text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://127.0.0.1:{port}"\n'
+    async with console(tmp_path, text) as c:
+        await c.until("crafts", lambda found: "refused" in found[0]["link"]["state"].lower())
+        await c.post("crafts/sat/send", {"name": "x"}, 400)
+        await sending(port, [power(i) for i in range(1, 101)] + [power(7, head=2050)])
+        await c.until("crafts", lambda found: found[0]["packets"] == 101 and not found[0]["link"]["up"])
+        craft, = await c.get("crafts")
+        assert craft["undecoded"] == 1 and craft["clock"] == "utc" and int(craft["t_ns"]) > 17 * 10**17
+        bad, = await c.get("crafts/sat/packets?undecoded=1")
+        assert "2049" in bad["reason"] and bad["hex"] == power(7, head=2050).hex()
+
+        for content, why in (("<SpaceSystem", "is refused, the old one stays"),
+                             (XTCE.replace("NAME", "voltage"), "was read anew")):
+            file.write_text(content)
+            await c.until("crafts/sat/events", lambda rows: any(why in one["text"] for one in rows))
+        await sending(port, [power(i) for i in range(101, 201)])
+        await c.until("crafts", lambda found: found[0]["packets"] == 201 and not found[0]["link"]["up"])
+        assert [one["name"] for one in await c.get("crafts/sat/slots")].count("voltage") == 1
+        assert (await c.get("crafts/sat/history?names=voltage&points=0"))["voltage"]["value"] == list(range(1, 201))
+        texts = [one["text"] for one in await c.get("crafts/sat/events")]
+        assert sum("the link is up" in one for one in texts) == 2 and any("the other end of the link is gone" in one
+                                                                          for one in texts)
+
+
+@flown
+async def test_a_second_server_of_a_spacecraft_is_refused(tmp_path):
+    from fledge.errors import SetupError
+
+    async with console(tmp_path, NADIR):
+        with pytest.raises(SetupError, match="another program|nadir_spin"):
+            Room(read(tmp_path / "ground.toml"))
+
+
+@flown
+async def test_nothing_is_commanded_that_cannot_be_kept(tmp_path):
+    async with console(tmp_path, NADIR) as c:
+        craft, journal = c.room.crafts["nadir_spin"], c.room.journal
+        await c.verified("nadir_spin", "flight.noop", {})
+        pages = journal._db.execute("PRAGMA page_count").fetchone()[0]
+        journal._db.execute(f"PRAGMA max_page_count = {pages}")        # as a full disk: SQLITE_FULL
+        accepted = craft.simulation.flight.commands.counters.accepted
+        for _ in range(200):
+            answer = await c.client.post("/api/crafts/nadir_spin/send", headers={"X-Fledge-CSRF": c.csrf}, json={
+                "name": "flight.write.control.K", "arguments": {"K": 7}})
+            if answer.status != 200:
+                break
+        assert answer.status == 409 and "full" in (await answer.json())["error"]
+        sent = await c.get("crafts/nadir_spin/sent?limit=500")
+        journal._db.execute("PRAGMA max_page_count = 1000000")
+        await c.verified("nadir_spin", "flight.noop", {})
+        assert craft.simulation.flight.commands.counters.accepted - accepted == len(sent) - 2 + 1
+
+
+def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
+    """kill -9 of the server while packets come: each packet whose value somebody has seen is in the archive, and each
+    command whose number was answered in the journal."""
+    (tmp_path / "ground.toml").write_text('port = 0\n[[craft]]\nmission = "nadir_spin"\nspeed = 200\n')
+    serve = [sys.executable, "-c", "import sys; from fledge.cli import main; sys.exit(main())", "ground", "serve",
+             "ground.toml"]
+    with subprocess.Popen(serve, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
+        address = re.search(r"http://\S+/", server.stdout.readline())[0]
+
+        async def look():
+            async with ClientSession(address) as client:
+                csrf = (await (await client.get("/api/session")).json())["csrf"]
+                numbers = [(await (await client.post("/api/crafts/nadir_spin/send", headers={"X-Fledge-CSRF": csrf}, json={
+                    "name": "flight.noop"})).json())["id"] for _ in range(20)]
+                async with client.ws_connect("/api/live") as live:
+                    await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
+                    times = []
+                    while len(times) < 20:
+                        message = await live.receive(PATIENCE)
+                        if message.type == WSMsgType.BINARY:
+                            times.append(struct.unpack_from("<q", message.data, 16)[0])
+                    server.kill()
+                    while (message := await live.receive(PATIENCE)).type == WSMsgType.BINARY or (
+                            message.type == WSMsgType.TEXT):
+                        times += [struct.unpack_from("<q", message.data, 16)[0]] * (message.type == WSMsgType.BINARY)
+                    return numbers, max(times)
+
+        numbers, last = asyncio.run(look())
+        server.wait()
+    room = Room(read(tmp_path / "ground.toml"))
+    try:
+        session = room.crafts["nadir_spin"].sessions()[0]
+        assert session["ended"] == "killed" and int(session["last_ns"]) >= last and not session["gaps"]
+        assert {one["id"] for one in room.journal.rows("sent")} >= set(numbers)
+        history = room.crafts["nadir_spin"].history
+        found = history.packets(0, last, None, 10**6, False, session["session"])
+        assert len(found) > 1000        # from the first to what was seen, none is missing of any stream
+        streams = {}
+        for _, _, _, packet in found:
+            streams.setdefault(packet[:2], []).append(int.from_bytes(packet[2:4], "big") & 0x3FFF)
+        assert len(streams) > 5 and all(numbers == [(numbers[0] + i) % 0x4000 for i in range(len(numbers))]
+                                        for numbers in streams.values())
+    finally:
+        room.close()
