@@ -7,7 +7,8 @@ decodes in a second by a database, of packets of 1500 bytes with a header: 369 i
 performance test of Yamcs; and 200 numbers of eight kinds with calibrators, once with a size that varies, which is
 decoded entry by entry. The monitor's rows: the share of one core that 20,000 packets a second of 369 integers take,
 ten times the load of that test, decoded with and without limits, and kept in an archive on this machine's disk; and a
-frame of 10,000 changed values for a browser. At the end, the archive of a month (ground_archive)."""
+frame of 10,000 changed values for a browser. At the end, the archive of a month (ground_archive), and the whole server
+with its browsers (ground_server)."""
 from __future__ import annotations
 
 import ctypes
@@ -16,7 +17,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from bench import ground_archive
+from bench import ground_archive, ground_server
 from bench.rows import PEER, Rows, in_turn, options, report
 from bench.sim import library
 from fledge.files import ROOT
@@ -101,5 +102,6 @@ def main(arguments: list[str]) -> int:
             rows.add(name, "code on a LEON3, -Os", size, "bytes")
             rows.add(name, "stack on a LEON3, -Os", stack, "bytes")
     ground_archive.add_rows(rows, chosen.runs)
+    ground_server.add_rows(rows)
     report(rows, chosen)
     return 0

@@ -117,7 +117,7 @@ THIRD_PARTIES = {
                    "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial", "yaml", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
-    "bench":      {"_core", "erfa", "jplephem", "mpmath", "numpy"},
+    "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},
 }
 

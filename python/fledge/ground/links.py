@@ -18,6 +18,8 @@ from fledge.errors import Failure, SetupError
 
 PACKET_LEAST, PACKET_MOST = 7, 6 + 65536    # [bytes] of a space packet
 CHUNK = 1 << 16                             # [bytes] that are read or written at once
+AT_ONCE = 500                               # datagrams
+WAITING = 1 << 22                           # [bytes] of datagrams that the operating system keeps
 OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
 SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
 GONE = "the other end of the link is gone"
@@ -150,6 +152,7 @@ class Udp(_ByTheClock):
         super().__init__(raw)
         self._to = to
         self._socket = _socket(socket.SOCK_DGRAM, *listen)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WAITING)
         self._socket.setblocking(False)
 
     def send(self, packet: bytes) -> None:
@@ -164,12 +167,13 @@ class Udp(_ByTheClock):
     def _work(self, wait: float) -> None:
         if select.select([self._socket], [], [], wait)[0]:
             try:
-                data = self._socket.recv(PACKET_MOST)
-            except (BlockingIOError, ConnectionRefusedError):   # an earlier datagram found nobody
-                return
-            whole, rest = ([data], b"") if self.raw else split(data)
-            self._arrived.extend(Timed(self.t, one) for one in whole)
-            self.skipped += len(rest)
+                for _ in range(AT_ONCE):
+                    data = self._socket.recv(PACKET_MOST)
+                    whole, rest = ([data], b"") if self.raw else split(data)
+                    self._arrived.extend(Timed(self.t, one) for one in whole)
+                    self.skipped += len(rest)
+            except (BlockingIOError, ConnectionRefusedError):   # no more; an earlier datagram found nobody
+                pass
 
 
 class _Stream:
