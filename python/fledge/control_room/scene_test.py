@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What browsers get of a spacecraft that flies, against what the simulation recorded of itself."""
 
+import asyncio
 import json
+import os
+from contextlib import contextmanager
+from queue import Queue
+from threading import Thread
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +15,11 @@ import pytest
 import fledge
 from fledge import SetupError
 from fledge.control_room import scene
-from fledge.scene import page
+from fledge.control_room.room import Room
+from fledge.control_room.settings import read
+from fledge.control_room.web import serve
+from fledge.scene import bundle, page
+from fledge.scene.testing.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.scene.tracks import Turning
 
@@ -192,3 +201,65 @@ def test_the_messages_of_a_co_simulation_are_the_truth():
     found = feed.scene().craft()
     assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
     assert any(one["name"] == "EARTH" for one in text_of(feed.pack())["planets"])
+
+
+# --- in a browser, from the server -------------------------------------------------------------------
+
+@contextmanager
+def served(folder, text):
+    """The address of a server's page, and its room."""
+    (folder / "ground.toml").write_text(text)
+    room, ready, loop = Room(read(folder / "ground.toml")), Queue(), asyncio.new_event_loop()
+    over = asyncio.Event()
+    thread = Thread(target=loop.run_until_complete, args=(serve(room, ready.put, over),))
+    thread.start()
+    try:
+        yield ready.get(timeout=60), room
+    finally:
+        loop.call_soon_threadsafe(over.set)
+        thread.join()
+        room.close()
+        loop.close()
+
+
+@pytest.mark.skipif(not PROGRAM or not bundle.is_built("console.js", "viewer.js") or os.environ.get(
+    "FLEDGE_PRESET") == "asan", reason="needs chromium, and the console, which ./fledge setup --view builds")
+def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_path):
+    with served(tmp_path, 'port = 0\nfolder = "runs"\n[[craft]]\nname = "imager"\nmission = "earth_imager"\n'
+                'scenario = "contact"\nspeed = 20\n') as (address, room), Browser(900, 600) as browser:
+        browser.go(f"{address}#/view?craft=imager")
+        viewer = "document.querySelector('.fledge-view')?.viewer"
+        browser.wait_for(f"{viewer}?.root.dataset.opened")
+        begun = browser.ask(f"{viewer}.data.end")
+        browser.wait_for(f"{viewer}.data.end > {begun} + 20 && {viewer}.t > {begun}")
+        assert browser.ask("controlRoom.time.isLive")
+
+        # Back in time, by the console's own bar: the picture is that time's, and stays.
+        back = begun / 2 + 5
+        browser.ask(f"controlRoom.time.seek({round(back * 1e9)}n)")
+        browser.wait_for(f"{viewer}.t < {begun} && !{viewer}.dirty")
+        t = browser.ask(f"{viewer}.t")
+        assert t == pytest.approx(back, abs=1e-6)
+        end = browser.ask(f"{viewer}.data.end")
+        browser.wait_for(f"{viewer}.data.end > {end}")
+        assert browser.ask(f"{viewer}.t") == t
+        browser.ask(f"{viewer}.choose('orbit')")
+        browser.wait_for("location.hash.includes('orbit') && location.hash.includes('t=')")
+
+        # The link brings somebody else to the same time and camera.
+        link = browser.ask("location.href")
+        browser.go("about:blank")
+        browser.go(link)
+        browser.wait_for(f"{viewer}?.root.dataset.opened")
+        assert browser.ask(f"[{viewer}.t, {viewer}.stage.preset, {viewer}.following]") == [
+            pytest.approx(t, abs=1e-6), "orbit", False]
+
+        browser.ask("controlRoom.time.now()")
+        browser.wait_for(f"{viewer}.following && {viewer}.t > {end}")
+        # Paused, the picture comes to rest where the simulation stands.
+        room.crafts["imager"].call(lambda: room.crafts["imager"].run.command("pause")).result(30)
+        browser.wait_for(f"{viewer}.t === {viewer}.data.end && Math.abs({viewer}.t - "
+                         f"{room.crafts['imager'].simulation.state_time}) < 1e-6")
+        exact = room.crafts["imager"].simulation.world.craft.state.r_BN_N
+        assert np.linalg.norm(np.array(browser.ask(f"{viewer}.stage.crafts[0].place")) - exact) < 1
+        assert [one for one in browser.problems if "viewer.js" in one] == []

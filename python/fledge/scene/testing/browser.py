@@ -75,6 +75,10 @@ class Browser:
         self._call("Page.navigate", url=Path(page).resolve().as_uri() + anchor)
         self.wait_for("document.querySelector('.fledge-view')?.dataset.opened || document.querySelector('.failure')")
 
+    def go(self, address: str) -> None:
+        """Go to an address."""
+        self._call("Page.navigate", url=address)
+
     def wait_for(self, expression: str) -> object:
         """Wait until an expression is true; returns it."""
         end = time.monotonic() + self._wait

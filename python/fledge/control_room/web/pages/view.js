@@ -28,7 +28,7 @@ export async function open(context) {
         },
         write: (about) => {
             about.delete("t");
-            select(camera = about.toString());
+            select(camera = about.toString().replaceAll("%2C", ","));
         },
     };
     const moved = (t) => (t === null ? time.now() : time.seek(zero + BigInt(Math.round(1e9 * t))));
@@ -41,7 +41,9 @@ export async function open(context) {
             viewer?.destroy();
             viewer = null;
             if (ended) return;
+            frame.hidden = false;
             viewer = new Viewer(holder, data, {live: true, link, theme: theme(), moved});
+            holder.viewer = viewer;     // for tests, and the browser's tools
             for (const one of early) viewer.extend(one);
             early = [];
             said.hidden = true;
@@ -75,7 +77,6 @@ export async function open(context) {
     context.every(AGAIN, () => viewer || begin());
     frame.hidden = true;
     await begin();
-    context.root.viewer = viewer;
     return () => {
         ended = true;
         viewer?.destroy();

@@ -167,9 +167,9 @@ export class Viewer {
 
     /** [s] The time of the picture that follows: even, and soon after what came last. */
     followed(since) {
-        const {t, data: {end}, pace} = this;
-        if (end - t > Math.max(5, 5 * pace)) return end;
-        return Math.min(end, t + Math.max(0, since * (pace + 2 * (end - LAG * pace - t))));
+        const {t, data: {end}, pace} = this, behind = end - LAG * pace - t;
+        if (behind > 2 * pace) return end;
+        return Math.min(end, t + Math.max(0, since * pace + Math.min(1, 2 * since) * behind));
     }
 
     // --- the link -----------------------------------------------------------------------------------
@@ -208,8 +208,9 @@ export class Viewer {
             this.plotButton = button("Plots", "Plots (P)", () => this.open(!this.drawn)),
             button("PNG", "Save a picture (S)", () => this.savePicture()),
             this.filmButton = button("WebM", "Record a film of what plays", () => this.film()),
-            button("◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
+            this.themeButton = button("◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
             button("?", "Keys", () => (this.help.hidden = !this.help.hidden)));
+        this.themeButton.className = "theme";
         head.append(title, this.tools);
         this.aside = make("details", "legend");
         this.aside.open = innerWidth > 760;
@@ -429,7 +430,7 @@ export class Viewer {
         this.root.classList.toggle("drawn", drawn);
         this.plotButton.classList.toggle("on", drawn);
         if (drawn && this.live) this.plots.extend(this.data.end);
-        if (drawn && !this.plots.charts.size) this.plots.begin(this.page ? 3 : 6);
+        if (drawn && !this.plots.charts.size) this.plots.begin(this.page || this.live ? 3 : 6);
         this.plots.fit();
     }
 
@@ -613,10 +614,9 @@ export class Viewer {
     // --- each frame ---------------------------------------------------------------------------------
 
     frame(now) {
-        const since = Math.min(0.25, (now - this.last) / 1000);
+        const passed = (now - this.last) / 1000, since = Math.min(0.25, passed), before = this.t;
         this.last = now;
-        const before = this.t;
-        if (this.following) this.t = this.followed(since);
+        if (this.following) this.t = this.followed(passed);
         if (this.following && this.t !== before) {
             this.keepPace(since);
             this.dirty = true;
@@ -632,7 +632,7 @@ export class Viewer {
             this.keepPace(since);
             this.dirty = true;
         }
-        if (this.dirty) {
+        if (this.dirty && this.stage.size) {
             this.dirty = false;
             this.stage.render(this.t, this.playing || this.following ? since : 0);
             this.plots.show(this.t);
