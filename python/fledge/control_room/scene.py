@@ -277,8 +277,8 @@ class Feed:
 
     def _derived(self) -> Derivation:
         if self._simulation is None:
-            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, and FILE gives a "
-                             "database alone")
+            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, which a replay and a "
+                             "database alone do not have")
         with self._lock:
             samples = list(self._kept)
         came = {name for one in samples for name in one}
