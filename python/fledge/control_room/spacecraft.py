@@ -86,7 +86,8 @@ class Spacecraft:
         self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
         if not self.replayed:
             self._keep()
-        self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link)
+        self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link,
+                         zero=0 if self.clock == "simulated" else self.epoch_ns or 0)   #: of the 3-D view
 
     @property
     def clock(self) -> str:
