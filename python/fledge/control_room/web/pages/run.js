@@ -17,8 +17,7 @@ export function valueOf(text) {
 }
 
 export async function open({root, api, live, keys, craft, can, on, every}) {
-    const about = live.craft(craft);
-    if (!about?.simulated) {
+    if (!can("run")) {
         root.append(h("section", {class: "panel"},
             h("p", {class: "none soft"}, `${craft} is not flown by this server, so it has no run control.`)));
         return undefined;
