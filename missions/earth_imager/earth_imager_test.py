@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Earth imager as numbers."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import fledge
+from fledge import cli
 from fledge.units import minute, s
 
 
@@ -51,3 +55,10 @@ def test_without_the_monitor_the_seized_wheel_spoils_the_pass():
     sim.flight.monitor.on = 0b1111
     with pytest.raises(AssertionError, match="the seized wheel is in use"):
         sim.scenarios["seized_wheel"]()
+
+
+def test_a_script_of_the_ground_takes_each_wheel_out_of_use(tmp_path):
+    script = Path(__file__).with_name("commission.py")
+    assert cli.main(["ground", "run", str(script), "--to", "earth_imager", "--yes", "--out", str(tmp_path)]) == 0
+    said = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
+    assert [one["good"] for one in said if one["kind"] == "check"] == [True] * 5

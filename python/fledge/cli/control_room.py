@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge ground ACTION`: the server of the control room (docs/control-room.md), scripts of the ground, and lines for the
-server's file, which let people and scripts use it.
+"""`fledge ground ACTION`: the server of the control room (docs/control-room.md), scripts of the ground, and lines
+for the server's file, which let people and scripts use it.
 
 Exit codes: 0 done, also by Ctrl-C of the server; 1 the script failed; 2 the command line, the file or the address is
 wrong; 130 Ctrl-C of a script.
@@ -39,15 +39,15 @@ def add(command: Callable) -> None:
     a.add_argument("file", metavar="FILE", help="its spacecraft and their links: docs/control-room.md")
     a = action("run", run, "run a script of the ground, and write a page about it", "run gains.py --to nadir_spin")
     a.add_argument("script", metavar="SCRIPT.py", help="has a function run(craft, script); docs/ground.md")
-    a.add_argument("--to", required=True, metavar="CRAFT", help="MISSION or MISSION:SCENARIO, which is simulated "
-                   "meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of `fledge ground serve`")
+    a.add_argument("--to", required=True, metavar="CRAFT", help="MISSION or MISSION:SCENARIO, which is "
+                   "simulated meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of `fledge ground serve`")
     a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN")
     a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
     a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     a.add_argument("--seed", type=int, default=0, metavar="N", help="of a simulated mission's random streams; "
                    "default: 0")
-    a.add_argument("--pace", type=number(), default=0.0, metavar="X", help="of a simulated mission: X simulated seconds "
-                   "per second; default: as fast as possible")
+    a.add_argument("--pace", type=number(), default=0.0, metavar="X", help="of a simulated mission: X simulated "
+                   "seconds per second; default: as fast as possible")
     a.add_argument("--yes", action="store_true", help="answer the script's questions with yes")
     a.add_argument("--out", metavar="DIR", help="for script.html and script.jsonl; default: a new folder in "
                    "runs/scripts")

@@ -132,7 +132,7 @@ def test_the_page_is_the_same_on_a_target(target, place, capfd):
 @pytest.mark.parametrize("body, code, why", [
     ("script.check(1 > 2, 'one is more', one=1)", 1, "line 5: the check does not hold: one is more, one = 1"),
     ("script.check(1 > 2)", 1, "line 5: the check does not hold: script.check(1 > 2)"),
-    ("craft.command('write', 'flight.control', K=-1.0).completed()", 1, "line 5: flight refused write flight.control.K"),
+    ("craft.command('write', 'flight.control', K=-1.0).completed()", 1, "line 5: flight refused write flight.control"),
     ("craft.wait(lambda t: t.mode == 'point', within=3 * s)", 1, "line 5: no packet of housekeeping came within 3 s"),
     ("with script.step('a'):\n    1 / 0", 1, "line 6: ZeroDivisionError: division by zero"),
     ("craft.command('nop')", 1, "there is no command 'nop'"),
