@@ -64,7 +64,8 @@ RULES = {
     "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
                      ["options", "registers"]),
     "emulator/tools": Rule("C++20", "the programs", ["options", "flight/exec", "registers", "targets", "emulator"]),
-    "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder",
+    "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
+                   "values of telemetry with limits; the archive",
                    ["ccsds", "record"]),
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
                    ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator",

@@ -258,29 +258,47 @@ void bind_monitor(py::module_ &m)
              py::arg("root") = py::none(), py::keep_alive<1, 2>())
         .def(
             "sink", [](Watcher &one, PacketSink *sink) { released([&] { one.monitor().sink(sink); }); },
-            py::arg("sink").none(true), py::keep_alive<1, 2>())
-        .def("take", &Watcher::take, py::arg("batch"))
-        .def("slots", &Watcher::slots, py::arg("first") = 0)
-        .def("slot", &Watcher::slot, py::arg("name"))
-        .def("newest", &Watcher::newest, py::arg("slot"))
+            py::arg("sink").none(true), py::keep_alive<1, 2>(), "The archive that keeps the packets, or None.")
+        .def("take", &Watcher::take, py::arg("batch"),
+             "Decode, archive and show a batch: (t [ns of the spacecraft's clock], received [ns UTC], packet) of each. "
+             "What is notable, as tuples:\n"
+             "(\"concern\", slot, t, old, new): the state by its limits, 0 normal to 5 severe\n"
+             "(\"undecoded\", t, received, packet, reason); (\"watched\", container, t, received, packet)\n"
+             "(\"slots\", first): there are new ones; (\"full\", text): values are lost\n"
+             "(\"archive\", text): why it keeps no packets; \"\": it does again.")
+        .def("slots", &Watcher::slots, py::arg("first") = 0,
+             "What the values are, from one slot on: dicts of slot, name, path, container, unit, kind, labels, "
+             "description, limits, persistence.")
+        .def("slot", &Watcher::slot, py::arg("name"),
+             "The slot of a name or path. Raises SetupError with those near it.")
+        .def("newest", &Watcher::newest, py::arg("slot"),
+             "(t, received, raw, value, status, concern, count), or None before the first one. status: good, "
+             "uncalibrated, unlabelled or malformed.")
         .def_property_readonly("version",
                                [](Watcher &one) { return released([&] { return one.monitor().version(); }); })
-        .def("changes", &Watcher::changes, py::arg("since"), py::arg("slots") = py::none())
-        .def("watch", &Watcher::watch, py::arg("containers"))
+        .def("changes", &Watcher::changes, py::arg("since"), py::arg("slots") = py::none(),
+             "(version, frame) of the values that came after a version, of all slots or of those given as 32-bit "
+             "numbers; ground/monitor/monitor.h has the frame.")
+        .def("watch", &Watcher::watch, py::arg("containers"),
+             "Note the packets of these containers and of those that extend them.")
         .def(
             "set_limits",
             [](Watcher &one, std::uint32_t slot, const py::dict &limits, std::uint32_t persistence) {
                 const Bands bands = bands_of(limits);
                 return one.with([&] { return one.monitor().set_limits(slot, bands, persistence); });
             },
-            py::arg("slot"), py::arg("limits"), py::arg("persistence") = 1)
+            py::arg("slot"), py::arg("limits"), py::arg("persistence") = 1,
+            "Limits instead of the database's: {\"warning\": [low, high]}, None for an open end. They count for the "
+            "newest value at once; what changes is noted. Raises SetupError.")
         .def(
             "trigger",
             [](Watcher &one, const std::vector<std::uint32_t> &inputs) {
                 return released([&] { return one.monitor().trigger(inputs); });
             },
-            py::arg("inputs"))
-        .def("rows", &Watcher::rows, py::arg("trigger"))
+            py::arg("inputs"), "A number for `rows` of these slots.")
+        .def("rows", &Watcher::rows, py::arg("trigger"),
+             "The rows since the last call, one for each packet with an input, once all have come: int64 t, and each "
+             "input as a double: times in seconds, raw values of enumerations, NaN where there is no number.")
         .def(
             "derive",
             [](Watcher &one, const std::string &name, const std::string &unit, const std::string &description,
@@ -289,7 +307,7 @@ void bind_monitor(py::module_ &m)
                 return released([&] { return one.monitor().derive(name, unit, description, bands, persistence); });
             },
             py::arg("name"), py::arg("unit") = "", py::arg("description") = "", py::arg("limits") = py::dict(),
-            py::arg("persistence") = 1)
+            py::arg("persistence") = 1, "A slot for numbers that `put` brings. Raises SetupError if the name is taken.")
         .def(
             "put",
             [](Watcher &one, std::uint32_t slot, const py::bytes &t, const py::bytes &values) {
@@ -297,8 +315,11 @@ void bind_monitor(py::module_ &m)
                 const auto all = numbers<double>(values, "values");
                 return one.with([&] { return one.monitor().put(slot, times, all); });
             },
-            py::arg("slot"), py::arg("t"), py::arg("values"))
-        .def("inspect", &Watcher::inspect, py::arg("packet"));
+            py::arg("slot"), py::arg("t"), py::arg("values"),
+            "Values of a derived slot: int64 t and doubles. NaN: there is none. Returns notes as `take`.")
+        .def("inspect", &Watcher::inspect, py::arg("packet"),
+             "A packet's container, nearest, reason, rows (name, raw, value, status, first bit, bits), and bit: where "
+             "decoding stopped or the value of the comparison lies that failed.");
 }
 
 } // namespace fledge::ground

@@ -348,7 +348,8 @@ def test_readers_see_whole_batches_while_another_thread_takes(tmp_path):
 def test_strange_batches_and_packets_are_refused_or_noted(tmp_path):
     types = integer("u8") + "<ArrayParameterType name='l' arrayTypeRef='u8'><DimensionList><Dimension><StartingIndex>" \
         "<FixedValue>0</FixedValue></StartingIndex><EndingIndex><DynamicValue><ParameterInstanceRef " \
-        "parameterRef='n'/></DynamicValue></EndingIndex></Dimension></DimensionList></ArrayParameterType>" + integer("u16", 16)
+        "parameterRef='n'/></DynamicValue></EndingIndex></Dimension></DimensionList></ArrayParameterType>" \
+        + integer("u16", 16)
     monitor = _ground.Monitor(read(tmp_path, spacecraft(types, {"n": "u16", "l": "l"})))
     for batch in [[(1, 2)], [(1, 2, "text")], [(1.5, 2, b"")], [None], [(1, 2, bytearray(3))], [(1 << 70, 2, b"")]]:
         with pytest.raises((TypeError, RuntimeError, ValueError)):
@@ -356,8 +357,8 @@ def test_strange_batches_and_packets_are_refused_or_noted(tmp_path):
     assert monitor.take([]) == [] and monitor.version == 0 and [one["name"] for one in monitor.slots()] == ["n"]
     assert monitor.take([(1, 0, b"")])[0][::4] == ("undecoded", "the packet ends within n")
     assert monitor.take([(1, 0, struct.pack(">H", 60000))])[0][0] == "undecoded" and monitor.newest(0) is None
-    notes = monitor.take([(n, 0, struct.pack(">H", n) + bytes(n + 1)) for n in (2, 0, 65535)])
-    assert notes == [("slots", 1), ("slots", 4)] and len(monitor.slots()) == 65537
-    assert monitor.newest(monitor.slot("l[2]"))[::6] == (65535, 2)
-    assert len(values_of(monitor, monitor.changes(0)[1])[2]) == 65537
+    notes = monitor.take([(n, 0, struct.pack(">H", n) + bytes(n + 1)) for n in (2, 0, 5000)])
+    assert notes == [("slots", 1), ("slots", 4)] and len(monitor.slots()) == 5002
+    assert monitor.newest(monitor.slot("l[2]"))[::6] == (5000, 2)
+    assert len(values_of(monitor, monitor.changes(0)[1])[2]) == 5002
     assert values_of(monitor, monitor.changes(0, struct.pack("<2I", 5, 0))[1])[2].keys() == {5, 0}
