@@ -38,8 +38,8 @@ class Alarms:
                 if not new:
                     continue
                 one = self._open[name] = {
-                    "name": name, "concern": 0, "worst": 0, "since_ns": str(t), "t_ns": str(t), "count": 0, "value": None,
-                    "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
+                    "name": name, "concern": 0, "worst": 0, "since_ns": str(t), "t_ns": str(t), "count": 0,
+                    "value": None, "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
             one["count"] += new > one["concern"]
             worse = new > one["worst"]
             one.update(concern=new, t_ns=str(t), worst=max(new, one["worst"]))

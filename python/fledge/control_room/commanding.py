@@ -2,7 +2,7 @@
 """Commands of a spacecraft: forms of its database, their bytes, and how far each is.
 
 A command is in the journal before it leaves. Its stages: released, delivered (the link's COP-1), accepted, started,
-progress, completed or failed, by flight's own reports; of a spacecraft that is no mission of Fledge, released and delivered.
+progress, completed or failed, by flight's own reports; of a spacecraft that is no mission of Fledge, released alone.
 """
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ class Commanding:
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
                 then: Callable[[Sent], None] | None = None) -> dict[str, Any]:
-        """Send packets that are one command: into the journal, then by the link. then: is called when flight has executed
-        it. Raises SetupError; JournalError: then nothing was sent."""
+        """Send packets that are one command: into the journal, then by the link. then: is called when flight has
+        executed it. Raises SetupError; JournalError: then nothing was sent."""
         craft = self.craft
         if craft.link is None:
             raise SetupError(f"{craft.name}: the link is down, so nothing was sent: {craft.state}")

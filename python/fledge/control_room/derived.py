@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that are computed from others, on vectors: by an expression, or by a function of a file of Python, which gets
-an array of each input and returns one of the same length."""
+"""Parameters that are computed from others, on vectors: by an expression, or by a function of a file of Python, which
+gets an array of each input and returns one of the same length."""
 from __future__ import annotations
 
 import ast
@@ -22,8 +22,8 @@ FUNCTIONS = {name: getattr(np, name) for name in (
     "abs", "arccos", "arcsin", "arctan", "arctan2", "ceil", "clip", "cos", "cosh", "degrees", "exp", "floor", "hypot",
     "log", "log10", "log2", "maximum", "minimum", "radians", "sign", "sin", "sinh", "sqrt", "tan", "tanh", "where")}
 CONSTANTS = {"pi": np.pi, "e": np.e}
-PARTS = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod,
-         ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq, ast.Load)
+PARTS = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv,
+         ast.Mod, ast.Pow, ast.USub, ast.UAdd, ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq, ast.Load)
 
 
 def compiled(one: Derived, folder: Path) -> Callable[..., Array]:

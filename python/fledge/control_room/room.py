@@ -87,8 +87,8 @@ class Room:
         for one in list(self.listeners):
             one(content | {"kind": kind, "craft": craft})
 
-    def keep(self, kind: str, craft: str, *objects: dict[str, Any], told: Callable[[dict[str, Any]], dict[str, Any]] = dict
-             ) -> None:
+    def keep(self, kind: str, craft: str, *objects: dict[str, Any],
+             told: Callable[[dict[str, Any]], dict[str, Any]] = dict) -> None:
         """Write objects into the journal, and tell all browsers. A journal that cannot be written is told, too."""
         if not objects:
             return

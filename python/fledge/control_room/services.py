@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the flight software of a mission of Fledge does by its services: files, tables of parameters, stored commands. All
-of it is for the spacecraft's own thread, but what is said to be for all."""
+"""What the flight software of a mission of Fledge does by its services: files, tables of parameters, stored commands.
+All of it is for the spacecraft's own thread, but what is said to be for all."""
 from __future__ import annotations
 
 import time
@@ -250,7 +250,8 @@ class StoredLists:
                 "list": number, "read_ns": when, "t_ns": None if begun is None else str(self.craft.now - begun),
                 "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
                 else "idle",
-                "commands": [one | {"due_ns": None if due is None else str(due + int(one["time_ns"]))} for one in rows]})
+                "commands": [one | {"due_ns": None if due is None else str(due + int(one["time_ns"]))}
+                             for one in rows]})
         return {"lists": made, "text": ""}
 
     def act(self, user: str, wish: dict[str, Any]) -> dict[str, Any]:
@@ -285,8 +286,8 @@ class StoredLists:
         elif action == "start":
             def then(sent: Sent) -> None:
                 self._begun[number] = sent.reports[-1].t
-        return commanding.release(user, action or "store", {key: value for key, value in wish.items() if key != "action"},
-                                  made, then)
+        given = {key: value for key, value in wish.items() if key != "action"}
+        return commanding.release(user, action or "store", given, made, then)
 
     def _keep(self, number: int, data: bytes) -> None:
         rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc,

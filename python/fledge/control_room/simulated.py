@@ -149,16 +149,16 @@ class Steered:
         state = self._steering.state
         t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
         return {"state": "ended" if problem else "paused" if state.get("paused") else "running",
-                "speed": state.get("pace", 0.0), "real_speed": t / wall if wall > 0 else 0.0, "t_ns": str(round(t * 1e9)),
-                "text": problem}
+                "speed": state.get("pace", 0.0), "real_speed": t / wall if wall > 0 else 0.0,
+                "t_ns": str(round(t * 1e9)), "text": problem}
 
     def faults(self) -> list[dict[str, Any]]:
         return []
 
     def inject(self, path: str, value: Any) -> str:
         """A co-simulation's faults are those of its own programs. Raises SetupError."""
-        raise SetupError("a co-simulation's parameters are those of its programs: faults can be injected where the server "
-                         "flies the mission itself")
+        raise SetupError("a co-simulation's parameters are those of its programs: faults can be injected where the "
+                         "server flies the mission itself")
 
 
 def _check(action: str, seconds: float, speed: float | None) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One spacecraft of the control room. A thread of its own has the link: it gives what arrives to the monitor, in batches,
-and does what others ask of the spacecraft by call(), so that nothing else touches the link, the commands or the files."""
+"""One spacecraft of the control room. A thread of its own has the link: it gives what arrives to the monitor, in
+batches, and does what others ask of the spacecraft by call(), so that nothing else touches the link, the commands or
+the files."""
 from __future__ import annotations
 
 import time
@@ -171,7 +172,8 @@ class Spacecraft:
                 if t <= before and container in (None, "", seen["container"]) and len(rows) < limit:
                     rows.append((t, received, seen["container"], packet, seen["reason"]))
         return [{"id": number_of(t, packet), "t_ns": str(t), "received_ns": str(received), "container": name,
-                 "size": len(packet), "reason": reason, "hex": packet.hex()} for t, received, name, packet, reason in rows]
+                 "size": len(packet), "reason": reason, "hex": packet.hex()}
+                for t, received, name, packet, reason in rows]
 
     def packet_of(self, number: str) -> dict[str, Any] | None:
         """The packet of a list's `id` in words."""

@@ -94,7 +94,8 @@ class Server:
                 ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
                 ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
                 ("/{c}/tables", self.tables, None), ("/{c}/tables/{name}", None, self.table),
-                ("/{c}/stored", self.stored, self.command_stored), ("/{c}/run", self.run, self.command_run), ("/{c}/displays", self.displays, None)):
+                ("/{c}/stored", self.stored, self.command_stored), ("/{c}/run", self.run, self.command_run),
+                ("/{c}/displays", self.displays, None)):
             if get:
                 self.app.router.add_get(f"/api/crafts{path}", get)
             if post:
@@ -206,7 +207,8 @@ class Server:
 
     async def crafts(self, request: web.Request) -> web.StreamResponse:
         self.guard.require(request, None, "view")
-        return answer([one.told() for one in self.room.crafts.values() if self.guard.allowed(request, owner(one.name), "view")])
+        return answer([one.told() for one in self.room.crafts.values()
+                       if self.guard.allowed(request, owner(one.name), "view")])
 
     async def slots(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).monitor.slots(self._number(request, "first", 0, 0) or 0))
@@ -365,11 +367,13 @@ class Server:
         found = await self._aside(craft.series, names, begin, end, points, self._number(request, "session", -1, -1))
         form = request.query.get("format", "json")
         if form == "json":
-            return answer({name: {"t_ns": [str(one) for one in t.tolist()], "value": value.tolist(), "low": low.tolist(),
-                                  "high": high.tolist()} for name, (t, value, low, high) in found.items()})
+            return answer({name: {"t_ns": [str(one) for one in t.tolist()], "value": value.tolist(),
+                                  "low": low.tolist(), "high": high.tolist()}
+                           for name, (t, value, low, high) in found.items()})
         if form == "csv":
-            lines = ["t_ns,name,value", *(f"{t},{_quoted(name)},{value!r}" for name, (times, values, _, _) in found.items()
-                                          for t, value in zip(times.tolist(), values.tolist()))]
+            lines = ["t_ns,name,value", *(
+                f"{t},{_quoted(name)},{value!r}" for name, (times, values, _, _) in found.items()
+                for t, value in zip(times.tolist(), values.tolist()))]
             return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
                 "Content-Disposition": "attachment; filename=history.csv"})
         if form != "binary":
@@ -383,7 +387,8 @@ class Server:
     async def replay(self, request: web.Request) -> web.StreamResponse:
         from fledge.control_room.replay import Replay
 
-        body = await self._body(request, craft=str, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float))
+        body = await self._body(request, craft=str, session=int, from_ns=(str, int), to_ns=(str, int),
+                                speed=(int, float))
         name = body.get("craft", "")
         self.guard.require(request, name, "view")
         source = self._kept(self.room.craft(name))

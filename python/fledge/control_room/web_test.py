@@ -135,7 +135,8 @@ async def test_forms_previews_and_refusals(tmp_path):
                 ("flight.write.steering.K1", {"K1": -1}, "K1"), ("flight.write.steering.K1", {"K1": "x"}, "K1"),
                 ("flight.write.steering.K1", {}, "K1"), ("flight.write.steering.K1", {"K1": 1, "L": 2}, "L"),
                 ("flight.write.steering.K1", {"K1": None}, "K1"), ("flight.write.steering.K1", {"K1": [1]}, "K1"),
-                ("flight.write.steering.K2", {}, "did you mean"), ("flight.telemetry", {"output": "x", "on": "on"}, "output")):
+                ("flight.write.steering.K2", {}, "did you mean"),
+                ("flight.telemetry", {"output": "x", "on": "on"}, "output")):
             found = await c.post(f"{craft}/preview", {"name": name, "arguments": arguments}, 400)
             assert why in found["error"] and found.get("argument") == (why if len(why) < 8 else None), found
         found = await c.post(f"{craft}/send", {"name": "flight.reset_flight"}, 409)
@@ -217,7 +218,8 @@ async def test_what_is_wrong_is_said(tmp_path):
     async with console(tmp_path, NADIR) as c:
         for path in ("nothing", "crafts/other", "crafts/other/slots", "crafts/nadir_spin/packets/1-2"):
             assert (await c.get(path, 404))["error"]
-        for path in ("slots?first=x", "slots?first=-1", "packets?limit=0", "sent?before=1e3", "events?before=" + "9" * 30):
+        for path in ("slots?first=x", "slots?first=-1", "packets?limit=0", "sent?before=1e3",
+                     "events?before=" + "9" * 30):
             assert "is a whole number" in (await c.get(f"crafts/nadir_spin/{path}", 400))["error"]
         for path, body in (("send", b"{"), ("send", b"[]"), ("send", b'{"name": 3}'), ("send", b'{"nam": "x"}'),
                            ("preview", b"[" * 100000), ("inspect", b'{"hex": "0g"}'), ("run", b'{"action": true}'),
@@ -264,7 +266,7 @@ async def test_a_browser_that_does_not_read_disturbs_nobody(tmp_path):
     ("", "a control room has spacecraft"),
     ("[[craft]]\n", "ground.toml:1: a spacecraft has a `mission` or a `database`; there are neither"),
     ('[[craft]]\nmission = "nadir_spin"\nlink = "udp://x"\n', "ground.toml:3: a link has an address"),
-    ('[[craft]]\nmission = "nadir_spin"\nlink = "listen://1"\nspeed = 2\n', "`speed` is of a mission that the server flies"),
+    ('[[craft]]\nmission = "nadir_spin"\nlink = "listen://1"\nspeed = 2\n', "`speed` is of a mission that the server"),
     ('[[craft]]\nmission = "nadir_spin"\n[[craft]]\nmission = "nadir_spin"\n', "names differ; nadir_spin is there"),
     ('[[craft]]\nmission = "nadir_spin"\nname = "a/b"\n', "a name is of letters"),
     ('[[craft]]\ndatabase = ["none.xml"]\nlink = "listen://1"\n', "files of a database are there"),
@@ -348,8 +350,10 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         await c.post("replay/imager@replay", method="delete")
         assert len(await c.get("crafts")) == 1
         await c.post("replay/imager", method="delete", status=409)
-        for body, why in (({"craft": "x"}, "no spacecraft"), ({"craft": "imager", "from_ns": "9" * 18}, "no packets there"),
-                          ({"craft": "imager", "from_ns": "x"}, "whole numbers"), ({"craft": "imager", "speed": -1}, "speed"),
+        for body, why in (({"craft": "x"}, "no spacecraft"),
+                          ({"craft": "imager", "from_ns": "9" * 18}, "no packets there"),
+                          ({"craft": "imager", "from_ns": "x"}, "whole numbers"),
+                          ({"craft": "imager", "speed": -1}, "speed"),
                           ({"craft": "imager", "from_ns": 5, "to_ns": 3}, "comes before")):
             assert why in (await c.post("replay", body, 400))["error"]
 
@@ -385,7 +389,8 @@ XTCE = """<?xml version="1.0"?>
 <IntegerParameterType name="u16" signed="false"><UnitSet><Unit>V</Unit></UnitSet>
 <IntegerDataEncoding sizeInBits="16"/></IntegerParameterType></ParameterTypeSet><ParameterSet>
 <Parameter name="head" parameterTypeRef="u16"/><Parameter name="count" parameterTypeRef="u16"/>
-<Parameter name="size" parameterTypeRef="u16"/><Parameter name="NAME" parameterTypeRef="u16"/></ParameterSet><ContainerSet>
+<Parameter name="size" parameterTypeRef="u16"/><Parameter name="NAME" parameterTypeRef="u16"/></ParameterSet>
+<ContainerSet>
 <SequenceContainer name="packet" abstract="true"><EntryList><ParameterRefEntry parameterRef="head"/>
 <ParameterRefEntry parameterRef="count"/><ParameterRefEntry parameterRef="size"/></EntryList></SequenceContainer>
 <SequenceContainer name="power"><EntryList><ParameterRefEntry parameterRef="NAME"/></EntryList>
@@ -489,8 +494,9 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
         async def look():
             async with ClientSession(address) as client:
                 csrf = (await (await client.get("/api/session")).json())["csrf"]
-                numbers = [(await (await client.post("/api/crafts/nadir_spin/send", headers={"X-Fledge-CSRF": csrf}, json={
-                    "name": "flight.noop"})).json())["id"] for _ in range(20)]
+                numbers = [(await (await client.post(
+                    "/api/crafts/nadir_spin/send", headers={"X-Fledge-CSRF": csrf},
+                    json={"name": "flight.noop"})).json())["id"] for _ in range(20)]
                 async with client.ws_connect("/api/live") as live:
                     await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
                     times = []

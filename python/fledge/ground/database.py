@@ -46,9 +46,9 @@ class Database:
         return self._read.encode(name, arguments)
 
     def forms(self) -> list[dict[str, Any]]:
-        """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group, description,
-        hazardous (why; "": it is not) and arguments (name, type, unit, low, high, labels, initial, description, size [bits;
-        of text and binary: bytes at most], counted_by)."""
+        """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group,
+        description, hazardous (why; "": it is not) and arguments (name, type, unit, low, high, labels, initial,
+        description, size [bits; of text and binary: bytes at most], counted_by)."""
         return list(self._read.forms())
 
     def places(self, name: str, /, **arguments: Any) -> list[tuple[str, bool, int, int]]:
@@ -60,12 +60,13 @@ class Database:
         return dict(self._read.container_names())
 
     def monitor(self, root: str | None = None) -> Any:
-        """What decodes batches of packets, whose container extends `root`, checks their limits and has their newest values
-        (ground/monitor)."""
+        """What decodes batches of packets, whose container extends `root`, checks their limits and has their newest
+        values (ground/monitor)."""
         return _ground.Monitor(self._read, root)
 
     def archive(self, folder: str | os.PathLike[str], craft: str) -> Any:
-        """What writes the packets of a craft into a folder (ground/archive). Raises SetupError if another program does."""
+        """What writes the packets of a craft into a folder (ground/archive). Raises SetupError if another program
+        does."""
         return _ground.PacketArchive(os.fspath(folder), craft, self._read)
 
     def history(self, folder: str | os.PathLike[str], craft: str, root: str | None = None) -> Any:

@@ -298,3 +298,18 @@ def test_a_launcher_may_be_a_text_or_a_list(folder):
 
 def test_the_interpreter_may_be_given_whole(folder):
     assert read(write(folder, NODE.replace("python3", sys.executable))).programs[0].command[0] == sys.executable
+
+
+def test_the_server_of_a_control_room_commands_the_processes_of_its_file(tmp_path):
+    (tmp_path / "room.toml").write_text('[[craft]]\nmission = "nadir_spin"\nlink = "cosim:flight"\n'
+                                        '[[craft]]\nmission = "nadir_spin"\nname = "other"\nlink = "listen://1"\n')
+    text = ('until = 1\n[[node]]\nmission = "nadir_spin"\nprocess = "world"\n[[node]]\nmission = "nadir_spin"\n'
+            'process = "flight"\n[[asynchronous]]\nname = "ground"\nserve = "{}"\n')
+    (tmp_path / "sim.toml").write_text(text.format("room.toml"))
+    plan = read(tmp_path / "sim.toml")
+    ground = plan.programs[-1]
+    assert ground.writes == ["/flight/commands"] and ground.steers and plan.watch == ["/flight/telemetry"]
+    for file, why in (("none.toml", "`serve` is the file of a control room"), ("sim.toml", "has a link cosim:PROCESS")):
+        (tmp_path / "sim.toml").write_text(text.format(file))
+        with pytest.raises(SimError, match=why):
+            read(tmp_path / "sim.toml")
