@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server as a process of its own, while what it depends on fails: packets in against packets found.
+
+    FLEDGE_SOAK_S=3600 /usr/bin/python3 -m pytest -s python/fledge/control_room/nothing_lost_test.py -k memory
+"""
+import json
+import os
+import random
+import resource
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+from urllib.request import urlopen
+
+import pytest
+
+from fledge.control_room import spacecraft
+from fledge.control_room.room import Room
+from fledge.control_room.settings import read
+
+S = 10**9
+PATIENCE = 60
+SOAK = float(os.environ.get("FLEDGE_SOAK_S", "6"))      # [s]
+DATABASE = """<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>
+<IntegerParameterType name="u16" signed="false"><IntegerDataEncoding sizeInBits="16"/></IntegerParameterType>
+<IntegerParameterType name="u32" signed="false"><IntegerDataEncoding sizeInBits="32"/></IntegerParameterType>
+<BinaryParameterType name="rest"><BinaryDataEncoding><SizeInBits><FixedValue>1600</FixedValue></SizeInBits>
+</BinaryDataEncoding></BinaryParameterType></ParameterTypeSet><ParameterSet>
+<Parameter name="stream" parameterTypeRef="u16"/><Parameter name="sequence" parameterTypeRef="u16"/>
+<Parameter name="length" parameterTypeRef="u16"/><Parameter name="number" parameterTypeRef="u32"/>
+<Parameter name="rest" parameterTypeRef="rest"/></ParameterSet><ContainerSet>
+<SequenceContainer name="Packet"><EntryList><ParameterRefEntry parameterRef="stream"/>
+<ParameterRefEntry parameterRef="sequence"/><ParameterRefEntry parameterRef="length"/>
+<ParameterRefEntry parameterRef="number"/><ParameterRefEntry parameterRef="rest"/></EntryList></SequenceContainer>
+</ContainerSet></TelemetryMetaData></SpaceSystem>"""
+
+
+def packet(number):
+    return struct.pack(">HHHI", 0x0801, 0xC000 | number & 0x3FFF, 203, number) + bytes(200)
+
+
+class Craft:
+    """A spacecraft that numbers its packets, and sends them to all who are connected."""
+
+    def __init__(self):
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.port = self.socket.getsockname()[1]
+        self.ends, self.sent = [], 0
+
+    def connected(self):
+        self.socket.settimeout(PATIENCE)
+        self.ends.append(self.socket.accept()[0])
+
+    def send(self, n):
+        for self.sent in range(self.sent + 1, self.sent + n + 1):
+            for one in self.ends:
+                one.sendall(packet(self.sent))
+
+    def drop(self):
+        """Close all connections; in order, so that what was sent arrives, if somebody still reads."""
+        for one in self.ends:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_WR)
+                while one.recv(100):
+                    pass
+            one.close()
+        self.ends.clear()
+
+    def close(self):
+        for one in [*self.ends, self.socket]:
+            one.close()
+
+
+@pytest.fixture
+def craft():
+    made = Craft()
+    yield made
+    made.close()
+
+
+class Server:
+    """`fledge ground serve` in a folder, with a spacecraft at a port."""
+
+    def __init__(self, folder, port):
+        folder.mkdir(exist_ok=True)
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        (folder / "craft.xml").write_text(DATABASE)
+        (folder / "ground.toml").write_text(
+            f'port = {self.port}\nfolder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\n'
+            f'link = "tcp://127.0.0.1:{port}"\n')
+        self.process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", "ground.toml"],
+                                        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        line = self.process.stdout.readline()
+        assert "http" in line, line + self.process.stdout.read()
+
+    def get(self, path):
+        with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as made:
+            return json.load(made)
+
+    def until(self, path, holds):
+        end = time.monotonic() + PATIENCE
+        while not holds(found := self.get(path)):
+            assert time.monotonic() < end, found
+            time.sleep(0.02)
+        return found
+
+    def took(self, n):
+        """Wait until so many packets have come."""
+        self.until("crafts", lambda found: found[0]["packets"] >= n)
+
+    def found(self):
+        """The numbers of the packets in the archive, in its order."""
+        return [int(one) for one in self.get("crafts/craft/history?names=number&points=0")["number"]["value"]]
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+    def memory(self):
+        """[MB]"""
+        with open(f"/proc/{self.process.pid}/statm") as file:
+            return int(file.read().split()[1]) * resource.getpagesize() / 1e6
+
+
+@contextmanager
+def serving(folder, craft):
+    made = Server(folder, craft.port)
+    try:
+        craft.connected()
+        yield made
+    finally:
+        made.process.send_signal(signal.SIGTERM)
+        try:
+            made.process.wait(PATIENCE)
+        finally:
+            made.process.kill()
+            made.process.stdout.close()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_anybody_has_seen_outlives_kill_9(tmp_path, craft, seed):
+    chance = random.Random(seed)
+    shown = []
+    for _ in range(2):
+        server = Server(tmp_path, craft.port)
+        try:
+            craft.connected()
+            before = newest = craft.sent
+            craft.send(chance.randrange(1, 2000))
+            while newest == before:         # as a browser does
+                for one in server.get("crafts/craft/packets?limit=1"):
+                    newest = max(newest, int.from_bytes(bytes.fromhex(one["hex"])[6:10], "big"))
+        finally:
+            server.kill()
+        shown += range(before + 1, newest + 1)
+        craft.drop()
+    with serving(tmp_path, craft) as server:
+        craft.send(100)
+        server.took(100)
+        found = server.found()
+        ended = [one["ended"] for one in server.get("crafts/craft/sessions")]
+    print(f"{craft.sent} packets in, {len(shown)} shown before the ends, {len(found)} found")
+    assert set(shown) <= set(found) and len(found) == len(set(found))
+    assert found[-100:] == list(range(craft.sent - 99, craft.sent + 1))
+    assert ended == ["killed", "killed", ""]
+
+
+def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, craft):
+    chance = random.Random(4)
+    with serving(tmp_path, craft) as server:
+        for _ in range(3):
+            craft.send(chance.randrange(1, 500))
+            craft.drop()
+            server.until("crafts/craft/events", lambda found: "link is down" in found[0]["text"])
+            craft.connected()
+        craft.send(10)
+        server.took(craft.sent)
+        assert server.found() == list(range(1, craft.sent + 1))
+        texts = [one["text"] for one in server.get("crafts/craft/events")]
+        assert sum("link is down" in one for one in texts) == 3 and sum("link is up" in one for one in texts) == 4
+
+
+def test_a_full_disk_is_told_and_what_came_meanwhile_is_written_when_there_is_room(tmp_path, craft):
+    """No file of the server may grow beyond its present size for a while."""
+    with serving(tmp_path, craft) as server:
+        craft.send(500)
+        server.took(500)
+        pid = server.process.pid
+        before = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (50_000, before[1]))
+        craft.send(2000)
+        server.until("crafts", lambda found: found[0]["archive"] and found[0]["packets"] == 2500)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
+        end = time.monotonic() + PATIENCE
+        while server.get("crafts")[0]["archive"]:
+            craft.send(1)
+            time.sleep(0.1)
+            assert time.monotonic() < end
+        server.took(craft.sent)
+        assert server.found() == list(range(1, craft.sent + 1))
+
+
+def test_two_servers_of_one_spacecraft_have_all_packets_and_one_folder_has_one_server(tmp_path, craft):
+    with serving(tmp_path / "north", craft) as north, serving(tmp_path / "south", craft) as south:
+        craft.send(1000)
+        for one in (north, south):
+            one.took(1000)
+            assert one.found() == list(range(1, 1001))
+        again = subprocess.run([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", "ground.toml"],
+                               cwd=tmp_path / "north", capture_output=True, text=True, timeout=PATIENCE)
+        assert again.returncode == 2 and "another program" in again.stderr, again
+        craft.send(10)
+        north.took(1010)
+        assert north.found() == list(range(1, 1011))
+
+
+def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
+    """A server in this process, whose clock the test sets: forward, back by less than a second, and by hours."""
+    offset = [0]
+    clock = SimpleNamespace(**{name: getattr(time, name) for name in ("monotonic", "monotonic_ns", "sleep", "time")},
+                            time_ns=lambda: time.time_ns() + offset[0])
+    monkeypatch.setattr(spacecraft, "time", clock)
+    (tmp_path / "craft.xml").write_text(DATABASE)
+    (tmp_path / "ground.toml").write_text(
+        f'folder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n')
+    room = Room(read(tmp_path / "ground.toml"))
+    one = room.crafts["craft"]
+    try:
+        room.start()
+        craft.connected()
+        for step in (0, 3600 * S, -S // 2, -7200 * S, 0, 10**6 * S):
+            offset[0] += step
+            craft.send(200)
+            end = time.monotonic() + PATIENCE
+            while one.packets < craft.sent:
+                assert time.monotonic() < end
+                time.sleep(0.01)
+        sessions = one.history.sessions()
+        found = [int.from_bytes(each[3][6:10], "big") for session in sessions
+                 for each in one.history.packets(session=session["session"], limit=10_000)]
+        assert found == list(range(1, craft.sent + 1)) and len(sessions) == 2
+        assert any("clock went back by" in each["text"] for each in room.journal.rows("events", "craft"))
+    finally:
+        room.close()
+
+
+def test_memory_stays_as_it_is(tmp_path, craft):
+    """Under packets, and questions of browsers; FLEDGE_SOAK_S makes it longer."""
+    with serving(tmp_path, craft) as server:
+        begin, first, asked = time.monotonic(), 0.0, 0
+        while (spent := time.monotonic() - begin) < SOAK:
+            craft.send(100)
+            for path in ("crafts", "crafts/craft/packets?limit=20", "crafts/craft/sessions", "crafts/craft/events",
+                         "crafts/craft/history?names=number&points=100"):
+                server.get(path)
+                asked += 1
+            if not first and spent > SOAK / 3:
+                first = server.memory()
+            time.sleep(0.02)
+        server.took(craft.sent)
+        last = server.memory()
+        print(f"{craft.sent} packets, {asked} requests in {spent:.0f} s: {first:.1f} MB after a third, {last:.1f} MB")
+        assert len(server.found()) == craft.sent and last < 1.1 * first + 8
