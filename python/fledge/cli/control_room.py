@@ -40,7 +40,8 @@ def add(command: Callable) -> None:
     a = action("run", run, "run a script of the ground, and write a page about it", "run gains.py --to nadir_spin")
     a.add_argument("script", metavar="SCRIPT.py", help="has a function run(craft, script); docs/ground.md")
     a.add_argument("--to", required=True, metavar="CRAFT", help="MISSION or MISSION:SCENARIO, which is "
-                   "simulated meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of `fledge ground serve`")
+                   "simulated meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of "
+                   "`fledge ground serve`")
     a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN")
     a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
     a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")

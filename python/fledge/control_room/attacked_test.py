@@ -22,8 +22,8 @@ HARMLESS = {"/{c}/preview", "/{c}/inspect"}     # POST, but change nothing
 WORDS = ["", "0", "-1", "1e999", "flight.write.control.K", "<img src=x onerror=alert(1)>", "../../etc/passwd", "\ud800",
          "\x00\x1b[2J", "%00", "n" * 5000, "nadir_spin", "99999999999999999999999", "NaN", "☃", "K=3", "a" * 100_000]
 KEYS = ["name", "arguments", "confirmed", "hex", "action", "speed", "seconds", "fault", "limits", "persistence",
-        "values", "read", "list", "step", "time_ns", "craft", "session", "from_ns", "to_ns", "acknowledge", "note", "shelve_s",
-        "subscribe", "unsubscribe", "subscribe_packets", "slots", "hz", "truth"]
+        "values", "read", "list", "step", "time_ns", "craft", "session", "from_ns", "to_ns", "acknowledge", "note",
+        "shelve_s", "subscribe", "unsubscribe", "subscribe_packets", "slots", "hz", "truth"]
 
 
 def routes(app):

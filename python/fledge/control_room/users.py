@@ -339,6 +339,8 @@ class Guard:
         origin = request.headers.get("Origin")
         if (live or _changes(request)) and origin is not None and origin != f"{request.scheme}://{request.host}":
             raise Refusal(403, f"a page of {origin} may not do this here")
+        if request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site") and request.path.startswith("/api/"):
+            raise Refusal(403, "a page of another site may not ask this")
         session, by_token = self._who(request)
         user = session.user if session else by_token
         request["user"], request["session"] = user, session

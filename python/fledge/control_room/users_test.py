@@ -118,6 +118,8 @@ def test_without_users_this_machine_alone_is_the_operator(tmp_path):
                              ({**csrf, "Host": f"example.org:{server.port}"}, "this server is localhost")):
             error = await server.ask("POST", "/api/crafts/imager/send", 403, json={}, headers=headers)
             assert why in error["error"]
+        await server.ask("GET", "/api/crafts", 403, headers={"Sec-Fetch-Site": "cross-site"})       # as by an <img>
+        await server.ask("GET", "/", headers={"Sec-Fetch-Site": "cross-site"})                      # a link to here
         await server.ask("GET", "/", 403, headers={"Host": "example.org"})      # a name that was made to lead here
         assert len(server.received) == 1 and len(server.refusals()) == 3        # at the 1st and the 10th of strangers
         await server.ask("POST", "/api/login", 400, json={"user": "a", "password": "b"}, headers=csrf)
