@@ -273,18 +273,20 @@ def test_a_thousand_connections_are_refused_beyond_the_limit(tmp_path):
 def test_slow_and_large_requests_end(tmp_path):
     @served(tmp_path, {})
     async def _(server):
-        server.guard.first_s = server.guard.body_s = 0.2
+        server.guard.first_s = 0.2
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"GET / HTTP/1.1\r\n")
         with pytest.raises(ConnectionError):
             assert await reader.read() == b""
             raise ConnectionError
+        server.guard.first_s, server.guard.body_s = 60, 0.2
         session = await server.ask("GET", "/api/session")
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"POST /api/crafts/imager/send HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n"
                      b"X-Fledge-CSRF: " + session["csrf"].encode() + b"\r\n\r\n{")
         assert b" 408 " in await reader.readline()
         writer.close()
+        server.guard.body_s = 60
         csrf = {"X-Fledge-CSRF": session["csrf"]}
         await server.ask("POST", "/api/crafts/imager/send", 413, data=b" " * (BODY_MOST + 1), headers=csrf)
         for path, headers in (("/", {"A": "x" * 9000}), ("/" + "x" * 9000, {}),
