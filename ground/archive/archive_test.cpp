@@ -420,8 +420,8 @@ TEST_F(Archive, AFileThatTakesNoMoreIsFollowedByANewOneAndNothingIsLost)
 
 TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
 {
-    // 40,000 packets of 10 kB: 64 MiB are kept in memory while the disk is full.
-    constexpr std::uint32_t n = 20'000, full = 1000, room = 15'000;
+    // 1118 packets of 60 kB are kept in memory while the disk is full.
+    constexpr std::uint32_t n = 1450, full = 50, room = 1400;
     in_a_child(
         [&](const auto &tell) {
             PacketArchive archive(folder, "craft", db, 1000 * second);
@@ -431,7 +431,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
                     limit_files(i == full ? 0 : RLIM_INFINITY);
                 }
                 Bytes packet = power_packet(i);
-                packet.resize(10'000);
+                packet.resize(60'000);
                 put(archive, i * second / 100, packet, power);
                 if (i == room + 1) {
                     sleep(1); // the archive tries once in a second
@@ -504,7 +504,7 @@ TEST_F(Archive, ADamagedFileNamesWhatIsMissingAndTheRestIsRead)
             << what;
         past.series({"count"}, {}, 100);
     };
-    for (int i = 0; i < 150; i++) {
+    for (int i = 0; i < 60; i++) {
         std::string bytes = whole;
         const std::size_t at = random() % bytes.size();
         bytes[at] = static_cast<char>(bytes[at] ^ (1 << random() % 8));

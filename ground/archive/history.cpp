@@ -628,6 +628,7 @@ std::vector<History::Session> History::sessions()
 {
     const std::lock_guard lock(mutex_);
     list();
+    unreadable_.clear();
     const std::uint32_t written = being_written(folder_);
     std::vector<Session> made;
     for (const auto &[key, name] : std::map(names_)) {
@@ -640,7 +641,7 @@ std::vector<History::Session> History::sessions()
             const Session before = follows ? made.back() : Session();
             made.push_back({key.first, one->first, one->last, 0, "", {}});
             if (follows) {
-                made.back().gaps.push_back({before.last, one->first, "restart: the session before " + before.ended});
+                made.back().gaps.push_back({before.last, one->first, "restart; the session before: " + before.ended});
             }
         }
         Session &session = made.back();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/archive/packet_file.h"
 
+#include "record/mcap_crc.h"
+
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
@@ -41,6 +43,16 @@ std::uint64_t number(const std::uint8_t *at, std::size_t n)
     return value;
 }
 
+std::uint32_t crc_of(std::span<const std::uint8_t> bytes)
+{
+    static const McapCrc tables = [] {
+        McapCrc made;
+        mcap_crc_init(&made);
+        return made;
+    }();
+    return mcap_crc_update(&tables, 0, bytes.data(), bytes.size());
+}
+
 /// The fields of a record in their order; throws Damage where one reaches beyond its record.
 struct Fields {
     std::span<const std::uint8_t> rest;
@@ -67,10 +79,9 @@ struct Fields {
 
 PacketFile::PacketFile(std::string name) : path(std::move(name))
 {
-    mcap_crc_init(&crc_);
     open();
     const auto begin = read(0, sizeof magic, buffer_);
-    if (std::memcmp(begin.data(), magic, begin.size()) != 0) { // a new file may have no byte yet
+    if (!std::equal(begin.begin(), begin.end(), magic)) { // a new file may have no byte yet
         close();
         throw Refusal(path + " is no MCAP file");
     }
@@ -107,6 +118,7 @@ void PacketFile::close()
         ::close(fd_);
         fd_ = -1;
     }
+    std::vector<std::uint8_t>().swap(buffer_); // there are many files
 }
 
 /// So many bytes, or those up to the end of the file.
@@ -151,10 +163,9 @@ std::span<const std::uint8_t> PacketFile::records(const Chunk &one)
     }
     const std::uint64_t crc = number(p + 33, 4);
     const char *const what = inside.size() < one.size || number(p + 41, 8) != one.size ? "the chunk has another size"
-                             : number(p + 37, 4) != 0 ? "the chunk is compressed, which is not read here"
-                             : crc != 0 && mcap_crc_update(&crc_, 0, inside.data(), inside.size()) != crc
-                                 ? "the checksum of the chunk is wrong"
-                                 : nullptr;
+                             : number(p + 37, 4) != 0            ? "the chunk is compressed, which is not read here"
+                             : crc != 0 && crc_of(inside) != crc ? "the checksum of the chunk is wrong"
+                                                                 : nullptr;
     if (what != nullptr) {
         damaged(one.at, one.first, one.last, what);
         return {};
@@ -225,7 +236,7 @@ bool PacketFile::read_summary()
     }
     const auto all = read(begin, size_ - begin - 4 - sizeof magic, bytes); // with the footer up to the checksum
     const std::uint64_t crc = number(end.data() + prefix + 16, 4);
-    if (crc != 0 && mcap_crc_update(&crc_, 0, all.data(), all.size()) != crc) {
+    if (crc != 0 && crc_of(all) != crc) {
         throw Damage{"the checksum of the summary is wrong"};
     }
     bool counted = false;

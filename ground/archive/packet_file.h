@@ -4,8 +4,6 @@
 
 #include "ground/database/model.h"
 
-#include "record/mcap_crc.h"
-
 #include <algorithm>
 #include <map>
 #include <span>
@@ -95,7 +93,6 @@ private:
     std::uint64_t size_ = 0, scanned_ = 0;
     std::map<std::uint16_t, std::uint64_t> open_counts_; ///< of the last chunk, if packets may be added to it
     std::vector<std::uint8_t> buffer_;
-    McapCrc crc_{};
 };
 
 } // namespace fledge::ground
