@@ -3,6 +3,8 @@
 import {of} from "./api.js";
 import {Store, craftOf} from "./store.js";
 
+const COUNTED = 2000;       // ms between two looks at the counts of packets and links
+
 export class Live {
     constructor(api) {
         Object.assign(this, {
@@ -25,12 +27,19 @@ export class Live {
     async begin() {
         await this.load();
         this.connect();
+        setInterval(() => document.hidden || this.state !== "connected" || this.count().catch(() => {}), COUNTED);
     }
 
     /** Ask again which craft there are. */
     async load() {
         this.crafts = await this.api.get("/api/crafts");
         this.emit("crafts", {});
+    }
+
+    /** Ask for the counts of all craft. */
+    async count() {
+        this.crafts = await this.api.get("/api/crafts");
+        this.draw();
     }
 
     craft(name) { return this.crafts.find((one) => one.name === name); }

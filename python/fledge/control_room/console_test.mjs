@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an operator sees and does on the pages that look. console_test.py starts it, and flies the spacecraft.
+import assert from "node:assert/strict";
+
+import {accessible, open, run} from "./testing/console.mjs";
+
+const PAGES = ["overview", "parameters", "plots", "alarms", "events", "packets", "archive", "log"];
+const row = (page, text) => page.locator(".tbody .tr:not([hidden])", {hasText: text}).first();
+const cell = (page, text, place) => row(page, text).locator(".td").nth(place);
+const frames = (page) => page.evaluate(() => controlRoom.live.received);
+
+await run({
+    async "values move, exact to the last bit"() {
+        const page = await open("parameters");
+        await page.waitForFunction(() => controlRoom.live.state === "connected" && controlRoom.live.received > 2);
+        const value = cell(page, "big", 1), first = await value.textContent();
+        assert.match(first, /^184467429741\d{8}$/);     // 2^64 - 2^40 and a little
+        await page.waitForFunction((old) => ![...document.querySelectorAll(".td")].some((one) =>
+            one.textContent === old), first);
+        assert.ok(BigInt(await value.textContent()) > BigInt(first));
+        await page.waitForFunction(() => [...document.querySelectorAll(".concern")].some((one) =>
+            one.textContent.includes("warning")));
+        return page;
+    },
+
+    async "texts are shown as texts"() {
+        const page = await open("parameters");
+        await page.locator(".td", {hasText: "<img src=x onerror=alert(1)>"}).first().waitFor();
+        assert.match(await cell(page, "said", 1).textContent(), /onerror=alert\(1\)>\u27e8202E\u27e9/);
+        await page.locator(".td", {hasText: "<b>V</b>"}).first().waitFor();
+        await page.locator(".td", {hasText: "<b>POINT</b>"}).first().waitFor();
+        await row(page, "voltage").click();
+        await page.locator(".detail dd", {hasText: "<img src=x"}).waitFor();
+        assert.equal(await page.locator("main img, main b").count(), 0);
+        return page;
+    },
+
+    async "pages and search by keys alone"() {
+        const page = await open("overview");
+        await page.keyboard.press("?");
+        await page.locator("dialog.keys", {hasText: "return to now"}).waitFor();
+        await page.keyboard.press("Escape");
+        await page.keyboard.press("/");
+        await page.locator(".page.parameters").waitFor();
+        await page.keyboard.type("volt");
+        await page.waitForFunction(() => document.querySelectorAll(".tbody .tr:not([hidden])").length === 1);
+        await page.keyboard.press("Escape");
+        await page.keyboard.press("m");
+        await page.keyboard.press("ArrowDown");
+        await page.keyboard.press("l");
+        await page.locator(".page.plots .u-legend", {hasText: "voltage"}).waitFor();
+        for (const name of PAGES) {
+            const letter = await page.evaluate((one) => document.querySelector(`nav [data-page=${one}] kbd`).textContent,
+                name);
+            await page.keyboard.press("g");
+            await page.keyboard.press(letter);
+            await page.locator(`.page.${name}`).waitFor();
+        }
+        return page;
+    },
+
+    async "a packet's bits, and why another one did not decode"() {
+        const page = await open("packets");
+        await row(page, "Power").click();
+        await page.locator(".inspect h2", {hasText: "Power"}).waitFor();
+        await page.locator(".inspect .tr", {hasText: "mode"}).hover();
+        await page.locator(".said-bits", {hasText: "bit 144 to 151, from byte 18, bit 0"}).waitFor();
+        const lit = await page.evaluate(() => [...document.querySelectorAll(".inspect .hex span")].flatMap((one, k) =>
+            (one.style.backgroundImage ? [k] : [])));
+        assert.deepEqual(lit, [18]);
+        await page.keyboard.press("u");
+        await row(page, "version_to_apid").click();
+        await page.locator(".inspect .problem", {hasText: /version_to_apid.*1.*at bit 0: byte 0, bit 0/s}).waitFor();
+        assert.ok(await page.locator(".inspect .hex .wrong").count());
+        return page;
+    },
+
+    async "an alarm is acknowledged with a note, and shelved"() {
+        const page = await open("alarms");
+        await row(page, "voltage").waitFor();
+        await page.keyboard.press("a");
+        await page.locator("dialog input").fill("seen & <b>noted</b>");
+        await page.keyboard.press("Enter");
+        await page.locator(".page > p", {hasText: "acknowledged by operator: seen & <b>noted</b>"}).waitFor();
+        await page.keyboard.press("s");
+        await page.locator("dialog button.primary").click();
+        await cell(page, "voltage", 5).filter({hasText: "shelved"}).waitFor();
+        await page.locator(".top .alarms", {hasText: "no alarms"}).waitFor();
+        await page.keyboard.press("s");
+        await cell(page, "voltage", 5).filter({hasText: "acknowledged"}).waitFor();
+        await page.keyboard.press("g");
+        await page.keyboard.press("g");
+        await row(page, "alarms").waitFor();
+        return page;
+    },
+
+    async "limits upside down are refused where the person looks, others hold"() {
+        const page = await open("parameters");
+        await row(page, "voltage").click();
+        await page.locator(".detail button", {hasText: "Edit limits"}).click();
+        await page.getByLabel("distress, low").fill("3");
+        await page.getByLabel("distress, high").fill("-3");
+        await page.keyboard.press("Enter");
+        await page.locator("dialog .problem", {hasText: "from the lower to the higher"}).waitFor();
+        await page.getByLabel("distress, low").fill("");
+        await page.getByLabel("distress, high").fill("-3");
+        await page.keyboard.press("Enter");
+        await page.locator("dialog").waitFor({state: "detached"});
+        await page.locator(".detail dd", {hasText: "distress: open to \u22123"}).waitFor();
+        await cell(page, "voltage", 3).filter({hasText: /distress|critical/}).waitFor();
+        return page;
+    },
+
+    async "a plot, live and back in time on one axis, and now again"() {
+        const page = await open("plots", {selection: "voltage,mode"});
+        const ends = () => page.evaluate(() => {
+            const said = document.querySelector(".u-legend .u-value");
+            return said?.textContent ?? "";
+        });
+        await page.waitForFunction(() => /\d\d:\d\d/.test(document.querySelector(".u-legend .u-value")?.textContent));
+        const first = await ends();
+        await page.waitForFunction((old) => document.querySelector(".u-legend .u-value").textContent > old, first);
+        await page.keyboard.press(",");
+        await page.locator(".time.past").waitFor();
+        assert.match(page.url(), /[?&]t=\d{19}/);
+        const other = await page.context().newPage();       // the link holds page, time and selection
+        await other.goto(page.url());
+        await other.locator(".time.past").waitFor();
+        assert.equal(await other.evaluate(() => String(controlRoom.time.t)),
+            await page.evaluate(() => String(controlRoom.time.t)));
+        await other.close();
+        await page.keyboard.press("g");
+        await page.keyboard.press("p");
+        await cell(page, "voltage", 1).filter({hasText: /\d/}).waitFor();
+        const then = await cell(page, "voltage", 1).textContent();
+        await page.waitForTimeout(500);
+        assert.equal(await cell(page, "voltage", 1).textContent(), then, "what was does not move");
+        await page.keyboard.press("n");
+        await page.locator(".time:not(.past)").waitFor();
+        await page.waitForFunction((old) => ![...document.querySelectorAll(".td")].some((one) =>
+            one.textContent === old), then);
+        return page;
+    },
+
+    async "a session is replayed as a spacecraft of its own"() {
+        const page = await open("archive");
+        await page.getByLabel("speed").selectOption("10");
+        await page.locator("button", {hasText: "Replay"}).click();
+        await page.locator(".page.parameters").waitFor();
+        await page.waitForFunction(() => controlRoom.time.craft.includes("@replay"));
+        await cell(page, "voltage", 1).filter({hasText: /\d/}).waitFor();
+        await page.keyboard.press("g");
+        await page.keyboard.press("h");
+        await page.locator("button", {hasText: "End this replay"}).click();
+        await page.waitForFunction(() => !controlRoom.time.craft.includes("@replay"));
+        return page;
+    },
+
+    async "a browser that slept sees what is now"() {
+        const page = await open("parameters");
+        await page.waitForFunction(() => controlRoom.live.received > 2);
+        const sleep = (hidden) => page.evaluate((now) => {
+            Object.defineProperty(document, "hidden", {value: now, configurable: true});
+            document.dispatchEvent(new Event("visibilitychange"));
+        }, hidden);
+        await sleep(true);
+        await page.waitForTimeout(500);
+        const before = await frames(page);
+        await page.waitForTimeout(500);
+        assert.ok(await frames(page) - before <= 1, "nothing is sent to a page that nobody sees");
+        await sleep(false);
+        await page.waitForFunction((old) => controlRoom.live.received > old + 2, before);
+        await page.evaluate(() => controlRoom.live.socket.close());      // and if the connection broke
+        await page.locator(".link.bad").waitFor();
+        await page.locator(".link.good").waitFor();
+        const again = await frames(page);
+        await page.waitForFunction((old) => controlRoom.live.received > old + 2, again);
+        return page;
+    },
+
+    async "nothing serious is in the way of anybody"() {
+        let page;
+        for (const [width, height, colorScheme] of [[1280, 800, "dark"], [820, 1180, "light"]]) {
+            for (const name of PAGES) {
+                page = await open(name, {width, height, colorScheme, selection: name === "plots" ? "voltage" : ""});
+                await page.waitForTimeout(300);
+                await accessible(page);
+                const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+                assert.ok(wide <= width, `${name} is ${wide} wide, of ${width}`);
+                assert.deepEqual(page.problems, []);
+                await page.context().close();
+            }
+        }
+    },
+});
