@@ -69,7 +69,7 @@ await run({
             (one.style.backgroundImage ? [k] : [])));
         assert.deepEqual(lit, [18]);
         await page.keyboard.press("u");
-        await row(page, "version_to_apid").click();
+        await page.locator(".list .tbody .tr:not([hidden])", {hasText: "version_to_apid"}).first().click();
         await page.locator(".inspect .problem", {hasText: /version_to_apid.*1.*at bit 0: byte 0, bit 0/s}).waitFor();
         assert.ok(await page.locator(".inspect .hex .wrong").count());
         return page;

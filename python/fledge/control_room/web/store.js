@@ -128,5 +128,6 @@ export function valueText(slot, value) {
     if (Number.isNaN(value)) return "\u2013";
     if (slot.kind === "label") return slot.labels?.[value] ?? String(value);
     if (slot.kind === "boolean") return value ? "true" : "false";
-    return slot.kind === "real" ? real(value) : String(value);
+    if (slot.kind === "real") return real(value);
+    return Number.isSafeInteger(value) ? String(value) : `\u2248 ${value.toPrecision(15)}`;
 }

@@ -93,10 +93,12 @@ export async function open(context) {
         const octets = (packet.hex ?? "").match(/../g) ?? [],
               wrong = packet.reason && Number.isInteger(packet.bit) ? packet.bit : null;
         why.hidden = !packet.reason;
-        put(why, packet.reason
-                     ? `${packet.nearest && !packet.container ? `Nearest: ${packet.nearest}. ` : ""}${packet.reason}${
-                           wrong === null ? "" : `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`}`
-                     : "");
+        put(why, packet.reason ? `${
+                                     packet.nearest && !packet.container && !packet.reason.includes(packet.nearest)
+                                         ? `Nearest: ${packet.nearest}. `
+                                         : ""}${packet.reason}${
+                                     wrong === null ? "" : `; at bit ${wrong}: byte ${wrong >> 3}, bit ${wrong & 7}`}`
+                               : "");
         bytes = octets.map((one, k) => h("span", {
             class: wrong !== null && wrong >> 3 === k ? "wrong" : "",
             onpointerenter: () => {

@@ -88,11 +88,11 @@ export async function open(context) {
     }
 
     async function remember(view) {
-        const {at} = time, names = view.map((slot) => store.slots[slot].name);
-        if (!names.length) return;
+        const {at} = time, numbers = view.filter((slot) => !["text", "binary"].includes(store.slots[slot].kind));
+        if (!numbers.length) return;
         await attempt(root, async () => {
             const found = series(await api.bytes(of(craft, "history"), {
-                names: names.join(","),
+                names: numbers.map((slot) => store.slots[slot].name).join(","),
                 from_ns: at - LOOK_BACK,
                 to_ns: at + 1n,
                 points: 1,
@@ -102,7 +102,7 @@ export async function open(context) {
             if (at !== time.at || time.isLive)
                 return;
             past = new Map(found.flatMap(({t_ns, value}, k) =>
-                (t_ns.length ? [[view[k], {t: t_ns.at(-1), value: value.at(-1)}]] : [])));
+                (t_ns.length ? [[numbers[k], {t: t_ns.at(-1), value: value.at(-1)}]] : [])));
         });
         table.draw();
     }
