@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """api.yaml is what OpenAPI 3.0 asks for, names every route, and a server in a flight answers as it says."""
+import asyncio
+import base64
 import copy
 import json
 import re
+import shutil
+import struct
 from pathlib import Path
 
 import pytest
 import yaml
+from aiohttp import WSMsgType
 from jsonschema import Draft4Validator
 
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import Server
 from fledge.control_room.web_test import console, flown
+from tests.tree import ROOT
 
 API = yaml.safe_load((Path(__file__).parent / "api.yaml").read_text(encoding="utf-8"))
 METHODS = ("get", "put", "post", "delete")
@@ -226,3 +232,73 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
             described = next(one for one in API["paths"] if re.fullmatch(
                 re.sub(r"{\w+}", "[^/]+", one), f"/api/crafts/imager/{path}") and method in API["paths"][one])
             conforms(described, method, response.status, await response.json())
+
+
+# --- Open MCT, by the plugin of the document -------------------------------------------------------------------------
+
+STAND_IN = """
+import {readFileSync} from "node:fs";
+const [, , origin, frame, name] = process.argv;
+globalThis.location = {origin};
+const ask = globalThis.fetch;
+globalThis.fetch = (path) => ask(origin + path);
+const sent = [];
+globalThis.WebSocket = class {
+    constructor(url) {
+        sent.push(url);
+        setTimeout(() => {
+            this.onopen();
+            const data = Buffer.from(frame, "base64");
+            this.onmessage({data: data.buffer.slice(data.byteOffset, data.byteOffset + data.length)});
+        }, 0);
+    }
+    send(text) { sent.push(text); }
+    close() { sent.push("closed"); }
+};
+const has = {};
+const plugin = (await import("./plugin.mjs")).default;
+await plugin("imager")({
+    types: {addType: () => {}},
+    objects: {addRoot: (one) => { has.root = one; }, addProvider: (_, one) => { has.objects = one; }},
+    composition: {addProvider: (one) => { has.composition = one; }},
+    telemetry: {addProvider: (one) => { has.telemetry = one; }}});
+const folder = await has.objects.get(has.root);
+const keys = await has.composition.load(folder);
+const parameter = await has.objects.get(keys.find((one) => one.key === name));
+const history = await has.telemetry.request(parameter, {start: 0, end: 1e9, size: 50});
+const live = [];
+const end = has.telemetry.subscribe(parameter, (one) => live.push(one));
+await new Promise((done) => setTimeout(done, 50));
+end();
+console.log(JSON.stringify({keys: keys.length, parameter, history, live, sent}));
+"""
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="not here: node")
+@flown
+async def test_the_plugin_for_open_mct_asks_a_flying_server_and_reads_its_frames(tmp_path):
+    """Where Open MCT would call it, a few lines do; it asks the server, and the frame is one of the server's."""
+    text = (ROOT / "docs/control-room.md").read_text(encoding="utf-8")
+    (tmp_path / "plugin.mjs").write_text(text.partition("```js\n")[2].partition("```")[0])
+    (tmp_path / "run.mjs").write_text(STAND_IN)
+    name = "flight.tracking.error.sigma_BR[1]"
+    async with console(tmp_path, CRAFT) as c:
+        await c.until("crafts", lambda found: int(found[0]["t_ns"]) > 60 * 10**9)
+        await c.post("crafts/imager/run", {"action": "pause"})
+        slot = next(one for one in await c.get("crafts/imager/slots") if one["name"] == name)
+        live = await c.client.ws_connect("/api/live")
+        await live.send_json({"subscribe": {"craft": "imager", "slots": [slot["slot"]], "hz": 10}})
+        while (message := await live.receive()).type != WSMsgType.BINARY:
+            pass
+        node = await asyncio.create_subprocess_exec(
+            "node", tmp_path / "run.mjs", f"http://{c.client.host}:{c.client.port}",
+            base64.b64encode(message.data).decode(), name, stdout=asyncio.subprocess.PIPE)
+        found = json.loads((await node.communicate())[0])
+        expected = (await c.get(f"crafts/imager/history?names={name}&points=50"))[name]
+    assert found["keys"] > 100 and found["parameter"]["telemetry"]["values"][1]["unit"] == slot["unit"]
+    assert [one["value"] for one in found["history"]] == expected["value"] and len(expected["value"]) > 10
+    assert [one["timestamp"] for one in found["history"]] == [int(t) // 10**6 for t in expected["t_ns"]]
+    t, value = struct.unpack_from("<qd", message.data, 32 + 8)
+    assert found["live"] == [{"timestamp": t // 10**6, "value": value}]
+    assert re.fullmatch("ws://.*/api/live", found["sent"][0]) and found["sent"][2] == "closed"
+    assert json.loads(found["sent"][1]) == {"subscribe": {"craft": "imager", "slots": [slot["slot"]], "hz": 10}}
