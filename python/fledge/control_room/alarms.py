@@ -39,13 +39,14 @@ class Alarms:
                     continue
                 one = self._open[name] = {
                     "name": name, "concern": 0, "worst": 0, "since_ns": str(t), "t_ns": str(t), "count": 0,
-                    "value": None, "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
+                    "value": None, "text": "", "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
             one["count"] += new > one["concern"]
             worse = new > one["worst"]
             one.update(concern=new, t_ns=str(t), worst=max(new, one["worst"]))
             if new:
                 newest = self.craft.monitor.newest(slot)
-                one["value"] = newest[3] if newest else None
+                one["value"] = value = newest[3] if newest else None
+                one["text"] = f"{value:g}" if isinstance(value, float) else str(value)
             if worse:
                 one["acknowledged"] = None
             if worse or self._ends(one, t):

@@ -56,7 +56,8 @@ class Replay(Spacecraft):
         if ahead > 0:
             self._over.wait(min(ahead, TURN / 1e9))
             return
-        self.take(self._batch)
+        batch, self._batch = self._batch, []
+        self.take(batch)
         self.feed.sample()
         self._batch = next(self._batches, [])
         if not self._batch:

@@ -379,6 +379,8 @@ class Spacecraft:
         try:
             while True:
                 what, answer = self._asked.get_nowait()
+                if not answer.set_running_or_notify_cancel():   # the asker was told that it is not done
+                    continue
                 try:
                     answer.set_result(what())
                 except BaseException as error:  # is the asker's

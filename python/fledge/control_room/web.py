@@ -28,7 +28,8 @@ HERE = Path(__file__).parent
 WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
 SLOTS = 1 << 20     # of a subscription
 SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
-REPLAYS = 8
+FRAME = 32          # [bytes] of a frame without values
+REPLAYS = 8         # at a time
 FEED_S, FEED_MOST = 0.05, 100_000   # [s] between the packets for a script; how many may wait
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -644,7 +645,7 @@ class Browser:
         for name, one in list(self.wanted.items()):
             if now < one.due:
                 continue
-            one.due = now + one.period
+            one.due = max(one.due + one.period, now)
             if self.server.room.crafts.get(name) is not one.craft:
                 self.wanted.pop(name, None)
                 continue
@@ -661,6 +662,8 @@ class Browser:
                 self.skipped += 1
                 continue
             one.version, frame = monitor.changes(one.version, one.slots)
+            if len(frame) == FRAME:     # other slots have changed
+                continue
             made = bytearray(frame)
             struct.pack_into("<I", made, 4, one.craft.index)
             await self.socket.send_bytes(made)

@@ -7,11 +7,13 @@ import struct
 import subprocess
 import sys
 from contextlib import asynccontextmanager
+from threading import Event
 
 import pytest
 from aiohttp import ClientSession, WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 
+from fledge.control_room import web
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import Server
@@ -480,6 +482,23 @@ async def test_nothing_is_commanded_that_cannot_be_kept(tmp_path):
         journal._db.execute("PRAGMA max_page_count = 1000000")
         await c.verified("nadir_spin", "flight.noop", {})
         assert craft.simulation.flight.commands.counters.accepted - accepted == len(sent) - 2 + 1
+
+
+@flown
+async def test_what_was_refused_as_too_late_is_not_done_later(tmp_path):
+    async with console(tmp_path, NADIR) as c:
+        craft, goes_on = c.room.crafts["nadir_spin"], Event()
+        await c.verified("nadir_spin", "flight.noop", {})
+        before, web.PATIENCE = web.PATIENCE, 0.1
+        try:
+            craft.call(goes_on.wait)
+            refused = await c.post("crafts/nadir_spin/send", {"name": "flight.noop"}, 409)
+        finally:
+            web.PATIENCE = before
+            goes_on.set()
+        assert "did not answer" in refused["error"]
+        await c.verified("nadir_spin", "flight.noop", {})
+        assert len(await c.get("crafts/nadir_spin/sent")) == 3      # with the server's own, which turns telemetry on
 
 
 def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
