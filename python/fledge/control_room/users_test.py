@@ -177,7 +177,7 @@ def test_a_session_ends_by_itself(tmp_path):
                     break
         assert server.log[-2][1:] == ("session ended", {"why": "it was idle"})
 
-    @served(tmp_path, {**USERS, "session_h": 1 / 3600})
+    @served(tmp_path, {**USERS, "session_h": 3 / 3600})
     async def _(server):
         await server.login("ada", "correct horse")
         live = await server.client.ws_connect(f"{server.url}/api/live")

@@ -19,9 +19,8 @@ class Row(NamedTuple):
 
     t_ns: int
     kind: str
-    good: bool | None           # None: it is neither
     text: str                   # of the script, or what it did
-    results: list[str]
+    results: list[tuple[str, bool | None]]      # in words, and whether it is good; None: it is neither
     values: dict[str, Any]
     packets: Sequence[str] = ()
     line: int = 0
@@ -64,7 +63,7 @@ def _parts(entries: Sequence[Entry]) -> list[Group]:
         elif one["kind"] == "step ends":
             steps.pop(key).ends.append(one)
         elif one["kind"] == "stage":
-            rows[one["id"]].results.append(_stage(one))
+            rows[one["id"]].results.append((_stage(one), None if one["good"] else False))
         elif one["kind"] not in ("run", "end"):
             if key in steps:
                 part = steps[key]
@@ -95,7 +94,7 @@ def _row(one: Entry) -> Row:
     if kind == "command":
         said, values = f"{said} " + " ".join(f"{name}={value}" for name, value in values.items()), {}
     good = False if kind == "exception" else one.get("good")
-    return Row(one["t_ns"], kind, good, (said or one["source"]).strip(), list(filter(None, results)), values,
+    return Row(one["t_ns"], kind, (said or one["source"]).strip(), [(text, good) for text in results if text], values,
                one.get("packets", ()), one["line"])
 
 
