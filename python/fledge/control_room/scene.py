@@ -277,8 +277,8 @@ class Feed:
 
     def _derived(self) -> Derivation:
         if self._simulation is None:
-            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission, which a replay and a "
-                             "database alone do not have")
+            raise SetupError(f"{self.craft}: there is no 3-D view: it needs the spacecraft's mission; there is a "
+                             "database alone")
         with self._lock:
             samples = list(self._kept)
         came = {name for one in samples for name in one}
@@ -301,8 +301,8 @@ class Feed:
         for craft in scene.crafts:
             craft.poses = [one for one in craft.poses if one.kind != "estimate" or one.name in (self._slots or {})]
             if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self._said:
-                scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is no "
-                                   "ghost.")
+                scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
+                                   "no ghost.")
         if not any(port.type == "CraftState" for port in self._truth.values() if self._used is None or
                    port.name in self._used):
             scene.notes.append("There is no truth: the spacecraft is shown as telemetry says.")
@@ -322,8 +322,8 @@ class Feed:
         if any(port.type == "NavAttitude" for port in self._said.values()):
             return f"{self.craft}: telemetry has not brought an attitude yet: " + listed(
                 [name for name, port in self._said.items() if port.type == "NavAttitude"])
-        return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among flight's "
-                "outputs; this mission's flight has none")
+        return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among "
+                "flight's outputs; this mission's flight has none")
 
     def _message(self, sample: Sample) -> dict[str, Any]:
         """What a sample adds to the tracks, by their numbers: (times, their numbers one row after the other)."""

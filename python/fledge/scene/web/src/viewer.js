@@ -208,7 +208,8 @@ export class Viewer {
             this.plotButton = button("Plots", "Plots (P)", () => this.open(!this.drawn)),
             button("PNG", "Save a picture (S)", () => this.savePicture()),
             this.filmButton = button("WebM", "Record a film of what plays", () => this.film()),
-            this.themeButton = button("◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
+            this.themeButton = button(
+                "◐", "Dark or light (T)", () => this.setTheme(this.stage.theme === "dark" ? "light" : "dark")),
             button("?", "Keys", () => (this.help.hidden = !this.help.hidden)));
         this.themeButton.className = "theme";
         head.append(title, this.tools);
