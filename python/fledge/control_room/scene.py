@@ -8,6 +8,7 @@ A spacecraft without a truth is shown by its telemetry alone.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from math import prod
@@ -44,22 +45,20 @@ class Port:
         self.names = nested_names(self.fields)
 
     def packed(self, values: Mapping[str, Any]) -> bytes:
-        """The message of values by name, nested as they are in it; texts and what is not given are left out."""
+        """The message of numbers by their names, as co-simulations have them: "head.t", "rows[2].axis_B", arrays as
+        flat lists. Texts and what the message does not have are left out."""
         import numpy as np
 
         row = np.zeros(1, self.dtype)
-
-        def fill(into: Any, given: Any) -> None:
-            if isinstance(given, Mapping) and into.dtype.names:
-                for name in set(given) & set(into.dtype.names):
-                    fill(into[name], given[name])
-            elif isinstance(given, (list, tuple)) and given and isinstance(given[0], Mapping):
-                for i, one in enumerate(given):
-                    fill(into[0, i:i + 1], one)
-            elif into.dtype.kind in "fiu":
-                into[...] = given
-
-        fill(row, values)
+        for name, value in values.items():
+            at = row
+            try:
+                for part, index in re.findall(r"(\w+)(?:\[(\d+)\])?", name):
+                    at = at[part][:, int(index)] if index else at[part]
+            except (ValueError, IndexError):
+                continue
+            if at.dtype.kind in "fiu":
+                at[...] = np.reshape(value, at.shape[1:])
         return row.tobytes()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError
+from fledge import SetupError, objects, series
 from fledge.control_room import scene
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
@@ -129,6 +129,27 @@ def test_a_mission_without_navigation_on_board_has_no_ghost_and_says_so():
     assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in one for one in found["notes"])
 
 
+def test_messages_by_names_are_those_in_memory():
+    """Nested structs and arrays of them, as co-simulations name what is in them."""
+    sim = fledge.load("star_slew")
+    sim.run(1)
+    seen = 0
+    for process in sim.processes:
+        for instance in process:
+            for field in objects.struct(instance).fields:
+                if field.group == "out" and field.type == "struct" and not field.shape:
+                    port, message = scene.Port("x", field.struct), objects.memory(getattr(instance, field.name))
+                    row = np.frombuffer(message, port.dtype)
+                    exact = {name: series.part(row, name) for name in port.fields}
+                    flat = {name: value[0].ravel().tolist() for name, value in exact.items()
+                            if value.dtype.kind in "fiu" and all(not shape for _, shape in port.parts[name][:-1])}
+                    packed = np.frombuffer(port.packed(flat), port.dtype)
+                    for name in flat:
+                        np.testing.assert_array_equal(series.part(packed, name), exact[name])
+                        seen += 1
+    assert seen > 50
+
+
 def test_after_a_reset_the_browser_asks_again():
     sim = fledge.load("earth_imager")
     feed = scene.Feed("imager", sim)
@@ -195,8 +216,8 @@ def test_the_messages_of_a_co_simulation_are_the_truth():
     class Seen(dict):
         topic, t = "/world/craft/state", 5 * 10**9
 
-    heard["hear"](Seen(head={"t": 5 * 10**9, "quality": 3, "sequence": 1},
-                       **{name: getattr(state, name).tolist() for name in ("r_BN_N", "v_BN_N", "sigma_BN")}))
+    heard["hear"](Seen({"head.t": 5 * 10**9, "head.quality": 3, "head.sequence": 1, "unknown": 7}
+                       | {name: getattr(state, name).tolist() for name in ("r_BN_N", "v_BN_N", "sigma_BN")}))
     feed.sample()
     found = feed.scene().craft()
     assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
