@@ -68,6 +68,27 @@ async def test_two_scripts_and_an_operator_share_a_spacecraft(folder):
 
 
 @flown
+async def test_a_script_behind_the_commands_of_another_ground_is_executed_once(folder):
+    def commands():
+        with ground.connect(address(page)) as craft:
+            return craft.command("write", "flight.control", K=3 * N * m).completed(within=60 * minute)
+
+    async with console(folder, FILE) as page:
+        craft = page.room.craft("nadir_spin")
+        await page.until("crafts/nadir_spin/sent", lambda rows: rows and rows[0]["stages"][-1]["stage"] == "completed")
+
+        def behind():       # as if the server had begun anew
+            craft.ground.in_step, craft.ground._packets.sequence = False, 0
+            return craft.simulation.flight.commands.counters.accepted
+
+        before = await asyncio.wrap_future(craft.call(behind))
+        sent = await asyncio.to_thread(commands)
+        assert [one.executed for one in sent.reports] == [0, 1] and all(one.good for one in sent.reports)
+        after = await asyncio.wrap_future(craft.call(lambda: craft.simulation.flight.commands.counters.accepted))
+        assert after == before + 2      # the server's noop, by which it learned the number, and this
+
+
+@flown
 async def test_whom_the_server_refuses(folder):
     word, kept = token()
     text = FILE + f'[[token]]\nname = "night"\nhash = "{kept}"\nroles = ["view"]\n'

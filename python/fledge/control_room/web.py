@@ -267,6 +267,14 @@ class Server:
         if not 8 <= len(packet) <= 1 << 16:
             raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
 
+        if not ground.in_step:      # so that a refusal of its number is the server's alone to mend
+            await self._asked(craft, lambda: craft.commanding.release(
+                self._user(request), "noop", {}, ground.made("noop")))
+            for _ in range(round(PATIENCE / 0.05)):
+                if ground.in_step:
+                    break
+                await asyncio.sleep(0.05)
+
         def release() -> bytes:
             made = ground.numbered(packet)
             craft.commanding.release(self._user(request), ground.dictionary.command(made), {}, [made])

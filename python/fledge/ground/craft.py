@@ -229,7 +229,7 @@ class Craft:
         self._packets = Packets(dictionary, sequence)
         self._sequences: dict[int, int] = {}        # the last of each stream
         self._heard: set[tuple[int, int, str]] = set()      # number, time and output of events
-        self._in_step = False                       # flight has accepted a command from here
+        self.in_step = link.numbers     #: flight has accepted a command from here
         self._files: Files | None = None
 
     def __enter__(self) -> Self:
@@ -380,7 +380,7 @@ class Craft:
     def _report(self, report: Report) -> None:
         if report.stored_on is not None or report.monitor is not None:
             return              # of a command that flight had itself
-        if report.reason == Reason.SEQUENCE and not self._in_step and report.stage == Stage.ACCEPTED:
+        if report.reason == Reason.SEQUENCE and not self.in_step and report.stage == Stage.ACCEPTED:
             behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
             if behind and report.code in Code._value2member_map_:
                 self._count_on(report.detail + 1)
@@ -389,13 +389,13 @@ class Craft:
             if report.reason == Reason.ABSENT and self._files:
                 self._files.absent()
             return
-        self._in_step = self._in_step or report.good
+        self.in_step = self.in_step or report.good
         next((one for one in reversed(self.sent) if one.take(report)), None)
 
     def _count_on(self, sequence: int) -> None:
         """Flight has accepted commands of another ground: send all again, behind those, and behind what it may have
         accepted of these."""
-        self._in_step = True
+        self.in_step = True
         if (self._packets.sequence - sequence) % 0x4000 < 0x2000:
             sequence = self._packets.sequence
         by = sequence - sequence_of(self.sent[0].packets[0])

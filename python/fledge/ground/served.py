@@ -25,6 +25,8 @@ Answer = TypeVar("Answer")
 class Served(Link):
     """The clock is the spacecraft's: simulated time, or since the link was opened. Raises SetupError."""
 
+    numbers = True
+
     def __init__(self, address: str, token: str | None = None) -> None:
         parts = urlsplit(address)
         self._server, self._name = f"{parts.scheme}://{parts.netloc}", unquote(parts.path.strip("/"))
