@@ -13,6 +13,8 @@ from types import SimpleNamespace
 import pytest
 
 from fledge.control_room.postgres import Postgres, PostgresSettings
+from fledge.control_room.room import Room
+from fledge.control_room.settings import read
 from fledge.errors import SetupError
 from fledge.ground import Database
 from tests.tree import ROOT
@@ -240,6 +242,30 @@ def test_the_queries_of_the_document_run(tmp_path, base):
                          ("flight.power.voltage", "voltage"), ("imager", "craft")):
             query = query.replace(old, new)
         assert base.rows(query), query
+
+
+def test_a_flight_of_the_server_is_in_the_database_as_in_its_archive(tmp_path, base):
+    (tmp_path / "ground.toml").write_text(
+        f'folder = "out"\n[postgres]\nurl = "{base.url}"\n'
+        'parameters = ["flight.tracking.*", "flight.housekeeping.mode"]\n[[craft]]\nname = "imager"\nmission = "earth_imager"\nspeed = 0\n')
+    room = Room(read(tmp_path / "ground.toml"))
+    craft = room.crafts["imager"]
+    try:
+        room.start()
+        until(lambda: craft.now > 60 * S)
+        craft.call(lambda: craft.run.command("pause", 1.0, None)).result(60)
+        name = "flight.tracking.error.sigma_BR[1]"
+        t, value, _, _ = craft.history.series([name])[name]
+        until(lambda: base.rows("select count(*) from pg_tables where tablename = 'progress'")[0][0] and base.rows(
+            "select t_ns from fledge.progress") == [(int(craft.history.sessions()[-1]["last"]),)])
+        assert len(t) > 50 and base.rows(
+            "select (extract(epoch from t) * 1000000)::bigint * 1000 + ns - %s, value from fledge.telemetry "
+            "where spacecraft = 'imager' and parameter = %s order by t, ns", craft.epoch_ns, name) == list(
+                zip(t.tolist(), value.tolist()))
+        assert base.rows("select distinct parameter from fledge.telemetry where parameter !~ '^flight.tracking'") == [
+            ("flight.housekeeping.mode",)]
+    finally:
+        room.close()
 
 
 @pytest.mark.parametrize("table, says", [
