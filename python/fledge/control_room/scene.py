@@ -321,6 +321,8 @@ class Feed:
         if any(port.type == "NavAttitude" for port in self._said.values()):
             return f"{self.craft}: telemetry has not brought an attitude yet: " + listed(
                 [name for name, port in self._said.items() if port.type == "NavAttitude"])
+        if self._link() is None:
+            return f"{self.craft}: the link is not up"
         return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among "
                 "flight's outputs; this mission's flight has none")
 

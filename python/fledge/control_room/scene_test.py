@@ -188,7 +188,8 @@ def test_the_samples_that_are_kept_have_a_bound(monkeypatch):
 @pytest.mark.parametrize("feed, why", [
     (lambda sim: scene.Feed("x", None), "needs the spacecraft's mission"),
     (lambda sim: scene.Feed("x", sim), "has not run yet"),
-    (lambda sim: scene.Feed("x", sim, flown=False), "this mission's flight has none"),
+    (lambda sim: scene.Feed("x", sim, flown=False), "the link is not up"),
+    (lambda sim: scene.Feed("x", sim, flown=False, link=object), "this mission's flight has none"),
     (lambda sim: scene.Feed("x", sim, flown=False, link=lambda: SimpleNamespace(topics={}, watch=lambda *_: None)),
      r"does not show /world/craft/state to observers; give it watch = \['/world/craft/state'\]"),
 ])
