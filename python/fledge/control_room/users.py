@@ -65,6 +65,7 @@ SESSIONS = 16                       # of one user; the oldest ends
 TOTAL, EACH = 512, 128              # connections, and those of one address
 FIRST_S, BODY_S = 10, 60            # [s] for the first request of a connection, for the body of a request
 BODY_MOST, LOGGED = 1 << 24, 2000   # bytes of a body; of one whose content the log gets, and of a stranger's
+HEADERS_MOST = 128                  # of a request
 OPEN = {"/api/session", "/api/login"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -332,6 +333,8 @@ class Guard:
             raise Refusal(500, "the server made an error, which its terminal shows") from None
 
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
+            raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
         live = request.headers.get("Upgrade", "").lower() == "websocket"
         host = _host(request)
         if is_loopback(self.access.host) and host not in (*NAMES, self.access.host):
