@@ -45,6 +45,8 @@ SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "crit
 class Spacecraft:
     """room: whose it is; index: its number in frames of values. Raises SetupError."""
 
+    database: Database
+    monitor: Any            #: of fledge.ground.Database.monitor()
     replayed = ""           # of which spacecraft this is a replay
 
     def __init__(self, room: Room, settings: CraftSettings, index: int) -> None:

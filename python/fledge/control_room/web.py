@@ -706,7 +706,7 @@ class _Subscription:
         self.version, self.number, self.due = 0, 0, 0.0
 
 
-async def serve(room: Room, ready: Callable[[str], None], over: asyncio.Event) -> None:
+async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) -> None:
     """Serve a room until `over` is set. ready: gets the address of the page."""
     server = Server(room)
     runner = await server.guard.listen(server.app)
