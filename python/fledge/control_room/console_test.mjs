@@ -120,6 +120,9 @@ await run({
         await page.waitForFunction(() => /\d\d:\d\d/.test(document.querySelector(".u-legend .u-value")?.textContent));
         const first = await ends();
         await page.waitForFunction((old) => document.querySelector(".u-legend .u-value").textContent > old, first);
+        const {width} = await page.locator(".u-over").boundingBox();
+        await page.locator(".u-over").hover({position: {x: 0.1 * width, y: 20}});
+        await page.locator(".u-legend .u-series", {hasText: /voltage.*0\.[5-8]/}).waitFor();     // from the archive
         await page.keyboard.press(",");
         await page.locator(".time.past").waitFor();
         assert.match(page.url(), /[?&]t=\d{19}/);

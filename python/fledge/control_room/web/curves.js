@@ -62,8 +62,12 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
     const labels = slots[0]?.labels ?? [];
     const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
         slot?.labels?.[y] ?? `${+y.toPrecision(7)}${slot?.unit && slot.unit !== "-" ? ` ${slot.unit}` : ""}`);
-    const number = (y) => (labels.length ? labels[y] ?? "" : Math.abs(y) >= 1e5 || (y && Math.abs(y) < 1e-3) ?
-        y.toExponential(1) : String(+y.toPrecision(5)));
+    /** Numbers of an axis, with as many digits as tell them apart. */
+    const numbers = (all, step) => {
+        const size = Math.max(...all.map(Math.abs)), digits = Math.max(1, Math.ceil(Math.log10(size / step)) + 1);
+        return all.map((y) => (labels.length ? labels[y] ?? "" : y && (size >= 1e6 || size < 1e-3) ?
+            y.toExponential(Math.min(digits - 1, 12)) : String(+y.toPrecision(Math.min(digits + 1, 15)))));
+    };
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
     const made = new uPlot({
@@ -74,7 +78,7 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
         scales: {x: {time: true, auto: false}, y: {range: (_, low, high) => room(low, high)}},
         axes: [
             {...axis, size: 28, space: 80, values: (_, all, __, ___, step) => all.map((t) => tick(t, step))},
-            {...axis, size: 70, values: (_, all) => all.map(number)}
+            {...axis, size: 70, values: (_, all, __, ___, step) => numbers(all, step)}
         ],
         series: [
             {label: "t", value: (_, t) => (t === null || t === undefined ? "" : words(t))},

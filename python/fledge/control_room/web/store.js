@@ -120,7 +120,7 @@ export function real(value) {
         return Number.isNaN(value) ? "not a number" : value > 0 ? "+infinite" : "\u2212infinite";
     const size = Math.abs(value);
     const text = size && (size >= 1e7 || size < 1e-4) ? value.toExponential(5) : String(+value.toPrecision(7));
-    return text.replace("-", "\u2212");
+    return text.replaceAll("-", "\u2212");
 }
 
 /** A number of the archive as a slot's value is shown. */

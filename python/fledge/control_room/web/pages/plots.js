@@ -77,7 +77,8 @@ export async function open(context) {
     };
     function view() {
         if (fixed) return fixed;
-        const at = seconds(), long = length(), first = Number(time.extent()[0]) / 1e9;
+        const at = seconds(), long = length();
+        const first = time.sessions.length ? Number(time.extent()[0]) / 1e9 : -Infinity;
         if (time.isLive) return [Math.min(Math.max(at - long, first), at - 10), at];
         return [at - 0.75 * long, at + 0.25 * long];
     }
