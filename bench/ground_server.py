@@ -120,7 +120,7 @@ def send(port: int, rate: float, seconds: float) -> None:
 
 
 def read(port: int, clients: int, hz: float, slots: str, seconds: float) -> None:
-    """What browsers do, many in one program; prints how many values came, and how long those of `sent` were under way."""
+    """What browsers do, many in one program; prints how many values came, and how long each of `sent` took."""
     from aiohttp import ClientSession, WSMsgType
 
     wanted = json.loads(slots)

@@ -231,13 +231,13 @@ class Tail:
     def __init__(self, craft: Spacecraft, room: Room, names: tuple[str, ...], base: psycopg.Connection[Any],
                  server: int) -> None:
         self.craft, self.names, self.base, self.server = craft, names, base, server
-        self.database = craft.database
+        self.database: Any = craft.database
         self.history = craft.database.history(room.settings.folder / "archive", craft.name, craft.settings.root)
         self.monitor = craft.database.monitor(craft.settings.root)
         self.epoch = (craft.epoch_ns or 0) if craft.clock == "simulated" else 0
         with base.transaction():
             base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))
-            self.craft_id = number(base, "spacecraft", craft.name)
+            self.craft_id: int = number(base, "spacecraft", craft.name)
         row = base.execute("select session, t_ns, packets from fledge.progress where (server, spacecraft) = (%s, %s)",
                            (server, self.craft_id)).fetchone()
         self.position: tuple[int, int, int] = row or (0, -2**63, 0)

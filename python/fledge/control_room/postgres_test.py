@@ -247,7 +247,8 @@ def test_the_queries_of_the_document_run(tmp_path, base):
 def test_a_flight_of_the_server_is_in_the_database_as_in_its_archive(tmp_path, base):
     (tmp_path / "ground.toml").write_text(
         f'folder = "out"\n[postgres]\nurl = "{base.url}"\n'
-        'parameters = ["flight.tracking.*", "flight.housekeeping.mode"]\n[[craft]]\nname = "imager"\nmission = "earth_imager"\nspeed = 0\n')
+        'parameters = ["flight.tracking.*", "flight.housekeeping.mode"]\n[[craft]]\nname = "imager"\n'
+        'mission = "earth_imager"\nspeed = 0\n')
     room = Room(read(tmp_path / "ground.toml"))
     craft = room.crafts["imager"]
     try:
