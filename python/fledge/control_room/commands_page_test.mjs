@@ -50,7 +50,7 @@ const checks = {
         const page = await open("overview");
         await page.keyboard.press("g");
         await page.keyboard.press("c");
-        await page.locator(".commands .list .tr", {hasText: "noop"}).waitFor();
+        await page.locator(".commands .finder .tr", {hasText: "noop"}).waitFor();
         await choose(page, "flight.noop");
         await page.keyboard.press("Enter");
         for (const stage of ["released", "accepted", "completed"]) await ticked(page, "flight.noop", stage);
@@ -60,11 +60,12 @@ const checks = {
     async "the bytes follow what is typed, with the place of each argument"() {
         const page = await open("commands", "imager", "flight.write.steering.K1");
         await page.fill("#argument-K1", "0.25");
-        await page.waitForFunction(() => document.querySelector(".preview .hex")
+        await page.waitForFunction(() => document.querySelector(".preview .octets")
                                              ?.getAttribute("aria-label")
                                              .endsWith("3f d0 00 00 00 00 00 00"));
         assert.equal(
             await page.locator(".byte.given").allTextContents().then((all) => all.join("")), "3fd0000000000000");
+        await page.locator(".bytes summary").click();
         await page.locator(".bytes tbody tr", {hasText: "module"}).hover();
         assert.equal(await page.locator(".byte.on").count(), 2);
         await page.fill("#argument-K1", "-2");

@@ -5,10 +5,11 @@ import {of} from "./api.js";
 import {ask, h, put} from "./dom.js";
 
 const bracket = ({low, high, low_open, high_open}) => {
-    if (low == null && high == null) return "";
-    if (high == null) return `${low_open ? ">" : "\u2265"} ${low}`;
-    if (low == null) return `${high_open ? "<" : "\u2264"} ${high}`;
-    return `${low} ${low_open ? "<" : "\u2026"} ${high}${high_open ? " (open)" : ""}`;
+    if (low != null && high != null && !low_open && !high_open) return `${low} \u2026 ${high}`;
+    return [
+        low != null && `${low_open ? ">" : "\u2265"} ${low}`, high != null && `${high_open ? "<" : "\u2264"} ${high}`
+    ].filter(Boolean)
+        .join(", ");
 };
 
 /** What may be given, in words: "real, 0 … 5 N m". */
@@ -106,7 +107,7 @@ export class Form {
         return h("div", {class: "argument"}, h("label", {htmlFor: id}, name),
             h("div", {class: "entry"}, input,
                 argument.unit && argument.unit !== "-" && h("span", {class: "unit"}, argument.unit)),
-            h("span", {class: "about soft", id: `${id}-about`}, allowed({...argument, unit: ""}),
+            h("span", {class: "what soft", id: `${id}-about`}, allowed({...argument, unit: ""}),
                 description && ` \u2013 ${description}`),
             problem);
     }
@@ -164,8 +165,11 @@ export function bytesOf({hex, fields = []}) {
     for (let k = 0; k < cells.length; k += 16)
         lines.push(h("div", {class: "line"}, h("span", {class: "offset soft"}, k.toString(16).padStart(4, "0")),
             cells.slice(k, k + 16)));
-    const rows = fields.map((one) => {
-        const raw = one.raw == null || String(one.raw) === String(one.value) ? "" : String(one.raw);
+    const row = (one) => {
+        const raw =
+            one.raw == null || [textOf(one.value), ""].includes(String(one.raw)) || String(one.raw).length > 10 ?
+            "" :
+            String(one.raw);
         const place = one.bit == null   ? "" :
             one.bits % 8 || one.bit % 8 ? `bit ${one.bit}, ${one.bits}` :
                                           `byte ${one.bit / 8}, ${one.bits / 8}`;
@@ -180,13 +184,17 @@ export function bytesOf({hex, fields = []}) {
             h("td", {}, one.name),
             h("td", {class: "number"}, textOf(one.value), one.unit && one.unit !== "-" && ` ${one.unit}`),
             h("td", {class: "number"}, raw), h("td", {class: "soft"}, place));
-    });
+    };
+    const table = (all) => all.length > 0 &&
+        h("table", {class: "plain"},
+            h("thead", {}, h("tr", {}, ["field", "value", "raw", "where"].map((one) => h("th", {}, one)))),
+            h("tbody", {}, all.map(row)));
+    const fixed = fields.filter(({argument}) => argument === false);
     return h("div", {class: "bytes"},
-        h("div", {class: "hex", role: "img", "aria-label": `${pairs.length} bytes: ${pairs.join(" ")}`}, lines),
-        rows.length > 0 &&
-            h("table", {class: "plain"},
-                h("thead", {}, h("tr", {}, ["field", "value", "raw", "where"].map((one) => h("th", {}, one)))),
-                h("tbody", {}, rows)));
+        h("div", {class: "octets", role: "img", "aria-label": `${pairs.length} bytes: ${pairs.join(" ")}`}, lines),
+        table(fields.filter(({argument}) => argument !== false)),
+        fixed.length > 0 &&
+            h("details", {}, h("summary", {}, `${fixed.length} fields that the database gives`), table(fixed)));
 }
 
 /** Send a command; one that is hazardous is asked for once more. Its id, or null if the person thought better. */
@@ -221,7 +229,7 @@ export function ladder(row) {
 /** The tick of a stage: its sign and class. */
 export function tick(row, stage) {
     const one = ladder(row)[stage];
-    if (!one) return ["\u00b7", "tick none"];
+    if (!one) return ["\u00b7", "tick not"];
     if (stage === "progress" && one.good !== false)
         return [one.percent != null ? `${one.percent} %` : one.text || "\u2713", "tick good"];
     return [TICKS[one.good] ?? "\u2713", `tick ${one.good === false ? "bad" : one.good === null ? "open" : "good"}`];

@@ -155,7 +155,7 @@ export async function open({root, api, live, keys, craft, selection, select}) {
                 ] :
                 []));
     }
-    root.append(h("section", {class: "panel list"}, search, list.element), middle,
+    root.append(h("section", {class: "panel finder"}, search, list.element), middle,
         h("section", {class: "panel sent", "aria-label": "sent commands"}, h("h3", {}, "Sent"), sent.table.element,
             detail));
     keys.add("/", "search a command", () => search.focus());

@@ -141,7 +141,7 @@ export async function open(context) {
             if (!drawn) return;
             const to = Number(time.at) / 1e9;
             drawn.setData(data(curves), false);
-            drawn.setScale("x", {min: to - span, max: to});
+            drawn.setScale("x", {min: time.utc ? to - span : Math.max(0, to - span), max: to});
             if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
         };
         const load = async () => {  // what was before
