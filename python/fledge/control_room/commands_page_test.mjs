@@ -130,7 +130,7 @@ const checks = {
         await page.keyboard.press("r");
         await page.locator(".answer.problem", {hasText: "step 2, flight.write.steering.K1"}).waitFor();
         const signs = () => page.locator(".steps tbody td:first-child").allTextContents();
-        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u25b6", ""]);
+        assert.deepEqual((await signs()).map((one) => one.trim()), ["\u2713", "\u2717", ""]);
         await page.locator(".steps tbody tr").nth(1).click();
         await page.fill("#argument-K1", "0.3");
         await page.keyboard.press("Escape");

@@ -121,6 +121,8 @@ export class Stack {
                 if (all && step.wait > 0 && this.at < this.steps.length) await this.wait(live, step.wait, signal);
             } while (all && !signal.aborted);
         } catch (error) {
+            const step = this.steps[this.at];
+            if (step && !signal.aborted) step.sent ??= {stages: [{stage: "refused", good: false, text: error.message}]};
             this.problem = signal.aborted ? `stopped by hand at step ${this.at + 1}` :
                                             `step ${this.at + 1}, ${this.steps[this.at]?.command}: ${error.message}`;
         } finally {

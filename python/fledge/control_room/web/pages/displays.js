@@ -154,7 +154,11 @@ export async function open(context) {
                 format: "binary"
             }));
             if (over || (!time.isLive && at !== time.at)) return;
-            curves.forEach((curve, k) => curve.fill(found[k]));
+            curves.forEach((curve, k) => {
+                const {t, value} = curve;       // what came while the archive was read
+                curve.fill(found[k]);
+                if (time.isLive) t.forEach((one, j) => value[j] !== null && curve.add(one, value[j]));
+            });
             show();
         };
         const fit = new ResizeObserver(() => {

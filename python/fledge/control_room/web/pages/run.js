@@ -17,12 +17,12 @@ export function valueOf(text) {
 }
 
 export async function open({root, api, live, keys, craft, can, on, every}) {
-    if (!can("run")) {
+    if (!live.craft(craft)?.can?.includes("run")) {
         root.append(h("section", {class: "panel"},
             h("p", {class: "none soft"}, `${craft} is not flown by this server, so it has no run control.`)));
         return undefined;
     }
-    const may = can("administer") || can("command");
+    const may = can("command");
     let run = null;
     const state = h("strong", {class: "state"}), t = h("span", {class: "big"}), real = h("span", {class: "soft"});
     const seconds = h("input",
