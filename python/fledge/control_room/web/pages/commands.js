@@ -11,7 +11,7 @@ const WAIT = 150;  // [ms] after the last key until the bytes are asked for
 
 export const title = "Commands", key = "c";
 
-export async function open({root, api, live, keys, craft, selection, select}) {
+export async function open({root, api, live, keys, craft, selection, select, can}) {
     const utc = live.craft(craft)?.clock === "utc";
     let forms = [], rows = [], form = null, timer = 0, asked = null;
 
@@ -64,7 +64,7 @@ export async function open({root, api, live, keys, craft, selection, select}) {
         if (about === form?.form && !Object.keys(values).length) return;
         select(about.name);
         form = new Form(about, values, () => later());
-        const here = h("button", {class: "primary", type: "submit"}, "Send");
+        const here = h("button", {class: "primary", type: "submit", disabled: !can("command")}, "Send");
         middle.replaceChildren(h("form", {
             onsubmit: (event) => {
                 event.preventDefault();
