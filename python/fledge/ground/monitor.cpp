@@ -252,7 +252,7 @@ private:
 
 void bind_monitor(py::module_ &m)
 {
-    [[maybe_unused]] const py::class_<PacketSink> sink(m, "PacketSink", "What keeps packets.");
+    [[maybe_unused]] const py::class_<PacketSink> base(m, "PacketSink", "What keeps packets.");
     py::class_<Watcher>(m, "Monitor", "The newest values of a spacecraft's telemetry, and their limits.")
         .def(py::init<const Loaded &, const std::optional<std::string> &>(), py::arg("database"),
              py::arg("root") = py::none(), py::keep_alive<1, 2>())
