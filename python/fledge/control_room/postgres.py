@@ -119,6 +119,7 @@ class Postgres:
         self._over = Flag()
         self._thread = Thread(target=self._run, name="postgres", daemon=True)
         self._tails: dict[str, Tail] = {}
+        self._wrong: dict[str, str] = {}        # of a spacecraft
         self._partitions: set[int] = set()
         self._id = 0
 
@@ -174,7 +175,17 @@ class Postgres:
             self._id = number(base, "server", self.name)
 
     def _tail(self, base: psycopg.Connection[Any], craft: Spacecraft) -> bool:
-        """Write what the archive of a spacecraft has; whether there was something."""
+        """Write what the archive of a spacecraft has; whether there was something. What is wrong with one does not stop
+        the others."""
+        try:
+            return self._catch_up(base, craft)
+        except SetupError as error:
+            if self._wrong.get(craft.name) != str(error):
+                self._wrong[craft.name] = str(error)
+                self.room.tell(craft.name, "warning", "postgres", f"nothing is written into PostgreSQL: {error}")
+            return False
+
+    def _catch_up(self, base: psycopg.Connection[Any], craft: Spacecraft) -> bool:
         tail = self._tails.get(craft.name)
         if tail is None or tail.database is not craft.database:
             tail = self._tails[craft.name] = Tail(craft, self.room, self.settings.parameters, base, self._id)

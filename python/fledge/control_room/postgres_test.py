@@ -284,6 +284,13 @@ def test_what_is_wrong_in_the_database_is_told_and_the_server_goes_on(tmp_path, 
     with Server(folder_of(tmp_path, "other"), base, partition="2 days") as other:
         until(lambda: other.events)
         assert "partitions of 1 hours" in other.events[0][3]
-    with Server(folder_of(tmp_path, "third"), base, parameters=["nothing.*"]) as third:
-        until(lambda: third.events)
-        assert "no parameter as nothing.*" in third.events[0][3]
+    third = Server(folder_of(tmp_path, "third"), base, parameters=["volt*"])
+    third.monitor.take([(T0, T0, power(1))])
+    (tmp_path / "foreign.xml").write_text(DATABASE.replace("voltage", "current"), encoding="utf-8")
+    foreign = SimpleNamespace(**{**vars(third.postgres.room.crafts["craft"]), "name": "foreign",
+                                 "database": Database.load(tmp_path / "foreign.xml")})
+    third.postgres.room.crafts = {"foreign": foreign, **third.postgres.room.crafts}
+    with third:
+        until(lambda: written(base) == 1)
+    (name, *_, text), = third.events
+    assert name == "foreign" and "no parameter as volt*; one is id" in text
