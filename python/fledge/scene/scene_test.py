@@ -535,6 +535,7 @@ def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
     browser.ask(f"{fly(20)}.forEach((one) => fledgeView.extend(one))")
     assert browser.ask("[fledgeView.t, fledgeView.data.end, fledgeView.following]") == [t, 90, False]
     browser.wait_for("location.hash.includes('camera=orbit') && location.hash.includes('t=' + fledgeView.t)")
+    browser.wait_for("!fledgeView.dirty")
     here = browser.ask("fledgeView.stage.crafts[0].place")
     browser.ask("fledgeView.savePicture = fledgeView.savePicture.bind(fledgeView)")
     browser.ask("fledgeView.download = (blob, ending) => { (window.saved ??= {})[ending] = blob; }")
