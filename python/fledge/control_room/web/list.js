@@ -80,4 +80,3 @@ export class List {
         this.table.close();
     }
 }
-
