@@ -280,7 +280,7 @@ def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_p
         browser.wait_for(f"{viewer}.following && {viewer}.t > {end}")
         # Paused, the picture comes to rest where the simulation stands.
         room.crafts["imager"].call(lambda: room.crafts["imager"].run.command("pause")).result(30)
-        browser.wait_for(f"{viewer}.t === {viewer}.data.end && Math.abs({viewer}.t - "
+        browser.wait_for(f"!{viewer}.dirty && {viewer}.t === {viewer}.data.end && Math.abs({viewer}.t - "
                          f"{room.crafts['imager'].simulation.state_time}) < 1e-6")
         exact = room.crafts["imager"].simulation.world.craft.state.r_BN_N
         assert np.linalg.norm(np.array(browser.ask(f"{viewer}.stage.crafts[0].place")) - exact) < 1
