@@ -49,8 +49,8 @@ foreach(folder ccsds flight record registers sim world targets cosim introspect 
         REGEX "(_test[.](c|cpp|py)|/CMakeLists[.]txt|/__pycache__|/[.].*|/runs|/build|/oracle)$" EXCLUDE)
 endforeach()
 install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
-    REGEX "(_test[.](py|mjs)|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/web|(scene|control_room)/testing)$"
-    EXCLUDE)
+    REGEX "(_test[.](py|mjs)|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/web)$" EXCLUDE
+    REGEX "(scene|control_room)/testing$" EXCLUDE)
 install(FILES python/_core.pyi DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY build/view/ DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL
