@@ -51,7 +51,8 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
         raise AssertionError(f"{log.read_text() if log.exists() else 'no log'}, exit code {run.poll()}")
 
     with open(tmp_path / "up.log", "w") as printed, subprocess.Popen(
-            [sys.executable, "-m", "fledge.cli", "up", "sim.toml"], cwd=tmp_path, stdout=printed, stderr=printed) as run:
+            [sys.executable, "-m", "fledge.cli", "up", "sim.toml"], cwd=tmp_path, stdout=printed,
+            stderr=printed) as run:
         try:
             address = until(lambda: log.exists() and re.search(r"http://\S+/", log.read_text()))[0]
 

@@ -35,9 +35,13 @@ def served(file: Path) -> Iterator[str]:
     addresses: list[str] = []
     heard = threading.Event()
 
+    def ready(one: str) -> None:
+        addresses.append(one)
+        heard.set()
+
     def run() -> None:
         try:
-            loop.run_until_complete(web.serve(room, lambda one: (addresses.append(one), heard.set()), over))
+            loop.run_until_complete(web.serve(room, ready, over))
         finally:
             heard.set()
 
