@@ -76,7 +76,6 @@ class Spacecraft:
         self._thread: Thread | None = None
         self._reasons: set[str] = set()
         self._retry = 0.0
-        self._published = 0.0
         self._changed: list[int] = []   # when the files of the database did
         self._looked = self._published = 0.0
         self._prepare()
@@ -163,8 +162,8 @@ class Spacecraft:
         if self.history is not None:
             with self._reading:
                 found = self.history.packets(0, before, "undecoded" if undecoded else container or None, limit, True)
-            rows += ((one[0], one[1], one[2], one[3], self.monitor.inspect(one[3])
-                     ["reason"] if one[2] is None else "") for one in found)
+            rows += ((t, received, name, packet, self.monitor.inspect(packet)["reason"] if name is None else "")
+                     for t, received, name, packet in found)
         elif undecoded:
             rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(self.bad)
                      if t <= before][:limit]
@@ -351,16 +350,13 @@ class Spacecraft:
         """Do what is asked, and take what arrives."""
         self._answer()
         self._reread()
-        if time.monotonic() - self._published > AGAIN:
+        if time.monotonic() - self._published > AGAIN:      # pages show its time and counts without asking
             self._published = time.monotonic()
             self.room.publish("craft", self.name, self.told())
             if self.control:
                 self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
         for turn in self.turns:
             turn()
-        if time.monotonic() - self._published > 1:      # pages show its time and counts without asking
-            self._published = time.monotonic()
-            self.room.publish("craft", self.name, self.told())
         until = None
         if self.link is not None:
             until = self.run.until() if self.run else self.link.t + TURN

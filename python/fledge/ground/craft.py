@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from fledge.ground.files import Files, Transfer
 
 _MAKERS = {"packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
+HEARD = 10_000                                  # events that are known again
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
 
 
@@ -228,7 +229,7 @@ class Craft:
         self.sent: list[Sent] = []
         self._packets = Packets(dictionary, sequence)
         self._sequences: dict[int, int] = {}        # the last of each stream
-        self._heard: set[tuple[int, int, str]] = set()      # number, time and output of events
+        self._heard: dict[tuple[int, int, str], None] = {}  # number, time and output of the newest events
         self.in_step = link.numbers     #: flight has accepted a command from here
         self._files: Files | None = None
 
@@ -368,7 +369,9 @@ class Craft:
             self.files.take(found.content)
         elif isinstance(found.content, Event):
             if (one := (found.content.number, found.content.t, found.content.output)) not in self._heard:
-                self._heard.add(one)
+                self._heard[one] = None
+                if len(self._heard) > HEARD:
+                    del self._heard[next(iter(self._heard))]
                 self.events.append(found.content)
         return found
 
