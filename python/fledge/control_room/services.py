@@ -84,8 +84,7 @@ class Transfers:
 
     def files(self) -> list[dict[str, Any]]:
         """Those that have come down; for all."""
-        found = [one for one in self.folder.glob("[!.]*") if one.is_file() and not one.name.startswith("way")] \
-            if self.folder.is_dir() else []
+        found = [one for one in self.folder.glob("[!.]*") if one.is_file()] if self.folder.is_dir() else []
         return [{"name": one.name, "size": one.stat().st_size, "t_ns": str(one.stat().st_mtime_ns)}
                 for one in sorted(found)]
 
@@ -129,7 +128,7 @@ class Transfers:
         ground = _ground(self.craft)
         if not ground.has_files:
             self.folder.mkdir(parents=True, exist_ok=True)
-            for left in [*self.folder.glob("way*-*"), *self.folder.glob(".up-*")]:
+            for left in [*self.folder.glob(".way*"), *self.folder.glob(".up-*")]:
                 left.unlink()
             ground.files = Files(ground, folder=self.folder)
         return ground.files
@@ -149,7 +148,7 @@ class Transfers:
 
 def local_name(name: str) -> str:
     """What a file on board is called here: no path, not hidden."""
-    return name.replace("/", "_").lstrip(".").removeprefix("way") or "file"
+    return name.replace("/", "_").lstrip(".") or "file"
 
 
 # --- tables ----------------------------------------------------------------------------------------

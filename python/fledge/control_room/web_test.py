@@ -183,15 +183,15 @@ async def test_files_and_tables_of_flight(tmp_path):
         craft = "crafts/flatsat"
         assert {"files", "tables", "run"} <= set((await c.get("crafts"))[0]["can"])
         content = bytes(range(256)) * 20
-        number = (await c.post(f"{craft}/files?name=plan.bin", data=content))["id"]
+        number = (await c.post(f"{craft}/files?name=waypoints-1", data=content))["id"]
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert (rows[0]["id"], rows[0]["state"], rows[0]["done"], rows[0]["up"]) == (number, "completed", 5120, True)
-        assert "plan.bin" in (await c.get(f"{craft}/directory"))["names"]
-        await c.post(f"{craft}/fetch", {"name": "plan.bin"})
+        assert "waypoints-1" in (await c.get(f"{craft}/directory"))["names"]
+        await c.post(f"{craft}/fetch", {"name": "waypoints-1"})
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert (rows[0]["state"], rows[0]["up"]) == ("completed", False)
-        assert [one["name"] for one in await c.get(f"{craft}/files")] == ["plan.bin"]
-        assert await (await c.client.get(f"/api/{craft}/files/plan.bin")).read() == content
+        assert [one["name"] for one in await c.get(f"{craft}/files")] == ["waypoints-1"]
+        assert await (await c.client.get(f"/api/{craft}/files/waypoints-1")).read() == content
         for path, status in (("files/..%2fjournal.sqlite", 404), ("files/none", 404)):
             await c.get(f"{craft}/{path}", status)
         await c.post(f"{craft}/fetch", {"name": "none"})

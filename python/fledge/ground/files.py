@@ -294,9 +294,9 @@ class Files:
         (self.folder / one.place).unlink(missing_ok=True)
 
     def _place(self, name: str) -> str:
-        """A name in the folder for a file on its way."""
+        """A name in the folder for a file on its way; hidden, for a file that has arrived may have any other."""
         self._places += 1
-        return f"way{self._places}-{name.encode()[-80:].decode(errors='ignore')}"
+        return f".way{self._places}-{name.encode()[-80:].decode(errors='ignore')}"
 
 
 def _move(source: Path, to: Path) -> None:
