@@ -117,7 +117,7 @@ class DerivedParameters:
         values = self._values(name, rows) if len(rows) else np.empty(0)
         if not points or len(t) <= points:
             return t, values, values, values
-        place = (t - t[0]) * points // (int(t[-1]) - int(t[0]) + 1)
+        place = (t - t[0]) // (int(t[-1] - t[0]) // points + 1)
         first = np.flatnonzero(np.r_[True, np.diff(place) > 0])
         last = np.r_[first[1:], len(t)] - 1
         return t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
