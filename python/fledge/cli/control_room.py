@@ -106,7 +106,8 @@ def run(options: argparse.Namespace) -> int:
             _show(entry)
 
         write(scripts.begin(path, options.to, function))
-        script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes))
+        asked = getattr(craft.link, "ask", None)    # of a server: its operators
+        script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes, asked))
         try:
             problem, code = script.run(function, lambda: trace(options))
         finally:
@@ -150,10 +151,13 @@ def _show(entry):
         say(f"  {entry['t_ns'] / 1e9:10.3f} s  {entry['kind']:9} {text}".rstrip())
 
 
-def _ask(question, yes):
+def _ask(question, yes, asked):
     """(the answer of the operator, who that was)."""
     if yes:
         return True, "by --yes"
+    if asked:
+        say(f"  the console asks: {question}")
+        return asked(question)
     if not sys.stdin.isatty():
         raise Failure(f"the script asks '{question}', and there is no terminal; --yes answers it", 1)
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes"), f"by {getpass.getuser()}"

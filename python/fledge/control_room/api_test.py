@@ -219,14 +219,16 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
                              "application/yaml" if path.endswith("yaml") else response.content_type)
         good = {path for path, status in asked if status == 200}
         assert {path for path, item in API["paths"].items() if "get" in item} - good <= {
-            "/api/crafts/{c}/files/{name}", "/api/crafts/{c}/directory", "/api/crafts/{c}/scene"}
+            "/api/crafts/{c}/files/{name}", "/api/crafts/{c}/directory", "/api/crafts/{c}/scene",
+            "/api/crafts/{c}/questions/{id}"}
         for path, body, method in (
                 ("preview", {"name": "flight.noop"}, "post"), ("send", {"name": "flight.noop"}, "post"),
                 ("send", {"name": "flight.reset_flight"}, "post"), ("inspect", {"hex": "08"}, "post"),
                 ("run", {"action": "go"}, "post"), ("tables/flight.steering", {"read": True}, "post"),
                 ("limits/0", {"limits": {"warning": [None, 3]}}, "put"), ("alarms/0", {"acknowledge": True}, "post"),
                 ("transfers/1", {"action": "cancel"}, "post"), ("fetch", {"name": "x"}, "post"),
-                ("stored", {"list": 0, "action": "report"}, "post")):
+                ("stored", {"list": 0, "action": "report"}, "post"), ("questions", {"text": "go?"}, "post"),
+                ("questions/1", {"answer": True}, "post")):
             response = await getattr(c.client, method)(f"/api/crafts/imager/{path}", json=body,
                                                        headers={"X-Fledge-CSRF": c.csrf})
             described = next(one for one in API["paths"] if re.fullmatch(

@@ -2,6 +2,7 @@
 """Scripts of the ground by the server: the same calls, logged and verified as an operator's."""
 import asyncio
 import json
+from unittest.mock import patch
 
 import pytest
 
@@ -86,6 +87,37 @@ async def test_a_script_behind_the_commands_of_another_ground_is_executed_once(f
         assert [one.executed for one in sent.reports] == [0, 1] and all(one.good for one in sent.reports)
         after = await asyncio.wrap_future(craft.call(lambda: craft.simulation.flight.commands.counters.accepted))
         assert after == before + 2      # the server's noop, by which it learned the number, and this
+
+
+@flown
+async def test_a_script_asks_the_operators_of_the_console(folder):
+    async with console(folder, FILE) as page:
+        (folder / "script.py").write_text("def run(craft, script):\n    script.confirm('go <b>now</b>?')\n")
+        live, here = await page.client.ws_connect("/api/live"), "crafts/nadir_spin/questions"
+        for answer in (True, False):
+            run = asyncio.create_task(asyncio.to_thread(cli.main, [
+                "ground", "run", str(folder / "script.py"), "--to", address(page), "--out", str(folder / f"{answer}")]))
+            one = (await page.until(here, lambda rows: rows))[0]
+            assert (one["text"], one["user"], one["answer"]) == ("go <b>now</b>?", "operator", None)
+            await page.post(f"{here}/{one['id']}", {"answer": "yes"}, 400)
+            assert (await page.post(f"{here}/{one['id']}", {"answer": answer}))["by"] == "operator"
+            assert await page.get(here) == []
+            assert await run == (0 if answer else 1)
+            said = [json.loads(line) for line in (folder / f"{answer}/script.jsonl").read_text().splitlines()]
+            assert [(one["good"], one["why"]) for one in said if one["kind"] == "confirm"] == [(answer, "by operator")]
+            await page.post(f"{here}/{one['id']}", {"answer": True}, 400)
+        told = []
+        while len(told) < 4:
+            message = (await live.receive(timeout=10)).data
+            found = json.loads(message) if isinstance(message, str) else {}
+            if found.get("kind") == "question":
+                told.append((found["craft"], found["answer"]))
+        assert told == [("nadir_spin", None), ("nadir_spin", True), ("nadir_spin", None), ("nadir_spin", False)]
+        for text in ("", "x" * 1001):
+            await page.post(here, {"text": text}, 400)
+        await page.post(here, {"text": "left alone?"})
+        with patch("fledge.control_room.questions.ASKED", 0.0):     # its script has ended
+            assert await page.get(here) == []
 
 
 @flown

@@ -19,6 +19,7 @@ from aiohttp import WSMsgType, web
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
+from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
 from fledge.control_room.spacecraft import Spacecraft
 from fledge.control_room.users import BODY_MOST, Guard, Refusal
@@ -78,6 +79,7 @@ class Server:
     def __init__(self, room: Room) -> None:
         self.room = room
         self.guard = Guard(room.settings.access, self._log)
+        self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self.app = web.Application(middlewares=[self.guard.middleware, self._in_words], client_max_size=BODY_MOST)
@@ -96,7 +98,8 @@ class Server:
                 ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
                 ("/{c}/tables", self.tables, None), ("/{c}/tables/{name}", None, self.table),
                 ("/{c}/stored", self.stored, self.command_stored), ("/{c}/run", self.run, self.command_run),
-                ("/{c}/displays", self.displays, None)):
+                ("/{c}/displays", self.displays, None), ("/{c}/questions", self.open_questions, self.ask),
+                ("/{c}/questions/{id}", self.question, self.answer_question)):
             if get:
                 self.app.router.add_get(f"/api/crafts{path}", get)
             if post:
@@ -430,8 +433,7 @@ class Server:
     async def transfer(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request, "command")
         body = await self._body(request, action=str)
-        text = request.match_info["id"]
-        number = int(text) if text.isdigit() else -1
+        number = self._id(request)
         return answer(await self._asked(craft, lambda: craft.transfers.action(number, body.get("action", ""))))
 
     async def upload(self, request: web.Request) -> web.StreamResponse:
@@ -482,6 +484,31 @@ class Server:
         body = await self._body(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict)
         row = await self._asked(craft, lambda: craft.stored.act(self._user(request), body))
         return answer({"ids": [row["id"]]})
+
+    # --- questions of scripts ---
+
+    async def ask(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, text=str)
+        return answer(self.questions.ask(craft.name, self._user(request), body.get("text", "")))
+
+    async def open_questions(self, request: web.Request) -> web.StreamResponse:
+        return answer(self.questions.open(self._craft(request).name))
+
+    async def question(self, request: web.Request) -> web.StreamResponse:
+        return answer(self.questions.look(self._craft(request, "command").name, self._id(request)))
+
+    async def answer_question(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request, "command")
+        body = await self._body(request, answer=bool)
+        if "answer" not in body:
+            raise refusal(400, 'give {"answer": true} or {"answer": false}')
+        return answer(self.questions.answer(craft.name, self._id(request), self._user(request), body["answer"]))
+
+    @staticmethod
+    def _id(request: web.Request) -> int:
+        text = request.match_info["id"]
+        return int(text) if text.isdecimal() and len(text) < 19 else -1
 
     # --- run control ---
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import time
 from collections.abc import Awaitable
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -17,6 +18,7 @@ from fledge.errors import Failure, SetupError, did_you_mean, listed
 from fledge.ground.links import Link
 
 PATIENCE = 60.0         # [s] for an answer of the server
+LOOK = 0.5              # [s] until it is asked again for the answer of an operator
 TOKEN = "FLEDGE_TOKEN"  # of the environment: who the script is (`fledge ground token`)
 
 Answer = TypeVar("Answer")
@@ -49,7 +51,7 @@ class Served(Link):
 
     def send(self, packet: bytes) -> bytes:
         """Returns the packet with the server's number."""
-        return bytes.fromhex(self._call(self._post(packet)))
+        return bytes.fromhex(self._call(self._post(f"crafts/{self._name}/raw", hex=packet.hex()))["hex"])
 
     def receive(self, until: int) -> list[Timed]:
         while self.t < until:
@@ -66,6 +68,14 @@ class Served(Link):
             if found["packets"]:
                 return [Timed(int(t) - self._begin, bytes.fromhex(packet)) for t, packet in found["packets"]]
         return []
+
+    def ask(self, question: str) -> tuple[bool, str]:
+        """Ask the operators of the server's console: (the answer, who gave it). Waits for it."""
+        here = f"crafts/{self._name}/questions"
+        number = self._call(self._post(here, text=question))["id"]
+        while (found := self._call(self._get(f"{here}/{number}")))["answer"] is None:
+            time.sleep(LOOK)
+        return found["answer"], f"by {found['by']}"
 
     def close(self) -> None:
         if self._loop.is_closed():
@@ -124,10 +134,10 @@ class Served(Link):
         async with self._session.get(f"{self._server}/api/{path}") as answer:
             return await self._answer(answer)
 
-    async def _post(self, packet: bytes) -> str:
-        async with self._session.post(f"{self._server}/api/crafts/{self._name}/raw", json={"hex": packet.hex()},
+    async def _post(self, path: str, **content: Any) -> Any:
+        async with self._session.post(f"{self._server}/api/{path}", json=content,
                                       headers={"X-Fledge-CSRF": self._csrf}) as answer:
-            return str((await self._answer(answer))["hex"])
+            return await self._answer(answer)
 
     async def _answer(self, answer: Any) -> Any:
         text = await answer.text()

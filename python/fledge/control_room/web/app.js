@@ -11,6 +11,7 @@ import {Keys} from "./keys.js";
 import {Live} from "./live.js";
 import {login} from "./login.js";
 import {pages} from "./pages.js";
+import {Questions} from "./questions.js";
 import {onTheme, turn} from "./theme.js";
 import {Time} from "./time.js";
 
@@ -168,7 +169,7 @@ async function begin() {
             h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
             h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
             api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
-        menu, main, time.element, said);
+        menu, main, time.element, said, new Questions(live, api).element);
     for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);
     live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
     live.on("again", () => show());

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What scripts ask the operators of the console. A question stays until somebody has answered, or its script no longer
+asks for the answer."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from itertools import count
+from typing import Any
+
+from fledge.errors import SetupError
+
+MOST = 50           # open questions
+LONGEST = 1000      # characters of one
+ASKED = 30.0        # [s] since its script looked, after which a question is withdrawn
+
+
+class Questions:
+    """Of all spacecraft. publish: tells browsers of a question that is new, answered or withdrawn."""
+
+    def __init__(self, publish: Callable[[str, str, dict[str, Any]], None]) -> None:
+        self._publish = publish
+        self._numbers = count(1)
+        self._all: dict[int, tuple[dict[str, Any], float]] = {}     # and when its script has looked
+
+    def ask(self, craft: str, user: str, text: str) -> dict[str, Any]:
+        """Raises SetupError."""
+        self._withdraw()
+        if not 0 < len(text) <= LONGEST:
+            raise SetupError(f"a question has 1 to {LONGEST} characters; found {len(text)}")
+        if len(self._all) >= MOST:
+            raise SetupError(f"{MOST} questions are open already: answer one")
+        one = {"id": next(self._numbers), "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
+        self._all[one["id"]] = one, time.monotonic()
+        self._publish("question", craft, one)
+        return one
+
+    def open(self, craft: str) -> list[dict[str, Any]]:
+        """Those that wait for an answer."""
+        self._withdraw()
+        return [one for one, _ in self._all.values() if one["craft"] == craft and one["answer"] is None]
+
+    def look(self, craft: str, number: int) -> dict[str, Any]:
+        """One, for its script. Raises SetupError if it is gone."""
+        one = self._one(craft, number)
+        if one["answer"] is None:
+            self._all[number] = one, time.monotonic()
+        else:
+            del self._all[number]
+        return one
+
+    def answer(self, craft: str, number: int, user: str, answer: bool) -> dict[str, Any]:
+        """Raises SetupError if it is gone, or if somebody has answered."""
+        one = self._one(craft, number)
+        if one["answer"] is not None:
+            raise SetupError(f"{one['by']} has answered already")
+        one |= {"answer": answer, "by": user}
+        self._publish("question", craft, one)
+        return one
+
+    def _one(self, craft: str, number: int) -> dict[str, Any]:
+        self._withdraw()
+        one, _ = self._all.get(number, ({"craft": ""}, 0.0))
+        if one["craft"] != craft:
+            raise SetupError(f"there is no question {number}: it was answered, or its script has ended")
+        return one
+
+    def _withdraw(self) -> None:
+        for number, (one, looked) in list(self._all.items()):
+            if time.monotonic() - looked > ASKED:
+                del self._all[number]
+                self._publish("question", one["craft"], one | {"answer": False, "by": "its script's end"})
