@@ -35,12 +35,30 @@ def add(command: Callable) -> None:
     one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
     one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
     one.add_argument("--check", action="store_true", help="only check the file")
+    one.set_defaults(needs=_needed)
+
+
+def _needed(options):
+    """The targets on which the nodes of a file fly, and the server of a control room. A wrong file needs no more: the
+    command itself refuses it."""
+    import tomllib
+
+    from fledge.targets import TARGETS
+
+    try:
+        file = tomllib.loads(Path(options.simulation).read_text(encoding="utf-8"))
+        targets = TARGETS.known([one["target"] for one in file.get("node", []) if "target" in one])
+        serves = any("serve" in one for one in file.get("asynchronous", []))
+    except (OSError, ValueError, TypeError, AttributeError):
+        targets, serves = [], False
+    return ["build cosim", *targets, *["control_room", "build ground"] * serves]
 
 
 def up(options: argparse.Namespace) -> int:
     """Run the co-simulation; returns the exit code."""
     from fledge.cosim.up import description
     from fledge.cosim.up.session import Session, StartError
+    from fledge.targets import TARGETS
 
     plan = _plan(options, description)
     if plan.until is None:
@@ -52,6 +70,7 @@ def up(options: argparse.Namespace) -> int:
     if options.check:
         say(f"{plan.file}: correct: {_programs(plan)}, {plan.until:g} s")
         return 0
+    TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host}, "up")
     folder = Path(options.out) if options.out else Path("runs") / plan.simulation
     view = _view(options)
     say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s" + (

@@ -437,7 +437,8 @@ class Guard:
         return web.json_response({
             "user": user.name if user else None, "roles": [one for one in ROLES if user and one in user.roles],
             "crafts": sorted(user.crafts) if user and user.crafts is not None else None,
-            "csrf": session.csrf if session else "", "version": __version__})
+            "csrf": session.csrf if session else "", "version": __version__,
+            "login": bool(self.access.users)})
 
     async def _login(self, request: web.Request) -> web.Response:
         try:
