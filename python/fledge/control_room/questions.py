@@ -30,8 +30,9 @@ class Questions:
             raise SetupError(f"a question has 1 to {LONGEST} characters; found {len(text)}")
         if len(self._all) >= MOST:
             raise SetupError(f"{MOST} questions are open already: answer one")
-        one = {"id": next(self._numbers), "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
-        self._all[one["id"]] = one, time.monotonic()
+        number = next(self._numbers)
+        one = {"id": number, "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
+        self._all[number] = one, time.monotonic()
         self._publish("question", craft, one)
         return one
 
