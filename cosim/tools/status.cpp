@@ -163,7 +163,7 @@ std::string StatusStream::heard()
     char text[512];
     while (socket_ && !heard_end_) {
         if (const auto end = heard_.find('\n'); end != std::string::npos) {
-            const std::string line = heard_.substr(0, end);
+            std::string line = heard_.substr(0, end);
             heard_.erase(0, end + 1);
             return line;
         }

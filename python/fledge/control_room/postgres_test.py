@@ -234,7 +234,7 @@ def test_the_queries_of_the_document_run(tmp_path, base):
         server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i / 50)) for i in range(100)])
         until(lambda: written(base) == 400)
     text = (ROOT / "docs/control-room.md").read_text(encoding="utf-8")
-    queries = [part.split("```")[0] for part in text.split("```sql\n")[1:]]
+    queries = [part.split("```")[0] for part in text.split("```mysql\n")[1:]]
     assert len(queries) >= 4
     for query in queries:
         for old, new in (("$__timeFilter(t)", "t between '2023-11-14T22:13:20Z' and '2023-11-14T22:20:00Z'"),

@@ -53,8 +53,8 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, packet: bytes) -> bytes | None:
-        """Send a packet. Returns it as it went, if the link has numbered it anew. Raises OSError if the link is broken.
-        """
+        """Send a packet. Returns it as it went, if the link has numbered it anew. Raises OSError if the link is
+        broken."""
 
     @abstractmethod
     def receive(self, until: int) -> list[Timed]:

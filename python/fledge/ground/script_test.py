@@ -183,7 +183,10 @@ def test_ctrl_c_in_real_time_leaves_the_page(place):
                            "out", "--yes"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         watch = Thread(target=lambda: (there.recv(100), os.kill(process.pid, signal.SIGINT)))
         watch.start()
-        out, err = process.communicate(timeout=300)
+        try:
+            out, err = process.communicate(timeout=120)
+        finally:
+            process.kill()      # where it does not heed the signal
         watch.join()
     there.close()
     assert process.returncode == 130 and "interrupted" in err, (out, err)
