@@ -10,6 +10,7 @@ of a file in web/ or control_room/web/.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -52,11 +53,25 @@ def build() -> None:
                for path in sorted(tree.rglob("*")) if path.is_file() and "node_modules" not in path.parts}
     state = hashlib.sha256(b"".join(f"{name}\0".encode() + path.read_bytes() for name, path in sources.items()))
     stamp = out / "stamp"
-    if is_built(*MADE) and stamp.exists() and stamp.read_text() == state.hexdigest():
+
+    def is_new() -> bool:
+        return is_built(*MADE) and stamp.exists() and stamp.read_text() == state.hexdigest()
+
+    if is_new():
         return
     npm = shutil.which("npm")
     if npm is None:
         raise SetupError(ADVICE)
+    out.mkdir(parents=True, exist_ok=True)
+    with open(out.with_name("view.lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)    # npm takes away what another one works with
+        if is_new():
+            return
+        _make(out, npm, sources)
+        stamp.write_text(state.hexdigest())
+
+
+def _make(out: Path, npm: str, sources: dict[Path, Path]) -> None:
     work = out / "work"
     shutil.rmtree(work / "console", ignore_errors=True)     # what was deleted is not to be found
     for name, path in sources.items():
@@ -70,7 +85,6 @@ def build() -> None:
             raise SetupError(f"{' '.join(command[1:3])} failed in {work}:\n{done.stdout.strip()}")
     for made in MADE:
         shutil.copyfile(work / "dist" / made, out / made)
-    stamp.write_text(state.hexdigest())
 
 
 if __name__ == "__main__":
