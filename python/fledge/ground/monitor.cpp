@@ -30,7 +30,7 @@ template <class Number> std::vector<Number> numbers(const py::bytes &bytes, cons
                       std::to_string(view.size()) + " bytes");
     }
     std::vector<Number> made(view.size() / sizeof(Number));
-    std::memcpy(made.data(), view.data(), view.size());
+    std::copy(view.begin(), view.end(), reinterpret_cast<char *>(made.data()));
     return made;
 }
 
