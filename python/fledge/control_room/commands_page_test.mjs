@@ -1,38 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an operator does on the pages that command, in a real browser: node SCRIPT ADDRESS FOLDER MODULES
-// prints {check: "" or what went wrong}. commands_page_test.py starts the server, and reads it.
+// What an operator does on the pages that command. commands_page_test.py starts the server.
 import assert from "node:assert/strict";
 import {readFileSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
-import {pathToFileURL} from "node:url";
 
-const [address, folder, modules, shots] = process.argv.slice(2);
-const {chromium} = await import(pathToFileURL(join(modules, "playwright-core/index.mjs")));
-const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf-8");
-const PATIENCE = Number(process.env.PATIENCE ?? 60000),
-      PAGES = ["commands", "stacks", "stored", "files", "tables", "run", "displays"];
+import {accessible, address, folder, open, run} from "./testing/console.mjs";
 
-const browser = await chromium.launch({
-    executablePath: "/usr/bin/chromium",
-    args: [
-        "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-        "--disable-component-update", "--disable-sync"
-    ]
-});
-
-/** A page of the console. wide: of the window. */
-async function open(name, craft = "imager", selection = "", {width = 1280, height = 800, colorScheme = "dark"} = {}) {
-    const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
-    const page = await context.newPage();
-    page.setDefaultTimeout(PATIENCE);
-    page.problems = [];
-    page.on("pageerror", (error) => page.problems.push(error.stack));
-    page.on("console",
-        (said) => said.type() === "error" && !/status of 4\d\d/.test(said.text()) && page.problems.push(said.text()));
-    await page.goto(`${address}/#/${name}?craft=${craft}${selection && `&sel=${encodeURIComponent(selection)}`}`);
-    await page.waitForSelector("html[data-opened]");
-    return page;
-}
+const at = (name, selection = "", craft = "imager") => open(name, {craft, selection});
 
 /** The newest row of the sent commands that has this name. */
 const row = (page, name) => page.locator(".sent .tbody .tr:not([hidden])", {hasText: name}).first();
@@ -45,9 +19,9 @@ const choose = async (page, name) => {
     await page.locator(".command h2", {hasText: name}).waitFor();
 };
 
-const checks = {
+await run({
     async "a command is sent by keys alone, and its verifiers tick"() {
-        const page = await open("overview");
+        const page = await at("overview");
         await page.keyboard.press("g");
         await page.keyboard.press("c");
         await page.locator(".commands .finder .tr", {hasText: "noop"}).waitFor();
@@ -58,7 +32,7 @@ const checks = {
     },
 
     async "the bytes follow what is typed, with the place of each argument"() {
-        const page = await open("commands", "imager", "flight.write.steering.K1");
+        const page = await at("commands", "flight.write.steering.K1");
         await page.fill("#argument-K1", "0.25");
         await page.waitForFunction(() => document.querySelector(".preview .octets")
                                              ?.getAttribute("aria-label")
@@ -74,7 +48,7 @@ const checks = {
     },
 
     async "a refused argument says why beside it, and nothing is sent"() {
-        const page = await open("commands", "imager", "flight.telemetry");
+        const page = await at("commands", "flight.telemetry");
         await page.selectOption("#argument-output", {index: 1});
         await page.selectOption("#argument-on", {index: 1});
         for (const [text, why] of [["many", "a whole number is needed"], ["99999999", "too few for 99999999"]]) {
@@ -91,7 +65,7 @@ const checks = {
     },
 
     async "what flight refuses says which rule it would break"() {
-        const page = await open("commands", "imager", "flight.write.vehicle.I_B");
+        const page = await at("commands", "flight.write.vehicle.I_B");
         await page.locator("#argument-I_B_0_0, .form textarea, .form input").first().waitFor();
         for (const one of await page.locator(".form :is(input, textarea)").all()) await one.fill("1");
         await press(page, "Send");
@@ -103,7 +77,7 @@ const checks = {
     },
 
     async "a hazardous command asks once more"() {
-        const page = await open("commands", "imager", "flight.reset_flight");
+        const page = await at("commands", "flight.reset_flight");
         await page.locator(".hazard", {hasText: "begin anew"}).waitFor();
         const rows = () => page.locator(".sent .tbody .tr:not([hidden])", {hasText: "flight.reset_flight"}).count();
         const before = await rows();
@@ -124,7 +98,7 @@ const checks = {
               steps = [step("flight.noop", {}, {wait: 1}), step("flight.write.steering.K1", bad), step("flight.noop")];
         const file = join(folder, "stack.json");
         writeFileSync(file, JSON.stringify({kind: "fledge-stack", steps}));
-        const page = await open("stacks");
+        const page = await at("stacks");
         await page.setInputFiles("input[type=file]", file);
         await page.locator(".steps tbody tr").nth(2).waitFor();
         await page.keyboard.press("r");
@@ -146,7 +120,7 @@ const checks = {
     },
 
     async "a table is read, edited beside what is on board, and loaded"() {
-        const page = await open("tables", "imager", "flight.steering");
+        const page = await at("tables", "flight.steering");
         await page.locator("h2", {hasText: "flight.steering"}).waitFor();
         await page.click("text=Read from the spacecraft");
         await page.waitForFunction(() => Number(document.querySelector(".pane tbody td.num")?.textContent) > 0);
@@ -171,7 +145,7 @@ const checks = {
         const file = join(folder, "plan.bin"),
               content = Buffer.from(Array.from({length: 3000}, (_, k) => (k * k) % 251));
         writeFileSync(file, content);
-        const page = await open("files", "flatsat");
+        const page = await at("files", "", "flatsat");
         await page.setInputFiles("input[type=file]", file);
         await page.fill("[aria-label='its name on board']", "next");
         await page.click("text=Send the file");
@@ -191,7 +165,7 @@ const checks = {
     },
 
     async "a simulated craft pauses, steps, changes its speed, and takes a fault"() {
-        const page = await open("run");
+        const page = await at("run");
         const t = async () => (await (await page.request.get(`${address}/api/crafts/imager/run`)).json()).t_ns;
         await page.locator(".state.running").waitFor();
         await page.keyboard.press(" ");
@@ -221,7 +195,7 @@ const checks = {
     },
 
     async "a display with an unknown name says why, and the rest of it moves"() {
-        const page = await open("displays", "imager", "odd");
+        const page = await at("displays", "odd");
         await page.locator(".problem", {hasText: "odd.toml:6: there is no parameter 'flight.tracking.eror'"}).waitFor();
         await page.locator(".display h3", {hasText: "<img src=x onerror=alert(1)>"}).waitFor();
         assert.equal(await page.locator(".display img").count(), 0);
@@ -234,47 +208,14 @@ const checks = {
     },
 
     async "the displays of the mission have no problem"() {
-        const page = await open("displays", "imager", "pointing");
+        const page = await at("displays", "pointing");
         await page.locator("canvas").waitFor();
         assert.equal(await page.locator(".display .problem").count(), 0);
         return page;
     },
 
     async "axe finds nothing serious, and nothing is wider than its window"() {
-        for (const colorScheme of ["dark", "light"])
-            for (const [width, height] of [[1280, 800], [820, 1180]]) {
-                const page = await open("commands", "imager", "flight.telemetry", {width, height, colorScheme});
-                await page.evaluate(axe);
-                for (const name of PAGES) {
-                    await page.evaluate((one) => {
-                        location.hash = `#/${one}?craft=imager`;
-                    }, name);
-                    await page.locator(`.page.${name}`).waitFor();
-                    await page.waitForTimeout(400);
-                    const {violations} = await page.evaluate(() => window.axe.run());
-                    const serious = violations.filter(({impact}) => ["serious", "critical"].includes(impact));
-                    assert.deepEqual(serious.map(({id,
-                        nodes}) => [name, colorScheme, id, nodes.map((one) => one.html.slice(0, 200))]),
-                        []);
-                    const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-                    assert(wide <= 0, `${name} is ${wide} px wider than a window of ${width}`);
-                    if (shots) await page.screenshot({path: join(shots, `${name}-${colorScheme}-${width}.png`)});
-                }
-                assert.deepEqual(page.problems, []);
-                await page.context().close();
-            }
+        const pages = ["stacks", "stored", "files", "tables", "run", "displays"];
+        return accessible({commands: "flight.telemetry", ...Object.fromEntries(pages.map((name) => [name, ""]))}, "imager");
     },
-};
-
-const found = {};
-for (const [name, check] of Object.entries(checks)) {
-    if (process.env.FLEDGE_CHECK && !name.includes(process.env.FLEDGE_CHECK)) continue;
-    try {
-        const page = await check();
-        assert.deepEqual(page?.problems ?? [], []);
-        found[name] = "";
-    } catch (error) { found[name] = error.stack; }
-    for (const context of browser.contexts()) await context.close();
-}
-await browser.close();
-process.stdout.write(JSON.stringify(found));
+});

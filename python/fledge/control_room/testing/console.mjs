@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A browser for checks of the console: node SCRIPT ADDRESS FOLDER MODULES CHROMIUM
-// prints {check: "" or what went wrong}. testing/console.py starts it. FLEDGE_PICTURES=DIR keeps a picture of each check.
+// prints {check: "" or what went wrong}. testing/console.py starts it. FLEDGE_PICTURES=DIR keeps pictures.
 import assert from "node:assert/strict";
 import {readFileSync} from "node:fs";
 import {join} from "node:path";
@@ -17,6 +17,14 @@ const browser = await chromium.launch({executablePath: program, args: [
 
 export {address, folder};
 
+const anchor = (name, about) =>
+    `#/${name}?${new URLSearchParams(Object.entries(about).filter(([, value]) => value))}`;
+
+async function picture(page, name) {
+    if (process.env.FLEDGE_PICTURES)
+        await page.screenshot({path: join(process.env.FLEDGE_PICTURES, `${name.replace(/[^\w]+/g, "-")}.png`)});
+}
+
 /** A page of the console. */
 export async function open(name, {craft = "", selection = "", width = 1280, height = 800, colorScheme = "dark"} = {}) {
     const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
@@ -30,20 +38,38 @@ export async function open(name, {craft = "", selection = "", width = 1280, heig
         page.problems.push(`a dialog: ${dialog.message()}`);
         dialog.dismiss();
     });
-    const about = new URLSearchParams();
-    if (craft) about.set("craft", craft);
-    if (selection) about.set("sel", selection);
-    await page.goto(`${address}/#/${name}?${about}`);
+    await page.goto(`${address}/${anchor(name, {craft, sel: selection})}`);
     await page.waitForSelector("html[data-opened]");
     return page;
 }
 
-/** What axe-core finds that is serious, on the page as it is. */
-export async function accessible(page) {
-    await page.evaluate(axe);
-    const found = await page.evaluate(() => window.axe.run());
-    assert.deepEqual(found.violations.filter(({impact}) => ["serious", "critical"].includes(impact)).map((one) =>
-        `${one.id}: ${one.nodes.map(({html}) => html.slice(0, 200)).join("\n")}`), []);
+/**
+ * Open pages {name: selection} in a wide and in a narrow window, dark and light: axe-core finds nothing serious, and no
+ * page is wider than its window.
+ */
+export async function accessible(pages, craft = "") {
+    for (const [width, height] of [[1280, 800], [820, 1180]]) {
+        const page = await open(Object.keys(pages)[0], {craft, width, height});
+        await page.evaluate(axe);
+        for (const [name, sel] of Object.entries(pages)) {
+            await page.evaluate((hash) => { location.hash = hash; }, anchor(name, {craft, sel}));
+            await page.locator(`.page.${name}`).waitFor();
+            await page.waitForTimeout(300);
+            const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+            assert.ok(wide <= width, `${name} is ${wide} wide, of ${width}`);
+            // The other colours change nothing but the contrast.
+            for (const [colorScheme, options] of [["dark", {}], ["light", {runOnly: ["color-contrast"]}]]) {
+                await page.emulateMedia({colorScheme});
+                const {violations} = await page.evaluate((asked) => window.axe.run(asked), options);
+                assert.deepEqual(violations.filter(({impact}) => ["serious", "critical"].includes(impact)).map((one) =>
+                    `${name}, ${colorScheme}, ${width}: ${one.id}: ` +
+                        one.nodes.map(({html}) => html.slice(0, 200)).join("\n")), []);
+                await picture(page, `${name}-${colorScheme}-${width}`);
+            }
+        }
+        assert.deepEqual(page.problems, [], "the page's own errors");
+        await page.context().close();
+    }
 }
 
 /** Run the checks, one after the other; each returns its page. */
@@ -54,8 +80,7 @@ export async function run(checks) {
         try {
             const page = await check();
             assert.deepEqual(page?.problems ?? [], [], "the page's own errors");
-            if (process.env.FLEDGE_PICTURES && page)
-                await page.screenshot({path: join(process.env.FLEDGE_PICTURES, `${name.replace(/[^\w]+/g, "-")}.png`)});
+            if (page) await picture(page, name);
         } catch (error) {
             found[name] = error.stack;
         }
