@@ -50,8 +50,8 @@ await run({
         await page.keyboard.press("l");
         await page.locator(".page.plots .u-legend", {hasText: "voltage"}).waitFor();
         for (const name of PAGES) {
-            const letter = await page.evaluate((one) => document.querySelector(`nav [data-page=${one}] kbd`).textContent,
-                name);
+            const letter = await page.evaluate((one) =>
+                document.querySelector(`nav [data-page=${one}] kbd`).textContent, name);
             await page.keyboard.press("g");
             await page.keyboard.press(letter);
             await page.locator(`.page.${name}`).waitFor();

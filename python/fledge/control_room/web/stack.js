@@ -141,7 +141,7 @@ export class Stack {
                 if (row.craft !== undefined && row.craft !== this.craft) return;
                 if (id === null)
                     early.set(row.id, row);
-                else if (row.id === id && row.stages.length >= (step.sent?.stages.length ?? 0)) {     // a list may be old
+                else if (row.id === id && row.stages.length >= (step.sent?.stages.length ?? 0)) { // a list may be old
                     step.sent = row;
                     this.changed();
                     if (outcome(row, step.until).state !== "open") done(good, row);
