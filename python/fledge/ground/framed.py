@@ -59,6 +59,12 @@ class Framed(Link):
         """Frames of telemetry and those missing, CLCWs, how often COP-1 ended; and, by fault, frames refused."""
         return dict(self._end.counts)
 
+    @property
+    def cop1(self) -> dict[str, str | bool]:
+        """The `state` of COP-1 and why it last `ended`, "" without; once a CLCW came, its flags no_rf, no_bit_lock,
+        lockout, wait and retransmit."""
+        return self._end.cop1 | ({} if self.frames.cop1 else {"state": "", "ended": ""})
+
     def send(self, packet: bytes) -> None:
         with self._lock:
             self._waiting.append((self._tag, packet))

@@ -48,6 +48,8 @@ def test_a_command_is_confirmed_by_the_link_and_executed(load):
         state = craft.wait(lambda t: t["flight.link.state.packets"] == 2, within=5 * s)["flight.link.state"]
         assert state["accepted"] == 3 and state["next"] == 2 and not any(state["faults"])     # one asks for the CLCW
         assert craft.missed == craft.refused == 0 and craft.link.counts["missing"] == 0
+        assert craft.link.cop1 == {"state": "active", "ended": "", **dict.fromkeys(
+            ("no_rf", "no_bit_lock", "lockout", "wait", "retransmit"), False)}
         with pytest.raises(ground.NoAnswer, match="refused write flight.control.K"):
             craft.command("write", "flight.control", K=-1.0).completed()
 
@@ -61,6 +63,7 @@ def test_what_never_arrives_is_given_up(load):
     lost, link.send = link.send, lambda unit: None
     with pytest.raises(ground.NoAnswer, match="the link gave <noop: sent> up after its last transmission"):
         craft.command("noop").completed(within=10 * s)
+    assert (craft.link.cop1["state"], craft.link.cop1["ended"]) == ("initial", "no confirmation of a frame came")
     link.send = lost
     assert craft.command("noop").completed(within=20 * s)
 

@@ -121,6 +121,38 @@ public:
         return found;
     }
 
+    /// The state of FOP-1, what the last CLCW says, and why the service last ended.
+    py::dict cop1() const
+    {
+        static const char *const states[] = {
+            "",       "active", "sends again", "sends again, receiver full", "waits for a CLCW", "sets up the receiver",
+            "initial"};
+        static const char *const alerts[] = {"",
+                                             "a frame was asked for more often than allowed",
+                                             "no confirmation of a frame came",
+                                             "the receiver is locked out",
+                                             "the CLCW contradicts what was sent",
+                                             "the CLCW has a number that was not sent",
+                                             "the CLCW's flags contradict one another",
+                                             "the link refused a frame",
+                                             "terminated"};
+        py::dict found;
+        found["state"] = states[end_->fop.state];
+        found["ended"] = alerts[end_->alert];
+        const Clcw &last = end_->clcw;
+        const std::pair<const char *, std::uint8_t> flags[] = {{"no_rf", last.no_rf},
+                                                               {"no_bit_lock", last.no_bit_lock},
+                                                               {"lockout", last.lockout},
+                                                               {"wait", last.wait},
+                                                               {"retransmit", last.retransmit}};
+        for (const auto &[name, flag] : flags) {
+            if (end_->clcws != 0) {
+                found[name] = flag != 0;
+            }
+        }
+        return found;
+    }
+
 private:
     void secure(const SpaceLinkSetup &setup, const Secrets &secrets)
     {
@@ -185,7 +217,8 @@ void bind_link_end(py::module_ &m)
         .def("time", &LinkEnd::time, py::arg("t"), "It is t [ns].")
         .def_property_readonly("due", &LinkEnd::due, "[ns] when it must be told the time.")
         .def_property_readonly("number", &LinkEnd::number, "Of the next secured command.")
-        .def_property_readonly("counts", &LinkEnd::counts);
+        .def_property_readonly("counts", &LinkEnd::counts)
+        .def_property_readonly("cop1", &LinkEnd::cop1);
 }
 
 } // namespace fledge::ground
