@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 PERIOD = 0.25       # [s] of wall time between two samples
 MOST = 2048         # samples that are kept for browsers which come later
 RECENT = 64         # of which the changes are kept for browsers that are there
+RADIO = ("RadioLink", "RadioTraffic")       # beside what the scene shows
 SAID = ("NavAttitude", "NavOrbit", "AttReference", "AttError")      # what flight says, in telemetry
 
 Sample = dict[str, tuple[float, bytes]]     # port -> (t [s], message)
@@ -114,7 +115,7 @@ class Feed:
         self._watched: Any = None                       # the link whose messages are heard
         self._heard: dict[str, tuple[float, bytes]] = {}
         self._truth: dict[str, Port] = {}
-        self._said: dict[str, Port] = {}
+        self.said: dict[str, Port] = {}
         self._outputs: dict[str, Any] = {}
         if simulation is None:
             return
@@ -126,11 +127,11 @@ class Feed:
                         name, port = f"{objects.path(instance)}.{field.name}", Port
                         if process.name in flights:
                             if field.struct.name in SAID:
-                                self._said[name] = port(name, field.struct)
+                                self.said[name] = port(name, field.struct)
                         elif field.struct.name not in SAID:
                             self._truth[name] = port(name, field.struct)
                             self._outputs[name] = getattr(instance, field.name)
-        self._facts: Facts = facts_of_simulation(simulation)
+        self.facts: Facts = facts_of_simulation(simulation)
 
     # --- the thread that has the link ---
 
@@ -177,12 +178,12 @@ class Feed:
         import numpy as np
 
         found: Sample = {}
-        if self._monitor is None or not self._said:
+        if self._monitor is None or not self.said:
             return found
         if self._slots is None:
             self._slots = self._slots_of_ports()
         for name, fields in self._slots.items():
-            port = self._said[name]
+            port = self.said[name]
             row = np.zeros(1, port.dtype)
             row["head"]["quality"] = GOOD
             times = set()
@@ -203,7 +204,7 @@ class Feed:
         for one in self._monitor.slots():
             places.setdefault(one["name"].partition("[")[0], []).append(one["slot"])
         found = {}
-        for name, port in self._said.items():
+        for name, port in self.said.items():
             fields = []
             for field, about in port.fields.items():
                 slots = places.get(f"{name}.{field}", [])
@@ -223,7 +224,8 @@ class Feed:
         topics = {topic_of(name): port for name, port in self._truth.items()}
 
         def hear(seen: Any) -> None:
-            if (port := topics.get(seen.topic)) and (self._used is None or port.name in self._used) and seen.t >= 0:
+            if (port := topics.get(seen.topic)) and seen.t >= 0 and (
+                    self._used is None or port.name in self._used or port.type in RADIO):
                 self._heard[port.name] = (seen.t / 1e9, port.packed(seen))
 
         link.watch(sorted(set(topics) & set(link.topics)), hear)
@@ -238,6 +240,19 @@ class Feed:
                 kept.append(one)
                 last = t
         self._kept = kept
+
+    def newest(self, *types: str) -> dict[str, tuple[float, Any]]:
+        """Output -> (t [s], message, a record of NumPy): the newest ones of some types, of the world and in telemetry;
+        for the thread that has the link."""
+        import numpy as np
+
+        ports = {name: port for name, port in (self._truth | self.said).items() if port.type in types}
+        found: Sample = dict(self._heard) | self._from_telemetry()
+        if self._flown and self._simulation.time_ns >= 0:
+            t = float(self._simulation.state_time)
+            found |= {name: (t, objects.memory(self._outputs[name])) for name in ports if name in self._outputs}
+        return {name: (t, np.frombuffer(message, ports[name].dtype)[0]) for name, (t, message) in found.items()
+                if name in ports}
 
     # --- all threads ---
 
@@ -271,7 +286,7 @@ class Feed:
             return self._number, news
 
     def _ports(self) -> dict[str, Port]:
-        return {name: port for name, port in (self._truth | self._said).items()
+        return {name: port for name, port in (self._truth | self.said).items()
                 if self._used is None or name in self._used}
 
     def _derived(self) -> Derivation:
@@ -285,21 +300,21 @@ class Feed:
             self._watched is not None and topic_of(name) in self._watched.topics)}
         if not any(ports[name].type in ("CraftState", "NavAttitude") for name in came if name in ports):
             raise SetupError(self._missing())
-        found = Derivation(Window(self.craft, ports, samples), self._facts, live=True)
+        found = Derivation(Window(self.craft, ports, samples), self.facts, live=True)
         found.add_flight()
         found.add_plots()
         scene = found.scene
         scene.end = max(t for one in samples for t, _ in one.values())
         self._explain(scene)
-        if self._facts.folder is not None:
-            add_of_mission(scene, self._facts.folder)
+        if self.facts.folder is not None:
+            add_of_mission(scene, self.facts.folder)
         return found
 
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
         for craft in scene.crafts:
             craft.poses = [one for one in craft.poses if one.kind != "estimate" or one.name in (self._slots or {})]
-            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self._said:
+            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.said:
                 scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
                                    "no ghost.")
         if not any(port.type == "CraftState" for port in self._truth.values() if self._used is None or
@@ -318,9 +333,9 @@ class Feed:
                 return (f"{self.craft}: the co-simulation does not show {listed(absent)} to observers; give it "
                         f"watch = {absent} in its file")
             return f"{self.craft}: nothing has come of {listed(topics)} yet"
-        if any(port.type == "NavAttitude" for port in self._said.values()):
+        if any(port.type == "NavAttitude" for port in self.said.values()):
             return f"{self.craft}: telemetry has not brought an attitude yet: " + listed(
-                [name for name, port in self._said.items() if port.type == "NavAttitude"])
+                [name for name, port in self.said.items() if port.type == "NavAttitude"])
         if self._link() is None:
             return f"{self.craft}: the link is not up"
         return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among "
@@ -330,7 +345,7 @@ class Feed:
         """What a sample adds to the tracks, by their numbers: (times, their numbers one row after the other)."""
         import numpy as np
 
-        later = Derivation(Window(self.craft, self._ports(), [sample]), self._facts, live=True)
+        later = Derivation(Window(self.craft, self._ports(), [sample]), self.facts, live=True)
         tracks = {}
         for number, source in enumerate(self._sources):
             new = source(later)

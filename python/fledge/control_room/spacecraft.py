@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from fledge.commands import SERVICES, Dictionary, Timed
 from fledge.control_room.alarms import Alarms
 from fledge.control_room.commanding import Commanding
+from fledge.control_room.contacts import Contacts
 from fledge.control_room.derived import DerivedParameters
 from fledge.control_room.scene import Feed
 from fledge.control_room.services import StoredLists, Tables, Transfers
@@ -27,6 +28,7 @@ from fledge.ground import connect
 from fledge.ground.address import open_link
 from fledge.ground.craft import Craft, NoAnswer
 from fledge.ground.database import Database
+from fledge.ground.framed import Framed
 from fledge.ground.links import Link
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ class Spacecraft:
         self.mission_folder: Path | None = None
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
-        self.packets = self.undecoded = 0
+        self.packets = self.undecoded = self.bytes = 0
         self.archive: Any = None        #: None: it is not kept
         self.history: Any = None
         self._reading = Lock()          # of the history
@@ -90,6 +92,7 @@ class Spacecraft:
             self._keep()
         self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link,
                          zero=0 if self.clock == "simulated" else self.epoch_ns or 0)   #: of the 3-D view
+        self.contacts = Contacts(self.feed, self.simulation)
 
     @property
     def clock(self) -> str:
@@ -134,6 +137,7 @@ class Spacecraft:
         link: dict[str, Any] = {"address": self.settings.link, "state": self.state, "up": self.link is not None}
         if self.link is not None:
             link |= {"skipped": self.link.skipped, "dropped": self.link.dropped} | getattr(self.link, "counts", {})
+            link |= {"cop1": self.link.cop1} if isinstance(self.link, Framed) else {}
         if self.ground:
             link |= {"refused": self.ground.refused}
         can = [what for what, there in (
@@ -142,7 +146,7 @@ class Spacecraft:
         return {"name": self.name, "mission": Path(self.settings.mission).name, "index": self.index,
                 "clock": self.clock, "epoch_ns": None if self.epoch_ns is None else str(self.epoch_ns),
                 "simulated": bool(self.run), "replay": self.replayed, "link": link, "packets": self.packets,
-                "undecoded": self.undecoded, "t_ns": str(self.now),
+                "undecoded": self.undecoded, "bytes": self.bytes, "t_ns": str(self.now), **self.contacts.told,
                 "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem}
 
     def limit(self, slot: int, levels: dict[str, Any], persistence: int) -> None:
@@ -352,6 +356,7 @@ class Spacecraft:
         self._reread()
         if time.monotonic() - self._published > AGAIN:      # pages show its time and counts without asking
             self._published = time.monotonic()
+            self.contacts.look()
             self.room.publish("craft", self.name, self.told())
             if self.control:
                 self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
@@ -405,6 +410,7 @@ class Spacecraft:
     def take(self, rows: list[tuple[int, int, bytes]]) -> None:
         """A batch has come: archive and decode it, then what is notable."""
         self.packets += len(rows)
+        self.bytes += sum(len(packet) for _, _, packet in rows)
         self.recent.extend(rows[-RECENT:])
         notes = self.monitor.take(rows)
         self.now = max(self.now, rows[-1][0]) if self.clock == "simulated" else rows[-1][0]

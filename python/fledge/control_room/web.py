@@ -91,7 +91,8 @@ class Server:
                 ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
                 ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
                 ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
-                ("/{c}/scene", self.scene, None), ("/{c}/sessions", self.sessions, None),
+                ("/{c}/scene", self.scene, None), ("/{c}/passes",
+                                                   self.passes, None), ("/{c}/sessions", self.sessions, None),
                 ("/{c}/history", self.history, None),
                 ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
                 ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
@@ -360,6 +361,13 @@ class Server:
             return web.Response(body=await self._aside(craft.feed.pack), content_type="application/octet-stream")
         except SetupError as error:
             raise refusal(404, str(error)) from None
+
+    async def passes(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        zero = 0 if craft.clock == "simulated" else craft.epoch_ns or 0
+        return answer([{"station": one["station"], "elevation": one["elevation"]} | {
+            f"{name}_ns": None if one[name] is None else str(zero + round(1e9 * one[name]))
+            for name in ("rise", "highest", "set")} for one in await self._aside(craft.contacts.passes)])
 
     def _kept(self, craft: Spacecraft) -> Spacecraft:
         if craft.history is None:

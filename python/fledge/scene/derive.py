@@ -458,11 +458,8 @@ class Derivation:
             body = next((one for one in self.scene.planets if one.name == planet), None)
             if body is None:
                 continue
-            lat, lon, height = (self._facts.of(path, name, 0.0) for name in ("latitude", "longitude", "altitude"))
-            up = [math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)]
-            share = (1 - body.flattening) ** 2      # of the squares of the polar and the equatorial radius
-            normal = body.radius / math.sqrt(up[0]**2 + up[1]**2 + share * up[2]**2)
-            place = [(normal + height) * up[0], (normal + height) * up[1], (share * normal + height) * up[2]]
+            place, up = place_on(body.radius, body.flattening, *(
+                self._facts.of(path, name, 0.0) for name in ("latitude", "longitude", "altitude")))
             of[path] = found.setdefault((planet, *place), Station(path.partition(".")[2], planet, place, up,
                                                                   self._facts.of(path, "mask", 0.0)))
         for path in self._facts.all_of("Radio"):
@@ -530,6 +527,16 @@ class Derivation:
             meaning = about.meaning if hasattr(about, "meaning") else about.doc
             yield Plot(f"{port.name}.{name}", about.unit, meaning, ["".join(one.partition("[")[1:]) for one in labels],
                        signal)
+
+
+def place_on(radius: float, flattening: float, latitude: float, longitude: float, altitude: float
+             ) -> tuple[list[float], list[float]]:
+    """(place [m], zenith), each (3,) in the frame of a body: of geodetic coordinates [rad, m] over its ellipsoid, of an
+    equatorial radius [m]."""
+    up = [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
+    share = (1 - flattening) ** 2       # of the squares of the polar and the equatorial radius
+    normal = radius / math.sqrt(up[0]**2 + up[1]**2 + share * up[2]**2)
+    return [(normal + altitude) * up[0], (normal + altitude) * up[1], (share * normal + altitude) * up[2]], up
 
 
 def _unit(axis):
