@@ -35,12 +35,13 @@ def pytest_configure(config):
                             "one, where each other file is one worker's")
 
 
+@pytest.hookimpl(tryfirst=True)     # before pytest-xdist reads the marks
 def pytest_collection_modifyitems(items):
     """Give each worker whole files, except for those that are spread. Under the sanitizers, leave out the tests of
     IN_RELEASE."""
     sanitized = os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan")
     for item in items:
         if item.get_closest_marker("spread") is None:
-            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
         if sanitized and any(path in IN_RELEASE for path in (item.path, *item.path.parents)):
             item.add_marker(pytest.mark.skip(reason="the release build shows it"))

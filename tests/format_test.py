@@ -10,6 +10,7 @@ import pytest
 from tests import tidy
 from tests.tree import ROOT, files
 
+pytestmark = pytest.mark.spread
 SHARES = 8      # of the product's sources, so that clang-tidy has work on all processors
 
 
