@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <regex>
 
 namespace fledge::ground {
 
@@ -11,8 +10,6 @@ namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr std::size_t most_words = 1 << 22; // of a trigger's rows
-constexpr std::size_t most_pattern = 1000;  // characters of a pattern
-constexpr std::size_t most_matched = 4096;  // bytes of a text that a pattern is compared with
 
 bool is_bytes(Kind kind)
 {
@@ -32,115 +29,6 @@ template <class Unsigned> void store(char *to, Unsigned number)
 }
 
 } // namespace
-
-/// An alarm, compiled.
-struct Monitor::Check {
-    const Condition *when; ///< nullptr: always
-    std::uint32_t violations;
-    bool on_change;
-    std::vector<Alarm::Limits> limits;
-    std::vector<Concern> of_label; ///< of each enumerator
-    std::vector<std::pair<std::regex, Concern>> patterns;
-    Concern otherwise; ///< than labels and patterns
-};
-
-struct Monitor::Limits {
-    std::vector<Check> checks;               ///< the first whose condition holds counts
-    double low = infinite, high = -infinite; ///< all is well for a number from low to high, whatever else there is
-    bool persists = false;                   ///< some need several violations
-
-    Limits(const Type &type) // NOLINT(google-explicit-constructor): made in place
-    {
-        for (const Alarm &alarm : type.alarms) {
-            Check made{alarm.when.what != Condition::What::always ? &alarm.when : nullptr,
-                       alarm.violations,
-                       alarm.on_change,
-                       alarm.limits,
-                       {},
-                       {},
-                       alarm.otherwise};
-            if (type.sort == Type::Sort::enumerated && (!alarm.labels.empty() || alarm.otherwise != Concern::normal)) {
-                made.of_label.assign(type.enumerators.size(), alarm.otherwise);
-                for (const auto &[label, concern] : alarm.labels) {
-                    for (std::size_t i = 0; i < type.enumerators.size(); i++) {
-                        made.of_label[i] = type.enumerators[i].label == label ? concern : made.of_label[i];
-                    }
-                }
-            } else {
-                for (const auto &[pattern, concern] : alarm.labels) {
-                    made.patterns.emplace_back(compiled(type, pattern), concern);
-                }
-            }
-            checks.push_back(std::move(made));
-        }
-        finish();
-    }
-
-    Limits(const Bands &bands, std::uint32_t persistence)
-    {
-        if (bands.empty()) {
-            return;
-        }
-        Check made{nullptr, std::max(persistence, 1U), false, {}, {}, {}, Concern::normal};
-        for (const auto &[level, band] : bands) {
-            if (!(band.first <= band.second)) {
-                throw Refusal("a band of limits is from the lower to the higher number; found " +
-                              std::to_string(band.first) + " to " + std::to_string(band.second));
-            }
-            made.limits.push_back({level, Range{band.first, band.second}, false});
-        }
-        checks.push_back(std::move(made));
-        finish();
-    }
-
-    Bands bands() const
-    {
-        Bands made;
-        if (!checks.empty() && checks.back().when == nullptr && !checks.back().on_change) {
-            for (const Alarm::Limits &one : checks.back().limits) {
-                if (!one.inside && one.range.calibrated) {
-                    made.emplace(one.level, std::pair(one.range.low, one.range.high));
-                }
-            }
-        }
-        return made;
-    }
-
-private:
-    static std::regex compiled(const Type &type, const std::string &pattern)
-    {
-        try {
-            if (pattern.size() > most_pattern) {
-                throw std::regex_error(std::regex_constants::error_complexity);
-            }
-            return std::regex(pattern, std::regex_constants::ECMAScript | std::regex_constants::__polynomial);
-        } catch (const std::regex_error &error) {
-            throw Refusal("an alarm of " + type.path + " has a pattern that is no regular expression, or too long: " +
-                          pattern.substr(0, 60) + " (" + error.what() + ")");
-        }
-    }
-
-    void finish()
-    {
-        bool simple = checks.size() == 1;
-        for (const Check &check : checks) {
-            persists = persists || check.violations > 1;
-            simple =
-                simple && check.when == nullptr && !check.on_change && check.of_label.empty() && check.patterns.empty();
-            for (const Alarm::Limits &one : check.limits) {
-                simple = simple && !one.inside && one.range.calibrated;
-            }
-        }
-        if (simple) {
-            low = -infinite, high = infinite;
-            for (const Alarm::Limits &one : checks[0].limits) {
-                const Range &range = one.range;
-                low = std::max(low, range.low_open ? std::nextafter(range.low, infinite) : range.low);
-                high = std::min(high, range.high_open ? std::nextafter(range.high, -infinite) : range.high);
-            }
-        }
-    }
-};
 
 /// What the taker knows of a slot.
 struct Monitor::Live {
@@ -190,11 +78,11 @@ void Monitor::arm(std::uint32_t slot)
     const Limits *limits = limits_[slot].get();
     const auto &runs = runs_[slot];
     const bool uneasy = live.newest.concern != Concern::normal || runs != decltype(runs_)::value_type{};
-    const bool all = limits == nullptr || limits->checks.empty();
+    const bool all = limits == nullptr || limits->none();
     const Slot &what = slots_.all()[slot];
     const bool bytes = is_bytes(what.kind) || (what.type != no_id && is_bytes(raw_kind(db_.types[what.type].encoding)));
-    live.low = uneasy || bytes || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low;
-    live.high = all ? infinite : limits->high;
+    live.low = uneasy || bytes || !feeds_[slot].empty() ? infinite : all ? -infinite : limits->low();
+    live.high = all ? infinite : limits->high();
 }
 
 void Monitor::sink(PacketSink *sink)
@@ -345,64 +233,27 @@ void Monitor::judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *
         }
     }
     const Limits *limits = limits_[slot].get();
-    if (limits == nullptr || limits->checks.empty() || !is_there(next)) {
+    if (limits == nullptr || limits->none() || !is_there(next)) {
         return;
     }
-    const auto [level, violations] = level_of(*limits, kind, next, live_[slot].newest, packet);
-    Concern now = level;
-    auto &runs = runs_[slot];
-    if (limits->persists) {
-        now = Concern::normal;
-        for (std::size_t i = 0; i < runs.size(); i++) {
-            const auto one = static_cast<Concern>(i + 1);
-            runs[i] = level < one ? 0 : runs[i] + (runs[i] != ~0U);
-            now = runs[i] >= violations ? one : now;
-        }
+    const Newest &before = live_[slot].newest;
+    const auto sample = [&](const Newest &one) {
+        return Limits::Sample{kind, one.raw_kind, one.status, one.raw, one.value, {}};
+    };
+    Limits::Sample sampled = sample(next), last{};
+    if (kind == Kind::text) {
+        sampled.text = packet != nullptr ? packet->text(next.value) : std::string_view(live_texts_[next.text].value);
     }
+    const bool follows = before.count > 0 && before.count < next.count;
+    if (follows) {
+        last = sample(before);
+    }
+    const Concern now = limits->judge(decoder_, sampled, follows ? &last : nullptr, runs_[slot]);
     if (now != next.concern) {
         notes.push_back({.what = Note::What::concern, .slot = slot, .t = next.t, .old = next.concern, .now = now});
     }
     next.concern = live_[slot].newest.concern = now;
     arm(slot);
-}
-
-/// The level of a value, and how many in a row it takes.
-std::pair<Concern, std::uint32_t> Monitor::level_of(const Limits &limits, Kind kind, const Newest &next,
-                                                    const Newest &before, const Decoded *packet)
-{
-    const auto chosen = std::find_if(limits.checks.begin(), limits.checks.end(), [&](const Check &one) {
-        return one.when == nullptr || decoder_.applies(*one.when);
-    });
-    if (chosen == limits.checks.end()) {
-        return {Concern::normal, 1};
-    }
-    Concern level = Concern::normal;
-    const auto number_of = [&](const Newest &one, bool calibrated) {
-        const auto raw = real_of(one.raw_kind, one.raw);
-        return calibrated && kind != Kind::label ? real_of(kind, one.value) : raw;
-    };
-    for (const Alarm::Limits &one : chosen->limits) {
-        auto x = number_of(next, one.range.calibrated);
-        if (chosen->on_change) {
-            const auto last =
-                before.count > 0 && is_there(before) ? number_of(before, one.range.calibrated) : std::nullopt;
-            x = x && last ? std::optional(*x - *last) : std::nullopt;
-        }
-        if (x && one.range.holds(*x) == one.inside) {
-            level = std::max(level, one.level);
-        }
-    }
-    if (!chosen->of_label.empty()) {
-        level =
-            std::max(level, next.value < chosen->of_label.size() ? chosen->of_label[next.value] : chosen->otherwise);
-    } else if (!chosen->patterns.empty() && kind == Kind::text) {
-        const std::string_view text = packet->text(next.value);
-        const auto found = std::find_if(chosen->patterns.begin(), chosen->patterns.end(), [&](const auto &one) {
-            return text.size() <= most_matched && std::regex_match(text.begin(), text.end(), one.first);
-        });
-        level = std::max(level, found != chosen->patterns.end() ? found->second : chosen->otherwise);
-    }
-    return {level, chosen->violations};
 }
 
 void Monitor::write_rows(std::int64_t t)
@@ -543,27 +394,38 @@ std::uint32_t Monitor::find(const std::string &name) const
     return slots_.find(name);
 }
 
-std::vector<Monitor::Described> Monitor::slots(std::uint32_t first) const
+std::vector<Monitor::Described> Monitor::slots(std::uint32_t first, std::uint32_t most) const
 {
     const std::lock_guard shown(shown_);
     std::vector<Described> made;
-    for (std::size_t i = first; i < slots_.all().size(); i++) {
+    for (std::size_t i = first; i < slots_.all().size() && i - first < most; i++) {
         const Limits *limits = limits_[i].get();
-        const bool any = limits != nullptr && !limits->checks.empty();
-        made.push_back({slots_.all()[i], any ? limits->bands() : Bands(), any ? limits->checks.back().violations : 1});
+        const auto replaced = replaced_.find(static_cast<std::uint32_t>(i));
+        made.push_back({slots_.all()[i], limits != nullptr ? limits->bands() : Bands(),
+                        limits != nullptr ? limits->persistence() : 1, std::nullopt});
+        if (replaced != replaced_.end()) {
+            made.back().replaced = replaced->second ? replaced->second->bands() : Bands();
+        }
     }
     return made;
 }
 
 // --- limits and derived slots
 
-std::vector<Note> Monitor::set_limits(std::uint32_t slot, const Bands &bands, std::uint32_t persistence)
+std::vector<Note> Monitor::set_limits(std::uint32_t slot, const std::optional<Bands> &bands, std::uint32_t persistence)
 {
     const std::lock_guard taking(taking_);
-    auto limits = std::make_shared<const Limits>(bands, persistence);
+    auto limits = bands ? std::make_shared<const Limits>(*bands, persistence) : nullptr;
     {
         const std::lock_guard shown(shown_);
         check(slot);
+        if (bands) {
+            replaced_.emplace(slot, limits_[slot]);
+        } else if (const auto own = replaced_.extract(slot)) {
+            limits = own.mapped();
+        } else {
+            return {};
+        }
         limits_[slot] = std::move(limits);
     }
     std::vector<Note> notes;
@@ -575,7 +437,7 @@ std::vector<Note> Monitor::set_limits(std::uint32_t slot, const Bands &bands, st
     }
     touched_.assign(1, slot);
     next.version = version_ + 1;
-    if (bands.empty() && next.concern != Concern::normal) {
+    if ((!limits_[slot] || limits_[slot]->none()) && next.concern != Concern::normal) {
         notes.push_back({.what = Note::What::concern, .slot = slot, .t = next.t, .old = next.concern});
         next.concern = Concern::normal;
     } else if (is_there(next)) {

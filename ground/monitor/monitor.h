@@ -4,10 +4,9 @@
 #pragma once
 
 #include "ground/monitor/arrival.h"
+#include "ground/monitor/limits.h"
 #include "ground/monitor/slots.h"
 
-#include <array>
-#include <map>
 #include <memory>
 #include <mutex>
 
@@ -53,9 +52,6 @@ struct Frame {
     std::string bytes;
 };
 
-/// low and high by the level.
-using Bands = std::map<Concern, std::pair<double, double>>;
-
 class Monitor {
 public:
     /// The database must outlive the monitor. root: of all packets, as for the decoder.
@@ -86,12 +82,13 @@ public:
         Slot slot;
         Bands limits; ///< the static ones without a condition
         std::uint32_t persistence;
+        std::optional<Bands> replaced; ///< those of the database, if others are in force
     };
-    std::vector<Described> slots(std::uint32_t first) const;
+    std::vector<Described> slots(std::uint32_t first, std::uint32_t most = no_id) const;
 
-    /// Limits instead of those of the database; values are outside of the band of each level. The newest value is
-    /// checked at once. Throws Refusal if one is upside down.
-    std::vector<Note> set_limits(std::uint32_t slot, const Bands &limits, std::uint32_t persistence);
+    /// Limits instead of those of the database, or nullopt: those of the database again; values are outside of the
+    /// band of each level. The newest value is checked at once. Throws Refusal if one is upside down.
+    std::vector<Note> set_limits(std::uint32_t slot, const std::optional<Bands> &limits, std::uint32_t persistence);
 
     /// Rows of these slots' numbers, one for each packet that has one of them, once all have come.
     std::uint32_t trigger(std::vector<std::uint32_t> inputs);
@@ -107,8 +104,6 @@ public:
     void lend(Decoder &decoder) const;
 
 private:
-    struct Check;
-    struct Limits;
     struct Live;
     struct Trigger;
     struct Texts {
@@ -120,8 +115,6 @@ private:
     void apply(const Decoded &packet, const Arrival &arrival, std::vector<Note> &notes);
     void keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
     void judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
-    std::pair<Concern, std::uint32_t> level_of(const Limits &limits, Kind kind, const Newest &next,
-                                               const Newest &before, const Decoded *packet);
     void write_rows(std::int64_t t);
     void publish(std::int64_t t, std::vector<Note> &notes);
     void check(std::uint32_t slot) const;
@@ -138,15 +131,16 @@ private:
     std::int64_t received_ = 0; ///< of the newest packet
     std::vector<Live> live_;
     std::vector<Texts> live_texts_;
-    std::vector<std::array<std::uint32_t, 5>> runs_; ///< of each slot: successive values of each level or above
-    std::vector<std::vector<std::uint32_t>> feeds_;  ///< triggers of each slot
+    std::vector<Limits::Runs> runs_;
+    std::vector<std::vector<std::uint32_t>> feeds_; ///< triggers of each slot
     std::vector<std::uint32_t> touched_, fired_;
     std::vector<bool> watched_; ///< of each container
 
     // Of readers: under shown_, briefly. What the taker reads without it changes under both.
     mutable std::mutex shown_;
     Slots slots_;
-    std::vector<std::shared_ptr<const Limits>> by_type_, limits_; ///< of each slot
+    std::vector<std::shared_ptr<const Limits>> by_type_, limits_;     ///< of each slot
+    std::map<std::uint32_t, std::shared_ptr<const Limits>> replaced_; ///< by set_limits
     std::vector<Newest> newest_;
     std::vector<Texts> texts_;
     std::vector<Trigger> triggers_;

@@ -138,10 +138,10 @@ public:
         return found;
     }
 
-    py::list slots(std::uint32_t first) const
+    py::list slots(std::uint32_t first, std::uint32_t most) const
     {
         py::list made;
-        for (const auto &one : monitor_.slots(first)) {
+        for (const auto &one : monitor_.slots(first, most)) {
             py::dict row;
             row["slot"] = first + made.size();
             row["name"] = one.slot.name;
@@ -169,6 +169,7 @@ public:
             row["description"] = description;
             row["limits"] = dict_of(one.limits);
             row["persistence"] = one.persistence;
+            row["replaced"] = one.replaced ? py::object(dict_of(*one.replaced)) : py::none();
             made.append(row);
         }
         return made;
@@ -266,9 +267,10 @@ void bind_monitor(py::module_ &m)
              "(\"undecoded\", t, received, packet, reason); (\"watched\", container, t, received, packet)\n"
              "(\"slots\", first): there are new ones; (\"full\", text): values are lost\n"
              "(\"archive\", text): why it keeps no packets; \"\": it does again.")
-        .def("slots", &Watcher::slots, py::arg("first") = 0,
-             "What the values are, from one slot on: dicts of slot, name, path, container, unit, kind, labels, "
-             "description, limits, persistence.")
+        .def("slots", &Watcher::slots, py::arg("first") = 0, py::arg("most") = no_id,
+             "What the values are, at most so many from one slot on: dicts of slot, name, path, container, unit, kind, "
+             "labels, "
+             "description, limits, persistence, replaced (the database's limits if others are in force, else None).")
         .def("slot", &Watcher::slot, py::arg("name"),
              "The slot of a name or path. Raises SetupError with those near it.")
         .def("newest", &Watcher::newest, py::arg("slot"),
@@ -283,13 +285,14 @@ void bind_monitor(py::module_ &m)
              "Note the packets of these containers and of those that extend them.")
         .def(
             "set_limits",
-            [](Watcher &one, std::uint32_t slot, const py::dict &limits, std::uint32_t persistence) {
-                const Bands bands = bands_of(limits);
+            [](Watcher &one, std::uint32_t slot, const std::optional<py::dict> &limits, std::uint32_t persistence) {
+                const auto bands = limits ? std::optional(bands_of(*limits)) : std::nullopt;
                 return one.with([&] { return one.monitor().set_limits(slot, bands, persistence); });
             },
             py::arg("slot"), py::arg("limits"), py::arg("persistence") = 1,
-            "Limits instead of the database's: {\"warning\": [low, high]}, None for an open end. They count for the "
-            "newest value at once; what changes is noted. Raises SetupError.")
+            "Limits instead of the database's: {\"warning\": [low, high]}, None for an open end; None for all: those "
+            "of "
+            "the database again. They count for the newest value at once; what changes is noted. Raises SetupError.")
         .def(
             "trigger",
             [](Watcher &one, const std::vector<std::uint32_t> &inputs) {

@@ -201,6 +201,12 @@ def test_labels_texts_and_numbers_that_are_none_have_their_concern(tmp_path):
         frame = values_of(monitor, monitor.changes(0)[1])[2]
         assert frame[1][3] == s.decode("utf-8", "replace") and tuple(frame[i][1] for i in range(3)) == expected
     assert monitor.newest(0)[3:5] == (7, "unlabelled") and frame[0][2:] == (2, 7)
+    for slot in range(3):        # a person's limits, and those of the database again
+        monitor.take([(1, 0, struct.pack(">B4sf", 2, b"AA\0\0", 9.0))])
+        assert monitor.newest(slot)[5] == (4, 2, 5)[slot]
+        assert [note[4] for note in monitor.set_limits(slot, {})] == [0] and monitor.slots()[slot]["replaced"] == (
+            {"severe": [-1, 1]} if slot == 2 else {})
+        assert [note[4] for note in monitor.set_limits(slot, None)] == [(4, 2, 5)[slot]]
     with pytest.raises(SetupError, match="pattern that is no regular expression"):
         _ground.Monitor(read(tmp_path, spacecraft(types.replace("A+.*", "A(+"), {"s": "s"})))
 
@@ -217,6 +223,8 @@ def test_an_administrator_sets_limits_and_they_count_at_once(tmp_path):
     assert monitor.slots()[0]["persistence"] == 3
     assert monitor.set_limits(0, {}) == [("concern", 0, 4, 2, 0)] and monitor.slots()[0]["limits"] == {}
     assert monitor.take([(5, 0, b"\x50")]) == []
+    assert monitor.slots()[0]["replaced"] == {} and monitor.set_limits(0, None) == []
+    assert monitor.slots()[0]["replaced"] is None and monitor.set_limits(0, None) == []
     for limits, said in [({"warning": [3, 2]}, "from the lower to the higher number; found 3.0* to 2"),
                          ({"warning": [float("nan"), 2]}, "found nan"), ({"loud": [1, 2]}, "found loud")]:
         with pytest.raises(SetupError, match=said):
@@ -255,7 +263,8 @@ def test_derived_parameters_come_from_rows_of_their_inputs_in_the_order_of_packe
     assert monitor.newest(product) == (4, 9, 56, 56, "good", 2, 3)
     assert monitor.slots(product)[0] == {
         "slot": product, "name": "product", "path": "product", "container": None, "kind": "real", "unit": "V",
-        "labels": [], "description": "of both", "limits": {"warning": [0, 50]}, "persistence": 2}
+        "labels": [], "description": "of both", "limits": {"warning": [0, 50]}, "persistence": 2,
+        "replaced": None}
     assert monitor.put(product, t[:8], struct.pack("<d", float("nan"))) == []
     assert monitor.newest(product)[3:6] == (None, "uncalibrated", 2)
     assert len(monitor.rows(twice)) == 16 * 4

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/monitor/limits.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fledge::ground {
+
+namespace {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr std::size_t most_pattern = 1000; // characters of a pattern
+constexpr std::size_t most_matched = 4096; // bytes of a text that a pattern is compared with
+
+std::regex compiled(const Type &type, const std::string &pattern)
+{
+    try {
+        if (pattern.size() > most_pattern) {
+            throw std::regex_error(std::regex_constants::error_complexity);
+        }
+        return std::regex(pattern, std::regex_constants::ECMAScript | std::regex_constants::__polynomial);
+    } catch (const std::regex_error &error) {
+        throw Refusal("an alarm of " + type.path + " has a pattern that is no regular expression, or too long: " +
+                      pattern.substr(0, 60) + " (" + error.what() + ")");
+    }
+}
+
+/// The number that a range is of.
+std::optional<double> number_of(const Limits::Sample &one, bool calibrated)
+{
+    return calibrated && one.kind != Kind::label ? real_of(one.kind, one.value) : real_of(one.raw_kind, one.raw);
+}
+
+} // namespace
+
+Limits::Limits(const Type &type) : low_(infinite), high_(-infinite)
+{
+    for (const Alarm &alarm : type.alarms) {
+        Check made{alarm.when.what != Condition::What::always ? &alarm.when : nullptr,
+                   alarm.violations,
+                   alarm.on_change,
+                   alarm.limits,
+                   {},
+                   {},
+                   alarm.otherwise};
+        if (type.sort == Type::Sort::enumerated && (!alarm.labels.empty() || alarm.otherwise != Concern::normal)) {
+            made.of_label.assign(type.enumerators.size(), alarm.otherwise);
+            for (const auto &[label, concern] : alarm.labels) {
+                for (std::size_t i = 0; i < type.enumerators.size(); i++) {
+                    made.of_label[i] = type.enumerators[i].label == label ? concern : made.of_label[i];
+                }
+            }
+        } else {
+            for (const auto &[pattern, concern] : alarm.labels) {
+                made.patterns.emplace_back(compiled(type, pattern), concern);
+            }
+        }
+        checks_.push_back(std::move(made));
+    }
+    finish();
+}
+
+Limits::Limits(const Bands &bands, std::uint32_t persistence) : low_(infinite), high_(-infinite)
+{
+    if (bands.empty()) {
+        return;
+    }
+    Check made{nullptr, std::max(persistence, 1U), false, {}, {}, {}, Concern::normal};
+    for (const auto &[level, band] : bands) {
+        if (!(band.first <= band.second)) {
+            throw Refusal("a band of limits is from the lower to the higher number; found " +
+                          std::to_string(band.first) + " to " + std::to_string(band.second));
+        }
+        made.limits.push_back({level, Range{band.first, band.second}, false});
+    }
+    checks_.push_back(std::move(made));
+    finish();
+}
+
+void Limits::finish()
+{
+    bool simple = checks_.size() == 1;
+    for (const Check &check : checks_) {
+        persists_ = persists_ || check.violations > 1 || check.on_change;
+        simple =
+            simple && check.when == nullptr && !check.on_change && check.of_label.empty() && check.patterns.empty();
+        for (const Alarm::Limits &one : check.limits) {
+            simple = simple && !one.inside && one.range.calibrated;
+        }
+    }
+    if (simple) {
+        low_ = -infinite, high_ = infinite;
+        for (const Alarm::Limits &one : checks_[0].limits) {
+            const Range &range = one.range;
+            low_ = std::max(low_, range.low_open ? std::nextafter(range.low, infinite) : range.low);
+            high_ = std::min(high_, range.high_open ? std::nextafter(range.high, -infinite) : range.high);
+        }
+    }
+}
+
+Bands Limits::bands() const
+{
+    Bands made;
+    if (!none() && checks_.back().when == nullptr && !checks_.back().on_change) {
+        for (const Alarm::Limits &one : checks_.back().limits) {
+            if (!one.inside && one.range.calibrated) {
+                made.emplace(one.level, std::pair(one.range.low, one.range.high));
+            }
+        }
+    }
+    return made;
+}
+
+Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before, Runs &runs) const
+{
+    const auto chosen = std::find_if(checks_.begin(), checks_.end(), [&](const Check &one) {
+        return one.when == nullptr || decoder.applies(*one.when);
+    });
+    Concern level = Concern::normal;
+    std::uint32_t violations = 1;
+    if (chosen != checks_.end()) {
+        violations = chosen->violations;
+        for (const Alarm::Limits &one : chosen->limits) {
+            auto x = number_of(now, one.range.calibrated);
+            if (chosen->on_change) {
+                const bool there =
+                    before != nullptr && (before->status == Status::good || before->status == Status::unlabelled);
+                const auto last = there ? number_of(*before, one.range.calibrated) : std::nullopt;
+                x = x && last ? std::optional(*x - *last) : std::nullopt;
+            }
+            if (x && one.range.holds(*x) == one.inside) {
+                level = std::max(level, one.level);
+            }
+        }
+        if (!chosen->of_label.empty()) {
+            const bool known = now.value < chosen->of_label.size();
+            level = std::max(level, known ? chosen->of_label[now.value] : chosen->otherwise);
+        } else if (!chosen->patterns.empty() && now.kind == Kind::text) {
+            const auto found = std::find_if(chosen->patterns.begin(), chosen->patterns.end(), [&](const auto &one) {
+                return now.text.size() <= most_matched && std::regex_match(now.text.begin(), now.text.end(), one.first);
+            });
+            level = std::max(level, found != chosen->patterns.end() ? found->second : chosen->otherwise);
+        }
+    }
+    if (!persists_) {
+        return level;
+    }
+    Concern made = Concern::normal;
+    for (std::size_t i = 0; i < runs.size(); i++) {
+        const auto one = static_cast<Concern>(i + 1);
+        runs[i] = level < one ? 0 : runs[i] + (runs[i] != ~0U);
+        made = runs[i] >= violations ? one : made;
+    }
+    return made;
+}
+
+} // namespace fledge::ground
