@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must not be lost besides packets: commands and how far they came, events, alarms, transfers, and what operators
-did. Each call is on the disk when it returns (SQLite, WAL, synchronous=FULL)."""
+"""What must not be lost besides packets: commands and how far they came, events, alarms, limits, transfers, and what
+operators did. Each call is on the disk when it returns (SQLite, WAL, synchronous=FULL)."""
 from __future__ import annotations
 
 import json
@@ -11,7 +11,7 @@ from typing import Any
 
 from fledge.errors import SetupError
 
-LISTS = ("sent", "events", "alarms", "transfers", "log")
+LISTS = ("sent", "events", "alarms", "limits", "transfers", "log")
 MOST = 500          # rows of an answer
 SCHEMA = "".join(f"""
 CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
@@ -65,6 +65,12 @@ class Journal:
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         with self._lock:
             rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()
+        return [json.loads(content) | {"id": number} for number, content in rows]
+
+    def all(self, kind: str, craft: str) -> list[dict[str, Any]]:
+        """All objects of a spacecraft, the oldest first."""
+        with self._lock:
+            rows = self._db.execute(f"SELECT id, content FROM {kind} WHERE craft = ? ORDER BY id", (craft,)).fetchall()
         return [json.loads(content) | {"id": number} for number, content in rows]
 
     def close(self) -> None:

@@ -9,13 +9,14 @@ import random
 import resource
 import signal
 import socket
+import sqlite3
 import struct
 import subprocess
 import sys
 import time
 from contextlib import contextmanager, suppress
 from types import SimpleNamespace
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -86,12 +87,12 @@ def craft():
 class Server:
     """`fledge ground serve` in a folder, with a spacecraft at a port."""
 
-    def __init__(self, folder, port):
+    def __init__(self, folder, port, database=DATABASE):
         folder.mkdir(exist_ok=True)
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
-        (folder / "craft.xml").write_text(DATABASE)
+        (folder / "craft.xml").write_text(database)
         (folder / "ground.toml").write_text(
             f'port = {self.port}\nfolder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\n'
             f'link = "tcp://127.0.0.1:{port}"\n')
@@ -103,6 +104,12 @@ class Server:
     def get(self, path):
         with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as made:
             return json.load(made)
+
+    def put(self, path, content):
+        made = Request(f"http://127.0.0.1:{self.port}/api/{path}", json.dumps(content).encode(), method="PUT",
+                       headers={"X-Fledge-CSRF": self.get("session")["csrf"], "Content-Type": "application/json"})
+        with urlopen(made, timeout=PATIENCE) as answer:
+            return json.load(answer)
 
     def until(self, path, holds):
         end = time.monotonic() + PATIENCE
@@ -131,8 +138,8 @@ class Server:
 
 
 @contextmanager
-def serving(folder, craft):
-    made = Server(folder, craft.port)
+def serving(folder, craft, database=DATABASE):
+    made = Server(folder, craft.port, database)
     try:
         craft.connected()
         yield made
@@ -171,6 +178,70 @@ def test_what_anybody_has_seen_outlives_kill_9(tmp_path, craft, seed):
     assert set(shown) <= set(found) and len(found) == len(set(found))
     assert found[-100:] == list(range(craft.sent - 99, craft.sent + 1))
     assert ended == ["killed", "killed", ""]
+
+
+def kept(folder):
+    """The changes of limits that a second program finds in the journal."""
+    with sqlite3.connect(f"file:{folder}/out/journal.sqlite?mode=ro", uri=True) as journal:
+        return [json.loads(text) for text, in journal.execute("SELECT content FROM limits ORDER BY id")]
+
+
+def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_path, craft):
+    slot, limits = 3, {"warning": [None, 150.0], "critical": [-1.0, 250.0]}     # of number
+    path = f"crafts/craft/limits/{slot}"
+    server = Server(tmp_path, craft.port)
+    try:
+        craft.connected()
+        craft.send(100)
+        server.took(100)
+        made = server.put(path, {"limits": limits, "persistence": 2})
+    finally:
+        server.kill()
+    craft.drop()
+    assert (made["name"], made["limits"], made["replaced"]) == ("number", limits, {})
+    one, = kept(tmp_path)
+    assert (one["limits"], one["persistence"], one["old"]["limits"], one["user"]) == (limits, 2, {}, "operator")
+
+    def state(server, n):
+        """Of number after so many packets, by an alarm."""
+        craft.send(n)
+        server.took(n)
+        return {one["name"]: one["level"] for one in server.get("crafts/craft/alarms")}
+
+    def events(server):
+        return [one["text"] for one in server.get("crafts/craft/events") if one["source"] == "limits"]
+
+    with serving(tmp_path, craft) as server:
+        found = server.get("crafts/craft/slots")[slot]
+        assert (found["limits"], found["persistence"], found["replaced"]) == (limits, 2, {})
+        assert state(server, 50) == {} and not events(server)       # 101 to 150
+        assert server.get("log")[0]["text"].startswith("number: none -> warning open to 150, critical -1 to 250, 2 in")
+        craft.drop()
+    unit = DATABASE.replace('name="u32" signed="false">', 'name="u32" signed="false"><UnitSet><Unit>s</Unit></UnitSet>')
+    for database, said, level in (
+            (DATABASE.replace('"number"', '"amount"'), "limits that were set for number wait", {}),
+            (unit, "limits that operator set for number do not count: it was natural [], and is natural [s]", {}),
+            (DATABASE, "", {"number": "warning"})):
+        with serving(tmp_path, craft, database) as server:
+            assert said in "".join(events(server)[:1]), events(server)
+            assert state(server, 5) == level
+            craft.drop()
+    with serving(tmp_path, craft) as server:
+        other = DATABASE.replace('signed="false"><IntegerDataEncoding sizeInBits="32"/>', """signed="false">
+            <IntegerDataEncoding sizeInBits="32"/><DefaultAlarm><StaticAlarmRanges><WatchRange maxInclusive="1"/>
+            </StaticAlarmRanges></DefaultAlarm>""")
+        (tmp_path / "craft.xml").write_text(other)
+        server.until("crafts/craft/events", lambda found: "the database has other limits of number than before (watch "
+                     "open to 1); those that operator set still count" in found[0]["text"] + found[1]["text"])
+        assert state(server, 100)["number"] == "critical"           # 266 and more
+        made = server.put(path, {"limits": None})
+        assert made["limits"] == {"watch": [None, 1.0]} and made["replaced"] is None
+        assert server.get("crafts/craft/alarms")[0]["level"] == "watch"
+        assert "critical -1 to 250, 2 in a row -> watch open to 1, as in the database" in server.get("log")[0]["text"]
+        craft.drop()
+    with serving(tmp_path, craft, other) as server:
+        assert server.get("crafts/craft/slots")[slot]["limits"] == {"watch": [None, 1.0]}
+    assert [one["limits"] for one in kept(tmp_path)] == [limits, None]
 
 
 def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, craft):

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psycopg
 
+from fledge.control_room.limits import InForce
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -245,6 +246,7 @@ class Tail:
         self.database: Any = craft.database
         self.history = craft.database.history(room.settings.folder / "archive", craft.name, craft.settings.root)
         self.monitor = craft.database.monitor(craft.settings.root)
+        self.limits = InForce(craft.limits.changes, self.monitor)
         self.epoch = (craft.epoch_ns or 0) if craft.clock == "simulated" else 0
         with base.transaction():
             base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))
@@ -309,10 +311,12 @@ class Tail:
 
     def _values(self, t: int, received: int, packet: bytes) -> tuple[bytes, bytes, int, int]:
         """The values of a packet and their texts, as a frame has them; when it was received, what it is."""
+        self.limits.at(received)
         before = self.monitor.version
         for note in self.monitor.take([(t, received, packet)]):
             if note[0] == "slots":
                 self._register(note[1])
+                self.limits.learn(note[1])
         frame = b""
         if self.monitor.version != before:
             _, frame = self.monitor.changes(before, self.wanted)

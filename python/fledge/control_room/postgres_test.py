@@ -116,8 +116,9 @@ class Server:
     def __init__(self, folder, base, **more):
         (folder / "craft.xml").write_text(DATABASE, encoding="utf-8")
         self.database = Database.load(folder / "craft.xml")
-        craft = SimpleNamespace(name="craft", database=self.database, settings=SimpleNamespace(root=None), clock="utc",
-                                epoch_ns=None, replayed="")
+        self.craft = craft = SimpleNamespace(name="craft", database=self.database,
+                                             settings=SimpleNamespace(root=None), clock="utc", epoch_ns=None,
+                                             replayed="", limits=SimpleNamespace(changes=[]))
         self.events = []
         room = SimpleNamespace(settings=SimpleNamespace(folder=folder), crafts={"craft": craft},
                                tell=lambda *words: self.events.append(words))
@@ -173,6 +174,24 @@ def test_all_kinds_of_values_are_as_they_were_decoded(tmp_path, base):
                       ("count", 3.0, None, 0), ("mode", None, "9", 0), ("voltage", None, None, 2)}
     assert {(one[2], one[4], one[5]) for one in rows[9:]} == {
         ("count", 4.0, None), ("big", -2.0**40, None), ("note", None, '<"é 1')}
+
+
+def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(tmp_path, base):
+    """Also of packets that the server had before the limits were changed, and the database has not yet."""
+    server = Server(tmp_path, base)
+    changes = [{"name": name, "kind": "real", "unit": "V", "limits": limits, "persistence": 1, "time_ns": str(T0 + at * S)}
+               for at, name, limits in ((10, "voltage", {"critical": [0, 20]}), (20, "other", {"severe": [0, 0]}),
+                                        (30, "voltage", {}), (40, "voltage", None))]
+    server.craft.limits.changes += changes[:2]
+    server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i)) for i in range(30)])
+    with server:
+        until(lambda: written(base) == 120)
+        server.craft.limits.changes += changes[2:]
+        server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i)) for i in range(30, 50)])
+        until(lambda: written(base) == 200)
+    found = base.rows("select concern::int from fledge.telemetry where parameter = 'voltage' order by t")
+    assert [one[0] for one in found] == [2 * (i > 1) if i < 10 or i >= 40 else 4 * (i > 20) if i < 30 else 0
+                                         for i in range(50)]
 
 
 @pytest.mark.parametrize("seed", [1, 2])

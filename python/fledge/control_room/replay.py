@@ -18,6 +18,8 @@ STEP = 0.05         # [s] of real time between batches
 class Replay(Spacecraft):
     """source: of which spacecraft; begin, end [ns] of its clock; speed: times real time, 0: as fast as possible."""
 
+    source: Spacecraft
+
     def __init__(self, room: Room, source: Spacecraft, session: int, begin: int, end: int, speed: float) -> None:
         if not 0 <= speed <= 1e6:
             raise SetupError(f"a replay's speed is from 0 (as fast as possible) to 1e6; found {speed:g}")
@@ -63,6 +65,11 @@ class Replay(Spacecraft):
         if not self._batch:
             self.state = "ended"
             self.room.publish("craft", self.name, self.told())
+
+    def take(self, rows: list[tuple[int, int, bytes]]) -> None:
+        """By the limits that were in force when they were received."""
+        for _, part in self.limits.in_force.parts(rows):
+            super().take(part)
 
     def noted(self, notes: Any) -> None:
         """What was notable is in the lists of the spacecraft itself."""

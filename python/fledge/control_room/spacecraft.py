@@ -19,6 +19,7 @@ from fledge.control_room.alarms import Alarms
 from fledge.control_room.commanding import Commanding
 from fledge.control_room.contacts import Contacts
 from fledge.control_room.derived import DerivedParameters
+from fledge.control_room.limits import SetLimits
 from fledge.control_room.scene import Feed
 from fledge.control_room.services import StoredLists, Tables, Transfers
 from fledge.control_room.settings import CraftSettings
@@ -49,7 +50,8 @@ class Spacecraft:
 
     database: Database
     monitor: Any            #: of fledge.ground.Database.monitor()
-    replayed = ""           # of which spacecraft this is a replay
+    source: Spacecraft | None = None    # of which this is a replay
+    replayed = ""           # its name
 
     def __init__(self, room: Room, settings: CraftSettings, index: int) -> None:
         self.room, self.settings, self.index = room, settings, index
@@ -87,6 +89,8 @@ class Spacecraft:
         self._watch()
         self.commanding: Commanding = Commanding(self)
         self.alarms = Alarms(self)
+        self.limits = SetLimits(self)
+        self.limits.begin()
         self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
         if not self.replayed:
             self._keep()
@@ -148,11 +152,6 @@ class Spacecraft:
                 "simulated": bool(self.run), "replay": self.replayed, "link": link, "packets": self.packets,
                 "undecoded": self.undecoded, "bytes": self.bytes, "t_ns": str(self.now), **self.contacts.told,
                 "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem}
-
-    def limit(self, slot: int, levels: dict[str, Any], persistence: int) -> None:
-        """Other limits of a parameter; {}: none. Raises SetupError."""
-        self.noted(self.monitor.set_limits(slot, levels, persistence))
-        self.room.publish("slots", self.name, {"first": slot})
 
     def inspect(self, packet: bytes) -> dict[str, Any]:
         """A packet in words."""
@@ -255,6 +254,7 @@ class Spacecraft:
             self.database, self.monitor, self.derived = database, monitor, derived
             self._keep()
         self._watch()
+        self.limits.begin()
         self.commanding.load()
         self.room.tell(self.name, "info", "database", f"the database has changed and was read anew: "
                        f"{len(self.slot_names)} parameters")
@@ -434,6 +434,7 @@ class Spacecraft:
                 more = self.monitor.slots(rest[0])
                 self.slot_numbers |= {one["name"]: one["slot"] for one in more}
                 self.slot_names += [one["name"] for one in more]
+                self.noted(self.limits.in_force.learn(rest[0]))
                 self.room.publish("slots", self.name, {"first": rest[0]})
             elif what == "archive":
                 self._archived(rest[0])

@@ -220,15 +220,17 @@ class Server:
 
     async def limits(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request, "administer")
-        body = await self._body(request, limits=dict, persistence=int)
-        slot = self._slot(craft, request)
-        levels = body.get("limits", {})
-        for level, pair in levels.items():
+        body = await self._body(request, limits=(dict, type(None)), persistence=int)
+        slot, levels, persistence = self._slot(craft, request), body.get("limits", {}), body.get("persistence", 1)
+        if not 1 <= persistence <= 1000:
+            raise refusal(400, f"persistence is from 1 to 1000 values; found {persistence}")
+        for level, pair in (levels or {}).items():
             if not isinstance(pair, list) or len(pair) != 2 or not all(
                     one is None or isinstance(one, (int, float)) and not isinstance(one, bool) for one in pair):
                 raise refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
-        await self._asked(craft, lambda: craft.limit(slot, levels, body.get("persistence", 1)))
-        return answer(craft.monitor.slots(slot)[0])
+        await self._asked(craft, lambda: craft.limits.change(self._user(request), slot, levels, persistence))
+        self.room.publish("slots", craft.name, {"first": slot})
+        return answer(craft.monitor.slots(slot, 1)[0])
 
     def _slot(self, craft: Spacecraft, request: web.Request) -> int:
         text = request.match_info["slot"]

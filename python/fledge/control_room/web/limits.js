@@ -24,6 +24,15 @@ export function editLimits({api, craft}, slot) {
                 value: slot.limits?.[level]?.[k] ?? ""
             }))
         }));
+        const set = async (limits, samples) => {
+            try {
+                Object.assign(slot, await api.put(of(craft, "limits", slot.slot), {limits, persistence: samples}));
+                changed = true;
+                dialog.close();
+            } catch (error) {
+                fail(error.message);
+            }
+        };
         const persistence = h("input", {type: "number", min: 1, max: 1000, value: slot.persistence ?? 1});
         const problem = h("p", {class: "problem", role: "alert", hidden: true});
         let changed = false;
@@ -43,15 +52,7 @@ export function editLimits({api, craft}, slot) {
                     if (ends[0] !== null || ends[1] !== null)
                         limits[level] = ends;
                 }
-                try {
-                    await api.put(of(craft, "limits", slot.slot), {limits, persistence: Number(persistence.value)});
-                    Object.assign(slot, {limits, persistence: Number(persistence.value)});
-                    changed = true;
-                    dialog.close();
-                } catch (error) {
-                    fail(error.message);
-                }
-                return undefined;
+                return set(limits, Number(persistence.value));
             }
         },
             h("h2", {}, "Limits of ", slot.name),
@@ -66,7 +67,10 @@ export function editLimits({api, craft}, slot) {
                                      fields.map((one) => h("td", {}, one)))))),
             h("label", {class: "field"}, h("span", {}, "Samples in a row before the state changes"), persistence),
             problem,
-            h("div", {class: "row end"}, h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
+            slot.replaced && h("p", {class: "soft"}, `In the database: ${limitsText(slot.replaced) || "none"}`),
+            h("div", {class: "row end"},
+                slot.replaced && h("button", {type: "button", onclick: () => set(null, 1)}, "As in the database"),
+                h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
                 h("button", {class: "primary"}, "Set limits")));
         const dialog = h("dialog", {"aria-label": "limits", onclose: () => { dialog.remove(); done(changed); }}, form);
         document.body.append(dialog);

@@ -134,6 +134,7 @@ export async function open(context) {
         fact("Packet", about.container?.split("/").at(-1));
         fact("In the database", about.path);
         fact("Limits", limitsText(about.limits));
+        fact("Set instead of", about.replaced && (limitsText(about.replaced) || "none"));
         if (about.labels?.length) fact("Values", about.labels.join(", "));
         const value = h("p", {class: "value"});
         detail.replaceChildren(h("h2", {}, about.name), value, facts,
