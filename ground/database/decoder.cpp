@@ -100,6 +100,11 @@ Decoder::Decoder(const Database &database, bool plans)
             }
         }
     }
+    for (const Command &command : db_.commands) {
+        for (const Verifier &one : command.verifiers) {
+            hold(one.condition), hold(one.changes), hold(one.returns);
+        }
+    }
     for (const bool extended : {true, false}) {
         for (Id i = 0; i < db_.containers.size(); i++) {
             const Container &one = db_.containers[i];
@@ -913,6 +918,18 @@ std::string Decoder::failing(const Condition &condition, std::optional<std::size
         all += (all.empty() || one.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + one;
     }
     return all;
+}
+
+std::optional<double> Decoder::real(const Reference &reference)
+{
+    const auto found = find(reference, true);
+    return found ? real_of(found->kind, found->word) : std::nullopt;
+}
+
+std::string Decoder::words(const Reference &reference)
+{
+    const auto found = find(reference, true);
+    return found ? shown(*found) : "";
 }
 
 void Decoder::say_why_not(Id id, std::size_t depth)

@@ -101,6 +101,10 @@ public:
     /// Whether a condition of the database holds for the newest values, as that of an alarm.
     bool applies(const Condition &condition) { return holds(condition, true); }
 
+    /// The newest value of a reference as a number, none if it is not there or none, and in words.
+    std::optional<double> real(const Reference &reference);
+    std::string words(const Reference &reference);
+
     /// Know the earlier values that another decoder of the same database knows.
     void remember(const Decoder &other);
 

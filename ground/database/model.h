@@ -257,9 +257,11 @@ struct Verifier {
     Id container = no_id; ///< whose arrival verifies it
     Reference changes;    ///< the parameter that must change by `change`
     double change = 0;
-    std::string algorithm;      ///< that only its author's program has
-    double start = 0, stop = 0; ///< [s] of the window; stop 0: not limited
-    std::string relative_to;    ///< commandRelease or timeLastVerifierPassed
+    Reference returns;             ///< the parameter that then says more; of nothing: none
+    std::optional<double> percent; ///< how much is executed then
+    std::string algorithm;         ///< that only its author's program has
+    double start = 0, stop = 0;    ///< [s] of the window; stop 0: not limited
+    std::string relative_to;       ///< commandRelease or timeLastVerifierPassed
 };
 
 struct Command : Named {
@@ -282,6 +284,10 @@ struct Database {
     std::vector<Container> containers;
     std::vector<Command> commands;
     std::vector<std::string> notes; ///< "file:line: what was read but is not computed here"
+
+    /// Those of a command and those that it inherits, in the order of their stages: Complete verifiers are added, others
+    /// replace those of their stage.
+    std::vector<const Verifier *> verifiers(Id command) const;
 
     std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }
 
@@ -308,5 +314,25 @@ private:
         return found != no_id ? found : throw Refusal(std::string("the database has no ") + what + " " + name);
     }
 };
+
+/// The stages of verifiers in their order.
+inline constexpr const char *verifier_stages[] = {
+    "TransferredToRange", "SentFromRange", "Received", "Accepted", "Queued", "Execution", "Complete", "Failed"};
+
+inline std::vector<const Verifier *> Database::verifiers(Id command) const
+{
+    std::vector<const Verifier *> made;
+    for (const std::string stage : verifier_stages) {
+        const std::size_t before = made.size();
+        for (Id at = command; at != no_id && (made.size() == before || stage == "Complete"); at = commands[at].base) {
+            for (const Verifier &one : commands[at].verifiers) {
+                if (one.stage == stage) {
+                    made.push_back(&one);
+                }
+            }
+        }
+    }
+    return made;
+}
 
 } // namespace fledge::ground

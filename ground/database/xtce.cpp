@@ -24,6 +24,7 @@ namespace {
 using Node = pugi::xml_node;
 using View = std::string_view;
 
+constexpr View of_argument = "/yamcs/cmd/arg/";
 constexpr std::size_t deepest = 64; // of nested systems, types and conditions
 
 View tag(Node node)
@@ -448,9 +449,9 @@ private:
             const std::string text = needed(node, "parameterRef");
             if (auto found = parameter_reference(node, text)) {
                 made = *found;
-            } else if (outside_ || member_names_.contains(text)) { // beside it, or of another program
-                made.of = Reference::Of::argument;
-                made.name = text;
+            } else if ((outside_ && text.starts_with("/yamcs/")) || member_names_.contains(text)) {
+                made.of = Reference::Of::argument; // beside it, or of another program, which has arguments in this way
+                made.name = text.starts_with(of_argument) ? text.substr(of_argument.size()) : text;
             } else {
                 refuse(node, "there is no parameter " + text);
             }
@@ -473,15 +474,6 @@ private:
                    : refuse_as<Operator>(node, "'" + std::string(text) + "' is no operator of a comparison");
     }
 
-    static Literal literal(const std::string &text)
-    {
-        Literal made{text, number<std::int64_t>(trimmed(text)), number<double>(trimmed(text))};
-        if (const auto large = number<std::uint64_t>(trimmed(text)); large && !made.integer) {
-            made.integer = static_cast<std::int64_t>(*large); // its 64 bits
-        }
-        return made;
-    }
-
     Condition one_condition(Node node, std::size_t depth)
     {
         const View name = tag(node);
@@ -495,8 +487,8 @@ private:
             made.left = reference(inner);
             made.op = comparison(node, node.attribute("comparisonOperator").as_string("=="));
             const auto value = node.attribute("value");
-            made.literal = literal(value ? value.value()
-                                         : refuse_as<const char *>(node, "<Comparison> needs the attribute value"));
+            made.literal = literal_of(value ? value.value()
+                                            : refuse_as<const char *>(node, "<Comparison> needs the attribute value"));
             made.text =
                 made.left.name + " " + node.attribute("comparisonOperator").as_string("==") + " " + made.literal.text;
         } else if (name == "Condition") {
@@ -509,7 +501,7 @@ private:
                     made.op = comparison(child, child.text().get());
                     made.text = trimmed(child.text().get());
                 } else if (tag(child) == "Value" && place == 1) {
-                    made.literal = literal(child.text().get());
+                    made.literal = literal_of(child.text().get());
                     place++;
                 } else {
                     stray(child);
@@ -519,7 +511,9 @@ private:
                 refuse(node, "a condition compares two values, or a value with a constant");
             }
             made.text = made.left.name + " " + made.text + " " +
-                        (made.right.of == Reference::Of::nothing ? made.literal.text : made.right.name);
+                        (made.right.of == Reference::Of::nothing    ? made.literal.text
+                         : made.right.of == Reference::Of::argument ? "argument " + made.right.name
+                                                                    : made.right.name);
         } else {
             made.what = name == "ORedConditions" ? Condition::What::any : Condition::What::all;
             if (!one_of(name, {"ComparisonList", "BooleanExpression", "ANDedConditions", "ORedConditions"})) {
@@ -1336,10 +1330,12 @@ private:
     Verifier verifier(Node node)
     {
         Verifier made;
-        if (!tag(node).ends_with("Verifier")) {
+        made.stage = tag(node).substr(0, tag(node).rfind("Verifier"));
+        if (std::find(std::begin(verifier_stages), std::end(verifier_stages), made.stage) ==
+                std::end(verifier_stages) ||
+            !tag(node).ends_with("Verifier")) {
             stray(node);
         }
-        made.stage = tag(node).substr(0, tag(node).size() - View("Verifier").size());
         for (Node child : elements(node)) {
             const View name = tag(child);
             if (is_condition(child)) {
@@ -1353,12 +1349,31 @@ private:
                 made.start = seconds(child, child.attribute("timeToStartChecking").as_string("PT0S"));
                 made.stop = seconds(child, needed(child, "timeToStopChecking"));
                 made.relative_to = child.attribute("timeWindowIsRelativeTo").as_string("timeLastVerifierPassed");
+                if (!(made.stop > made.start) ||
+                    !one_of(made.relative_to, {"timeLastVerifierPassed", "commandRelease"})) {
+                    refuse(child,
+                           "a window ends after it begins, relative to timeLastVerifierPassed or commandRelease");
+                }
+            } else if (name == "ReturnParmRef") {
+                made.returns = reference(child);
+            } else if (name == "PercentComplete") {
+                if (const Node fixed = element(child, "FixedValue")) {
+                    made.percent = real(fixed, fixed.text().get());
+                } else {
+                    note(child, "only a fixed percentage is computed");
+                }
             } else if (one_of(name, {"CustomAlgorithm", "CheckWindowAlgorithms"})) {
                 made.algorithm = child.attribute("name").as_string("without a name");
                 note(child, "an algorithm that verifies a command is not computed");
-            } else if (!common(child) && !one_of(name, {"ReturnParmRef", "PercentComplete"})) {
+            } else if (!common(child)) {
                 stray(child);
             }
+        }
+        if (made.condition.what == Condition::What::always && made.container == no_id && made.algorithm.empty() &&
+            made.changes.of == Reference::Of::nothing) {
+            refuse(node, "<" + std::string(tag(node)) +
+                             "> needs a Comparison, ComparisonList, BooleanExpression, ContainerRef or "
+                             "ParameterValueChange");
         }
         return made;
     }
@@ -1452,6 +1467,15 @@ private:
 };
 
 } // namespace
+
+Literal literal_of(const std::string &text)
+{
+    Literal made{text, number<std::int64_t>(trimmed(text)), number<double>(trimmed(text))};
+    if (const auto large = number<std::uint64_t>(trimmed(text)); large && !made.integer) {
+        made.integer = static_cast<std::int64_t>(*large); // its 64 bits
+    }
+    return made;
+}
 
 Database read_xtce(const std::vector<XtceFile> &files)
 {

@@ -20,4 +20,7 @@ Database read_xtce(const std::vector<XtceFile> &files);
 /// The same of a text, whose name is for messages.
 Database read_xtce_text(std::string text, const std::string &name);
 
+/// A constant of a comparison.
+Literal literal_of(const std::string &text);
+
 } // namespace fledge::ground

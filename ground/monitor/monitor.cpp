@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/monitor/monitor.h"
 
+#include "ground/database/xtce.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -39,6 +41,36 @@ struct Monitor::Live {
 struct Monitor::Trigger {
     std::vector<std::uint32_t> inputs;
     std::vector<std::uint64_t> pending, rows; ///< until they are saved, and then
+};
+
+/// A verifier of a command that was sent.
+struct Monitor::Expected {
+    const Verifier *verifier;
+    Condition condition;
+    std::vector<Id> parameters; ///< of the condition or the change
+    std::optional<double> before;
+
+    /// With the arguments of the command in the condition.
+    void compile(Condition &one, const std::map<std::string, std::string> &arguments)
+    {
+        for (Condition &part : one.parts) {
+            compile(part, arguments);
+        }
+        if (one.what != Condition::What::compare) {
+            return;
+        }
+        for (const Reference *side : {&one.left, &one.right}) {
+            if (side->of == Reference::Of::parameter) {
+                parameters.push_back(side->parameter);
+            } else if (side->of == Reference::Of::argument && (side == &one.left || !arguments.contains(side->name))) {
+                throw Refusal("it compares " + side->name + ", which is not known here");
+            }
+        }
+        if (one.right.of == Reference::Of::argument) {
+            one.literal = literal_of(arguments.at(one.right.name));
+            one.right = {};
+        }
+    }
 };
 
 Monitor::Monitor(const Database &database, Id root)
@@ -107,6 +139,64 @@ void Monitor::watch(std::span<const Id> containers)
     }
 }
 
+std::uint32_t Monitor::expect(Id command, std::size_t verifier, const std::map<std::string, std::string> &arguments)
+{
+    const auto all = db_.verifiers(command);
+    if (verifier >= all.size() || !all[verifier]->algorithm.empty()) {
+        throw Refusal(verifier >= all.size() ? "there is no such verifier"
+                                             : "the algorithm " + all[verifier]->algorithm + " is not computed here");
+    }
+    Expected made{all[verifier], all[verifier]->condition, {}, {}};
+    made.compile(made.condition, arguments);
+    const std::lock_guard taking(taking_);
+    if (made.verifier->changes.of != Reference::Of::nothing) {
+        made.parameters.push_back(made.verifier->changes.parameter);
+        made.before = decoder_.real(made.verifier->changes);
+    }
+    expected_.emplace(++expectations_, std::move(made));
+    return expectations_;
+}
+
+void Monitor::forget(std::uint32_t number)
+{
+    const std::lock_guard taking(taking_);
+    expected_.erase(number);
+}
+
+/// What the newest packet verifies.
+void Monitor::verify(const Decoded &packet, std::int64_t t, std::vector<Note> &notes)
+{
+    for (auto &[number, one] : expected_) {
+        const Verifier &verifier = *one.verifier;
+        Id container = packet.container;
+        while (container != no_id && container != verifier.container) {
+            container = db_.containers[container].base;
+        }
+        const bool brings =
+            std::any_of(packet.fields.begin(), packet.fields.end(), [&parameters = one.parameters](auto &field) {
+                return std::find(parameters.begin(), parameters.end(), field.parameter) != parameters.end();
+            });
+        if (verifier.container != no_id ? container == no_id : !brings) {
+            continue;
+        }
+        if (verifier.changes.of != Reference::Of::nothing) {
+            const auto now = decoder_.real(verifier.changes);
+            one.before = one.before ? one.before : now;
+            const double change = now ? *now - *one.before : 0;
+            if (verifier.change > 0 ? !(change >= verifier.change) : !(change <= verifier.change && change != 0)) {
+                continue;
+            }
+        }
+        if (one.condition.what == Condition::What::always || decoder_.applies(one.condition)) {
+            notes.push_back(
+                {.what = Note::What::verified,
+                 .slot = number,
+                 .t = t,
+                 .text = verifier.returns.of != Reference::Of::nothing ? decoder_.words(verifier.returns) : ""});
+        }
+    }
+}
+
 std::vector<Note> Monitor::take(std::span<const Arrival> batch)
 {
     const std::lock_guard taking(taking_);
@@ -135,6 +225,7 @@ std::vector<Note> Monitor::take(std::span<const Arrival> batch)
             notes.push_back({.what = Note::What::watched, .t = arrival.t, .packet = i, .container = packet.container});
         }
         apply(packet, arrival, notes);
+        verify(packet, arrival.t, notes);
     }
     keep([&] { sink_->save(); });
     if (problem != problem_) {

@@ -30,6 +30,7 @@ struct Note {
         concern,   ///< of a slot, after persistence
         undecoded, ///< a packet; text: the reason
         watched,   ///< a packet of a container that is watched
+        verified,  ///< what is expected by the number in `slot`; text: what the verifier returns
         slots,     ///< new ones from `slot` on
         full,      ///< there are `Slots::most`, and values without one
         archive    ///< text: why it does not keep packets; empty: it does again
@@ -66,6 +67,12 @@ public:
 
     /// Note the packets of these containers and of those that extend them.
     void watch(std::span<const Id> containers);
+
+    /// Note each packet that fulfils a verifier of a command, of its place in Database::verifiers; the number of the
+    /// notes. Values that were there before count where the packet has another one of a condition. arguments: in words.
+    /// Throws Refusal if it cannot be computed.
+    std::uint32_t expect(Id command, std::size_t verifier, const std::map<std::string, std::string> &arguments);
+    void forget(std::uint32_t number);
 
     struct Shown {
         Newest newest;
@@ -106,6 +113,7 @@ public:
 private:
     struct Live;
     struct Trigger;
+    struct Expected;
     struct Texts {
         std::string raw, value;
     };
@@ -116,6 +124,7 @@ private:
     void keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
     void judge(std::uint32_t slot, Kind kind, Newest &next, const Decoded *packet, std::vector<Note> &notes);
     void write_rows(std::int64_t t);
+    void verify(const Decoded &packet, std::int64_t t, std::vector<Note> &notes);
     void publish(std::int64_t t, std::vector<Note> &notes);
     void check(std::uint32_t slot) const;
 
@@ -135,6 +144,8 @@ private:
     std::vector<std::vector<std::uint32_t>> feeds_; ///< triggers of each slot
     std::vector<std::uint32_t> touched_, fired_;
     std::vector<bool> watched_; ///< of each container
+    std::map<std::uint32_t, Expected> expected_;
+    std::uint32_t expectations_ = 0; ///< so far
 
     // Of readers: under shown_, briefly. What the taker reads without it changes under both.
     mutable std::mutex shown_;

@@ -2,7 +2,8 @@
 """Commands of a spacecraft: forms of its database, their bytes, and how far each is.
 
 A command is in the journal before it leaves. Its stages: released, delivered (the link's COP-1), accepted, started,
-progress, completed or failed, by flight's own reports; of a spacecraft that is no mission of Fledge, released alone.
+progress, completed or failed, by flight's own reports; of a spacecraft that is no mission of Fledge, by the verifiers
+of its database.
 """
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Stage, checksummed, numbered
+from fledge.control_room.verifying import Verifying
 from fledge.errors import SetupError, did_you_mean
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ class Commanding:
 
     def __init__(self, craft: Spacecraft) -> None:
         self.craft = craft
+        self.verifying = Verifying(craft)
         self.load()
         self._open: list[tuple[dict[str, Any], Sent, int]] = []     # row, what was sent, reports that are in it
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
@@ -49,6 +52,8 @@ class Commanding:
         for form in self._forms.values():       # who gives bytes does not count them
             counts = {one["counted_by"] for one in form["arguments"]}
             form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
+            self.verifying.prepare(form)
+        self.verifying.end("the database has changed: the verifiers of this command are not known any more")
 
     @property
     def forms(self) -> list[dict[str, Any]]:
@@ -75,7 +80,7 @@ class Commanding:
         form, _, packet = self._encoded(name, arguments)
         if form["hazardous"] and not confirmed:
             raise Hazardous(form["hazardous"])
-        return self.release(user, name, arguments, [self.numbered(packet)])
+        return self.release(user, name, arguments, [self.numbered(packet)], form=form)
 
     def made(self, name: str, arguments: dict[str, Any]) -> bytes:
         """The packet of a command that is to be stored on board. Raises ArgumentError, SetupError."""
@@ -86,15 +91,15 @@ class Commanding:
         return self.craft.ground.numbered(packet) if self.craft.ground else self._numbered(packet)
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
-                then: Callable[[Sent], None] | None = None) -> dict[str, Any]:
+                then: Callable[[Sent], None] | None = None, form: dict[str, Any] | None = None) -> dict[str, Any]:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
-        executed it. Raises SetupError; JournalError: then nothing was sent."""
+        executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
         craft = self.craft
         if craft.link is None:
             raise SetupError(f"{craft.name}: the link is down, so nothing was sent: {craft.state}")
         row: dict[str, Any] = {"craft": craft.name, "t_ns": str(craft.now), "user": user, "name": name,
                                "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
-        self._stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
+        self.stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
         craft.room.journal.save("sent", craft.name, row)    # before it leaves
         sent = None
         try:
@@ -103,8 +108,10 @@ class Commanding:
             else:
                 for packet in packets:
                     craft.link.send(packet)
+                if form:
+                    self.verifying.begin(row, form, packets[0])
         except OSError as error:
-            self._stage(row, "failed", False, f"the link broke: {error.strerror or error}; it may have arrived or not")
+            self.stage(row, "failed", False, f"the link broke: {error.strerror or error}; it may have arrived or not")
         self._keep(row)
         if sent:
             self._open.append((row, sent, 0))
@@ -114,6 +121,7 @@ class Commanding:
 
     def look(self) -> None:
         """Note what became of commands since the last look."""
+        self.verifying.look(self.craft.now)
         if not self._open:
             return
         left = []
@@ -135,9 +143,9 @@ class Commanding:
         """Whether it is over."""
         stages = {one["stage"] for one in row["stages"]}
         if "delivered" not in stages and sent.arrived and len(sent.arrived) == len(sent.packets):
-            self._stage(row, "delivered", True, "the link knows that it is there")
+            self.stage(row, "delivered", True, "the link knows that it is there")
         if sent.given_up and not sent.reports and "failed" not in stages:
-            self._stage(row, "failed", False, "the link gave it up after its last transmission; it may have arrived")
+            self.stage(row, "failed", False, "the link gave it up after its last transmission; it may have arrived")
             return True
         dictionary = self.craft.dictionary
         assert dictionary is not None
@@ -148,7 +156,7 @@ class Commanding:
             if not report.good:
                 packet = next((one for one in sent.packets if int.from_bytes(one[2:4], "big") & 0x3FFF
                                == report.sequence), None)
-                self._stage(row, "failed", False, dictionary.refusal(report, packet))
+                self.stage(row, "failed", False, dictionary.refusal(report, packet))
                 return True
             word = WORDS.get(report.stage, "progress")
             same = {one.sequence for one in sent.reports if one.stage == report.stage and one.good}
@@ -156,7 +164,7 @@ class Commanding:
                 continue
             stages.add(word)
             at = f"at {report.t / 1e9:g} s" if report.stage != Stage.ACCEPTED else ""
-            self._stage(row, word, True, f"{report.detail} %" if word == "progress" else at)
+            self.stage(row, word, True, f"{report.detail} %" if word == "progress" else at)
             if word == "progress":
                 row["stages"][-1]["percent"] = report.detail
             if word == "completed":
@@ -164,7 +172,7 @@ class Commanding:
                 return True
         if self.craft.now - int(row["t_ns"]) > WITHIN and not any(one["stage"] in (
                 "started", "progress", "failed") for one in row["stages"]):
-            self._stage(row, "failed", False, f"no report of its execution within {WITHIN / 1e9:g} s")
+            self.stage(row, "failed", False, f"no report of its execution within {WITHIN / 1e9:g} s")
         return self.craft.now - int(row["t_ns"]) > 60 * WITHIN
 
     def _encoded(self, name: str, arguments: dict[str, Any]
@@ -209,10 +217,11 @@ class Commanding:
         made = numbered(packet, number)
         return checksummed(made) if self.craft.settings.header == "cfs" else made
 
-    def _stage(self, row: dict[str, Any], stage: str, good: bool, text: str) -> None:
+    def stage(self, row: dict[str, Any], stage: str, good: bool | None, text: str, t: int | None = None) -> None:
+        """Add a stage to a row. good: None if it is not known; t [ns]: now."""
         if stage == "progress":     # the newest one alone
             row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
-        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now), "good": good, "text": text})
+        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now if t is None else t), "good": good, "text": text})
 
     def _keep(self, row: dict[str, Any]) -> None:
         self.craft.room.keep("sent", self.craft.name, row)

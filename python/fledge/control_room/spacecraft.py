@@ -365,7 +365,10 @@ class Spacecraft:
         until = None
         if self.link is not None:
             until = self.run.until() if self.run else self.link.t + TURN
+        if self.clock == "utc":     # a craft that is silent has a time, too
+            self.now = max(self.now, time.time_ns())
         if self.link is None or until is None:
+            self.commanding.look()
             self._over.wait(TURN / 1e9)
             return
         arrived = self.ground.receive(until) if self.ground else self.link.receive(until)
@@ -430,6 +433,8 @@ class Spacecraft:
                 self._undecoded(*rest)
             elif what == "watched":
                 self._watched(*rest)
+            elif what == "verified":
+                self.commanding.verifying.take(*rest)
             elif what == "slots":
                 more = self.monitor.slots(rest[0])
                 self.slot_numbers |= {one["name"]: one["slot"] for one in more}

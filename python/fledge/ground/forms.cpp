@@ -4,6 +4,7 @@
 
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
 #include <set>
 
 namespace py = pybind11;
@@ -80,9 +81,43 @@ py::dict argument_form(const Database &db, const Argument &one)
     return made;
 }
 
+std::string in_words(const Condition &condition)
+{
+    std::string all = condition.text;
+    for (const Condition &part : condition.parts) {
+        all += (all.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + in_words(part);
+    }
+    return all;
+}
+
+bool compares_arguments(const Condition &condition)
+{
+    return condition.right.of == Reference::Of::argument ||
+           std::any_of(condition.parts.begin(), condition.parts.end(), compares_arguments);
+}
+
+py::dict verifier_form(const Database &db, const Verifier &one)
+{
+    std::string text =
+        one.container != no_id ? shown_name(db.containers[one.container])
+        : one.changes.of != Reference::Of::nothing
+            ? "a change of " + one.changes.name + " by " + py::str(py::float_(one.change)).cast<std::string>()
+        : one.condition.what != Condition::What::always ? in_words(one.condition)
+                                                        : one.algorithm;
+    py::dict made;
+    made["stage"] = one.stage;
+    made["text"] = text;
+    made["start"] = one.start;
+    made["stop"] = one.stop > 0 ? py::object(py::float_(one.stop)) : py::object(py::none());
+    made["from_release"] = one.relative_to == "commandRelease";
+    made["percent"] = one.percent ? py::object(py::float_(*one.percent)) : py::object(py::none());
+    made["own"] = compares_arguments(one.condition);
+    return made;
+}
+
 } // namespace
 
-/// Of each command that is not abstract: name, path, group, description, hazardous, arguments.
+/// Of each command that is not abstract: name, path, group, description, hazardous, arguments, verifiers.
 py::list command_forms(const Database &db)
 {
     py::list made;
@@ -120,6 +155,11 @@ py::list command_forms(const Database &db)
         form["description"] = command.description;
         form["hazardous"] = hazardous;
         form["arguments"] = arguments;
+        py::list verifiers;
+        for (const Verifier *one : db.verifiers(static_cast<Id>(&command - db.commands.data()))) {
+            verifiers.append(verifier_form(db, *one));
+        }
+        form["verifiers"] = verifiers;
         made.append(form);
     }
     return made;

@@ -115,6 +115,7 @@ public:
                 made.append(
                     py::make_tuple("watched", db_.containers[note.container].path, note.t, arrival()[1], arrival()[2]));
                 break;
+            case Note::What::verified: made.append(py::make_tuple("verified", note.slot, note.t, note.text)); break;
             case Note::What::slots: made.append(py::make_tuple("slots", note.slot)); break;
             case Note::What::full: made.append(py::make_tuple("full", note.text)); break;
             case Note::What::archive: made.append(py::make_tuple("archive", note.text)); break;
@@ -211,6 +212,13 @@ public:
         released([&] { monitor_.watch(containers); });
     }
 
+    std::uint32_t expect(const std::string &command, std::size_t verifier,
+                         const std::map<std::string, std::string> &arguments)
+    {
+        const Id id = db_.command(command);
+        return released([&] { return monitor_.expect(id, verifier, arguments); });
+    }
+
     py::bytes rows(std::uint32_t trigger)
     {
         const auto made = released([&] { return monitor_.rows(trigger); });
@@ -265,6 +273,7 @@ void bind_monitor(py::module_ &m)
              "What is notable, as tuples:\n"
              "(\"concern\", slot, t, old, new): the state by its limits, 0 normal to 5 severe\n"
              "(\"undecoded\", t, received, packet, reason); (\"watched\", container, t, received, packet)\n"
+             "(\"verified\", number, t, text): of expect()\n"
              "(\"slots\", first): there are new ones; (\"full\", text): values are lost\n"
              "(\"archive\", text): why it keeps no packets; \"\": it does again.")
         .def("slots", &Watcher::slots, py::arg("first") = 0, py::arg("most") = no_id,
@@ -283,6 +292,12 @@ void bind_monitor(py::module_ &m)
              "numbers; ground/monitor/monitor.h has the frame.")
         .def("watch", &Watcher::watch, py::arg("containers"),
              "Note the packets of these containers and of those that extend them.")
+        .def("expect", &Watcher::expect, py::arg("command"), py::arg("verifier"), py::arg("arguments"),
+             "Note each packet that fulfils a verifier, of its place in the command's form; the number of the notes. "
+             "arguments: in words. Raises SetupError if it cannot be computed.")
+        .def(
+            "forget", [](Watcher &one, std::uint32_t number) { released([&] { one.monitor().forget(number); }); },
+            py::arg("number"), "Expect it no longer.")
         .def(
             "set_limits",
             [](Watcher &one, std::uint32_t slot, const std::optional<py::dict> &limits, std::uint32_t persistence) {
