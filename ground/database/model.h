@@ -285,8 +285,8 @@ struct Database {
     std::vector<Command> commands;
     std::vector<std::string> notes; ///< "file:line: what was read but is not computed here"
 
-    /// Those of a command and those that it inherits, in the order of their stages: Complete verifiers are added, others
-    /// replace those of their stage.
+    /// Those of a command and those that it inherits, in the order of their stages: Complete verifiers are added,
+    /// others replace those of their stage.
     std::vector<const Verifier *> verifiers(Id command) const;
 
     std::string where(Place place) const { return files[place.file] + ":" + std::to_string(place.line); }

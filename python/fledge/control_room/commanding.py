@@ -52,6 +52,8 @@ class Commanding:
         for form in self._forms.values():       # who gives bytes does not count them
             counts = {one["counted_by"] for one in form["arguments"]}
             form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
+            if self.craft.dictionary:           # flight's own reports say more
+                form["verifiers"] = []
             self.verifying.prepare(form)
         self.verifying.end("the database has changed: the verifiers of this command are not known any more")
 
@@ -221,7 +223,8 @@ class Commanding:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""
         if stage == "progress":     # the newest one alone
             row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
-        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now if t is None else t), "good": good, "text": text})
+        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now if t is None else t), "good": good,
+                              "text": text})
 
     def _keep(self, row: dict[str, Any]) -> None:
         self.craft.room.keep("sent", self.craft.name, row)

@@ -105,8 +105,8 @@ class Verifying:
                     continue
                 since = "the release" if verifier["from_release"] or one.passed == one.release else \
                     "the verifier before"
-                self._stage(one.row, verifier, False, f"no {verifier['text']} within {verifier['stop'] or OPEN / 1e9:g} "
-                            f"s of {since}", end)
+                within = verifier["stop"] or OPEN / 1e9
+                self._stage(one.row, verifier, False, f"no {verifier['text']} within {within:g} s of {since}", end)
                 one.late[number] = one.row["stages"][-1], end
             for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
                 self.craft.monitor.forget(number)

@@ -211,7 +211,20 @@ export async function send(api, craft, name, values) {
     }
 }
 
-export const STAGES = ["released", "delivered", "accepted", "started", "progress", "completed"];
+const OF_DATABASES = ["transferred", "sent", "received", "queued"];  // that few of them have
+export const STAGES = [
+    "released", "transferred", "sent", "received", "delivered", "accepted", "queued", "started", "progress", "completed"
+];
+
+/** The stages that commands with these forms may have. */
+export const stagesOf = (forms) => STAGES.filter((stage) => !OF_DATABASES.includes(stage) ||
+    forms.some((form) => form.verifiers.some((one) => one.stage === stage)));
+
+/** A verifier of a form in words. */
+export const verifierOf = ({stage, text, stop, from_release, problem}) => `${stage}: ${
+    problem ? `not watched: ${problem}` :
+    `${text}${stop === null ? "" : ` within ${stop} s of the ${from_release ? "release" : "verifier before"}`}`}`;
+
 const TICKS = {
     true: "\u2713",
     false: "\u2717",

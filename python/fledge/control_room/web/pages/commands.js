@@ -3,7 +3,9 @@
 import {of} from "../api.js";
 import {attempt, dress, h, put} from "../dom.js";
 import {clock} from "../format.js";
-import {Form, STAGES, bytesOf, groupOf, inWords, ladder, listed, outcome, send, textOf, tick} from "../forms.js";
+import {
+    Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
+} from "../forms.js";
 import {stackOf} from "../stack.js";
 import {Table} from "../table.js";
 
@@ -13,7 +15,7 @@ export const title = "Commands", key = "c";
 
 export async function open({root, api, live, keys, craft, selection, select, can}) {
     const utc = live.craft(craft)?.clock === "utc";
-    let forms = [], rows = [], form = null, timer = 0, asked = null;
+    let forms = await api.get(of(craft, "commands")).catch(() => []), rows = [], form = null, timer = 0, asked = null;
 
     const search = h("input", {
         type: "search",
@@ -72,7 +74,8 @@ export async function open({root, api, live, keys, craft, selection, select, can
             }
         },
             h("header", {}, h("h2", {}, about.name), about.description && h("p", {class: "soft"}, about.description),
-                about.hazardous && h("p", {class: "hazard"}, "\u26a0 hazardous: ", about.hazardous)),
+                about.hazardous && h("p", {class: "hazard"}, "\u26a0 hazardous: ", about.hazardous),
+                about.verifiers.map((one) => h("p", {class: one.problem ? "problem" : "soft"}, verifierOf(one)))),
             form.element,
             h("div", {class: "row send"}, here,
                 h("button", {type: "button", onclick: () => stack()}, "Add to the stack"), said),
@@ -132,7 +135,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     }
 
     // --- what was sent ---
-    const sent = new Sent(live, craft, utc, (row) => details(row));
+    const sent = new Sent(live, craft, utc, stagesOf(forms), (row) => details(row));
     const detail = h("div", {class: "detail"});
     function details(row) {
         const again = forms.find((one) => one.name === row.name);
@@ -149,7 +152,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
                             },
                                 "Fill in again")),
                     h("ol", {class: "ladder"},
-                        row.stages.map((one) => h("li", {class: one.good === false ? "bad" : "good"},
+                        row.stages.map((one) => h("li", {class: {false: "bad", null: "soft"}[one.good] ?? "good"},
                                            `${clock(one.t_ns, utc)} ${one.stage}${one.text ? `: ${one.text}` : ""}`))),
                     h("code", {class: "soft wrap"}, row.hex)
                 ] :
@@ -161,7 +164,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     keys.add("/", "search a command", () => search.focus());
     keys.add("h", "the commands that were sent", () => sent.table.scroll.focus());
     await attempt(root, async () => {
-        forms = await api.get(of(craft, "commands"));
+        if (!forms.length) forms = await api.get(of(craft, "commands"));
         find();
         const chosen = forms.find((one) => one.name === selection);
         if (chosen) show(chosen);
@@ -178,14 +181,14 @@ export async function open({root, api, live, keys, craft, selection, select, can
 
 /** The table of sent commands, newest first, with a tick for each verifier. */
 export class Sent {
-    constructor(live, craft, utc, chosen) {
-        Object.assign(this, {craft, rows: [], utc, chosen, shown: null});
+    constructor(live, craft, utc, stages, chosen) {
+        Object.assign(this, {craft, rows: [], utc, stages, chosen, shown: null});
         this.table = new Table({
             label: "sent commands",
             empty: "No command was sent yet",
             columns: [
                 {title: "time", width: utc ? "10.5em" : "7.5em"}, {title: "command", width: "minmax(10em, 3fr)"},
-                {title: "arguments", width: "minmax(6em, 2fr)"}, ...STAGES.map((title) => ({
+                {title: "arguments", width: "minmax(6em, 2fr)"}, ...stages.map((title) => ({
                     title: title === "progress" ? "%" : title,
                     width: title === "progress" ? "4em" : "5.4em",
                     class: "center"
@@ -230,7 +233,7 @@ export class Sent {
         put(time, clock(row.t_ns, this.utc, this.utc ? 0 : 1));
         put(name, row.name);
         put(values, inWords(row.arguments));
-        STAGES.forEach((stage, i) => {
+        this.stages.forEach((stage, i) => {
             const [sign, name_] = tick(row, stage);
             dress(rest[i], `td center ${name_}`);
             put(rest[i], sign);

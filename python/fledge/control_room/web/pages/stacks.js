@@ -2,7 +2,7 @@
 // Stacks of commands: composed, saved and loaded as a file, run step by step or until a verifier fails.
 import {of} from "../api.js";
 import {ask, attempt, dress, h, put} from "../dom.js";
-import {Form, STAGES, inWords, outcome} from "../forms.js";
+import {Form, inWords, outcome, stagesOf} from "../forms.js";
 import {read, stackOf, written} from "../stack.js";
 import {offer} from "../transfer.js";
 
@@ -76,7 +76,7 @@ export async function open({root, api, live, keys, craft, can, say}) {
             h("div", {class: "row"},
                 h("label", {class: "field"}, h("span", {}, "go on when it is"),
                     h("select", {onchange: (event) => set("until", event.target.value)},
-                        STAGES.filter((one) => one !== "progress")
+                        stagesOf(forms).filter((one) => one !== "progress")
                             .map((one) => h("option", {selected: one === step.until}, one)))),
                 h("label", {class: "field"}, h("span", {}, "then wait [s]"), h("input", {
                     type: "number",
