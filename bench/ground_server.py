@@ -60,9 +60,9 @@ def packet(k: int, count: int, numbers: bytes, sent: int = 0) -> bytes:
 
 
 class Server:
-    """A server of one spacecraft, whose packets come by UDP."""
+    """A server of one spacecraft, whose packets come by UDP; and of `more`, as the file has them."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, more: str = "") -> None:
         self.folder = folder
         with socket.socket() as one, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             one.bind(("127.0.0.1", 0))
@@ -71,7 +71,7 @@ class Server:
         (folder / "craft.xml").write_text(xtce(), encoding="utf-8")
         (folder / "ground.toml").write_text(
             f'port = {self.http}\nfolder = "{folder}"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\n'
-            f'link = "udp://127.0.0.1:9?listen={self.udp}"\n')
+            f'link = "udp://127.0.0.1:9?listen={self.udp}"\n{more}')
         self._process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve",
                                           str(folder / "ground.toml")], stdout=subprocess.PIPE, text=True)
         assert self._process.stdout and "http" in self._process.stdout.readline(), "the server does not begin"

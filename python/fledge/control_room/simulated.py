@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from fledge.control_room.settings import CraftSettings
 
 AHEAD = 200_000_000     # [ns] of wall time that one turn may take
+LEAST = 10_000_000      # [ns] of wall time that one turn flies at least, for a turn costs far more than a short flight
 LATE = 0.5              # [s] behind its speed: what the simulation cannot keep up with is not made good
 
 
@@ -51,7 +52,7 @@ class Pace:
             if behind > LATE:
                 self._anchor()
             due = self._t + int((monotonic() - self._begun) * 1e9 * self.speed)
-            due = min(due, t + max(int(AHEAD * self.speed), 1))
+            due = min(due, t + max(int(AHEAD * self.speed), 1)) if due >= t + LEAST * self.speed else t
         if self._end is not None:
             due = min(due, self._end)
         return due if due > t else None
