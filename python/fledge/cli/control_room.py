@@ -58,8 +58,12 @@ def add(command: Callable) -> None:
     a.add_argument("name", metavar="NAME", help="of the script, for the operators' log")
 
 
+M_ARENA_MAX = -8        # of mallopt(3)
+
+
 def serve(options: argparse.Namespace) -> int:
     import asyncio
+    import ctypes
     import signal
     from pathlib import Path
 
@@ -67,6 +71,7 @@ def serve(options: argparse.Namespace) -> int:
     from fledge.control_room.room import Room
     from fledge.control_room.settings import read
 
+    ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)   # with a heap for each thread, each keeps the size of its largest answer
     room = Room(read(Path(options.file)))
 
     async def until_signal() -> None:

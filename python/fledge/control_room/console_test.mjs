@@ -69,6 +69,8 @@ await run({
             (one.style.backgroundImage ? [k] : [])));
         assert.deepEqual(lit, [18]);
         await page.keyboard.press("u");
+        await page.waitForFunction(() => ![...document.querySelectorAll(".list .tbody .tr:not([hidden])")].some((one) =>
+            !one.textContent.includes("version_to_apid")));
         await page.locator(".list .tbody .tr:not([hidden])", {hasText: "version_to_apid"}).first().click();
         await page.locator(".inspect .problem", {hasText: /version_to_apid.*1.*at bit 0: byte 0, bit 0/s}).waitFor();
         assert.ok(await page.locator(".inspect .hex .wrong").count());
