@@ -70,10 +70,10 @@ void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point n
         return;
     }
     if (speed_ == 0.0) {
-        const auto took = now - zero_;
+        const auto took = now - stride_begun_;
         stride_ = took < short_stride ? std::min(2 * stride_, longest_stride)
                                       : std::max<Ns>(took > long_stride ? stride_ / 2 : stride_, 1);
-        zero_ = now;
+        stride_begun_ = now;
         controller.set_horizon(std::max(due, std::min(until_, due + stride_)));
         return;
     }

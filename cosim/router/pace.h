@@ -34,9 +34,12 @@ public:
     /// finished the previous one; a late run catches up.
     void update(Controller &controller, std::size_t nodes, Clock::time_point now);
 
-    /// From the next update on: another speed; a pause before the first instant after `until`, for_ever: none; go on.
+    // These take effect at the next update.
+    /// Run at another speed, without catching up what is late.
     void set_speed(double speed);
+    /// Run on, and pause before the first instant after `until`; for_ever: do not pause.
     void pause_after(Ns until) { until_ = until, held_ = false; }
+    /// Pause before the next instant.
     void pause() { held_ = true; }
 
     double speed() const { return speed_; }
@@ -50,9 +53,11 @@ private:
     double speed_;
     bool held_ = false;
     Ns until_ = for_ever;
-    Ns stride_ = 1;                  ///< without a speed: how far all nodes may go before the next update
+    Ns stride_ = 1;                  ///< at speed 0: how far all nodes may go before the next update
+    Clock::time_point stride_begun_; ///< at speed 0: when the last stride began
     bool stopped_ = true;            ///< simulated time stands still
-    Clock::time_point zero_, armed_; ///< the wall time of t = 0; the time for which the timer is set
+    Clock::time_point zero_;         ///< at other speeds: the wall time of t = 0
+    Clock::time_point armed_;        ///< the time for which the timer is set
     PaceReport report_;
 };
 
