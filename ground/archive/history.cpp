@@ -439,8 +439,7 @@ void History::decode(const std::vector<Target> &targets, const Query &query, con
     for (const Id id : containers) {
         paths.insert(db_.containers[id].path);
     }
-    char hash[20];
-    std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(db_.hash));
+    const std::string hash = hash_text(db_);
     const auto wanted_of = [&](const PacketFile &file) -> Wanted {
         // Of another database, any packet may have them now.
         const bool same = metadata(file, "archive", "database") == hash;

@@ -367,13 +367,11 @@ void PacketArchive::begin(const Pending &first)
     made->open(db_.containers.size() + 1);
     made->session = first.session;
     made->period = first.t / period_;
-    char hash[20];
-    std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(db_.hash));
     file_ = std::move(made);
     tell(first.session);
     file_->metadata("archive", {{"craft", craft_},
                                 {"session", std::to_string(first.session)},
-                                {"database", hash},
+                                {"database", hash_text(db_)},
                                 {"received", std::to_string(first.received)}});
     file_->save();
 }

@@ -4,6 +4,8 @@
 #include "record/mcap_crc.h"
 
 #include <cerrno>
+#include <cinttypes>
+#include <cstdio>
 #include <cstring>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -76,6 +78,13 @@ struct Fields {
 };
 
 } // namespace
+
+std::string hash_text(const Database &database)
+{
+    char text[17];
+    std::snprintf(text, sizeof text, "%016" PRIx64, database.hash);
+    return text;
+}
 
 PacketFile::PacketFile(std::string name) : path(std::move(name))
 {

@@ -17,6 +17,9 @@ inline constexpr char packet_schema[] = "int64 t  # t [ns] of the spacecraft's c
                                         "int64 received  # received [ns] UTC since 1970\n"
                                         "uint8[] packet  # packet\n";
 
+/// How the metadata of a file name a database: its hash as 16 hexadecimal digits.
+std::string hash_text(const Database &database);
+
 /// A packet in a file.
 struct Stored {
     std::int64_t t, received;
