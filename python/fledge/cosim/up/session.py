@@ -27,7 +27,8 @@ _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to end a run
 _LEAVE = 10.0       # [s] for programs to end by themselves after the run
 _GIVE_UP = 15.0     # [s] for guards to kill the others
-_HUNG = 1.0         # [s] for a program to end by itself when its node is lost, or when it is asynchronous
+_HUNG = 1.0         # [s] for a program to end by itself when its node is lost (_LEAVE if the node has reported its own
+                    # failure, because then the program does not hang), or when it is asynchronous
 _SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
 _BUSY = 2.0         # [s] after which the table shows an unanswered request
 _FILES_PER_PROGRAM, _OTHER_FILES = 3, 100    # its log and standard input, one more while it starts; our own
@@ -57,6 +58,7 @@ class _Running:
     started: int = 0            # times
     state: str = "absent"       # as the controller sees it
     lost_at: float | None = None
+    failed: bool = False        # its node has reported its own failure
     ending: bool = False        # the session has asked it to end
     dead: str = ""              # how its last process ended; "" while it lives
     died: tuple[int, float] = (0, 0.0)  # the number of reports of the controller by then, and the time
@@ -261,7 +263,7 @@ class Session:
     def _start_program(self, r: _Running) -> None:
         p = r.program
         r.started += 1
-        r.dead, r.handled, r.ending, r.lost_at, r.again_at = "", False, False, None, None
+        r.dead, r.handled, r.ending, r.lost_at, r.failed, r.again_at = "", False, False, None, False, None
         theirs = {**self._variables(p), "PYTHONUNBUFFERED": "1", **p.env}
         if p.host:
             fledge = p.fledge or str(FLEDGE)
@@ -345,6 +347,8 @@ class Session:
                         self._start_program(r)
         if "report" in report:
             self.view.happens("  " + report["report"])
+            for name, r in self._running.items():
+                r.failed |= report["report"].startswith(f"{name}: it failed: ")
         if "phase" in report:
             self.progress.phase = report["phase"]
         if "nodes" in report:
@@ -376,8 +380,8 @@ class Session:
             if not r.process:
                 continue
             p = r.program
-            if not r.dead and r.state == "lost" and r.lost_at and now - r.lost_at > _HUNG and not r.ending \
-                    and p.on_loss != "pause":
+            if not r.dead and r.state == "lost" and r.lost_at and not r.ending and p.on_loss != "pause" \
+                    and now - r.lost_at > (_LEAVE if r.failed else _HUNG):
                 self._end(r)    # it hangs, or does not know that its node is lost
             # The controller decides what the end of a program means; its report arrives later than the end.
             known = r.dead and (self._reports >= r.died[0] + 2 or now - r.died[1] > _SILENT)
