@@ -589,7 +589,7 @@ class Browser:
         self.skipped = self._told = 0
         self._texts: deque[str] = deque()
         self._wake = asyncio.Event()
-        self._feeds: dict[str, _Feed] = {}
+        self._feeds: dict[str, _PacketFeed] = {}
 
     def put(self, craft: str | None, text: str) -> None:
         """A text for it, if it may see that."""
@@ -638,7 +638,7 @@ class Browser:
             if not self.server.guard.allowed(self.request, name, "view"):
                 raise SetupError(f"you may not see {name}")
             if name not in self._feeds:
-                self._feeds[name] = _Feed(craft)
+                self._feeds[name] = _PacketFeed(craft)
                 craft.sinks.append(self._feeds[name].take)
             self._wake.set()
             return
@@ -714,7 +714,7 @@ class Browser:
             await self.socket.send_bytes(made)
 
 
-class _Feed:
+class _PacketFeed:
     """The packets of a spacecraft for a script: all of them, unless it is too slow."""
 
     def __init__(self, craft: Spacecraft) -> None:
