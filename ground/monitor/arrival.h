@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A packet that came from a spacecraft, and what keeps those.
+// A packet from a spacecraft, and the interface of what stores packets.
 #pragma once
 
 #include "ground/database/model.h"
@@ -15,7 +15,7 @@ struct Arrival {
     std::span<const std::uint8_t> bytes;
 };
 
-/// What keeps packets, as the archive. Both throw Refusal when it cannot.
+/// Stores packets, as the archive does. Both functions throw Refusal on failure.
 class PacketSink {
 public:
     PacketSink() = default;
@@ -26,7 +26,7 @@ public:
     /// container: no_id if the packet was not decoded.
     virtual void put(const Arrival &arrival, Id container) = 0;
 
-    /// The batch is over: what was put is safe from the end of the program.
+    /// End a batch: its packets survive the end of the program.
     virtual void save() = 0;
 };
 

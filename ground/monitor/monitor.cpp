@@ -32,10 +32,10 @@ template <class Unsigned> void store(char *to, Unsigned number)
 
 } // namespace
 
-/// What the taker knows of a slot.
+/// What take() knows of a slot.
 struct Monitor::Live {
     Newest newest;
-    double low = -infinite, high = infinite; ///< a number between them needs no other care
+    double low = -infinite, high = infinite; ///< a number between them needs neither limits nor triggers
 };
 
 struct Monitor::Trigger {
@@ -103,7 +103,7 @@ void Monitor::grow()
     newest_.resize(n);
 }
 
-/// Set what numbers of a slot need no care.
+/// Set the range of numbers that need neither limits nor triggers.
 void Monitor::arm(std::uint32_t slot)
 {
     Live &live = live_[slot];
@@ -163,7 +163,7 @@ void Monitor::forget(std::uint32_t number)
     expected_.erase(number);
 }
 
-/// What the newest packet verifies.
+/// Note the verifiers that the newest packet fulfils.
 void Monitor::verify(const Decoded &packet, std::int64_t t, std::vector<Note> &notes)
 {
     for (auto &[number, one] : expected_) {
@@ -289,7 +289,7 @@ void Monitor::apply(const Decoded &packet, const Arrival &arrival, std::vector<N
     write_rows(arrival.t);
 }
 
-/// The next value of a slot, with all care.
+/// The next value of a slot: compare it with the last one, check its limits.
 void Monitor::keep(std::uint32_t slot, Live &live, Kind kind, Newest &next, const Decoded *packet,
                    std::vector<Note> &notes)
 {
@@ -365,7 +365,7 @@ void Monitor::write_rows(std::int64_t t)
     fired_.clear();
 }
 
-/// Show what was touched.
+/// Show the values of this batch to readers.
 void Monitor::publish(std::int64_t t, std::vector<Note> &notes)
 {
     const std::lock_guard shown(shown_);

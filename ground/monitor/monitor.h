@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The telemetry of a spacecraft as it comes: packets to newest values with limits, by a database. A batch of packets is
-// decoded, given to the archive and saved there; then its values are visible to readers, in any thread.
+// The live telemetry of a spacecraft: decodes packets by a database, keeps the newest values and checks their limits.
+// The monitor decodes a batch of packets, and the archive saves it; then any thread can read the values.
 #pragma once
 
 #include "ground/monitor/arrival.h"
@@ -30,7 +30,7 @@ struct Note {
         concern,   ///< of a slot, after persistence
         undecoded, ///< a packet; text: the reason
         watched,   ///< a packet of a container that is watched
-        verified,  ///< what is expected by the number in `slot`; text: what the verifier returns
+        verified,  ///< a packet fulfils the verifier numbered `slot`; text: what the verifier returns
         slots,     ///< new ones from `slot` on
         full,      ///< there are `Slots::most`, and values without one
         archive    ///< text: why it does not keep packets; empty: it does again
@@ -59,7 +59,7 @@ public:
     explicit Monitor(const Database &database, Id root = no_id);
     ~Monitor();
 
-    /// What keeps the packets, or nullptr.
+    /// Set the archive that keeps the packets; nullptr: none.
     void sink(PacketSink *sink);
 
     /// Decode, archive and save a batch; then show it. One batch at a time.
@@ -68,9 +68,9 @@ public:
     /// Note the packets of these containers and of those that extend them.
     void watch(std::span<const Id> containers);
 
-    /// Note each packet that fulfils a verifier of a command, of its place in Database::verifiers; the number of the
-    /// notes. Values that were there before count where the packet has another one of a condition. arguments: in words.
-    /// Throws Refusal if it cannot be computed.
+    /// Note each packet that fulfils a verifier of a command; `verifier` is its place in Database::verifiers. Returns
+    /// the number that these notes have. A packet must have at least one parameter of the condition; the others keep
+    /// their earlier values. arguments: as text. Throws Refusal if the condition cannot be computed.
     std::uint32_t expect(Id command, std::size_t verifier, const std::map<std::string, std::string> &arguments);
     void forget(std::uint32_t number);
 
@@ -81,7 +81,7 @@ public:
     std::optional<Shown> newest(std::uint32_t slot) const;
     std::uint64_t version() const;
     Slot slot(std::uint32_t slot) const;
-    /// The values that came after a version; slots: of these alone.
+    /// The values that are newer than a version; slots: only the values of these.
     Frame changes(std::uint64_t since, std::optional<std::span<const std::uint32_t>> slots) const;
 
     std::uint32_t find(const std::string &name) const;
@@ -93,11 +93,11 @@ public:
     };
     std::vector<Described> slots(std::uint32_t first, std::uint32_t most = no_id) const;
 
-    /// Limits instead of those of the database, or nullopt: those of the database again; values are outside of the
-    /// band of each level. The newest value is checked at once. Throws Refusal if one is upside down.
+    /// Replace the limits of the database; nullopt: return to them. A value outside the band of a level has that level.
+    /// Checks the newest value at once. Throws Refusal if the low end of a band is above its high end.
     std::vector<Note> set_limits(std::uint32_t slot, const std::optional<Bands> &limits, std::uint32_t persistence);
 
-    /// Rows of these slots' numbers, one for each packet that has one of them, once all have come.
+    /// Write a row of these slots' numbers for each packet that has one of them, after all slots have got a value.
     std::uint32_t trigger(std::vector<std::uint32_t> inputs);
     /// The rows since the last call, 8 bytes each: int64 t, then the doubles.
     std::vector<std::uint64_t> rows(std::uint32_t trigger);
@@ -107,7 +107,7 @@ public:
                          const Bands &limits, std::uint32_t persistence);
     std::vector<Note> put(std::uint32_t slot, std::span<const std::int64_t> t, std::span<const double> values);
 
-    /// Let another decoder know what earlier packets had.
+    /// Give another decoder the parameters of earlier packets.
     void lend(Decoder &decoder) const;
 
 private:
@@ -132,7 +132,7 @@ private:
     const Id root_;
     Decoder decoder_;
 
-    // Of the one who takes: under taking_, for as long as the archive needs.
+    // The thread that calls take() uses these; it holds taking_ until the archive has saved the batch.
     mutable std::mutex taking_;
     PacketSink *sink_ = nullptr;
     std::string problem_; ///< of the archive
@@ -147,7 +147,7 @@ private:
     std::map<std::uint32_t, Expected> expected_;
     std::uint32_t expectations_ = 0; ///< so far
 
-    // Of readers: under shown_, briefly. What the taker reads without it changes under both.
+    // Readers use these; they hold shown_ briefly. take() reads some without shown_: to change those takes both locks.
     mutable std::mutex shown_;
     Slots slots_;
     std::vector<std::shared_ptr<const Limits>> by_type_, limits_;     ///< of each slot

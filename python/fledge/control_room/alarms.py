@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Alarms: a parameter beyond its limits is one until it is within them again and somebody has acknowledged it."""
+"""Alarms: one begins when a parameter leaves its limits. It ends when the parameter is within them again and an
+operator has acknowledged it."""
 from __future__ import annotations
 
 import time
@@ -14,8 +15,8 @@ CONCERNS = ("normal", "watch", "warning", "distress", "critical", "severe")
 
 
 class Alarms:
-    """Those of a spacecraft, by the parameter's name. What a person did, and each that begins, worsens or ends, is in
-    the journal; whoever restarts the server finds them again."""
+    """The alarms of a spacecraft, by the parameter's name. The journal has each change of an alarm: begin, worse, end,
+    acknowledged, shelved. The server reads the open ones from it when it starts."""
 
     def __init__(self, craft: Spacecraft) -> None:
         self.craft = craft
@@ -25,11 +26,11 @@ class Alarms:
                 self._open[one["name"]] = one
 
     def rows(self) -> list[dict[str, Any]]:
-        """The open ones; of a parameter that the database has no more, the slot is None."""
+        """The open alarms. The slot is None if the database no longer has the parameter."""
         return [self._told(one) for one in self._open.values()]
 
     def take(self, notes: list[tuple[int, int, int, int]]) -> None:
-        """Limit states have changed: (slot, t, old, new) of each."""
+        """Take changes of limit states: (slot, t, old, new) each."""
         changed: dict[str, dict[str, Any]] = {}
         for slot, t, _, new in notes:
             name = self.craft.slot_names[slot]
@@ -54,7 +55,7 @@ class Alarms:
         self._keep(list(changed.values()))
 
     def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
-        """Somebody has seen it. Raises SetupError if there is none."""
+        """Note that a user has seen an alarm. Raises SetupError if there is no such alarm."""
         one = self._named(name)
         one["acknowledged"] = {"user": user, "note": note, "t_ns": str(self.craft.now),
                                "received_ns": str(time.time_ns())}
@@ -63,7 +64,7 @@ class Alarms:
         return self._told(one)
 
     def shelve(self, name: str, seconds: float) -> dict[str, Any]:
-        """Let nobody be disturbed by it for a while of the server's time; 0: from now on again."""
+        """Do not announce an alarm for some seconds of the server's time; 0: announce it again from now on."""
         if not 0 <= seconds <= 7 * 86400:
             raise SetupError(f"an alarm is shelved for 0 to {7 * 86400} s; found {seconds:g}")
         one = self._named(name)
@@ -72,7 +73,7 @@ class Alarms:
         return self._told(one)
 
     def _ends(self, one: dict[str, Any], t: int) -> bool:
-        """Whether it is over now."""
+        """End an alarm whose two conditions hold; whether it has ended."""
         if one["concern"] or not one["acknowledged"]:
             return False
         one["ended_ns"] = str(t)

@@ -49,7 +49,7 @@ class Commanding:
     def load(self) -> None:
         """Take the forms of the database."""
         self._forms = {one["name"]: one for one in self.craft.database.forms()}
-        for form in self._forms.values():       # who gives bytes does not count them
+        for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
             counts = {one["counted_by"] for one in form["arguments"]}
             form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
             if self.craft.dictionary:           # flight's own reports say more
@@ -139,7 +139,7 @@ class Commanding:
         self._open = left
         ground = self.craft.ground
         if ground and not left:
-            del ground.sent[:-1]        # a report that comes late finds nobody; flight's sequence is known by then
+            del ground.sent[:-1]        # a late report would match none; the last one has flight's sequence
 
     def _looked(self, row: dict[str, Any], sent: Sent, seen: int) -> bool:
         """Whether it is over."""

@@ -279,7 +279,7 @@ class Feed:
                 del self._made[old]
             news = []
             for n, sample in self._recent:
-                if n > number and (sample or number):       # who begins need not ask again
+                if n > number and (sample or number):       # an empty one: read the scene again; a new page just did
                     if n not in self._made:
                         self._made[n] = self._message(sample)
                     news.append(self._made[n])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may use the server: users with roles, sessions that end, tokens of scripts, and what a stranger may cost.
+"""Who may use the server: users with roles, sessions that end, tokens of scripts, and limits on what clients without a login use.
 
-    access = Access.read(table, folder)         # of the server's file; refuses to be open to a network without TLS
+    access = Access.read(table, folder)         # of the server's file; refuses a network address without TLS
     guard = Guard(access, log)                  # log(user, action, details) is the operators' log
     app = web.Application(middlewares=[guard.middleware], client_max_size=BODY_MOST)
     guard.attach(app)                           # GET /api/session, POST /api/login, POST /api/logout
@@ -289,7 +289,7 @@ class Guard:
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
         self._heard: WeakSet[Any] = WeakSet()           # connections with a request
         self._checker, self._waiting = ThreadPoolExecutor(1), 0
-        # One who does not exist takes as long as one who does.
+        # The server checks it for unknown names, so that the time does not tell which names exist.
         self._example = next((one.password for one in access.users.values()), None)
 
     def attach(self, app: web.Application) -> None:

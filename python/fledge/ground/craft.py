@@ -216,7 +216,7 @@ class Craft:
     """A spacecraft behind a link.
 
     Reading waits on the link's clock: simulated time in a simulation, which then goes on by as much, else real time.
-    A command sent by a link from the ground counts on from the last one that flight has accepted, whoever sent it.
+    A command by a link from the ground has the number after the last command that flight accepted from any sender.
     """
 
     def __init__(self, link: Link, dictionary: Dictionary, sequence: int = 0) -> None:
@@ -342,8 +342,8 @@ class Craft:
         return self.telemetry
 
     def receive(self, until: int) -> list[Timed]:
-        """The same as the link's, for who takes the packets by himself; files go on, so that it may return [] earlier,
-        and commands learn what the link knows of them."""
+        """The link's `receive`, for callers that decode the packets themselves. File transfers go on meanwhile, so it
+        may return [] earlier than `until`; and commands learn from the link what has arrived."""
         found = self.link.receive(min(until, self._files.work()) if self._files else until)
         self._hear()
         return found
