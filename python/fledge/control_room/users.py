@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may use the server: users with roles, sessions that end, tokens of scripts, and limits on what clients without a login use.
+"""Users with roles, sessions that end, tokens of scripts, and limits on what clients without a login use.
 
     access = Access.read(table, folder)         # of the server's file; refuses a network address without TLS
     guard = Guard(access, log)                  # log(user, action, details) is the operators' log
