@@ -174,7 +174,7 @@ TEST_F(Archive, SeriesAreTheValuesOfTheDecoder)
         EXPECT_EQ(from, 250u);
     }
     // Rows begin when all inputs were seen, and hold what is older.
-    const auto rows = past.rows({"temperature", "count"}, {5 * second, 12 * second});
+    const auto rows = past.rows({"temperature", "count"}, {5 * second, 12 * second}).values;
     ASSERT_EQ(rows.size(), 3u * 3);
     EXPECT_EQ(std::bit_cast<std::int64_t>(rows[0]), 10 * second);
     EXPECT_EQ(rows[1], -5);

@@ -211,7 +211,7 @@ void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards,
     }
 }
 
-History::Target History::target(const std::string &name) const
+History::Target History::target(const std::string &name, bool numbers) const
 {
     // The longest name of a parameter that it begins with.
     std::size_t longest = 0;
@@ -248,8 +248,9 @@ History::Target History::target(const std::string &name) const
         throw Refusal(name + " is the name of several parameters: give the path of one, as " +
                       db_.parameters[found].path);
     }
-    Target made{found, {}};
-    const Type *type = &db_.types[db_.parameters[found].type];
+    Target made{found, no_id, {}};
+    made.type = db_.parameters[found].type;
+    const Type *type = &db_.types[made.type];
     for (std::size_t at = longest; at < name.size();) {
         const bool element = name[at] == '[';
         const std::size_t end = element ? name.find(']', at) : std::min(name.find_first_of(".[", at + 1), name.size());
@@ -260,7 +261,8 @@ History::Target History::target(const std::string &name) const
         }
         if (element) {
             made.steps.push_back(static_cast<std::uint32_t>(whole(step)));
-            type = &db_.types[type->element];
+            made.type = type->element;
+            type = &db_.types[made.type];
             at = end + 1;
             continue;
         }
@@ -270,15 +272,17 @@ History::Target History::target(const std::string &name) const
             throw Refusal(name + ": " + name.substr(0, at) + " has no member " + step);
         }
         made.steps.push_back(static_cast<std::uint32_t>(member - type->members.begin()));
-        type = &db_.types[member->type];
+        made.type = member->type;
+        type = &db_.types[made.type];
         at = end;
     }
     using Sort = Type::Sort;
     for (const auto &[sort, what] :
          {std::pair(Sort::text, "a text"), std::pair(Sort::binary, "bytes"),
           std::pair(Sort::aggregate, "several members"), std::pair(Sort::array, "several elements")}) {
-        if (type->sort == sort) {
-            throw Refusal(name + " is no number but " + what);
+        const bool bytes = sort == Sort::text || sort == Sort::binary;
+        if (type->sort == sort && (numbers || !bytes)) {
+            throw Refusal(name + (numbers ? " is no number but " : " is no value but ") + what);
         }
     }
     return made;
@@ -413,23 +417,37 @@ std::set<Id> History::references(Id container) const
     return all.found;
 }
 
-/// First the times between which there are packets, then each value of the targets; after all those of a packet,
-/// `packet` with its time.
-void History::decode(const std::vector<Target> &targets, const Query &query, const Range &range, const Value &value,
-                     const std::function<void(std::int64_t)> &packet)
+/// First the values on which the first ones' concerns depend; then the times between which there are packets, and each
+/// value of the targets; after all those of a packet, `packet`.
+void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+                     const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
 {
     std::set<Id> parameters;
     for (const Target &one : targets) {
         parameters.insert(one.parameter);
     }
     // With the packets that they depend on, from the last ones before the query on.
-    std::set<Id> containers = carriers(parameters), before;
+    std::set<Id> containers = carriers(parameters);
+    std::map<Id, std::uint32_t> before; ///< how many of their packets
+    for (std::size_t i = 0; i < judges.size(); i++) {
+        References conditions{db_};
+        for (const Alarm &alarm : db_.types[targets[i].type].alarms) {
+            conditions.add(alarm.when);
+        }
+        for (const Id id : conditions.found.empty() ? std::set<Id>() : carriers(conditions.found)) {
+            before.emplace(id, 1);
+            containers.insert(id);
+        }
+        for (const Id id : judges[i].depth() > 1 ? carriers({targets[i].parameter}) : std::set<Id>()) {
+            before[id] = std::max(before[id], judges[i].depth() - 1);
+        }
+    }
     std::vector<Id> open(containers.begin(), containers.end());
     while (!open.empty()) {
         const std::set<Id> needed = references(open.back());
         open.pop_back();
         for (const Id id : needed.empty() ? std::set<Id>() : carriers(needed)) {
-            before.insert(id);
+            before.emplace(id, 1);
             if (containers.insert(id).second) {
                 open.push_back(id);
             }
@@ -446,22 +464,50 @@ void History::decode(const std::vector<Target> &targets, const Query &query, con
         return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
     };
     Decoder decoder(db_);
+    const auto take = [&](const Stored &one, std::uint32_t session, bool earlier) {
+        const Decoded &done = decoder.decode(one.packet, root_);
+        bool any = false;
+        for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
+            const Field &field = done.fields[i];
+            for (std::size_t k = 0; k < targets.size(); k++) {
+                if (field.parameter != targets[k].parameter) {
+                    continue;
+                }
+                std::uint32_t node = field.node;
+                std::size_t left = targets[k].steps.size();
+                for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
+                    node = done.nodes[node].parent;
+                }
+                if (left == 0 && node == 0) {
+                    value({decoder, done, i, k, one.t, one.received, session, earlier});
+                    any = true;
+                }
+            }
+        }
+        if (any && !earlier) {
+            packet(one);
+        }
+    };
+    const auto session_of = [](const PacketFile &file) {
+        return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
+    };
     std::vector<Piece> all = pieces(query);
     if (!before.empty() && !all.empty() && query.from > 0) {
-        const std::int64_t session = whole(metadata(*all.front().file, "archive", "session"));
-        std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> last;
-        for (const Id id : before) {
+        const std::uint32_t session = session_of(*all.front().file);
+        std::vector<std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>> last;
+        for (const auto &[id, n] : before) {
+            std::uint32_t left = n;
             walk(
                 pieces({0, query.from - 1, session}),
-                [&](const std::string &container) { return container == db_.containers[id].path; }, true,
+                [&path = db_.containers[id].path](const std::string &container) { return container == path; }, true,
                 [&](const Stored &one, const std::string &) {
-                    last.emplace_back(one.t, std::vector(one.packet.begin(), one.packet.end()));
-                    return false;
+                    last.emplace_back(one.t, one.received, std::vector(one.packet.begin(), one.packet.end()));
+                    return --left != 0;
                 });
         }
         std::sort(last.begin(), last.end());
-        for (const auto &[t, bytes] : last) {
-            decoder.decode(bytes, root_);
+        for (const auto &[t, received, bytes] : last) {
+            take({t, received, 0, bytes}, session, true);
         }
         all = pieces(query); // which may have got other names meanwhile
     }
@@ -494,92 +540,108 @@ void History::decode(const std::vector<Target> &targets, const Query &query, con
     }
     range(begin, end);
     for (const Piece &piece : all) {
-        walk({piece}, wanted_of(*piece.file), false, [&](const Stored &one, const std::string &) {
-            const Decoded &done = decoder.decode(one.packet, root_);
-            bool any = false;
-            if (!done.reason.empty()) {
-                return true;
-            }
-            for (std::size_t i = 0; i < done.fields.size(); i++) {
-                const Field &field = done.fields[i];
-                for (std::size_t k = 0; k < targets.size(); k++) {
-                    if (field.parameter != targets[k].parameter) {
-                        continue;
-                    }
-                    std::uint32_t node = field.node;
-                    std::size_t left = targets[k].steps.size();
-                    for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
-                        node = done.nodes[node].parent;
-                    }
-                    if (left == 0 && node == 0) {
-                        value(one.t, k, number(field.value, done.values[i], field.raw, done.raw[i], done.status[i]));
-                        any = true;
-                    }
-                }
-            }
-            if (any) {
-                packet(one.t);
-            }
-            return true;
-        });
+        walk({piece}, wanted_of(*piece.file), false,
+             [&, session = session_of(*piece.file)](const Stored &one, const std::string &) {
+                 take(one, session, false);
+                 return true;
+             });
     }
 }
 
-std::vector<History::Series> History::series(const std::vector<std::string> &names, Query query, std::size_t points)
+std::vector<History::Series> History::series(const std::vector<std::string> &names, Query query, std::size_t points,
+                                             const Settings *limits, bool exact)
 {
     const std::lock_guard lock(mutex_);
     std::vector<Target> targets;
-    for (const std::string &name : names) {
-        targets.push_back(target(name));
+    std::vector<Judge> judges;
+    std::vector<Series> made(names.size());
+    for (std::size_t i = 0; i < names.size(); i++) {
+        targets.push_back(target(names[i], !exact));
+        made[i].type = targets[i].type;
+        if (limits != nullptr) {
+            const auto set = limits->find(names[i]);
+            judges.emplace_back(db_.types[targets[i].type],
+                                set != limits->end() ? set->second : std::vector<Judge::Setting>());
+        }
     }
     std::int64_t from = 0, width = 0; // 0: each value
-    std::vector<Series> made(names.size());
     std::vector<std::int64_t> bucket(names.size(), -1);
     decode(
-        targets, query,
+        targets, judges, query,
         [&](std::int64_t begin, std::int64_t end) {
             from = begin;
             width = points != 0 && end > begin ? (end - begin) / static_cast<std::int64_t>(points) + 1 : 0;
         },
-        [&](std::int64_t t, std::size_t target, double value) {
-            Series &one = made[target];
-            const std::int64_t place = width != 0 ? (t - from) / width : 0;
-            if (width != 0 && place == bucket[target]) {
-                one.t.back() = t;
+        [&](const Seen &seen) {
+            const Decoded &packet = seen.packet;
+            const Field &field = packet.fields[seen.field];
+            const std::uint64_t word = packet.values[seen.field], raw = packet.raw[seen.field];
+            const Status status = packet.status[seen.field];
+            const bool bytes = field.value == Kind::text || field.value == Kind::binary;
+            const std::string_view text = bytes ? packet.text(word) : std::string_view();
+            std::uint8_t concern = 0;
+            if (!judges.empty()) {
+                concern = static_cast<std::uint8_t>(judges[seen.target].take(
+                    seen.decoder, {field.value, field.raw, status, raw, word, text}, seen.received, seen.session));
+            }
+            if (seen.before) {
+                return;
+            }
+            const double value = number(field.value, word, field.raw, raw, status);
+            Series &one = made[seen.target];
+            const std::int64_t place = width != 0 ? (seen.t - from) / width : 0;
+            if (width != 0 && place == bucket[seen.target]) {
+                one.t.back() = seen.t;
                 one.value.back() = value;
                 one.low.back() = std::fmin(one.low.back(), value);
                 one.high.back() = std::fmax(one.high.back(), value);
-                return;
+                one.concern.back() = concern;
+                one.worst.back() = std::max(one.worst.back(), concern);
+            } else {
+                bucket[seen.target] = place;
+                one.t.push_back(seen.t);
+                one.value.push_back(value);
+                one.low.push_back(value);
+                one.high.push_back(value);
+                one.concern.push_back(concern);
+                one.worst.push_back(concern);
             }
-            bucket[target] = place;
-            one.t.push_back(t);
-            one.value.push_back(value);
-            one.low.push_back(value);
-            one.high.push_back(value);
+            if (exact) {
+                one.exact.resize(one.t.size());
+                one.exact.back() = {word, raw, status, std::string(text)};
+            }
         },
-        [](std::int64_t) {});
+        [](const Stored &) {});
     return made;
 }
 
-std::vector<double> History::rows(const std::vector<std::string> &inputs, Query query)
+History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
 {
     const std::lock_guard lock(mutex_);
     std::vector<Target> targets;
     for (const std::string &name : inputs) {
-        targets.push_back(target(name));
+        targets.push_back(target(name, true));
     }
-    std::vector<double> made, newest(inputs.size());
+    Rows made;
+    std::vector<double> newest(inputs.size());
     std::vector<bool> seen(inputs.size());
     decode(
-        targets, query, [](std::int64_t, std::int64_t) {},
-        [&](std::int64_t, std::size_t target, double value) {
-            newest[target] = value;
-            seen[target] = true;
+        targets, {}, query, [](std::int64_t, std::int64_t) {},
+        [&](const Seen &one) {
+            if (one.before) {
+                return;
+            }
+            const Decoded &packet = one.packet;
+            const Field &field = packet.fields[one.field];
+            newest[one.target] = number(field.value, packet.values[one.field], field.raw, packet.raw[one.field],
+                                        packet.status[one.field]);
+            seen[one.target] = true;
         },
-        [&](std::int64_t t) {
+        [&](const Stored &one) {
             if (std::find(seen.begin(), seen.end(), false) == seen.end()) {
-                made.push_back(std::bit_cast<double>(t));
-                made.insert(made.end(), newest.begin(), newest.end());
+                made.values.push_back(std::bit_cast<double>(one.t));
+                made.values.insert(made.values.end(), newest.begin(), newest.end());
+                made.received.push_back(one.received);
             }
         });
     return made;

@@ -8,7 +8,7 @@
 #pragma once
 
 #include "ground/archive/packet_file.h"
-#include "ground/database/decoder.h"
+#include "ground/monitor/limits.h"
 
 #include <functional>
 #include <memory>
@@ -26,10 +26,20 @@ public:
         std::string ended; ///< why; "": it goes on
         std::vector<Missing> gaps;
     };
+    struct Exact { ///< a value by its kind, as the decoder has it
+        std::uint64_t value, raw;
+        Status status;
+        std::string bytes; ///< of a text or a binary value
+    };
     struct Series {
         std::vector<std::int64_t> t;
         std::vector<double> value, low, high;
+        std::vector<std::uint8_t> concern, worst; ///< of the value, and of the stretch; all 0 without limits
+        std::vector<Exact> exact;                 ///< if it was asked for
+        Id type = no_id;
     };
+    /// The limits of parameters that were set, by the names of a query; others have those of the database.
+    using Settings = std::map<std::string, std::vector<Judge::Setting>>;
     struct Packet {
         std::int64_t t, received;
         std::string container; ///< its path; "": it was not decoded
@@ -45,16 +55,24 @@ public:
     /// The folder of the archive. root: as of Decoder::decode, "" for none.
     History(const std::string &folder, std::string craft, const Database &database, const std::string &root);
 
+    const Database &database() const { return db_; }
     std::vector<Session> sessions();
 
     /// The values of parameters, or of members and elements: "parameter.member[3]", the parameter by its name in
     /// Fledge, its path or its name. points: at most so many of each, of equal stretches of time with the last value,
-    /// the lowest and the highest one in each; 0: all values. Throws Refusal.
-    std::vector<Series> series(const std::vector<std::string> &names, Query query, std::size_t points);
+    /// the lowest and the highest one in each; 0: all values. limits: nullptr judges no values; a value is judged by
+    /// those that were in force when it was received. exact: also texts and bytes, which have no numbers. Throws
+    /// Refusal.
+    std::vector<Series> series(const std::vector<std::string> &names, Query query, std::size_t points,
+                               const Settings *limits = nullptr, bool exact = false);
 
     /// Rows of the time (its 64 bits) and the newest value of each input, one for each packet that has one of them,
     /// from the first on at which all were seen.
-    std::vector<double> rows(const std::vector<std::string> &inputs, Query query);
+    struct Rows {
+        std::vector<double> values;
+        std::vector<std::int64_t> received; ///< of each
+    };
+    Rows rows(const std::vector<std::string> &inputs, Query query);
 
     /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end.
     std::vector<Packet> packets(Query query, const std::string &container, std::size_t limit, bool backwards);
@@ -69,24 +87,32 @@ private:
         std::int64_t from, to;
     };
     struct Target { ///< what a name means
-        Id parameter;
+        Id parameter, type;
         std::vector<std::uint32_t> steps;
+    };
+    struct Seen { ///< a value in a packet
+        Decoder &decoder;
+        const Decoded &packet;
+        std::size_t field, target;
+        std::int64_t t, received;
+        std::uint32_t session;
+        bool before; ///< the query: it is for those that depend on earlier ones
     };
     using Wanted = std::function<bool(const std::string &container)>; ///< by its path; "": not decoded
     using Take = std::function<bool(const Stored &, const std::string &container)>;
     using Range = std::function<void(std::int64_t from, std::int64_t to)>;
-    using Value = std::function<void(std::int64_t t, std::size_t target, double value)>;
+    using Value = std::function<void(const Seen &)>;
 
     void list();
     PacketFile *file(const Key &key);
     std::vector<Piece> pieces(const Query &query);
     void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Take &take);
     std::string container_of(const PacketFile &file, std::uint16_t channel) const;
-    Target target(const std::string &name) const;
+    Target target(const std::string &name, bool numbers) const;
     std::set<Id> carriers(const std::set<Id> &parameters) const;
     std::set<Id> references(Id container) const;
-    void decode(const std::vector<Target> &targets, const Query &query, const Range &range, const Value &value,
-                const std::function<void(std::int64_t)> &packet);
+    void decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+                const Range &range, const Value &value, const std::function<void(const Stored &)> &packet);
 
     const std::string folder_, craft_;
     const Database &db_;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace fledge::ground {
 
@@ -81,7 +82,7 @@ void Limits::finish()
 {
     bool simple = checks_.size() == 1;
     for (const Check &check : checks_) {
-        persists_ = persists_ || check.violations > 1 || check.on_change;
+        depth_ = std::max(depth_, check.violations + (check.on_change ? 1 : 0));
         simple =
             simple && check.when == nullptr && !check.on_change && check.of_label.empty() && check.patterns.empty();
         for (const Alarm::Limits &one : check.limits) {
@@ -123,9 +124,8 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
         for (const Alarm::Limits &one : chosen->limits) {
             auto x = number_of(now, one.range.calibrated);
             if (chosen->on_change) {
-                const bool there =
-                    before != nullptr && (before->status == Status::good || before->status == Status::unlabelled);
-                const auto last = there ? number_of(*before, one.range.calibrated) : std::nullopt;
+                const auto last =
+                    before != nullptr && before->good() ? number_of(*before, one.range.calibrated) : std::nullopt;
                 x = x && last ? std::optional(*x - *last) : std::nullopt;
             }
             if (x && one.range.holds(*x) == one.inside) {
@@ -142,7 +142,7 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
             level = std::max(level, found != chosen->patterns.end() ? found->second : chosen->otherwise);
         }
     }
-    if (!persists_) {
+    if (depth_ == 1) {
         return level;
     }
     Concern made = Concern::normal;
@@ -152,6 +152,57 @@ Concern Limits::judge(Decoder &decoder, const Sample &now, const Sample *before,
         made = runs[i] >= violations ? one : made;
     }
     return made;
+}
+
+Judge::Judge(const Type &type, std::vector<Setting> settings)
+    : own_(std::make_shared<Limits>(type)), limits_(own_), settings_(std::move(settings)), depth_(own_->depth())
+{
+    for (const Setting &one : settings_) {
+        depth_ = std::max(depth_, one.limits ? one.limits->depth() : 1);
+    }
+}
+
+void Judge::judge(Decoder &decoder, const Limits::Sample &sample, const Limits::Sample *before)
+{
+    if (sample.good() && !limits_->none()) {
+        concern_ = limits_->judge(decoder, sample, before, runs_);
+    }
+}
+
+Concern Judge::take(Decoder &decoder, const Limits::Sample &sample, std::int64_t received, std::uint32_t session)
+{
+    if (session != session_) {
+        session_ = session;
+        next_ = 0;
+        limits_ = own_;
+        runs_ = {};
+        concern_ = Concern::normal;
+        before_.reset();
+    }
+    for (; next_ < settings_.size() && settings_[next_].received <= received; next_++) {
+        const auto before = std::exchange(limits_, settings_[next_].limits ? settings_[next_].limits : own_);
+        if (limits_ == before) {
+            continue;
+        }
+        runs_ = {};
+        if (limits_->none()) {
+            concern_ = Concern::normal;
+        } else if (before_) { // at once, as Monitor::set_limits
+            before_->text = text_;
+            judge(decoder, *before_, nullptr);
+        }
+    }
+    const double x = real_of(sample.kind, sample.value).value_or(std::numeric_limits<double>::quiet_NaN());
+    const bool easy =
+        concern_ == Concern::normal && runs_ == Limits::Runs{} && x >= limits_->low() && x <= limits_->high();
+    if (!easy) {
+        judge(decoder, sample, before_ ? &*before_ : nullptr);
+    }
+    before_ = sample;
+    if (sample.kind == Kind::text) {
+        text_ = sample.text;
+    }
+    return concern_;
 }
 
 } // namespace fledge::ground

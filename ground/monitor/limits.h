@@ -6,6 +6,7 @@
 
 #include <array>
 #include <map>
+#include <memory>
 #include <regex>
 
 namespace fledge::ground {
@@ -15,12 +16,14 @@ using Bands = std::map<Concern, std::pair<double, double>>;
 
 class Limits {
 public:
-    /// A value that is good or has no label.
+    /// A value as its limits see it.
     struct Sample {
         Kind kind, raw_kind;
         Status status;
         std::uint64_t raw, value; ///< by the kinds
         std::string_view text;    ///< of a text
+
+        bool good() const { return status == Status::good || status == Status::unlabelled; }
     };
     using Runs = std::array<std::uint32_t, 5>; ///< successive values of each level or above
 
@@ -36,10 +39,10 @@ public:
     /// The static ones without a condition.
     Bands bands() const;
     std::uint32_t persistence() const { return none() ? 1 : checks_.back().violations; }
-    /// Whether a concern depends on values before it.
-    bool persists() const { return persists_; }
+    /// How many values a concern depends on, with its own.
+    std::uint32_t depth() const { return depth_; }
 
-    /// The concern after a value. before: the value before it, or nullptr.
+    /// The concern after a good value. before: the value before it, or nullptr.
     Concern judge(Decoder &decoder, const Sample &now, const Sample *before, Runs &runs) const;
 
 private:
@@ -57,7 +60,35 @@ private:
 
     std::vector<Check> checks_; ///< the first whose condition holds counts
     double low_, high_;
-    bool persists_ = false;
+    std::uint32_t depth_ = 1;
+};
+
+/// The concern of one value after the other, by limits that change.
+class Judge {
+public:
+    struct Setting {
+        std::int64_t received;                ///< [ns] UTC from which on packets are judged by
+        std::shared_ptr<const Limits> limits; ///< nullptr: those of the database
+    };
+
+    /// type: whose limits are the database's.
+    Judge(const Type &type, std::vector<Setting> settings);
+
+    std::uint32_t depth() const { return depth_; }
+    /// The concern after a value, which need not be good. session: with another one, all begins anew.
+    Concern take(Decoder &decoder, const Limits::Sample &sample, std::int64_t received, std::uint32_t session);
+
+private:
+    void judge(Decoder &decoder, const Limits::Sample &sample, const Limits::Sample *before);
+
+    std::shared_ptr<const Limits> own_, limits_; ///< of the database, and in force
+    std::vector<Setting> settings_;
+    std::size_t next_ = 0;
+    std::uint32_t session_ = 0, depth_ = 1;
+    Limits::Runs runs_{};
+    Concern concern_ = Concern::normal;
+    std::optional<Limits::Sample> before_;
+    std::string text_; ///< of before_
 };
 
 } // namespace fledge::ground

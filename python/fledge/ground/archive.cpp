@@ -61,6 +61,34 @@ py::list sessions(History &history)
     return made;
 }
 
+/// name -> (received, bands or None for the database's, persistence) of each setting.
+using Given = std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<py::dict>, std::uint32_t>>>;
+
+History::Settings settings_of(const Given &given)
+{
+    History::Settings made;
+    for (const auto &[name, all] : given) {
+        for (const auto &[received, bands, persistence] : all) {
+            made[name].push_back(
+                {received, bands ? std::make_shared<const Limits>(bands_of(*bands), persistence) : nullptr});
+        }
+    }
+    return made;
+}
+
+/// The values of a series by their kind, None where there is none.
+py::object exact_of(const Database &db, const History::Series &series)
+{
+    const Type &type = db.types[series.type];
+    const Kind kind = value_kind(type);
+    py::list made;
+    for (const auto &one : series.exact) {
+        const bool good = one.status == Status::good || one.status == Status::unlabelled;
+        made.append(good ? object(type, kind, one.value, one.bytes, one.raw) : py::object(py::none()));
+    }
+    return py::make_tuple(name_of(kind), made);
+}
+
 /// The batches of a replay, each as Monitor.take has it.
 class Replay {
 public:
@@ -144,34 +172,43 @@ void bind_archive(py::module_ &m)
         .def(
             "series",
             [](History &history, const Names &names, std::int64_t from, std::int64_t to, std::size_t points,
-               std::int64_t of) {
+               std::int64_t of, const std::optional<Given> &limits, bool exact) {
                 std::vector<History::Series> all;
+                const auto settings = limits ? settings_of(*limits) : History::Settings();
                 {
                     const py::gil_scoped_release free;
-                    all = history.series(names, {from, to, of}, points);
+                    all = history.series(names, {from, to, of}, points, limits ? &settings : nullptr, exact);
                 }
                 py::dict made;
                 for (std::size_t i = 0; i < names.size(); i++) {
+                    const auto values = exact ? exact_of(history.database(), all[i]) : py::object(py::none());
                     made[py::str(names[i])] =
                         py::make_tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
-                                       array(std::move(all[i].low)), array(std::move(all[i].high)));
+                                       array(std::move(all[i].low)), array(std::move(all[i].high)),
+                                       array(std::move(all[i].concern)), array(std::move(all[i].worst)), values);
                 }
                 return made;
             },
-            py::arg("names"), t0, t1, py::arg("points") = 0, session,
-            "name -> arrays of t [ns], value, low and high; points: at most so many, 0: all.")
+            py::arg("names"), t0, t1, py::arg("points") = 0, session, py::arg("limits") = py::none(),
+            py::arg("exact") = false,
+            "name -> arrays of t [ns], value, low, high and concern, and None; points: at most so many, 0: all. "
+            "limits: "
+            "name -> (received [ns], bands as of Monitor.set_limits, persistence) of each setting; without it, no "
+            "value "
+            "is judged. exact: the last one is the kind and a list of the values by it, as Database.decode has them, "
+            "also of texts and bytes; None: there is none.")
         .def(
             "rows",
             [](History &history, const Names &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
-                std::vector<double> all;
+                History::Rows all;
                 {
                     const py::gil_scoped_release free;
                     all = history.rows(inputs, {from, to, of});
                 }
-                return array(std::move(all), inputs.size() + 1);
+                return py::make_tuple(array(std::move(all.values), inputs.size() + 1), array(std::move(all.received)));
             },
             py::arg("inputs"), t0, t1, session,
-            "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values.")
+            "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values; and when each was received [ns].")
         .def(
             "packets",
             [](History &history, std::int64_t from, std::int64_t to, const std::optional<std::string> &container,

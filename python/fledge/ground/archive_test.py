@@ -2,6 +2,7 @@
 """The archive of a spacecraft's packets: what Monitor decodes live is what History decodes again, and a second reader
 finds the same messages in the files."""
 
+import random
 import struct
 
 import numpy as np
@@ -62,16 +63,16 @@ def test_what_was_live_is_found_again(craft, flown):
     assert {path for _, _, path, _ in found} == {"/S/Power", None}
     assert [one for *_, one in history.packets(container="undecoded")] == [one for *_, one in sent[3::10]]
     assert [t for t, *_ in history.packets(t1=500 * S, limit=3, backwards=True)] == [500 * S, 499 * S, 498 * S]
-    t, value, low, high = history.series(["flight.power.bus"])["flight.power.bus"]
+    t, value, low, high, *_ = history.series(["flight.power.bus"])["flight.power.bus"]
     live = monitor.newest(monitor.slot("flight.power.bus"))
     assert (t[-1], value[-1]) == (live[0], live[3])
     kept = [i for i in range(1000) if i % 10 != 3]
     assert t.dtype == np.int64 and (t == np.array(kept) * S).all()
     assert value.tolist() == [0.01 * i for i in kept] and low.tolist() == high.tolist() == value.tolist()
-    t, value, low, high = history.series(["/S/bus"], 100 * S, 899 * S, points=8)["/S/bus"]
+    t, value, low, high, *_ = history.series(["/S/bus"], 100 * S, 899 * S, points=8)["/S/bus"]
     assert t.tolist() == [i * S for i in range(199, 900, 100)]
     assert low.tolist() == [0.01 * i for i in range(100, 900, 100)]
-    rows = history.rows(["bus", "sequence"], 0, 5 * S)
+    rows, _ = history.rows(["bus", "sequence"], 0, 5 * S)
     assert rows.shape == (5, 3) and rows[:, 0].copy().view(np.int64).tolist() == [0, S, 2 * S, 4 * S, 5 * S]
     assert history.sessions() == [{"session": 1, "first": 0, "last": 999 * S, "packets": 1000, "ended": "closed",
                                    "gaps": []}]
@@ -129,3 +130,90 @@ def test_a_writer_is_refused_beside_another(craft, tmp_path):
     archive.close()
     with pytest.raises(SetupError, match="no parameter flight.power.bas"):
         _ground.History(str(tmp_path), "imager", craft).series(["flight.power.bas"])
+
+
+ALL_KINDS = """<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>
+<IntegerParameterType name="u8" signed="false"><IntegerDataEncoding sizeInBits="8"/></IntegerParameterType>
+<IntegerParameterType name="u64" signed="false" sizeInBits="64"><IntegerDataEncoding sizeInBits="64"/>
+<DefaultAlarm minViolations="3"><StaticAlarmRanges><WatchRange maxInclusive="1000"/></StaticAlarmRanges></DefaultAlarm>
+</IntegerParameterType>
+<IntegerParameterType name="i64" sizeInBits="64"><IntegerDataEncoding sizeInBits="64" encoding="twosComplement"/>
+<DefaultAlarm><ChangeAlarmRanges><SevereRange minInclusive="-9" maxInclusive="9"/></ChangeAlarmRanges></DefaultAlarm>
+</IntegerParameterType>
+<FloatParameterType name="f64" sizeInBits="64"><FloatDataEncoding sizeInBits="64"/><DefaultAlarm minViolations="2">
+<StaticAlarmRanges><WarningRange minInclusive="-1" maxInclusive="1"/></StaticAlarmRanges></DefaultAlarm><ContextAlarmList>
+<ContextAlarm><StaticAlarmRanges><CriticalRange minInclusive="-0.5" maxInclusive="0.5"/></StaticAlarmRanges>
+<ContextMatch><Comparison parameterRef="mode" value="2"/></ContextMatch></ContextAlarm></ContextAlarmList>
+</FloatParameterType>
+<EnumeratedParameterType name="label"><IntegerDataEncoding sizeInBits="8"/><EnumerationList>
+<Enumeration value="1" label="OFF"/><Enumeration value="7" label="ON"/></EnumerationList><DefaultAlarm>
+<EnumerationAlarmList><EnumerationAlarm enumerationLabel="ON" alarmLevel="distress"/></EnumerationAlarmList>
+</DefaultAlarm></EnumeratedParameterType>
+<StringParameterType name="text"><StringDataEncoding encoding="UTF-8"><SizeInBits><Fixed><FixedValue>32</FixedValue>
+</Fixed></SizeInBits></StringDataEncoding><DefaultAlarm><StringAlarmList><StringAlarm matchPattern="A.*"
+alarmLevel="warning"/></StringAlarmList></DefaultAlarm></StringParameterType>
+<BinaryParameterType name="bytes"><BinaryDataEncoding><SizeInBits><FixedValue>24</FixedValue></SizeInBits>
+</BinaryDataEncoding></BinaryParameterType></ParameterTypeSet><ParameterSet>
+<Parameter name="id" parameterTypeRef="u8"/><Parameter name="mode" parameterTypeRef="u8"/>
+<Parameter name="natural" parameterTypeRef="u64"/><Parameter name="integer" parameterTypeRef="i64"/>
+<Parameter name="real" parameterTypeRef="f64"/><Parameter name="label" parameterTypeRef="label"/>
+<Parameter name="text" parameterTypeRef="text"/><Parameter name="bytes" parameterTypeRef="bytes"/></ParameterSet>
+<ContainerSet><SequenceContainer name="P" abstract="true"><EntryList><ParameterRefEntry parameterRef="id"/></EntryList>
+</SequenceContainer><SequenceContainer name="Mode"><EntryList><ParameterRefEntry parameterRef="mode"/></EntryList>
+<BaseContainer containerRef="P"><RestrictionCriteria><Comparison parameterRef="id" value="1"/></RestrictionCriteria>
+</BaseContainer></SequenceContainer><SequenceContainer name="All"><EntryList><ParameterRefEntry parameterRef="natural"/>
+<ParameterRefEntry parameterRef="integer"/><ParameterRefEntry parameterRef="real"/><ParameterRefEntry
+parameterRef="label"/><ParameterRefEntry parameterRef="text"/><ParameterRefEntry parameterRef="bytes"/></EntryList>
+<BaseContainer containerRef="P"><RestrictionCriteria><Comparison parameterRef="id" value="2"/></RestrictionCriteria>
+</BaseContainer></SequenceContainer></ContainerSet></TelemetryMetaData></SpaceSystem>"""
+KINDS = ["natural", "integer", "real", "label", "text", "bytes"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_values_of_the_past_are_exact_and_have_the_state_that_they_had(tmp_path, seed):
+    """The values by struct; the states as a monitor said them at each packet, while somebody set other limits."""
+    chance = random.Random(seed)
+    (tmp_path / "s.xml").write_text(ALL_KINDS)
+    database = _ground.Database.read([(str(tmp_path / "s.xml"), "")])
+    monitor, archive = _ground.Monitor(database), _ground.PacketArchive(str(tmp_path), "craft", database, 100)
+    monitor.sink(archive)
+    slots = {name: monitor.slot(name) for name in KINDS}
+    expected, limits, last = [], {}, 0
+    for t in range(400):
+        received = 10**18 + 10 * t
+        if chance.random() < 0.1:
+            name = chance.choice(KINDS[:3])
+            bands = chance.choice([None, {}, {"warning": [-300, 300], "severe": [None, 2000]}])
+            persistence = chance.choice([1, 2, 4])
+            monitor.set_limits(slots[name], bands, persistence)
+            limits.setdefault(name, []).append((received - 5, bands, persistence))
+        if chance.random() < 0.1:
+            monitor.take([(t * S, received, bytes([1, chance.randrange(3)]))])
+            continue
+        last += chance.randrange(-12, 13)
+        values = [chance.choice([2**64 - 1 - t, t, 900 + 200 * chance.randrange(2)]), chance.choice([last, -2**63 + t]),
+                  chance.choice([0.1, -0.7, 3.0, float("nan")]), chance.choice([1, 1, 7, 9]),
+                  chance.choice([b"ABCD", b"x,=\xc3", "né!".encode()]), chance.randbytes(3)]
+        monitor.take([(t * S, received, b"\2" + struct.pack(">QqdB4s3s", *values))])
+        values[3:5] = {1: "OFF", 7: "ON"}.get(values[3], values[3]), values[4].decode("utf-8", "replace")
+        expected.append((t * S, values, [monitor.newest(slots[name])[5] for name in KINDS]))
+    monitor.sink(None)
+    archive.close()
+    history = _ground.History(str(tmp_path), "craft", database)
+    seen = set()
+    for begin, end in [(0, 400), *(sorted(chance.sample(range(400), 2)) for _ in range(20))]:
+        found = history.series(KINDS, begin * S, end * S, 0, -1, limits, True)
+        part = [one for one in expected if begin * S <= one[0] <= end * S]
+        for i, name in enumerate(KINDS):
+            t, value, _, _, concern, worst, (kind, exact) = found[name]
+            assert t.tolist() == [one[0] for one in part] and kind == {"bytes": "binary"}.get(name, name)
+            assert [repr(one) for one in exact] == [repr(one[1][i]) for one in part]
+            assert concern.tolist() == worst.tolist() == [one[2][i] for one in part], (name, begin, end)
+            seen |= {(name, one) for one in concern.tolist()}
+        few = history.series(["natural"], begin * S, end * S, 5, -1, limits)["natural"]
+        assert max(few[5], default=0) == max(found["natural"][4], default=0) and len(few[0]) <= 5
+        assert few[4].tolist()[-1:] == found["natural"][4].tolist()[-1:]
+    assert {("integer", 5), ("label", 3), ("text", 2)} <= seen
+    assert not history.series(["natural"])["natural"][4].any()
+    with pytest.raises(SetupError, match="text is no number but a text"):
+        history.series(["text"])

@@ -34,24 +34,6 @@ template <class Number> std::vector<Number> numbers(const py::bytes &bytes, cons
     return made;
 }
 
-/// {"warning": [low, high]}, None: open.
-Bands bands_of(const py::dict &given)
-{
-    Bands made;
-    for (const auto &[key, value] : given) {
-        const auto name = key.cast<std::string>();
-        const auto *const found = std::find(std::begin(levels) + 1, std::end(levels), name);
-        if (found == std::end(levels)) {
-            throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
-        }
-        const auto ends = value.cast<std::array<std::optional<double>, 2>>();
-        constexpr double infinite = std::numeric_limits<double>::infinity();
-        made[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
-                                                                  ends[1].value_or(infinite)};
-    }
-    return made;
-}
-
 py::dict dict_of(const Bands &bands)
 {
     const auto end = [](double x) { return std::isinf(x) ? py::object(py::none()) : py::object(py::float_(x)); };
@@ -149,7 +131,7 @@ public:
             row["path"] = one.slot.path;
             row["container"] =
                 one.slot.container != no_id ? py::object(py::str(db_.containers[one.slot.container].path)) : py::none();
-            row["kind"] = kinds[static_cast<std::size_t>(one.slot.kind)];
+            row["kind"] = name_of(one.slot.kind);
             std::vector<std::string> labels;
             std::string unit = one.slot.unit, description = one.slot.description;
             if (one.slot.parameter != no_id) {
@@ -258,6 +240,28 @@ private:
 };
 
 } // namespace
+
+Bands bands_of(const py::dict &given)
+{
+    Bands made;
+    for (const auto &[key, value] : given) {
+        const auto name = key.cast<std::string>();
+        const auto *const found = std::find(std::begin(levels) + 1, std::end(levels), name);
+        if (found == std::end(levels)) {
+            throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
+        }
+        const auto ends = value.cast<std::array<std::optional<double>, 2>>();
+        constexpr double infinite = std::numeric_limits<double>::infinity();
+        made[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
+                                                                  ends[1].value_or(infinite)};
+    }
+    return made;
+}
+
+const char *name_of(Kind kind)
+{
+    return kinds[static_cast<std::size_t>(kind)];
+}
 
 void bind_monitor(py::module_ &m)
 {
