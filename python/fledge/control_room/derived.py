@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that are computed from others, on vectors: by an expression, or by a function of a file of Python, which
-gets an array of each input and returns one of the same length."""
+"""Parameters that are computed from others, also from derived ones, on vectors: by an expression, or by a function of a
+file of Python, which gets an array of each input and returns one of the same length."""
 from __future__ import annotations
 
 import ast
@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fledge.control_room.limits import InForce
 from fledge.control_room.settings import Derived
 from fledge.errors import SetupError, did_you_mean
+from fledge.ground.database import Database
 
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
@@ -82,13 +84,23 @@ class DerivedParameters:
     def __init__(self, craft: Spacecraft, monitor: Any) -> None:
         self.craft, self.monitor = craft, monitor
         folder = craft.room.settings.file.resolve().parent
-        self._all: dict[str, tuple[Derived, Callable[..., Array]]] = {}
-        self._rows: list[tuple[str, int, int]] = []     # name, trigger, slot
+        self._all = {one.name: (one, compiled(one, folder)) for one in craft.settings.derived}
+        self._inputs = {name: self._of_packets(name, ()) for name in self._all}     # of packets, at last
         self._problems: set[str] = set()
-        for one in craft.settings.derived:
-            self._all[one.name] = one, compiled(one, folder)
-            trigger = monitor.trigger([monitor.slot(path) for path in one.of.values()])
-            self._rows.append((one.name, trigger, monitor.derive(one.name, one.unit, one.description, one.limits)))
+        self._rows: list[tuple[str, int, int]] = []     # name, trigger, slot
+        for name, (one, _) in self._all.items():
+            trigger = monitor.trigger([monitor.slot(path) for path in self._inputs[name]])
+            self._rows.append((name, trigger, monitor.derive(name, one.unit, one.description, one.limits)))
+
+    def _of_packets(self, name: str, above: tuple[str, ...]) -> list[str]:
+        """The parameters in packets that it comes from, and those that it is computed from."""
+        if name in above:
+            raise SetupError("derived parameters come from one another in a circle: "
+                             + " -> ".join([*above[above.index(name):], name]))
+        found: dict[str, None] = {}
+        for path in self._all[name][0].of.values():
+            found |= dict.fromkeys(self._of_packets(path, (*above, name)) if path in self._all else [path])
+        return list(found)
 
     def turn(self) -> list[Any]:
         """Compute them of the packets since the last turn; what is notable."""
@@ -96,7 +108,7 @@ class DerivedParameters:
         for name, trigger, slot in self._rows:
             data = self.monitor.rows(trigger)
             if data:
-                rows = np.frombuffer(data).reshape(-1, 1 + len(self._all[name][0].of))
+                rows = np.frombuffer(data).reshape(-1, 1 + len(self._inputs[name]))
                 try:
                     values = self._values(name, rows)
                 except SetupError as error:
@@ -111,22 +123,49 @@ class DerivedParameters:
         return name in self._all
 
     def series(self, name: str, history: Any, begin: int, end: int, session: int, points: int) -> tuple[Array, ...]:
-        """(t, value, low, high) of what the archive has: low and high are those of each of so many buckets."""
-        rows = np.ascontiguousarray(history.rows(list(self._all[name][0].of.values()), begin, end, session))
+        """(t, value, low, high, concern, worst, exact) as History.series has it: low and high are those of each of so many
+        buckets."""
+        rows, received = history.rows(self._inputs[name], begin, end, session)
+        rows = np.ascontiguousarray(rows)
         t = rows[:, 0].copy().view(np.int64)
         values = self._values(name, rows) if len(rows) else np.empty(0)
+        concern = self._concerns(self._all[name][0], t, received, values)
         if not points or len(t) <= points:
-            return t, values, values, values
+            return t, values, values, values, concern, concern, ("real", values.tolist())
         place = (t - t[0]) // (int(t[-1] - t[0]) // points + 1)
         first = np.flatnonzero(np.r_[True, np.diff(place) > 0])
         last = np.r_[first[1:], len(t)] - 1
-        return t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        return (t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first),
+                concern[last], np.maximum.reduceat(concern, first), ("real", values[last].tolist()))
+
+    def _concerns(self, one: Derived, t: Array, received: Array, values: Array) -> Array:
+        """By the limits in force when the packets were received, in a monitor of its own."""
+        monitor = Database([]).monitor()
+        slot = monitor.derive(one.name, one.unit, one.description, one.limits)
+        limits = InForce([change for change in self.craft.limits.changes if change["name"] == one.name], monitor)
+        found = np.zeros(len(t), np.uint8)
+        at = 0
+        for notes, rows in limits.parts([(i, int(when), b"") for i, when in enumerate(received)]):
+            for place, now in [(at, note[4]) for note in notes] + [
+                    (note[2], note[4]) for note in monitor.put(
+                        slot, np.arange(at, at + len(rows)).tobytes(), values[at:at + len(rows)].tobytes())]:
+                found[place:] = now
+            at += len(rows)
+        return found
 
     def _values(self, name: str, rows: Array) -> Array:
-        one, compute = self._all[name]
-        try:
-            with np.errstate(all="ignore"):
-                found = np.asarray(compute(**{key: rows[:, 1 + i] for i, key in enumerate(one.of)}), float)
-                return np.ascontiguousarray(np.broadcast_to(found, len(rows)))
-        except Exception as error:      # of a function of the user's
-            raise SetupError(f"{name}: {type(error).__name__}: {error}") from None
+        columns = {path: rows[:, 1 + i] for i, path in enumerate(self._inputs[name])}
+
+        def values(name: str) -> Array:
+            if name not in columns:
+                one, compute = self._all[name]
+                inputs = {key: values(path) for key, path in one.of.items()}
+                try:
+                    found = np.asarray(compute(**inputs), float)
+                    columns[name] = np.ascontiguousarray(np.broadcast_to(found, len(rows)))
+                except Exception as error:      # of a function of the user's
+                    raise SetupError(f"{name}: {type(error).__name__}: {error}") from None
+            return columns[name]
+
+        with np.errstate(all="ignore"):
+            return values(name)
