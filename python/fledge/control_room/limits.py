@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from fledge.control_room.journal import JournalError
-from fledge.errors import listed
+from fledge.errors import SetupError, listed
 
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
@@ -138,13 +139,23 @@ class SetLimits:
         finally:
             craft.noted(notes)
 
+    def of(self, name: str) -> list[tuple[int, dict[str, Any] | None, int]]:
+        """When [ns, UTC] which limits of a parameter began to count (None: the database's), and their persistence."""
+        if not self.changes:
+            return []
+        with suppress(SetupError):
+            name = name if name in self.craft.slot_numbers else \
+                self.craft.slot_names[self.craft.monitor.slot(name)]     # of a path
+        return [(int(one["time_ns"]), one["limits"] if fits(one, self.in_force.about(name)) else None,
+                 one["persistence"]) for one in self.changes if one["name"] == name]
+
     def _tell(self, severity: str, text: str) -> None:
         self.craft.room.tell(self.craft.name, severity, "limits", text)
 
 
-def fits(change: Change, about: dict[str, Any]) -> bool:
+def fits(change: Change, about: dict[str, Any] | None) -> bool:
     """Whether a parameter still is what its limits were set for."""
-    return (change["kind"], change["unit"]) == (about["kind"], about["unit"])
+    return about is not None and (change["kind"], change["unit"]) == (about["kind"], about["unit"])
 
 
 def in_words(levels: dict[str, Any], persistence: int = 1) -> str:

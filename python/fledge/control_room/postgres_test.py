@@ -275,7 +275,7 @@ def test_a_flight_of_the_server_is_in_the_database_as_in_its_archive(tmp_path, b
         until(lambda: craft.now > 60 * S)
         craft.call(lambda: craft.run.command("pause", 1.0, None)).result(60)
         name = "flight.tracking.error.sigma_BR[1]"
-        t, value, _, _ = craft.history.series([name])[name]
+        t, value, *_ = craft.history.series([name])[name]
         until(lambda: base.rows("select count(*) from pg_tables where tablename = 'progress'")[0][0] and base.rows(
             "select t_ns from fledge.progress") == [(int(craft.history.sessions()[-1]["last"]),)])
         assert len(t) > 50 and base.rows(

@@ -198,11 +198,14 @@ class Spacecraft:
                      "gaps": [[str(begin), str(end), why] for begin, end, why in one["gaps"]]}
                     for one in self.history.sessions()]
 
-    def series(self, names: list[str], begin: int, end: int, points: int, session: int) -> dict[str, Any]:
-        """name -> (t [ns], value, low, high), arrays, of what the archive has. Raises SetupError."""
+    def series(self, names: list[str], begin: int, end: int, points: int, session: int,
+               exact: bool = False) -> dict[str, Any]:
+        """name -> (t [ns], value, low, high, concern, worst), arrays, and (kind, exact values) of what the archive has, by the
+        limits that were in force. Raises SetupError."""
         plain = [one for one in names if one not in self.derived]
         with self._reading:
-            found = self.history.series(plain, begin, end, points, session) if plain else {}
+            limits = {name: self.limits.of(name) for name in plain}
+            found = self.history.series(plain, begin, end, points, session, limits, exact) if plain else {}
             return {name: found[name] if name in found else self.derived.series(
                 name, self.history, begin, end, session, points) for name in names}
 

@@ -10,12 +10,13 @@ import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from fledge.control_room.alarms import CONCERNS
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
@@ -61,6 +62,43 @@ def _quoted(text: str) -> str:
     """A field of CSV; one that a table would take for a formula begins with an apostrophe."""
     text = f"'{text}" if text[:1] in "=+-@\t\r" else text
     return '"' + text.replace('"', '""') + '"' if set(text) & set('",\n') else text
+
+
+def _texts(kind: str, exact: list[Any]) -> list[str | None]:
+    """Values as texts, all digits: of a label its word, bytes in hex, times in seconds."""
+    if kind == "time":
+        return [None if one is None else f"{'-' * (one < 0)}{abs(one) // 10**9}.{abs(one) % 10**9:09}" for one in exact]
+    return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
+
+
+def _in_json(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
+             exact: tuple[str, list[Any]]) -> dict[str, Any]:
+    """A series: numbers, integers with all digits; `text` of those that a double or a browser does not hold."""
+    kind, values = exact
+    made: dict[str, Any] = {"t_ns": [str(one) for one in t.tolist()], "concern": concern.tolist(),
+                            "worst": worst.tolist()}
+    if kind in ("text", "binary"):
+        return made | {"value": _texts(kind, values), "low": [], "high": []}
+    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
+        made["text"] = _texts(kind, values)
+    whole = kind in ("natural", "integer", "boolean")
+    return made | {"value": [one if one is None else int(one) for one in values] if whole else value.tolist(),
+                   "low": low.tolist(), "high": high.tolist()}
+
+
+def _in_csv(name: str, series: tuple[Any, ...]) -> Iterator[str]:
+    """Lines of a series: a number as it is, else what `text` is."""
+    t, value, _, _, concern, _, (kind, exact) = series
+    if kind == "real":
+        texts = [repr(one) for one in value.tolist()]
+    elif kind == "boolean":
+        texts = ["" if one is None else str(int(one)) for one in exact]
+    else:
+        texts = [one or "" for one in _texts(kind, exact)]
+        if kind in ("label", "text"):
+            texts = [_quoted(one) for one in texts]
+    name = _quoted(name)
+    return (f"{at},{name},{one},{CONCERNS[state]}" for at, one, state in zip(t.tolist(), texts, concern.tolist()))
 
 
 def answer(content: Any) -> web.Response:
@@ -384,27 +422,27 @@ class Server:
         names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
         if not 0 < len(names) <= 100:
             raise refusal(400, f"names has 1 to 100 parameters, with commas between; found {len(names)}")
-        begin, end = self._number(request, "from_ns", 0), self._number(request, "to_ns", 2**63 - 1)
-        points = self._number(request, "points", 2000, 0) or 0
-        found = await self._aside(craft.series, names, begin, end, points, self._number(request, "session", -1, -1))
+        begin, end, points, session = (self._number(request, key, default, least) or 0 for key, default, least in (
+            ("from_ns", 0, -2**63), ("to_ns", 2**63 - 1, -2**63), ("points", 2000, 0), ("session", -1, -1)))
         form = request.query.get("format", "json")
-        if form == "json":
-            return answer({name: {"t_ns": [str(one) for one in t.tolist()], "value": value.tolist(),
-                                  "low": low.tolist(), "high": high.tolist()}
-                           for name, (t, value, low, high) in found.items()})
-        if form == "csv":
-            lines = ["t_ns,name,value", *(
-                f"{t},{_quoted(name)},{value!r}" for name, (times, values, _, _) in found.items()
-                for t, value in zip(times.tolist(), values.tolist()))]
-            return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
-                "Content-Disposition": "attachment; filename=history.csv"})
-        if form != "binary":
+        if form not in ("json", "csv", "binary"):
             raise refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
-        parts = [struct.pack("<II", 0x31484C46, len(names))]
-        for t, *values in found.values():
-            parts += [struct.pack("<II", len(t), 0), t.astype("<i8").tobytes(), *(
-                one.astype("<f8").tobytes() for one in values)]
-        return web.Response(body=b"".join(parts), content_type="application/octet-stream")
+
+        def made() -> web.Response:
+            found = craft.series(names, begin, end, points, session, form != "binary")
+            if form == "json":
+                return answer({name: _in_json(*one) for name, one in found.items()})
+            if form == "csv":
+                lines = ["t_ns,name,value,state", *(line for name, one in found.items() for line in _in_csv(name, one))]
+                return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
+                    "Content-Disposition": "attachment; filename=history.csv"})
+            parts = [struct.pack("<II", 0x32484C46, len(names))]
+            for t, value, low, high, _, worst, _ in found.values():
+                parts += [struct.pack("<II", len(t), 0), t.astype("<i8").tobytes(), *(
+                    one.astype("<f8").tobytes() for one in (value, low, high)), worst.tobytes(), bytes(-len(t) % 8)]
+            return web.Response(body=b"".join(parts), content_type="application/octet-stream")
+
+        return await self._aside(made)
 
     async def replay(self, request: web.Request) -> web.StreamResponse:
         from fledge.control_room.replay import Replay

@@ -323,11 +323,11 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         assert len(few["t_ns"]) <= 20 and max(few["high"]) == max(found["angle"]["value"])
         data = await (await c.client.get(f"/api/{craft}/history?names=twice&points=0&format=binary")).read()
         magic, n_series, n, _ = struct.unpack_from("<IIII", data)
-        assert (magic, n_series, n) == (0x31484C46, 1, len(a))
+        assert (magic, n_series, n) == (0x32484C46, 1, len(a))
         assert list(struct.unpack_from(f"<{n}d", data, 16 + 8 * n)) == found["twice"]["value"]
         lines = (await c.get(f"{craft}/history?names=twice&points=0&format=csv")).splitlines()
-        assert lines[0] == "t_ns,name,value" and [float(one.split(",")[2])
-                                                  for one in lines[1:]] == found["twice"]["value"]
+        assert lines[0] == "t_ns,name,value,state" and [float(one.split(",")[2])
+                                                        for one in lines[1:]] == found["twice"]["value"]
         for query, why in (("", "1 to 100"), ("names=none", "none"), ("names=angle&format=x", "json, csv or binary"),
                            ("names=angle&from_ns=x", "whole number")):
             assert why in (await c.get(f"{craft}/history?{query}", 400))["error"]
