@@ -81,17 +81,28 @@ function search(query) {
 /** The path of something of a craft: of("imager", "alarms", 3) -> "/api/crafts/imager/alarms/3" */
 export const of = (craft, ...rest) => `/api/crafts/${[craft, ...rest].map((one) => encodeURIComponent(one)).join("/")}`;
 
-/** The series of a binary history answer: [{t: Float64Array in s, t_ns: BigInt64Array, value, low, high}]. */
+const LOOK_BACK = 600n * 1000000000n;     // a value of the past is the newest of so long before
+
+/** What parameters were at a time: name -> {t in ns, value, text, concern}, as the server's history has them. */
+export async function valuesAt(api, craft, names, at, session) {
+    const found = await api.get(of(craft, "history"), {
+        names: names.join(","), from_ns: at - LOOK_BACK, to_ns: at + 1n, points: 1, session});
+    return new Map(Object.entries(found).filter(([, {t_ns}]) => t_ns.length).map(([name, one]) => [name, {
+        t: BigInt(one.t_ns.at(-1)), value: one.value.at(-1), text: one.text?.at(-1), concern: one.concern.at(-1)}]));
+}
+
+/** The series of a binary history answer: [{t: Float64Array in s, t_ns: BigInt64Array, value, low, high, worst}]. */
 export function series(buffer) {
     const head = new Uint32Array(buffer, 0, 2), found = [];
-    if (head[0] !== 0x31484c46) throw new Error("This is no history of the server");
+    if (head[0] !== 0x32484c46) throw new Error("This is no history of the server");
     for (let k = 0, at = 8; k < head[1]; k++) {
         const n = new Uint32Array(buffer, at, 1)[0];
         at += 8;
         const take = (Kind) => new Kind(buffer, (at += 8 * n) - 8 * n, n);
         const t_ns = take(BigInt64Array), value = take(Float64Array), low = take(Float64Array),
-              high = take(Float64Array);
-        found.push({t_ns, t: Float64Array.from(t_ns, (one) => Number(one) / 1e9), value, low, high});
+              high = take(Float64Array), worst = new Uint8Array(buffer, at, n);
+        at += n + 7 & ~7;
+        found.push({t_ns, t: Float64Array.from(t_ns, (one) => Number(one) / 1e9), value, low, high, worst});
     }
     return found;
 }

@@ -1,44 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
 // Curves of parameters over time: from the archive, and what comes since; with gaps where nothing came.
 import uPlot from "uplot";
+import {CONCERNS, SHAPES} from "./dom.js";
 
 const FAR = 5;      // so many times the usual step apart, two samples have a gap between them
+const MARK = 6;     // [px] of what was beyond limits
+const COLUMNS = ["t", "value", "low", "high", "worst"];
 
-/** One parameter's samples: time in s, value, and the least and the largest of each step of time. */
+/** One parameter's samples: time in s, value, the least, the largest and the worst state of each step of time. */
 export class Curve {
     constructor(name) {
-        Object.assign(this, {name, t: [], value: [], low: [], high: [], step: Infinity});
+        Object.assign(this, {name, t: [], value: [], low: [], high: [], worst: [], step: Infinity});
     }
 
     /** Take what the archive gave. */
-    fill({t, value, low, high}) {
+    fill({t, value, low, high, worst}) {
         const steps = Array.from(t).slice(1).map((one, k) => one - t[k]).sort((a, b) => a - b);
         this.step = steps.length > 1 ? steps[steps.length >> 1] : Infinity;
-        for (const key of ["t", "value", "low", "high"]) this[key] = [];
-        for (let k = 0; k < t.length; k++) this.add(t[k], value[k], low[k], high[k]);
+        for (const key of COLUMNS) this[key] = [];
+        for (let k = 0; k < t.length; k++) this.add(t[k], value[k], low[k], high[k], worst[k]);
     }
 
-    add(t, value, low = value, high = value) {
+    add(t, value, low = value, high = value, worst = 0) {
         const last = this.t.at(-1);
         if (last !== undefined && t <= last) return false;
-        if (last !== undefined && t - last > Math.max(FAR * this.step, 2)) this.push((last + t) / 2, null, null, null);
+        if (last !== undefined && t - last > Math.max(FAR * this.step, 2)) this.push((last + t) / 2, null, null, null, 0);
         const real = (one) => (Number.isNaN(one) ? null : one);
-        this.push(t, real(value), real(low), real(high));
+        this.push(t, real(value), real(low), real(high), worst);
         return true;
     }
 
-    push(t, value, low, high) {
-        this.t.push(t);
-        this.value.push(value);
-        this.low.push(low);
-        this.high.push(high);
-    }
+    push(...all) { COLUMNS.forEach((key, k) => this[key].push(all[k])); }
 
     /** Forget what is before a time. */
     drop(before) {
         let n = 0;
         while (this.t[n] < before) n++;
-        if (n > 100) for (const key of ["t", "value", "low", "high"]) this[key].splice(0, n);
+        if (n > 100) for (const key of COLUMNS) this[key].splice(0, n);
     }
 
     get table() { return [this.t, this.value, this.low, this.high]; }
@@ -68,6 +66,15 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
         return all.map((y) => (labels.length ? labels[y] ?? "" : y && (size >= 1e6 || size < 1e-3) ?
             y.toExponential(Math.min(digits - 1, 12)) : String(+y.toPrecision(Math.min(digits + 1, 15)))));
     };
+    const state = (text, level) => (level ? `${text} ${SHAPES[level]} ${CONCERNS[level]}` : text);
+    /** Mark what was beyond limits, over all values of its step of time. */
+    const beyond = (u, one) => one.worst.forEach((level, k) => {
+        const x = level && one.value[k] !== null && u.valToPos(one.t[k], "x", true);
+        if (!level || !(x >= u.bbox.left && x <= u.bbox.left + u.bbox.width)) return;
+        const [high, low] = [one.high[k], one.low[k]].map((y) => u.valToPos(y, "y", true));
+        u.ctx.fillStyle = css.getPropertyValue(`--${CONCERNS[level]}`);
+        u.ctx.fillRect(x - MARK / 2, high - MARK / 2, MARK, low - high + MARK);
+    });
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
     const made = new uPlot({
@@ -87,7 +94,7 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
                 stroke: colour(k),
                 width: 1.5,
                 paths: steps(k),
-                value: (_, y) => shown(slots[k], y)
+                value: (u, y, _, i) => state(shown(slots[k], y), one.worst[one.t.lastIndexOf(u.data[0][i])])
             },
                                   {...edge, label: "low", show: true}, {...edge, label: "high", show: true}])
         ],
@@ -106,6 +113,7 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
                 }
             }],
             draw: [(u) => {
+                for (const one of curves) beyond(u, one);
                 const t = mark();
                 if (t === null)
                     return;

@@ -123,11 +123,15 @@ export function real(value) {
     return text.replaceAll("-", "\u2212");
 }
 
-/** A number of the archive as a slot's value is shown. */
-export function valueText(slot, value) {
-    if (Number.isNaN(value)) return "\u2013";
-    if (slot.kind === "label") return slot.labels?.[value] ?? String(value);
-    if (slot.kind === "boolean") return value ? "true" : "false";
-    if (slot.kind === "real") return real(value);
-    return Number.isSafeInteger(value) ? String(value) : `\u2248 ${value.toPrecision(15)}`;
+/** A value of the archive, of valuesAt, as a slot's value is shown. */
+export function valueText(slot, {value, text}) {
+    if (value === null || value === undefined) return "\u2013";
+    switch (slot.kind) {
+    case "real": return real(value);
+    case "label": return slot.labels?.includes(text) ? text : `${text} (no name)`;
+    case "boolean": return value ? "true" : "false";
+    case "time": return clock(BigInt(text.replace(".", "")), true);
+    case "binary": return (value.match(/../g) ?? []).join(" ");
+    default: return text ?? String(value);
+    }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Displays that a mission composes: rows, large values, plots and buttons of commands (control_room/displays.py).
-import {of, series} from "../api.js";
+import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, chart, data} from "../curves.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
@@ -9,7 +9,6 @@ import {theme} from "../theme.js";
 
 export const title = "Displays", key = "d";
 
-const LOOK_BACK = 600n * 1000000000n;  // a value of the past is the newest of so long before
 const POINTS = 1000, HEIGHT = 230;
 const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 
@@ -50,26 +49,17 @@ export async function open(context) {
         const about = store.slots[slot];
         if (time.isLive) return rounded(store.number(slot), about, digits) ?? (store.text(slot) || "\u2013");
         const old = past?.get(slot);
-        return old === undefined ? "\u2013" : rounded(old, about, digits) ?? valueText(about, old);
+        return old === undefined ? "\u2013" : rounded(old.value ?? NaN, about, digits) ?? valueText(about, old);
     }
     const hasNumber = (slot) => !["text", "binary"].includes(store.slots[slot]?.kind);
-    const level = (slot) => (time.isLive ? store.concern[slot] : 0);
+    const level = (slot) => (time.isLive ? store.concern[slot] : past?.get(slot)?.concern ?? 0);
     async function remember() {
-        const {at} = time,
-              items =
-                  shown?.panels.flatMap((one) => one.items).filter(({slot}) => slot != null && hasNumber(slot)) ?? [];
+        const {at} = time, items = shown?.panels.flatMap((one) => one.items).filter(({slot}) => slot != null) ?? [];
         past = null;
         if (!time.isLive && items.length) {
-            const found = series(await api.bytes(of(craft, "history"), {
-                names: items.map(({name}) => name).join(","),
-                from_ns: at - LOOK_BACK,
-                to_ns: at + 1n,
-                points: 1,
-                session: time.session,
-                format: "binary"
-            }));
+            const found = await valuesAt(api, craft, [...new Set(items.map(({name}) => name))], at, time.session);
             if (at !== time.at) return;
-            past = new Map(found.flatMap(({value}, k) => (value.length ? [[items[k].slot, value.at(-1)]] : [])));
+            past = new Map(items.filter(({name}) => found.has(name)).map(({name, slot}) => [slot, found.get(name)]));
         }
         draw();
     }
@@ -155,9 +145,10 @@ export async function open(context) {
             }));
             if (over || (!time.isLive && at !== time.at)) return;
             curves.forEach((curve, k) => {
-                const {t, value} = curve;       // what came while the archive was read
+                const {t, value, worst} = curve;        // what came while the archive was read
                 curve.fill(found[k]);
-                if (time.isLive) t.forEach((one, j) => value[j] !== null && curve.add(one, value[j]));
+                if (time.isLive)
+                    t.forEach((one, j) => value[j] !== null && curve.add(one, value[j], value[j], value[j], worst[j]));
             });
             show();
         };
@@ -180,7 +171,8 @@ export async function open(context) {
             let fresh = false;
             good.forEach(({slot}, k) => {
                 if (!store.seen[slot]) return;
-                fresh = curves[k].add(Number(store.at(slot)) / 1e9, store.number(slot)) || fresh;
+                const value = store.number(slot), t = Number(store.at(slot)) / 1e9;
+                fresh = curves[k].add(t, value, value, value, store.concern[slot]) || fresh;
                 curves[k].drop(Number(time.newest) / 1e9 - span - 5);
             });
             if (!fresh || performance.now() - last < 95) return;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Parameters by tree and search: value, unit, age, and how its limits judge it; live, or as they were at a time.
-import {of, series} from "../api.js";
+import {valuesAt} from "../api.js";
 import {attempt, concern, dress, h, hint, put} from "../dom.js";
 import {clock, span} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
@@ -8,8 +8,6 @@ import {STATUSES, valueText} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Parameters", key = "p";
-
-const LOOK_BACK = 600n * 1000000000n;     // a value of the past is the newest of so long before
 
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
@@ -58,8 +56,8 @@ export async function open(context) {
                 put(cells[4], store.seen[slot] ? age(slot) : "");
                 dress(element, `tr${row === table.at ? " at" : ""}${store.seen[slot] ? "" : " soft"}`);
             } else {
-                put(cells[1], old ? valueText(about, old.value) : past ? "\u2013" : "\u2026");
-                concern(0, cells[3].firstChild ?? cells[3].appendChild(h("span")));
+                put(cells[1], old ? valueText(about, old) : past ? "\u2013" : "\u2026");
+                concern(old?.concern ?? 0, cells[3].firstChild ?? cells[3].appendChild(h("span")));
                 put(cells[4], old ? span(Number(time.at - old.t) / 1e9) : "");
                 dress(element, `tr${row === table.at ? " at" : ""}`);
             }
@@ -88,21 +86,12 @@ export async function open(context) {
     }
 
     async function remember(view) {
-        const {at} = time, numbers = view.filter((slot) => !["text", "binary"].includes(store.slots[slot].kind));
-        if (!numbers.length) return;
+        const {at} = time;
+        if (!view.length) return;
         await attempt(root, async () => {
-            const found = series(await api.bytes(of(craft, "history"), {
-                names: numbers.map((slot) => store.slots[slot].name).join(","),
-                from_ns: at - LOOK_BACK,
-                to_ns: at + 1n,
-                points: 1,
-                session: time.session,
-                format: "binary"
-            }));
-            if (at !== time.at || time.isLive)
-                return;
-            past = new Map(found.flatMap(({t_ns, value}, k) =>
-                (t_ns.length ? [[numbers[k], {t: t_ns.at(-1), value: value.at(-1)}]] : [])));
+            const found = await valuesAt(api, craft, view.map((slot) => store.slots[slot].name), at, time.session);
+            if (at !== time.at || time.isLive) return;
+            past = new Map([...found].map(([name, one]) => [store.byName.get(name), one]));
         });
         table.draw();
     }

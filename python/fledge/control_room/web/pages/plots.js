@@ -187,7 +187,8 @@ export async function open(context) {
             if (slot === undefined || !store.seen[slot]) continue;
             const t = Number(store.at(slot)) / 1e9;
             if (fixed && t > fixed[1]) continue;
-            fresh = curve.add(t, store.number(slot)) || fresh;
+            const value = store.number(slot);
+            fresh = curve.add(t, value, value, value, store.concern[slot]) || fresh;
             curve.drop(view()[0] - 5);
         }
         const now = performance.now();
