@@ -118,10 +118,11 @@ def orbit(body: Any, pole: Any, r: Any, v: Any) -> Any:
 
 
 class Contacts:
-    """The stations and radios of a mission's world, and what the feed has of its spacecraft."""
+    """The stations and radios of a mission's world, and what the feed has of its spacecraft. radio: the name of that by
+    which the server's packets pass, or "" """
 
-    def __init__(self, feed: Feed, simulation: Any) -> None:
-        self._feed = feed
+    def __init__(self, feed: Feed, simulation: Any, radio: str = "") -> None:
+        self._feed, self._used = feed, radio
         self._lock = Lock()
         self._made: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
         self.told: dict[str, Any] = {"stations": [], "radios": []}   #: what is now, for all
@@ -161,7 +162,8 @@ class Contacts:
                              "seen": elevation >= one.mask, "light_time": distance / SPEED_OF_LIGHT})
         radios = []
         for path, (station, radio) in self._radios.items():
-            told: dict[str, Any] = {"name": path, "station": station.partition(".")[2]}
+            told: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
+                                    "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
                 link, traffic = (seen.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
                 told[way] = {"rate": getattr(radio, f"{way}_rate")} | (

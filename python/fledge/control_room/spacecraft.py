@@ -96,7 +96,7 @@ class Spacecraft:
             self._keep()
         self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link,
                          zero=0 if self.clock == "simulated" else self.epoch_ns or 0)   #: of the 3-D view
-        self.contacts = Contacts(self.feed, self.simulation)
+        self.contacts = Contacts(self.feed, self.simulation, settings.radio)
 
     @property
     def clock(self) -> str:

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every spacecraft at a glance: its link, its radio if its telemetry is there, packets, alarms and newest events.
+// Every spacecraft at a glance: its link and radio, its next passes, packets, alarms and newest events.
 import {of} from "../api.js";
 import {CONCERNS, SHAPES, concern, dress, h, put} from "../dom.js";
 import {clock, count} from "../format.js";
+import {Radio} from "../radio.js";
 
 export const title = "Overview", key = "o";
 
@@ -38,14 +39,16 @@ export async function open(context) {
             packets: row("Packets"),
             undecoded: row("Not decoded"),
             link: row("Link"),
-            counts: row("Counts")
+            counts: row("Counts"),
+            contact: new Radio(api, name)
         };
-        made.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio"), radio);
+        made.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio, by telemetry"), radio);
         made.element = h("article", {class: "panel card"},
             h("div", {class: "row"},
                 h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)), about,
                 h("span", {class: "grow"}), state, alarms),
-            archive, facts, made.radioPart, h("section", {}, h("h3", {}, "Newest events"), events));
+            archive, facts, made.contact.part, made.radioPart,
+            h("section", {}, h("h3", {}, "Newest events"), events), made.contact.table);
         grid.append(made.element);
         cards.set(name, made);
         fill(made);
@@ -79,7 +82,8 @@ export async function open(context) {
         put(made.about, `${craft.mission ?? ""}${craft.simulated ? ", simulated" : ""}`);
         const t = store.t ?? craft.t_ns;
         put(made.t, t === null || t === undefined ? "nothing received yet" : clock(t, craft.clock !== "simulated", 1));
-        put(made.packets, count(craft.packets));
+        const rate = made.contact.show(craft);
+        put(made.packets, count(craft.packets) + (rate && ` \u00b7 ${rate}`));
         put(made.undecoded, count(craft.undecoded));
         put(made.link, address || (craft.simulated ? "flown by this server" : "none"));
         put(made.counts,
@@ -120,6 +124,7 @@ export async function open(context) {
     context.on("crafts", all);
     context.on("alarms", all);
     context.onFrame(all);
+    context.every(30000, () => cards.forEach((made) => made.contact.load()));
     all();
     return () => {
         for (const made of cards.values()) made.wish?.end();

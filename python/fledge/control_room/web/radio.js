@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The radio of a spacecraft: who sees it, what is locked, what was lost, and the next passes, as far as the server knows.
+import {of} from "./api.js";
+import {dress, h, put} from "./dom.js";
+import {clock, count, span} from "./format.js";
+
+const WINDOW = 10;      // [s] of the spacecraft's clock over which a rate is measured
+const FLAGS = {
+    no_rf: "no RF",
+    no_bit_lock: "no bit lock",
+    lockout: "lockout",
+    wait: "wait",
+    retransmit: "retransmit"
+};
+const minus = (text) => text.replace("-", "\u2212");
+const degrees = (angle) => minus(`${(angle * 180 / Math.PI).toFixed(1)}\u00b0`);
+
+/** 2000000 bit/s -> "2 Mbit/s" */
+export function bitRate(rate) {
+    const [by, unit] = rate < 1e3 ? [1, ""] : rate < 1e6 ? [1e3, "k"] : rate < 1e9 ? [1e6, "M"] : [1e9, "G"];
+    return `${+(rate / by).toPrecision(3)} ${unit}bit/s`;
+}
+
+/** What COP-1 does, and the flags of the last CLCW; "" if nothing is known. */
+export function cop1Text({state = "", ended = "", ...flags} = {}) {
+    const set = Object.keys(FLAGS).filter((name) => flags[name]).map((name) => FLAGS[name]);
+    return [state, state === "initial" && ended && `ended: ${ended}`,
+        "no_rf" in flags && `CLCW: ${set.join(", ") || "no flags"}`].filter(Boolean).join(" \u00b7 ");
+}
+
+/** What is known of a direction of a radio: of each row its text. */
+const WAY = {
+    receiver: ({state, lock}) => state && `${lock ? "\u25cf" : "\u25cb"} ${state}`,
+    "Eb/N0": ({eb_n0_dB}) => eb_n0_dB !== undefined && `${minus(eb_n0_dB.toFixed(1))} dB`,
+    "bit rate": ({rate}) => bitRate(rate),
+    ...Object.fromEntries(["received", "lost", "damaged", "dropped"].map(
+        (name) => [name, (way) => way[name] !== undefined && count(way[name])])),
+    bytes: ({bytes, waiting}) => bytes !== undefined && `${count(bytes)}${waiting ? `, ${count(waiting)} wait` : ""}`,
+};
+
+export class Radio {
+    constructor(api, name) {
+        Object.assign(this, {api, name, rows: new Map(), ways: new Map(), passes: [], samples: []});
+        this.facts = h("dl", {class: "facts"});
+        this.links = h("div", {class: "radios"});
+        this.part = h("section", {hidden: true}, h("h3", {}, "Link and radio"), this.facts, this.links);
+        this.title = h("h3");
+        this.head = h("tr");
+        this.body = h("tbody");
+        this.table = h("section", {hidden: true, "aria-label": "next passes"}, this.title,
+            h("div", {class: "frame passes", tabIndex: 0}, h("table", {class: "plain"},
+                h("thead", {}, this.head), this.body)),
+            h("p", {class: "soft"}, "Of the coming day, from the orbit of this moment by two bodies and J2."));
+        this.load();
+    }
+
+    async load() {
+        this.passes = await this.api.get(of(this.name, "passes")).catch(() => []);
+        this.drawn = null;
+    }
+
+    say(name, good, text) {
+        if (!this.rows.has(name)) {
+            const value = h("dd");
+            this.facts.append(h("dt", {}, name), value);
+            this.rows.set(name, value);
+        }
+        const row = this.rows.get(name);
+        dress(row, good ? "good" : "");
+        put(row, text);
+    }
+
+    /** Show what the server says of the spacecraft. Returns the rate of its packets as a text, or "". */
+    show(craft) {
+        const {stations = [], radios = [], link = {}} = craft, now = Number(craft.t_ns) / 1e9;
+        for (const one of stations) {
+            const next = this.passes.find(({station, rise_ns}) =>
+                station === one.name && rise_ns && Number(rise_ns) / 1e9 > now);
+            this.say(one.name, one.seen, one.seen ? "\u25cf contact" :
+                `\u25cb no contact${next ? `, rises in ${span(Number(next.rise_ns) / 1e9 - now)}` : ""}`);
+            this.say(stations.length > 1 ? `${one.name}, from` : "Seen from it", false, `${degrees(one.elevation)} high, ${
+                count(Math.round(one.range / 1e3))} km, ${lightTime(one.light_time)} away`);
+        }
+        for (const one of radios) this.radio(one);
+        const cop1 = cop1Text(link.cop1);
+        if (cop1) this.say(link.cop1.state ? "COP-1" : "CLCW", link.cop1.state === "active", cop1);
+        this.part.hidden = !this.rows.size && !this.ways.size;
+        this.draw(craft, now);
+        return this.rate(craft, now);
+    }
+
+    /** Both directions of a radio, side by side. */
+    radio(one) {
+        if (!this.ways.has(one.name)) {
+            const cells = Object.keys(WAY).map(() => [h("td", {class: "num"}), h("td", {class: "num"})]);
+            this.ways.set(one.name, cells);
+            this.links.append(h("table", {class: "plain"},
+                h("caption", {class: "soft"}, one.name, !one.carries && ": packets of this server do not pass by it"),
+                h("thead", {}, h("tr", {}, h("td"), ["down", "up"].map((way) => h("th", {class: "num"}, way)))),
+                h("tbody", {}, Object.keys(WAY).map((name, k) => h("tr", {}, h("th", {scope: "row"}, name), cells[k])))));
+        }
+        Object.values(WAY).forEach((text, k) => [one.down, one.up].forEach((way, i) => {
+            const cell = this.ways.get(one.name)[k][i];
+            put(cell, text(way) || "unknown");
+            if (!k) dress(cell, way.lock ? "num good" : "num");
+        }));
+    }
+
+    draw(craft, now) {
+        const utc = craft.clock !== "simulated", shown = this.passes.filter(({set_ns}) =>
+            !set_ns || Number(set_ns) / 1e9 > now), about = `${shown.length} ${shown[0]?.highest_ns}`;
+        if (this.drawn === about) return;
+        if (this.drawn && shown.length < this.passes.length) this.load();    // one has set
+        this.drawn = about;
+        this.table.hidden = !shown.length;
+        const several = new Set(shown.map(({station}) => station)).size > 1;
+        put(this.title, several ? "Next passes" : `Next passes over ${shown[0]?.station}`);
+        this.head.replaceChildren(...[several && "station", "rise", "highest", "at", "set"].filter(Boolean).map(
+            (one) => h("th", {class: one === "station" ? "" : "num"}, one)));
+        this.body.replaceChildren(...shown.map((one) => h("tr", {}, several && h("td", {}, one.station),
+            [one.rise_ns ? clock(one.rise_ns, utc, 0) : "in view", degrees(one.elevation),
+                clock(one.highest_ns, utc, 0), one.set_ns ? clock(one.set_ns, utc, 0) : "later"].map(
+                (text) => h("td", {class: "num"}, text)))));
+    }
+
+    rate(craft, now) {
+        const last = this.samples.at(-1);
+        if (last && (now < last.now || craft.bytes < last.bytes)) this.samples = [];
+        if (!last || now > last.now) this.samples.push({now, bytes: craft.bytes, packets: craft.packets});
+        while (this.samples.length > 2 && this.samples[1].now <= now - WINDOW) this.samples.shift();
+        const [first] = this.samples, past = now - first.now;
+        return past > 0 ? `${bitRate(8 * (craft.bytes - first.bytes) / past)}, ${
+            ((craft.packets - first.packets) / past).toPrecision(3)} packets/s` : "";
+    }
+}
+
+/** A light time: ms below 1 s. */
+const lightTime = (seconds) => (seconds < 1 ? `${(1e3 * seconds).toFixed(1)} ms` : span(seconds));
