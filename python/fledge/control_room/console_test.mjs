@@ -23,6 +23,14 @@ await run({
         return page;
     },
 
+    async "of a spacecraft of others, the overview says what its link knows, and no more"() {
+        const page = await open("overview");
+        await page.locator(".card dd", {hasText: /bit\/s, \d+(\.\d+)? packets\/s/}).waitFor();
+        await page.locator(".card dd", {hasText: /^skipped 0 \u00b7 dropped 0/}).waitFor();
+        assert.deepEqual(await page.locator(".card h3:visible").allTextContents(), ["Newest events"]);
+        return page;
+    },
+
     async "texts are shown as texts"() {
         const page = await open("parameters");
         await page.locator(".td", {hasText: "<img src=x onerror=alert(1)>"}).first().waitFor();

@@ -4,12 +4,11 @@ All of it is for the spacecraft's own thread, but what is said to be for all."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import ALL, LISTS, Action, Block, Code, Field, encoded, stored, values
+from fledge.commands import ALL, LISTS, Action, Block, Code, Field, Stored, encoded, stored, storing, values
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.files import Files, Transfer
 
@@ -230,28 +229,38 @@ class StoredLists:
         self.craft = craft
         blocks = craft.dictionary.blocks if craft.dictionary else []
         self.path = next((one.path for one in blocks if one.type == "StoredCommands"), "")
-        self._lists: dict[int, tuple[list[dict[str, Any]], str]] = {}
+        self._lists: dict[int, tuple[list[dict[str, Any]], str | None]] = {}    # and when they were read
         self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
-        self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here
+        self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
+        self._held: dict[int, int] = {}
 
     def told(self) -> dict[str, Any]:
         """For all."""
         if not self.path:
             return {"lists": [], "text": f"the flight software of {self.craft.name} has no StoredCommands"}
-        running, held, inhibited = (self._bits(name) for name in ("running", "held", "inhibited"))
+        running, held, inhibited = (self._said(name) or 0 for name in ("running", "held", "inhibited"))
+        ahead = self._ahead()
+        now = self.craft.now - ahead        # of flight
         made = []
         for number in range(LISTS):
             bit = 1 << number
-            begun = self._begun.get(number) if number and running & bit and not held & bit else None
-            rows, when = self._lists[number] if number in self._lists else ([], None)
-            due = 0 if number == 0 else begun
+            if not running & bit and (self._said("head.t") or 0) > self._begun.get(number, now):
+                self._begun.pop(number, None)       # it has ended: the next start may be that of others
+            begun = self._begun.get(number) if running & bit and not held & bit else None
+            rows, when = self._lists.get(number, ([], None))
+            if number == 0 and not held & bit:      # they leave the store when they are due
+                rows = [one for one in rows if int(one["time_ns"]) > now]
+            due = None if held & bit or inhibited & bit else 0 if number == 0 else begun
             made.append({
-                "list": number, "read_ns": when, "t_ns": None if begun is None else str(self.craft.now - begun),
+                "list": number, "read_ns": when, "t_ns": None if begun is None else str(now - begun),
                 "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
                 else "idle",
-                "commands": [one | {"due_ns": None if due is None else str(due + int(one["time_ns"]))}
+                "commands": [one | {"due_ns": None if due is None else str(due + ahead + int(one["time_ns"]))}
                              for one in rows]})
-        return {"lists": made, "text": ""}
+        due = self._said("next")
+        return {"lists": made, "text": "", "flight_ns": str(now),
+                "next_ns": None if due is None or due < 0 else str(due + ahead),
+                **{name: self._said(name) for name in ("stored", "released", "skipped")}}
 
     def act(self, user: str, wish: dict[str, Any]) -> dict[str, Any]:
         """What a browser asks of a list: the row of the command. Raises SetupError."""
@@ -266,7 +275,10 @@ class StoredLists:
         commanding = self.craft.commanding
         if action is None:
             packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}))
-            made = ground.made("store", number, step, int(wish.get("time_ns", 0)), packet)
+            try:
+                made = ground.made("store", number, step, int(wish.get("time_ns", 0)), packet)
+            except ValueError:
+                raise SetupError(f"time_ns is a whole number; found '{wish['time_ns']}'") from None
             if ground.dictionary:
                 self._names[int.from_bytes(made[0][10:12], "big")] = ground.dictionary.command(packet)
         elif action == "report":
@@ -278,25 +290,47 @@ class StoredLists:
         else:
             raise SetupError(f"a list can report, delete, {', '.join(one.name.lower() for one in Action)}; found "
                              f"'{action}'")
-        then: Callable[[Sent], None] | None = None
-        if action == "report":
-            def then(sent: Sent) -> None:
-                self._keep(number, sent.data)
-        elif action == "start":
-            def then(sent: Sent) -> None:
+
+        def then(sent: Sent) -> None:
+            if action == "report":
+                self._keep(number, stored(sent.data), str(self.craft.now))
+            elif action is None:
+                self._keep(number, [*(one for one in self._known(number) if one.step != step), *storing(sent.packets)])
+            elif action == "delete":
+                self._keep(number, [one for one in self._known(number) if step not in (ALL, one.step)])
+            elif action == "start":
                 self._begun[number] = sent.reports[-1].t
+            elif action == "hold":
+                self._held[number] = sent.reports[-1].t
+            elif action == "release" and number in self._begun and number in self._held:
+                self._begun[number] += sent.reports[-1].t - self._held.pop(number)      # its time stood
+
         given = {key: value for key, value in wish.items() if key != "action"}
         return commanding.release(user, action or "store", given, made, then)
 
-    def _keep(self, number: int, data: bytes) -> None:
-        rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc,
+    def _known(self, number: int) -> list[Stored]:
+        return [Stored(int(one["time_ns"]), *(one[name] for name in ("step", "size", "crc", "code")))
+                for one in self._lists.get(number, ([], None))[0]]
+
+    def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
+        """What a list has. read: when the spacecraft said so; else it follows from commands that it has executed."""
+        rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc, "code": one.code,
                  "name": self._names.get(one.crc) or (Code(one.code).name.lower() if one.code in
                                                       Code._value2member_map_ else f"code {one.code}")}
-                for one in stored(data)]
-        self._lists[number] = rows, str(self.craft.now)
+                for one in sorted(commands)]
+        self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
         self.craft.room.publish("stored", self.craft.name, {"list": number})
 
-    def _bits(self, name: str) -> int:
+    def _newest(self, name: str) -> Any:
         slot = self.craft.slot_numbers.get(f"{self.path}.state.{name}")
-        newest = self.craft.monitor.newest(slot) if slot is not None else None
-        return int(newest[3]) if newest else 0
+        return self.craft.monitor.newest(slot) if slot is not None else None
+
+    def _said(self, name: str) -> int | None:
+        """What telemetry says of all lists."""
+        newest = self._newest(name)
+        return int(newest[3]) if newest else None
+
+    def _ahead(self) -> int:
+        """[ns] of the spacecraft's clock here over flight's time."""
+        newest = self._newest("head.t")
+        return 0 if self.craft.clock == "simulated" or not newest else int(newest[0] - newest[3])

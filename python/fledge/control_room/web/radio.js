@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The radio of a spacecraft: who sees it, what is locked, what was lost, and the next passes, as far as the server knows.
+// The radio of a spacecraft: who sees it, what is locked and lost, and the next passes, as far as the server knows.
 import {of} from "./api.js";
 import {dress, h, put} from "./dom.js";
 import {clock, count, span} from "./format.js";
@@ -78,7 +78,8 @@ export class Radio {
                 station === one.name && rise_ns && Number(rise_ns) / 1e9 > now);
             this.say(one.name, one.seen, one.seen ? "\u25cf contact" :
                 `\u25cb no contact${next ? `, rises in ${span(Number(next.rise_ns) / 1e9 - now)}` : ""}`);
-            this.say(stations.length > 1 ? `${one.name}, from` : "Seen from it", false, `${degrees(one.elevation)} high, ${
+            const from = stations.length > 1 ? `${one.name}, from` : "Seen from it";
+            this.say(from, false, `${degrees(one.elevation)} high, ${
                 count(Math.round(one.range / 1e3))} km, ${lightTime(one.light_time)} away`);
         }
         for (const one of radios) this.radio(one);
@@ -97,7 +98,8 @@ export class Radio {
             this.links.append(h("table", {class: "plain"},
                 h("caption", {class: "soft"}, one.name, !one.carries && ": packets of this server do not pass by it"),
                 h("thead", {}, h("tr", {}, h("td"), ["down", "up"].map((way) => h("th", {class: "num"}, way)))),
-                h("tbody", {}, Object.keys(WAY).map((name, k) => h("tr", {}, h("th", {scope: "row"}, name), cells[k])))));
+                h("tbody", {},
+                    Object.keys(WAY).map((name, k) => h("tr", {}, h("th", {scope: "row"}, name), cells[k])))));
         }
         Object.values(WAY).forEach((text, k) => [one.down, one.up].forEach((way, i) => {
             const cell = this.ways.get(one.name)[k][i];
@@ -108,7 +110,8 @@ export class Radio {
 
     draw(craft, now) {
         const utc = craft.clock !== "simulated", shown = this.passes.filter(({set_ns}) =>
-            !set_ns || Number(set_ns) / 1e9 > now), about = `${shown.length} ${shown[0]?.highest_ns}`;
+            !set_ns || Number(set_ns) / 1e9 > now), inView = ({rise_ns}) => !rise_ns || Number(rise_ns) / 1e9 <= now,
+              about = `${shown.length} ${shown[0]?.highest_ns} ${shown.filter(inView).length}`;
         if (this.drawn === about) return;
         if (this.drawn && shown.length < this.passes.length) this.load();    // one has set
         this.drawn = about;
@@ -118,15 +121,15 @@ export class Radio {
         this.head.replaceChildren(...[several && "station", "rise", "highest", "at", "set"].filter(Boolean).map(
             (one) => h("th", {class: one === "station" ? "" : "num"}, one)));
         this.body.replaceChildren(...shown.map((one) => h("tr", {}, several && h("td", {}, one.station),
-            [one.rise_ns ? clock(one.rise_ns, utc, 0) : "in view", degrees(one.elevation),
+            [inView(one) ? "in view" : clock(one.rise_ns, utc, 0), degrees(one.elevation),
                 clock(one.highest_ns, utc, 0), one.set_ns ? clock(one.set_ns, utc, 0) : "later"].map(
                 (text) => h("td", {class: "num"}, text)))));
     }
 
     rate(craft, now) {
-        const last = this.samples.at(-1);
-        if (last && (now < last.now || craft.bytes < last.bytes)) this.samples = [];
-        if (!last || now > last.now) this.samples.push({now, bytes: craft.bytes, packets: craft.packets});
+        if (this.samples.some((one) => now < one.now || craft.bytes < one.bytes)) this.samples = [];
+        if (!this.samples.some((one) => now <= one.now))
+            this.samples.push({now, bytes: craft.bytes, packets: craft.packets});
         while (this.samples.length > 2 && this.samples[1].now <= now - WINDOW) this.samples.shift();
         const [first] = this.samples, past = now - first.now;
         return past > 0 ? `${bitRate(8 * (craft.bytes - first.bytes) / past)}, ${

@@ -21,6 +21,8 @@ const STATES = {
     inhibited: "\u2298 inhibited"
 };
 
+const head = (name) => h("th", {class: name === "command" ? "" : "num"}, name);
+
 /** What is due, from now on, soonest first: [{due: s from now, list, step, name}]. */
 export const due = (lists, now) =>
     lists
@@ -39,20 +41,21 @@ export function reach(last) {
         1.02 * last;
 }
 
-export async function open({root, api, live, keys, craft, can, on, every}) {
-    const utc = live.craft(craft)?.clock === "utc", may = can("command");
-    let stored = {lists: [], text: ""}, forms = [];
+export async function open({root, api, live, keys, craft, can, on, every, say}) {
+    const utc = live.craft(craft)?.clock === "utc", may = can("command"), own = new Set();
+    let stored = {lists: [], text: ""}, forms = [], shown = "";
     const now = () => live.craft(craft)?.t_ns ?? "0";
     const line = h("div", {class: "timeline", role: "img"}), soon = h("tbody"), lists = h("div", {class: "lists"});
     const strip = h("section", {class: "panel wide", "aria-label": "what is due"}, h("h3", {}, "Due on board"), line,
         h("table", {class: "plain"},
-            h("thead", {}, h("tr", {}, ["in", "at", "list", "step", "command"].map((one) => h("th", {}, one)))), soon));
+            h("thead", {}, h("tr", {}, ["in", "at", "list", "step", "command"].map(head))), soon));
     const problem = h("p", {class: "soft"});
 
     const which = h("select", {"aria-label": "list", disabled: !may},
         Array.from({length: LISTS}, (_, k) => h("option", {value: k}, k ? `sequence ${k}` : "absolute times")));
     const read = () => post({list: Number(which.value), action: "report"});
-    const post = (what) => attempt(root, () => api.post(of(craft, "stored"), what));
+    const send = async (what) => (await api.post(of(craft, "stored"), what)).ids.forEach((id) => own.add(id));
+    const post = (what) => attempt(root, () => send(what));
     async function act(list, action) {
         if (action === "start" ||
             await ask(`${action} list ${list}`, `The list ${list} of ${craft}: ${action}.`, [], action))
@@ -72,40 +75,62 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
                            String(one.list))));
         soon.replaceChildren(...all.slice(0, 50).map(
             (one) => h("tr", {}, h("td", {class: "num"}, span(one.due)),
-                h("td", {class: "soft"}, clock(BigInt(at) + BigInt(Math.round(one.due * 1e9)), utc, 0)),
+                h("td", {class: "num soft"}, clock(BigInt(at) + BigInt(Math.round(one.due * 1e9)), utc, 0)),
                 h("td", {class: "num"}, one.list), h("td", {class: "num"}, one.step), h("td", {}, one.name))));
         if (!all.length)
             soon.append(h("tr", {}, h("td", {class: "soft", colSpan: 5}, stored.text || "Nothing is due.")));
     }
-    function tables() {
-        put(problem, stored.text ?? "");
-        const shown = stored.lists.filter((one) => one.commands.length || one.state !== "idle" || one.read_ns);
-        lists.replaceChildren(...shown.map(part));
+    function sum() {
+        const known = stored.lists.reduce((n, one) => n + one.commands.length, 0);
+        const unread = (stored.stored ?? 0) - known;
+        put(problem, stored.text || stored.stored == null ? stored.text : [
+            `${stored.stored} on board${unread > 0 ? `, of which ${unread} were not read yet` : ""}`,
+            `${stored.released} executed`, `${stored.skipped} skipped`,
+            stored.next_ns && `the next one is due at ${clock(stored.next_ns, utc, 0)}`]
+            .filter(Boolean)
+            .join(" \u00b7 "));
     }
+    function tables() {
+        lists.replaceChildren(...stored.lists
+            .filter((one) => one.commands.length || one.state !== "idle" || one.read_ns)
+            .map(part));
+    }
+    const states = new Map();
+    const tell = ({list, state, t_ns}) => states.has(list) &&
+        put(states.get(list), (list || state !== "idle" ? STATES[state] ?? state : "") +
+            (t_ns == null ? "" : ` for ${clock(t_ns, false, 0)}`));
     function part({list, state, t_ns, read_ns, commands}) {
         const small = (word, action, about = {}) =>
             may && h("button", {class: "small", onclick: action, ...about}, word);
         const actions = (ACTIONS[state] ?? []).filter((action) => list || !["start", "stop"].includes(action));
+        const said = h("span");
+        states.set(list, said);
+        tell({list, state, t_ns});
         return h("section", {class: "panel", "aria-label": `list ${list}`},
-            h("div", {class: "row"}, h("h2", {}, list ? `Sequence ${list}` : "Absolute times"),
-                h("span", {}, STATES[state] ?? state, t_ns != null && ` at ${clock(t_ns, false, 0)}`),
+            h("div", {class: "row"}, h("h2", {}, list ? `Sequence ${list}` : "Absolute times"), said,
                 h("span", {class: "grow"}), actions.map((action) => small(action, () => act(list, action))),
                 small("read", () => post({list, action: "report"}))),
             h("table", {class: "plain"},
-                h("thead", {}, h("tr", {}, ["time", "step", "command", "bytes", ""].map((name) => h("th", {}, name)))),
+                h("thead", {}, h("tr", {}, ["time", "step", "command", "bytes", ""].map(head))),
                 h("tbody", {},
                     commands.map(
                         ({time_ns, step, name, size}) =>
-                            h("tr", {}, h("td", {class: "num"}, clock(time_ns, utc && !list, list ? 1 : 0)),
+                            h("tr", {}, h("td", {class: "num"}, clock(time_ns, false, list ? 1 : 0)),
                                 h("td", {class: "num"}, step), h("td", {}, name), h("td", {class: "num soft"}, size),
                                 h("td", {},
                                     small("delete", () => post({list, step, action: "delete"}),
                                         {"aria-label": `delete step ${step}`}))))),
-                !commands.length && h("caption", {class: "soft"}, read_ns ? "It is empty." : "It was not read yet.")));
+                h("caption", {class: "soft"}, read_ns ? `${commands.length ? "" : "Empty. "}Read at ${
+                    clock(read_ns, utc, 0)}.` : "Not read yet: what was stored from here.")));
     }
     const load = async () => {
         stored = await api.get(of(craft, "stored"));
-        tables();
+        const now = JSON.stringify(stored,
+            (key, value) => (["flight_ns", "t_ns", "due_ns", "next_ns"].includes(key) ? null : value));
+        if (now !== shown) tables();
+        else stored.lists.forEach(tell);
+        shown = now;
+        sum();
         draw();
     };
 
@@ -116,6 +141,13 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         const list = h("input", {type: "number", min: 0, max: 15, value: "1", required: true}),
               step = h("input", {type: "number", min: 0, max: 65534, value: "0", required: true});
         const at = h("input", {type: "number", min: 0, step: "any", value: "10", required: true}), holder = h("div");
+        const times = h("p", {class: "soft"});
+        list.oninput = () => {
+            const flight = Math.round(Number(stored.flight_ns) / 1e9);
+            put(times, Number(list.value) ? "Its time counts from the start of the sequence." :
+                `Its time is that of flight, which is ${flight} s now.`);
+            at.value = Number(list.value) ? "10" : String(flight + 60);
+        };
         const which = h("select", {
             onchange: () => {
                 form = new Form(forms.find((one) => one.name === which.value));
@@ -131,7 +163,7 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
                 if (values)
                     attempt(inside, async () => {
                         try {
-                            await api.post(of(craft, "stored"), {
+                            await send({
                                 list: Number(list.value),
                                 step: Number(step.value),
                                 time_ns: String(Math.round(Number(at.value) * 1e9)),
@@ -146,13 +178,12 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             }
         },
             h("h2", {}, "Store a command"),
-            h("p", {class: "soft"},
-                "List 0 has absolute times of flight; the others are sequences, whose times count from their start."),
-            h("div", {class: "row"}, field("list", list), field("step", step), field("time [s]", at)),
+            times, h("div", {class: "row"}, field("list", list), field("step", step), field("time [s]", at)),
             field("command", which), holder,
             h("div", {class: "row end"}, h("button", {type: "button", onclick: () => dialog.close()}, "Cancel"),
                 h("button", {class: "primary"}, "Store")));
         dialog.replaceChildren(inside);
+        list.oninput();
         which.dispatchEvent(new Event("change"));
         dialog.showModal();
     }
@@ -163,9 +194,13 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
     keys.add("a", "store a command", compose);
     keys.add("R", "read the list", () => read());
     on("stored", (one) => one.craft === craft && load().catch(() => {}));
-    on("sent",
-        (row) => row.craft === craft && row.stages.some(({stage}) => stage === "completed") && load().catch(() => {}));
-    every(1000, draw);
+    on("sent", (row) => {
+        if (row.craft !== craft || !own.has(row.id)) return;
+        const bad = row.stages.find(({good}) => good === false);
+        if (bad) say(`${row.name}: ${bad.text}`, true);
+        if (bad || row.stages.some(({stage}) => stage === "completed")) own.delete(row.id);
+    });
+    every(1000, () => document.hidden || load().catch(() => {}));
     await attempt(root, async () => {
         await load();
         forms = await api.get(of(craft, "commands"));
