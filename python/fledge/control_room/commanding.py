@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any
 from fledge.commands import Stage, checksummed, numbered
 from fledge.control_room.verifying import Verifying
 from fledge.errors import SetupError, did_you_mean
+from fledge.ground.framed import Framed
 
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
     from fledge.ground.craft import Sent
 
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
+DELIVERED = "the link knows that it is there"
+GIVEN_UP = "the link gave it up after its last transmission; it may have arrived"
 NUMBERS = ("natural", "integer", "label", "boolean")
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
 
@@ -45,6 +48,7 @@ class Commanding:
         self._open: list[tuple[dict[str, Any], Sent, int]] = []     # row, what was sent, reports that are in it
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
         self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
+        self._going: dict[bytes, dict[str, Any]] = {}       # and of which the link has not said that they are there
 
     def load(self) -> None:
         """Take the forms of the database."""
@@ -64,8 +68,7 @@ class Commanding:
     def preview(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         """The bytes that a command would have, its sequence apart. Raises ArgumentError."""
         form, given, packet = self._encoded(name, arguments)
-        if self.craft.dictionary or self.craft.settings.header == "cfs":
-            packet = checksummed(numbered(packet, 0))
+        packet = self._finished(packet, 0)
         known = {one["name"]: one for one in form["arguments"]}
         whole, fields = int.from_bytes(packet, "big"), []
         for field, is_argument, bit, bits in self.craft.database.places(form["path"], **given):
@@ -110,6 +113,8 @@ class Commanding:
             else:
                 for packet in packets:
                     craft.link.send(packet)
+                    if isinstance(craft.link, Framed) and craft.link.frames.cop1:
+                        self._going[packet] = row
                 if form:
                     self.verifying.begin(row, form, packets[0])
         except OSError as error:
@@ -124,6 +129,10 @@ class Commanding:
     def look(self) -> None:
         """Note what became of commands since the last look."""
         self.verifying.look(self.craft.now)
+        for packet, good in self.craft.link.answers() if self.craft.link and not self.craft.ground else ():
+            if row := self._going.pop(packet, None):
+                self.stage(row, *(("delivered", True, DELIVERED) if good else ("failed", False, GIVEN_UP)))
+                self._keep(row)
         if not self._open:
             return
         left = []
@@ -145,9 +154,9 @@ class Commanding:
         """Whether it is over."""
         stages = {one["stage"] for one in row["stages"]}
         if "delivered" not in stages and sent.arrived and len(sent.arrived) == len(sent.packets):
-            self.stage(row, "delivered", True, "the link knows that it is there")
+            self.stage(row, "delivered", True, DELIVERED)
         if sent.given_up and not sent.reports and "failed" not in stages:
-            self.stage(row, "failed", False, "the link gave it up after its last transmission; it may have arrived")
+            self.stage(row, "failed", False, GIVEN_UP)
             return True
         dictionary = self.craft.dictionary
         assert dictionary is not None
@@ -212,12 +221,20 @@ class Commanding:
 
     def _numbered(self, packet: bytes) -> bytes:
         """A packet of a database with its sequence and length."""
-        if self.craft.settings.header == "none" or len(packet) < 7:
-            return packet
         stream = int.from_bytes(packet[:2], "big") & 0x7FF
         number = self._sequences[stream] = self._sequences.get(stream, -1) + 1
+        return self._finished(packet, number)
+
+    def _finished(self, packet: bytes, number: int) -> bytes:
+        """A packet with what its header has besides. Raises SetupError if it has no room for a checksum."""
+        header = "cfs" if self.craft.dictionary else self.craft.settings.header
+        if header == "none" or header == "ccsds" and len(packet) < 7:
+            return packet
+        if header == "cfs" and len(packet) < 8:
+            raise SetupError(f"a command of cFS has 8 bytes at least, the last of them its checksum; this one has "
+                             f"{len(packet)}: header = \"ccsds\" is without")
         made = numbered(packet, number)
-        return checksummed(made) if self.craft.settings.header == "cfs" else made
+        return checksummed(made) if header == "cfs" else made
 
     def stage(self, row: dict[str, Any], stage: str, good: bool | None, text: str, t: int | None = None) -> None:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""

@@ -12,6 +12,7 @@ from typing import Any
 
 from fledge.control_room.users import KEYS, Access
 from fledge.errors import SetupError
+from fledge.frames import Frames
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 
 MORE = ("postgres",)        # tables that the modules of these names read
@@ -118,7 +119,7 @@ class _Reader(Tables):
             self.refuse((*at, "link"), "a spacecraft with a `database` has a `link`", "there is none",
                         'write link = "udp://127.0.0.1:10025?listen=10015"')
         if link:
-            self.address(link, (*at, "link"))
+            self.address(link, (*at, "link"), Frames() if mission else None)
         speed = self.number(table, at, "speed", 1.0)
         if speed < 0:
             self.refuse((*at, "speed"), "`speed` is >= 0", f"it is {speed:g}", "0 is as fast as possible")
@@ -136,11 +137,12 @@ class _Reader(Tables):
             tuple(self.derived(self.table(table["derived"], (*at, "derived"), key), (*at, "derived", key), key)
                   for key in self.table(table, at, "derived")))
 
-    def address(self, link: str, at: tuple) -> None:
+    def address(self, link: str, at: tuple, frames: Frames | None) -> None:
+        """frames: those of a mission, which may speak them, so that the address may have their options."""
         from fledge.ground.address import link_of
 
         try:
-            link_of(link)
+            link_of(link, frames=frames)
         except SetupError as error:
             self.refuse(at, "a link has an address", str(error), "docs/ground.md lists them")
 

@@ -23,7 +23,7 @@ from fledge.control_room.limits import SetLimits
 from fledge.control_room.scene import Feed
 from fledge.control_room.services import StoredLists, Tables, Transfers
 from fledge.control_room.settings import CraftSettings
-from fledge.errors import Failure, SetupError
+from fledge.errors import Failure, SetupError, did_you_mean, listed
 from fledge.files import write_files
 from fledge.ground import connect
 from fledge.ground.address import open_link
@@ -277,6 +277,10 @@ class Spacecraft:
         self.mission_folder = Path(sim.mission.folder) if sim.mission else None
         self.dictionary = process.commands.dictionary
         self.simulation = sim
+        if settings.radio and settings.radio not in sim.world.instances:
+            raise SetupError(f"{self.name}: the world of {sim.name} has no radio '{settings.radio}'"
+                             f"{did_you_mean(settings.radio, sim.world.instances)} it has "
+                             + listed(list(sim.world.instances)))
         if not settings.link:
             self.run = self.control = Pace(sim, settings.speed)
         database = packets.database(read(sim, process.name))
