@@ -25,20 +25,26 @@ async function picture(page, name) {
         await page.screenshot({path: join(process.env.FLEDGE_PICTURES, `${name.replace(/[^\w]+/g, "-")}.png`)});
 }
 
-/** A page of the console. */
-export async function open(name, {craft = "", selection = "", width = 1280, height = 800, colorScheme = "dark"} = {}) {
+/** The server's page at a link, which may ask for a user first. */
+export async function enter(hash, {width = 1280, height = 800, colorScheme = "dark"} = {}) {
     const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
     const page = await context.newPage();
     page.setDefaultTimeout(PATIENCE);
     page.problems = [];
     page.on("pageerror", (error) => page.problems.push(error.stack));
-    page.on("console", (said) => said.type() === "error" && !/status of 4\d\d/.test(said.text()) &&
+    page.on("console", (said) => said.type() === "error" && !/status of 4\d\d|response code: 401/.test(said.text()) &&
         page.problems.push(said.text()));
     page.on("dialog", (dialog) => {
         page.problems.push(`a dialog: ${dialog.message()}`);
         dialog.dismiss();
     });
-    await page.goto(`${address}/${anchor(name, {craft, sel: selection})}`);
+    await page.goto(`${address}/${hash}`);
+    return page;
+}
+
+/** A page of the console. */
+export async function open(name, {craft = "", selection = "", ...look} = {}) {
+    const page = await enter(anchor(name, {craft, sel: selection}), look);
     await page.waitForSelector("html[data-opened]");
     return page;
 }

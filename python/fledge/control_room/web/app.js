@@ -85,6 +85,8 @@ async function show(at = {t: time.t, session: time.session}) {
         ends.push(end);
         return end;
     };
+    const why = page.role && lacks(page.role);
+    if (why) root.before(h("p", {class: "soft lacks", role: "note"}, why));
     const end = await attempt(root, () => page.open({
         root, api, live, alarms, time, keys, go, say, craft: place.craft, selection: place.sel,
         store: live.store(place.craft),
@@ -102,11 +104,7 @@ async function show(at = {t: time.t, session: time.session}) {
             const timer = setInterval(action, ms);
             own(() => clearInterval(timer));
         },
-        can: (role) => {
-            const {roles, crafts} = api.session, {can} = live.craft(place.craft) ?? {};
-            return roles.includes(role) && (!crafts || crafts.includes(place.craft)) &&
-                (role !== "command" || !can || can.includes(role));
-        },
+        can: (role) => !lacks(role),
     }));
     const finish = () => {
         for (const one of ends) one();
@@ -114,6 +112,14 @@ async function show(at = {t: time.t, session: time.session}) {
     };
     if (number === opening) close = finish;
     else finish();
+}
+
+/** Why this person may not use a role for the spacecraft; "": he may. */
+function lacks(role) {
+    const {user, roles, crafts} = api.session, {can} = live.craft(place.craft) ?? {};
+    if (!roles.includes(role) || crafts && !crafts.includes(place.craft.split("@")[0]))
+        return `You look on: ${user} lacks the role '${role}' for ${place.craft}.`;
+    return role === "command" && can && !can.includes(role) ? `You look on: ${place.craft} takes no commands.` : "";
 }
 
 /** Say something below, for a while. */

@@ -104,6 +104,7 @@ export class Live {
         socket.onclose = () => {
             this.socket = null;
             this.set("lost");
+            this.api.begin().then(({user}) => user || this.api.refused(), () => {});    // the session may have ended
             setTimeout(() => this.connect(), this.pause);
             this.pause = Math.min(5000, 1.6 * this.pause);
         };

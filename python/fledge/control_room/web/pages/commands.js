@@ -11,7 +11,7 @@ import {Table} from "../table.js";
 
 const WAIT = 150;  // [ms] after the last key until the bytes are asked for
 
-export const title = "Commands", key = "c";
+export const title = "Commands", key = "c", role = "command";
 
 export async function open({root, api, live, keys, craft, selection, select, can}) {
     const utc = live.craft(craft)?.clock === "utc";

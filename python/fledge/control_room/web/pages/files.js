@@ -5,7 +5,7 @@ import {attempt, h, put} from "../dom.js";
 import {clock} from "../format.js";
 import {size} from "../transfer.js";
 
-export const title = "Files", key = "f";
+export const title = "Files", key = "f", role = "command";
 
 export async function open({root, api, live, keys, craft, can, on, say}) {
     const utc = live.craft(craft)?.clock === "utc", transfers = new Map();

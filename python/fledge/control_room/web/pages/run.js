@@ -4,7 +4,7 @@ import {of} from "../api.js";
 import {attempt, dress, h, put} from "../dom.js";
 import {clock} from "../format.js";
 
-export const title = "Simulation", key = "r";
+export const title = "Simulation", key = "r", role = "command";
 
 const SPEEDS = [0.1, 1, 2, 5, 10, 50, 100, 1000, 0];
 const words = (speed) => (speed ? `${speed} \u00d7 real time` : "as fast as possible");

@@ -6,7 +6,7 @@ import {Form, inWords, outcome, stagesOf} from "../forms.js";
 import {read, stackOf, written} from "../stack.js";
 import {offer} from "../transfer.js";
 
-export const title = "Stacks", key = "s";
+export const title = "Stacks", key = "s", role = "command";
 
 export async function open({root, api, live, keys, craft, can, say}) {
     const stack = stackOf(craft);
@@ -133,8 +133,7 @@ export async function open({root, api, live, keys, craft, can, say}) {
             stack.problem ? `Stopped: ${stack.problem}` :
                 stack.running ? stack.waiting || `step ${stack.at + 1} of ${stack.steps.length}` :
                 left <= 0 && stack.steps.length ? "All steps are done." :
-                may                             ? "" :
-                                                  "Your role may not command.");
+                                                  "");
         dress(status, `answer grow ${stack.problem ? "problem" : ""}`);
     }
 

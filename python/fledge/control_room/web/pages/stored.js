@@ -5,7 +5,7 @@ import {ask, attempt, h, put} from "../dom.js";
 import {clock, span} from "../format.js";
 import {Form, listed} from "../forms.js";
 
-export const title = "On board", key = "b";
+export const title = "On board", key = "b", role = "command";
 
 const LISTS = 16;
 const ACTIONS = {
@@ -191,8 +191,10 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
                     h("button", {class: "primary", disabled: !may, onclick: compose, title: "a"}, "Store a command"),
                     h("button", {disabled: !may, onclick: () => read(), title: "R"}, "Read the list"), which, problem),
         strip, lists, dialog);
-    keys.add("a", "store a command", compose);
-    keys.add("R", "read the list", () => read());
+    if (may) {
+        keys.add("a", "store a command", compose);
+        keys.add("R", "read the list", () => read());
+    }
     on("stored", (one) => one.craft === craft && load().catch(() => {}));
     on("sent", (row) => {
         if (row.craft !== craft || !own.has(row.id)) return;

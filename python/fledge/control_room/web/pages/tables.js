@@ -6,7 +6,7 @@ import {clock} from "../format.js";
 import {outcome, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
 
-export const title = "Tables", key = "t";
+export const title = "Tables", key = "t", role = "command";
 
 /** The numbers of a table, flat: [{path, keys, type, unit, meaning, rule, choices}]; keys: from its values inwards. */
 export function leaves(fields, before = "", keys = []) {
