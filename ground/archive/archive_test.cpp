@@ -13,9 +13,33 @@
 #include <numeric>
 #include <random>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
+
+namespace {
+
+std::atomic<int> syncs{0}, sync_error{0};
+std::atomic<long> synced{0}; ///< [bytes] of the file
+
+} // namespace
+
+/// Instead of that of the C library, which it calls.
+extern "C" int fdatasync(int fd)
+{
+    struct stat about {};
+    fstat(fd, &about);
+    if (const int error = sync_error.exchange(0)) {
+        errno = error;
+        return -1;
+    }
+    const auto done = static_cast<int>(syscall(SYS_fdatasync, fd));
+    synced = about.st_size;
+    syncs++;
+    return done;
+}
 
 namespace fledge::ground {
 
@@ -582,6 +606,57 @@ TEST_F(Archive, ADatabaseThatChangesReadsWhatIsOld)
     ASSERT_EQ(now.value.size(), 51u);
     EXPECT_EQ(now.value.back(), 77);
     EXPECT_EQ(then.value.size(), 50u);
+}
+
+TEST_F(Archive, WhatWasSavedIsOnTheDiskSoonAfterAndAFailureIsToldOnce)
+{
+    constexpr auto within = std::chrono::milliseconds(30);
+    PacketArchive archive(folder, "craft", db, 3600 * second, within);
+    const auto part = [&] {
+        for (const auto &one : fs::directory_iterator(folder + "/craft")) {
+            if (one.path().extension() == ".part") {
+                return static_cast<long>(fs::file_size(one.path()));
+            }
+        }
+        return 0L;
+    };
+    std::uint32_t count = 0;
+    const auto save = [&] {
+        const Bytes packet = power_packet(++count);
+        archive.put({count * second, utc, packet}, power);
+        archive.save();
+    };
+    const auto until = [&](const auto &holds) {
+        const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+        while (!holds()) {
+            ASSERT_LT(std::chrono::steady_clock::now(), end);
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+    };
+    const int before = syncs;
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < 2000; i++) {
+        save();
+    }
+    const long size = part();
+    until([&] { return synced >= size; }); // without another save
+    EXPECT_LE(syncs - before, (std::chrono::steady_clock::now() - begin) / within + 1);
+    sync_error = EIO;
+    save();
+    until([&] { return sync_error == 0; });
+    std::string said;
+    until([&] {
+        try {
+            save();
+        } catch (const Refusal &refusal) {
+            said = refusal.what();
+        }
+        return !said.empty();
+    });
+    EXPECT_THAT(said, HasSubstr("may not be on the disk"));
+    save();
+    archive.close();
+    EXPECT_EQ(History(folder, "craft", db, "").series({"count"}, {}, 0)[0].t.size(), count);
 }
 
 } // namespace

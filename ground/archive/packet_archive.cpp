@@ -7,11 +7,13 @@
 #include "record/mcap.h"
 
 #include <cerrno>
-#include <chrono>
+#include <condition_variable>
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <mutex>
 #include <sys/stat.h>
+#include <thread>
 #include <unistd.h>
 #include <unordered_map>
 #include <utility>
@@ -156,8 +158,77 @@ struct PacketArchive::File {
     }
 };
 
+/// Brings what was saved to the disk, some time later and in a thread of its own: a disk may take 0.1 s for it.
+class PacketArchive::Disk {
+public:
+    explicit Disk(std::chrono::milliseconds within) : within_(within), thread_([this] { run(); }) {}
+    Disk(const Disk &) = delete;
+    Disk &operator=(const Disk &) = delete;
+
+    ~Disk()
+    {
+        {
+            const std::lock_guard lock(mutex_);
+            over_ = true;
+        }
+        changed_.notify_one();
+        thread_.join();
+    }
+
+    /// A file was saved. Returns the errno of the last time, once.
+    int saved(const std::string &path)
+    {
+        const std::lock_guard lock(mutex_);
+        if (path_.empty()) {
+            changed_.notify_one();
+        }
+        path_ = path; // another one before it is on the disk, for it is complete
+        return std::exchange(error_, 0);
+    }
+
+private:
+    void run()
+    {
+        std::unique_lock lock(mutex_);
+        while (!over_) {
+            changed_.wait(lock, [&] { return over_ || !path_.empty(); });
+            changed_.wait_for(lock, within_, [&] { return over_; });
+            const std::string path = std::exchange(path_, "");
+            if (over_ || path.empty()) {
+                continue;
+            }
+            lock.unlock();
+            const int error = sync(path, false);
+            const int also = path != known_ ? sync(fs::path(path).parent_path(), true) : 0; // its name
+            known_ = path;
+            lock.lock();
+            error_ = error != 0 ? error : also;
+        }
+    }
+
+    static int sync(const std::string &path, bool folder)
+    {
+        const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+        if (fd < 0) {
+            return 0; // it is complete, and has another name
+        }
+        const bool safe = (folder ? fsync(fd) : fdatasync(fd)) == 0 || errno == EINVAL || errno == ENOSYS;
+        const int error = safe ? 0 : errno;
+        ::close(fd);
+        return error;
+    }
+
+    const std::chrono::milliseconds within_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::string path_, known_; ///< what is to be synced; "": nothing; and the last one
+    int error_ = 0;
+    bool over_ = false;
+    std::thread thread_; ///< the last one: it uses the others
+};
+
 PacketArchive::PacketArchive(const std::string &folder, std::string craft, const Database &database,
-                             std::int64_t period)
+                             std::int64_t period, std::chrono::milliseconds synced)
     : craft_(std::move(craft)), folder_(folder + "/" + craft_), db_(database), period_(period)
 {
     if (craft_.empty() || craft_[0] == '.' || craft_.find('/') != std::string::npos) {
@@ -203,6 +274,7 @@ PacketArchive::PacketArchive(const std::string &folder, std::string craft, const
         throw Refusal("cannot read " + folder_ + ": " + failed.code().message());
     }
     tell(++session_);
+    disk_ = std::make_unique<Disk>(synced);
 }
 
 /// Readers see in the lock which session goes on.
@@ -308,13 +380,19 @@ void PacketArchive::save()
         try {
             write();
             problem_.clear();
-            return;
+            break;
         } catch (const Refusal &refusal) {
             problem_ = refusal.what();
             file_.reset();
         }
     }
-    throw Refusal(problem_);
+    if (!problem_.empty()) {
+        throw Refusal(problem_);
+    }
+    if (const int error = file_ != nullptr ? disk_->saved(file_->sink.part) : 0) {
+        throw Refusal("packets of the last seconds may not be on the disk: " + file_->name +
+                      ".part: " + in_words(error));
+    }
 }
 
 /// All that is pending, into the file of its session and period.

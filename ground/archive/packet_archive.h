@@ -12,6 +12,7 @@
 
 #include "ground/monitor/arrival.h"
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <vector>
@@ -22,7 +23,9 @@ class PacketArchive final : public PacketSink {
 public:
     /// Open for writing, and make whole what a program that was killed has left. period: [ns] of the spacecraft's
     /// clock. Throws Refusal, as when another program writes there.
-    PacketArchive(const std::string &folder, std::string craft, const Database &database, std::int64_t period);
+    /// synced: within that time, what was saved is on the disk, safe also from a loss of power.
+    PacketArchive(const std::string &folder, std::string craft, const Database &database, std::int64_t period,
+                  std::chrono::milliseconds synced = std::chrono::seconds(5));
     ~PacketArchive() override;
 
     /// Until it is saved, a packet is in memory. A time that steps back by up to a second is as the last one.
@@ -40,6 +43,7 @@ public:
 
 private:
     struct File; ///< that is being written
+    class Disk;
     struct Pending {
         std::uint32_t session;
         Id container;
@@ -68,6 +72,7 @@ private:
     std::int64_t retry_ = -1; ///< [s] of the wall clock
     std::vector<std::string> topics_;
     std::unique_ptr<File> file_;
+    std::unique_ptr<Disk> disk_;
     std::vector<Pending> pending_;
     std::vector<std::uint8_t> bytes_;
     Gap gap_;
