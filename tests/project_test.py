@@ -160,7 +160,8 @@ def test_an_editor_finds_the_types_of_its_modules(own):
         "reveal_type(fsw.JerkLimit(rate=1 * N * m / s).torque)\nreveal_type(world.GasLeak)\n"
         "reveal_type(fledge.load('first_scan'))\n")
     kinds = ["_fledge_flight.BodyTorque", "_project_world.GasLeak", "fledge.mission.simulation.Simulation"]
-    assert [kind in line for kind, line in zip(kinds, told())] == [True, True, True] and len(told()) == 3
+    lines = told()
+    assert [kind in line for kind, line in zip(kinds, lines)] == [True, True, True] and len(lines) == 3
     replace(flight, "fsw.JerkLimit(rate=", "fsw.JerkLimit(rat=")
     (error,) = [line for line in told() if "error" in line]
     assert 'missions/first_scan/flight.py' in error and 'Unexpected keyword argument "rat" for "JerkLimit"' in error

@@ -84,7 +84,7 @@ def test_mypy_accepts_the_stubs_and_a_mission(folder):
     assert mypy(folder, nadir_spin / "flight.py", nadir_spin / "world.py") == []
 
 
-@pytest.mark.parametrize("right, wrong, complaint", [
+MISTAKES = [
     ("(K=2.531 * N * m", "(k=2.531 * N * m", 'Unexpected keyword argument "k" for "MrpFeedback"'),
     ("(K=2.531 * N * m", "(K='2.531'", 'Argument "K" to "MrpFeedback" has incompatible type "str"'),
     (", P=45.0", "", 'Missing named argument "P" for "MrpFeedback"'),
@@ -95,12 +95,23 @@ def test_mypy_accepts_the_stubs_and_a_mission(folder):
     ("lambda m: None", "0", 'Argument "reset" to "SunSlew" has incompatible type "int"'),
     ("m.torque)\n", "m.torque, 1)\n", 'Too many arguments for "held" of "Module"'),
     ("I_B=[1, 2, 3], g", "I_B='123', g", 'Argument "I_B" to "Spacecraft" has incompatible type "str"'),
-])
-def test_mypy_finds_a_mistake_in_a_mission(folder, right, wrong, complaint):
+]
+
+
+@pytest.fixture(scope="module")
+def complaints(folder):
+    """What mypy says of a mission with each of the mistakes."""
+    files = [folder / f"mistake_{k}.py" for k in range(len(MISTAKES))]
+    for file, (right, wrong, _) in zip(files, MISTAKES):
+        file.write_text(MISSION.replace(right, wrong))
+    errors = [line for line in mypy(folder, *files) if ": error: " in line]
+    return [[line for line in errors if line.startswith(file.name)] for file in files]
+
+
+@pytest.mark.parametrize("k, right, complaint", [(k, right, text) for k, (right, _, text) in enumerate(MISTAKES)])
+def test_mypy_finds_a_mistake_in_a_mission(complaints, k, right, complaint):
     assert MISSION.count(right) == 1
-    (folder / "flight.py").write_text(MISSION.replace(right, wrong))
-    errors = [line for line in mypy(folder, folder / "flight.py") if ": error: " in line]
-    assert len(errors) == 1 and complaint in errors[0]
+    assert len(complaints[k]) == 1 and complaint in complaints[k][0]
 
 
 def test_parameters_are_completed_with_unit_rule_and_meaning(folder):
