@@ -3,7 +3,7 @@
 for the server's file, which let people and scripts use it.
 
 Exit codes: 0 done, also by Ctrl-C of the server; 1 the script failed; 2 the command line, the file or the address is
-wrong; 130 Ctrl-C of a script.
+wrong; 130 Ctrl-C or SIGTERM of a script.
 """
 from __future__ import annotations
 
@@ -114,7 +114,8 @@ def run(options: argparse.Namespace) -> int:
         asked = getattr(craft.link, "ask", None)    # of a server: its operators
         script = scripts.Script(path, craft, write, lambda question: _ask(question, options.yes, asked))
         try:
-            problem, code = script.run(function, lambda: trace(options))
+            with _ended_as_by_ctrl_c():
+                problem, code = script.run(function, lambda: trace(options))
         finally:
             at = page.write(folder / "script.html", entries, shlex.join(["./fledge", *options.words]))
             say(f"  page     {at}")
@@ -122,6 +123,19 @@ def run(options: argparse.Namespace) -> int:
         raise Failure(f"{path.name}: {problem}" if code == 130 else problem, code)
     say("  passed")
     return 0
+
+
+def _ended_as_by_ctrl_c():
+    """SIGTERM, too, ends a script so that its page is written; in the program's first thread."""
+    import signal
+    import threading
+
+    from fledge.interruption import handled
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    return handled([signal.SIGTERM] * (threading.current_thread() is threading.main_thread()), interrupt)
 
 
 def _craft(options, kind):

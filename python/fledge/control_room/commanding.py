@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
 DELIVERED = "the link knows that it is there"
 GIVEN_UP = "the link gave it up after its last transmission; it may have arrived"
+CHECKSUM = 56               # [bits] in front of it in a command of Fledge
 NUMBERS = ("natural", "integer", "label", "boolean")
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
 
@@ -86,6 +87,24 @@ class Commanding:
         if form["hazardous"] and not confirmed:
             raise Hazardous(form["hazardous"])
         return self.release(user, name, arguments, [self.numbered(packet)], form=form)
+
+    def hazard(self, packet: bytes) -> str:
+        """Why a packet that was made elsewhere is hazardous; empty: it is not. It is what a hazardous form makes: it
+        has the form's stream, and all that the form fixes behind the primary header but the checksum."""
+        whole = int.from_bytes(packet, "big")
+        for form in self._forms.values():
+            if not form["hazardous"]:
+                continue
+            _, given, sample = self._encoded(form["name"], {one["name"]: _sample(one) for one in form["arguments"]})
+            open_ = {one[key] for one in form["arguments"] for key in ("name", "counted_by")}
+            fixed = [(bit, bits) for name, _, bit, bits in self.craft.database.places(form["path"], **given)
+                     if name not in open_ and bit >= 48 and bit != CHECKSUM]
+            other = int.from_bytes(sample, "big")
+            if packet[:2] == sample[:2] and all(
+                    bit + bits <= 8 * len(packet) and (whole >> 8 * len(packet) - bit - bits ^ other >> 8 * len(sample)
+                                                       - bit - bits) & (1 << bits) - 1 == 0 for bit, bits in fixed):
+                return str(form["hazardous"])
+        return ""
 
     def made(self, name: str, arguments: dict[str, Any]) -> bytes:
         """The packet of a command that is to be stored on board. Raises ArgumentError, SetupError."""
@@ -245,3 +264,14 @@ class Commanding:
 
     def _keep(self, row: dict[str, Any]) -> None:
         self.craft.room.keep("sent", self.craft.name, row)
+
+
+def _sample(argument: dict[str, Any]) -> Any:
+    """A value that an argument may have."""
+    if argument["labels"]:
+        return argument["labels"][0]
+    if argument["type"] not in NUMBERS and argument["type"] not in ("real", "time"):
+        return ""
+    low, high = (argument[key] if argument[key] is not None else otherwise for key, otherwise in (
+        ("low", min(argument["high"] or 0, 0)), ("high", max(argument["low"] or 0, 0) + 2)))
+    return (low + high) / 2 if argument["type"] == "real" else int(low + high) // 2

@@ -7,9 +7,11 @@ from unittest.mock import patch
 import pytest
 
 from fledge import cli, ground
+from fledge.control_room.uplink_test import mission
 from fledge.control_room.users import token
 from fledge.control_room.web_test import console, flown
 from fledge.errors import Failure, SetupError
+from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, m, minute, s
 
 FILE = """
@@ -118,6 +120,40 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
         await page.post(here, {"text": "left alone?"})
         with patch("fledge.control_room.questions.ASKED", 0.0):     # its script has ended
             assert await page.get(here) == []
+
+
+HAZARDS = """
+[commands."flight.write.control.K"]
+hazardous = "the loop may oscillate"
+[commands."flight.reset_flight"]
+hazardous = "flight begins again"
+"""
+
+
+@flown
+async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
+    mission(folder / "plays", FLIGHT, WORLD)
+    (folder / "plays/ground.toml").write_text(HAZARDS)
+
+    def commands():
+        with ground.connect(address(page, "plays")) as craft:
+            for what, given, why in ((("write", "flight.control"), {"K": 3 * N * m}, "the loop may oscillate"),
+                                     (("reset",), {}, "flight begins again")):
+                with pytest.raises(Failure, match=f"hazardous: {why}; a script says confirmed=True"):
+                    craft.command(*what, **given)
+            craft.command("write", "flight.control", K_I=0.02 * N * m / s).completed(within=60 * minute)
+            craft.command("write", "flight.control", K=3 * N * m, confirmed=True).completed(within=60 * minute)
+            with pytest.raises(Failure, match="hazardous"):     # it was for the one command
+                craft.command("write", "flight.control", K=3 * N * m)
+
+    async with console(folder, '[[craft]]\nmission = "./plays"\nspeed = 200\n') as page:
+        await asyncio.to_thread(commands)
+        flight = page.room.crafts["plays"].simulation.flight
+        assert (flight.control.K, flight.control.K_I) == (3, 0.02)
+        refused = [one for one in await page.get("log") if one["action"] == "refused"]
+        assert len(refused) == 3 and all("hazardous" in one["text"] for one in refused)
+        names = [one["name"] for one in await page.get("crafts/plays/sent") if one["name"].startswith(("write", "res"))]
+        assert names == ["write flight.control.K", "write flight.control.K_I"]
 
 
 @flown

@@ -302,14 +302,15 @@ class Server:
         craft = self._craft(request, "command")
         if craft.ground is None:
             raise refusal(409, f"{craft.name} takes no packets now: {craft.state}")
-        ground, body = craft.ground, await self._body(request, hex=str)
+        ground, body = craft.ground, await self._body(request, hex=str, confirmed=bool)
         try:
             packet = bytes.fromhex(body.get("hex", ""))
         except ValueError:
             packet = b""
         if not 8 <= len(packet) <= 1 << 16:
             raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
-
+        if not body.get("confirmed", False) and (why := craft.commanding.hazard(packet)):
+            raise Hazardous(f"{why}; a script says confirmed=True in its command")
         if not ground.in_step:      # so that a refusal of its number is the server's alone to mend
             await self._asked(craft, lambda: craft.commanding.release(
                 self._user(request), "noop", {}, ground.made("noop")))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from fledge.ground.files import Files, Transfer
 
-_MAKERS = {"packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
+_MAKERS = {"numbered", "packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
 HEARD = 10_000                                  # events that are known again
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
 
@@ -241,11 +241,17 @@ class Craft:
             self._files.close()
         self.link.close()
 
-    def command(self, what: str, *arguments: Any, **values: Any) -> Sent:
+    def command(self, what: str, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
         """Send a command, one that fledge.commands.Packets makes: command("mode", "science"), command("noop"),
-        command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2).
-        Raises SetupError for what the mission does not have."""
-        return self.send(self.made(what, *arguments, **values))
+        command("write", "flight.control", K=3 * N * m), command("telemetry", "housekeeping", every=2). confirmed: it is
+        meant, which a server of a control room asks for hazardous ones. Raises SetupError for what the mission does not
+        have."""
+        made = self.made(what, *arguments, **values)
+        self.link.confirmed = confirmed
+        try:
+            return self.send(made)
+        finally:
+            self.link.confirmed = False
 
     def made(self, what: str, *arguments: Any, **values: Any) -> list[bytes]:
         """The packets of such a command, for send()."""

@@ -36,6 +36,7 @@ class Link(ABC):
     """A way to a spacecraft and back. One thread receives; send() may come from another."""
 
     numbers = False     #: it numbers what it sends, and counts on behind others by itself
+    confirmed = False   #: what it sends now is meant, also if it is hazardous: a server of a control room asks for it
     skipped = 0     #: bytes that were no packet
     dropped = 0     #: packets that a slow reader missed
     #: [s] of real time after which receive() returns, also while the link's own clock stands; None: it waits on

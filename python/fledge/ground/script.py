@@ -70,10 +70,10 @@ class Watched(Craft):
         self.events = self.telemetry.events
         self._words: dict[str, str] = {}
 
-    def command(self, what: str, *arguments: Any, **values: Any) -> Sent:
+    def command(self, what: str, *arguments: Any, confirmed: bool = False, **values: Any) -> Sent:
         self._words = {name: str(value) for name, value in values.items()}
         try:
-            return super().command(what, *arguments, **values)
+            return super().command(what, *arguments, confirmed=confirmed, **values)
         finally:
             self._words = {}
 

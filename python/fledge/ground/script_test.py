@@ -169,7 +169,8 @@ def test_a_script_that_is_none_is_refused_before_anything_happens(source, says, 
     assert "--mission says what is there" in capsys.readouterr().err
 
 
-def test_ctrl_c_in_real_time_leaves_the_page(place):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_real_time_leaves_the_page(place, number):
     """By UDP, with a spacecraft that does not answer; while it asks, packets are taken."""
     there = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     there.bind(("127.0.0.1", 0))
@@ -181,7 +182,7 @@ def test_ctrl_c_in_real_time_leaves_the_page(place):
     with subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "run", "script.py", "--to",
                            f"udp://127.0.0.1:{there.getsockname()[1]}?listen={port}", "--mission", "./plays", "--out",
                            "out", "--yes"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        watch = Thread(target=lambda: (there.recv(100), os.kill(process.pid, signal.SIGINT)))
+        watch = Thread(target=lambda: (there.recv(100), os.kill(process.pid, number)))
         watch.start()
         try:
             out, err = process.communicate(timeout=120)

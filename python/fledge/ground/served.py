@@ -51,7 +51,8 @@ class Served(Link):
 
     def send(self, packet: bytes) -> bytes:
         """Returns the packet with the server's number."""
-        return bytes.fromhex(self._call(self._post(f"crafts/{self._name}/raw", hex=packet.hex()))["hex"])
+        return bytes.fromhex(self._call(self._post(f"crafts/{self._name}/raw", hex=packet.hex(),
+                                                   confirmed=self.confirmed))["hex"])
 
     def receive(self, until: int) -> list[Timed]:
         while self.t < until:
