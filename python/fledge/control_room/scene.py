@@ -313,7 +313,7 @@ class Feed:
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
         for craft in scene.crafts:
-            craft.poses = [one for one in craft.poses if one.kind != "estimate" or one.name in (self._slots or {})]
+            craft.poses = [one for one in craft.poses if one.name in (self._slots or {})]
             if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.said:
                 scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
                                    "no ghost.")

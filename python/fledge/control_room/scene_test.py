@@ -244,13 +244,54 @@ def served(folder, text):
         loop.close()
 
 
-@pytest.mark.skipif(not PROGRAM or not bundle.is_built("console.js", "viewer.js") or os.environ.get(
-    "FLEDGE_PRESET") == "asan", reason="needs chromium, and the console, which ./fledge setup --view builds")
+in_browser = pytest.mark.skipif(
+    not PROGRAM or not bundle.is_built("console.js", "viewer.js") or os.environ.get("FLEDGE_PRESET") == "asan",
+    reason="needs chromium, and the console, which ./fledge setup --view builds")
+VIEWER = "document.querySelector('.fledge-view')?.viewer"
+
+
+@in_browser
+def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the_truth(tmp_path):
+    def paused(name):
+        """The simulation of a spacecraft that stands, as the picture does."""
+        browser.go("about:blank")
+        browser.go(f"{address}#/view?craft={name}")
+        browser.wait_for(f"{VIEWER}?.root.dataset.opened")
+        begun = browser.ask(f"{VIEWER}.data.end")
+        browser.wait_for(f"{VIEWER}.data.end > {begun} + 10")
+        craft = room.crafts[name]
+        craft.call(lambda: craft.run.command("pause")).result(30)
+        browser.wait_for(f"!{VIEWER}.dirty && Math.abs({VIEWER}.data.end - {craft.simulation.state_time}) < 1e-6 && "
+                         f"{VIEWER}.t === {VIEWER}.data.end")
+        return craft.simulation
+
+    craft = "[[craft]]\nname = {0!r}\nmission = {1!r}\nspeed = 20\n".format
+    with served(tmp_path, 'port = 0\nfolder = "runs"\n' + craft("slew", "star_slew") + craft("two", "formation")
+                + 'process = "chief"\n') as (address, room), Browser(900, 600) as browser:
+        sim = paused("two")
+        places = browser.ask(f"{VIEWER}.stage.crafts.map((one) => one.place)")
+        exact = [sim.process(name).craft.state.r_BN_N for name in ("chief_world", "deputy_world")]
+        assert np.abs(np.array(places) - exact).max() < 1 and np.linalg.norm(exact[0] - exact[1]) > 1
+        assert browser.ask(f"{VIEWER}.stage.crafts.flatMap((one) => one.ghosts.map(({{pose}}) => pose.name))") == [
+            "chief.base.reference"], "the telemetry of the others does not come by this link"
+
+        sim = paused("slew")
+        [ghost] = browser.ask(f"{VIEWER}.stage.crafts[0].ghosts.filter(({{pose}}) => pose.kind === 'estimate').map("
+                              "({ghost}) => ({shown: ghost.visible, q: ghost.quaternion.toArray()}))")
+        said, true = (Turning.of_mrp(np.zeros(1), np.array([sigma])).q[0] for sigma in (
+            sim.flight.filter.attitude.sigma_BN, sim.world.craft.state.sigma_BN))
+        assert ghost["shown"] and abs(said @ ghost["q"]) == pytest.approx(1, abs=1e-9)
+        off = 2 * np.arccos(min(abs(true @ ghost["q"]), 1))
+        assert 0 < off < 1e-2, "beside the truth, not on it"
+        assert [one for one in browser.problems if "viewer.js" in one] == []
+
+
+@in_browser
 def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_path):
     with served(tmp_path, 'port = 0\nfolder = "runs"\n[[craft]]\nname = "imager"\nmission = "earth_imager"\n'
                 'scenario = "contact"\nspeed = 20\n') as (address, room), Browser(900, 600) as browser:
         browser.go(f"{address}#/view?craft=imager")
-        viewer = "document.querySelector('.fledge-view')?.viewer"
+        viewer = VIEWER
         browser.wait_for(f"{viewer}?.root.dataset.opened")
         begun = browser.ask(f"{viewer}.data.end")
         browser.wait_for(f"{viewer}.data.end > {begun} + 20 && {viewer}.t > {begun}")
