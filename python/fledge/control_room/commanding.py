@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import Stage, checksummed, numbered
+from fledge.commands import Code, Stage, checksummed, numbered
 from fledge.control_room.verifying import Verifying
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.framed import Framed
@@ -23,6 +23,7 @@ WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command wit
 DELIVERED = "the link knows that it is there"
 GIVEN_UP = "the link gave it up after its last transmission; it may have arrived"
 CHECKSUM = 56               # [bits] in front of it in a command of Fledge
+STORED = 24                 # [bytes] in front of the command that another one stores
 NUMBERS = ("natural", "integer", "label", "boolean")
 WORDS = {Stage.ACCEPTED: "accepted", Stage.STARTED: "started", Stage.UNDER_WAY: "progress", Stage.DONE: "completed"}
 
@@ -83,14 +84,14 @@ class Commanding:
 
     def send(self, user: str, name: str, arguments: dict[str, Any], confirmed: bool) -> dict[str, Any]:
         """Send a command of a form; its row of the journal. Raises ArgumentError, Hazardous, SetupError."""
-        form, _, packet = self._encoded(name, arguments)
-        if form["hazardous"] and not confirmed:
-            raise Hazardous(form["hazardous"])
-        return self.release(user, name, arguments, [self.numbered(packet)], form=form)
+        packet = self.made(name, arguments, confirmed)
+        return self.release(user, name, arguments, [packet], form=self._forms[name])
 
     def hazard(self, packet: bytes) -> str:
         """Why a packet that was made elsewhere is hazardous; empty: it is not. It is what a hazardous form makes: it
         has the form's stream, and all that the form fixes behind the primary header but the checksum."""
+        if packet[6] == Code.STORE and len(packet) > STORED + 6 and (why := self.hazard(packet[STORED:])):
+            return why
         whole = int.from_bytes(packet, "big")
         for form in self._forms.values():
             if not form["hazardous"]:
@@ -106,9 +107,12 @@ class Commanding:
                 return str(form["hazardous"])
         return ""
 
-    def made(self, name: str, arguments: dict[str, Any]) -> bytes:
-        """The packet of a command that is to be stored on board. Raises ArgumentError, SetupError."""
-        return self.numbered(self._encoded(name, arguments)[2])
+    def made(self, name: str, arguments: dict[str, Any], confirmed: bool) -> bytes:
+        """The packet of a command, as it is sent or stored on board. Raises ArgumentError, Hazardous, SetupError."""
+        form, _, packet = self._encoded(name, arguments)
+        if form["hazardous"] and not confirmed:
+            raise Hazardous(form["hazardous"])
+        return self.numbered(packet)
 
     def numbered(self, packet: bytes) -> bytes:
         """With the sequence that is next."""

@@ -122,6 +122,10 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
             assert await page.get(here) == []
 
 
+STORED = """
+    f.stored = fsw.StoredCommands()
+    f.task("stored", every=1 * s, run=[f.stored])
+"""
 HAZARDS = """
 [commands."flight.write.control.K"]
 hazardous = "the loop may oscillate"
@@ -132,7 +136,7 @@ hazardous = "flight begins again"
 
 @flown
 async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
-    mission(folder / "plays", FLIGHT, WORLD)
+    mission(folder / "plays", FLIGHT + STORED, WORLD)
     (folder / "plays/ground.toml").write_text(HAZARDS)
 
     def commands():
@@ -141,6 +145,8 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
                                      (("reset",), {}, "flight begins again")):
                 with pytest.raises(Failure, match=f"hazardous: {why}; a script says confirmed=True"):
                     craft.command(*what, **given)
+                with pytest.raises(Failure, match=f"hazardous: {why}"):
+                    craft.command("store", 1, 0, 0, craft.made(*what, **given)[0])
             craft.command("write", "flight.control", K_I=0.02 * N * m / s).completed(within=60 * minute)
             craft.command("write", "flight.control", K=3 * N * m, confirmed=True).completed(within=60 * minute)
             with pytest.raises(Failure, match="hazardous"):     # it was for the one command
@@ -148,10 +154,14 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
 
     async with console(folder, '[[craft]]\nmission = "./plays"\nspeed = 200\n') as page:
         await asyncio.to_thread(commands)
+        step = {"list": 1, "step": 0, "time_ns": "0", "name": "flight.write.control.K", "arguments": {"K": 2}}
+        assert (await page.post("crafts/plays/stored", step, 409))["hazardous"] == "the loop may oscillate"
+        number, = (await page.post("crafts/plays/stored", step | {"confirmed": True}))["ids"]
+        await page.row("plays", number)
         flight = page.room.crafts["plays"].simulation.flight
         assert (flight.control.K, flight.control.K_I) == (3, 0.02)
         refused = [one for one in await page.get("log") if one["action"] == "refused"]
-        assert len(refused) == 3 and all("hazardous" in one["text"] for one in refused)
+        assert len(refused) == 6 and all("hazardous" in one["text"] for one in refused)
         names = [one["name"] for one in await page.get("crafts/plays/sent") if one["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]
 

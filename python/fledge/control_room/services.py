@@ -274,7 +274,8 @@ class StoredLists:
             raise SetupError(f"a step is a whole number; found {step!r}")
         commanding = self.craft.commanding
         if action is None:
-            packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}))
+            packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}),
+                                     wish.get("confirmed", False))
             try:
                 made = ground.made("store", number, step, int(wish.get("time_ns", 0)), packet)
             except ValueError:

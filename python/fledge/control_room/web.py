@@ -529,7 +529,8 @@ class Server:
 
     async def command_stored(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request, "command")
-        body = await self._body(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict)
+        body = await self._body(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict,
+                                confirmed=bool)
         row = await self._asked(craft, lambda: craft.stored.act(self._user(request), body))
         return answer({"ids": [row["id"]]})
 

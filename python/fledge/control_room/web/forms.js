@@ -197,19 +197,24 @@ export function bytesOf({hex, fields = []}) {
             h("details", {}, h("summary", {}, `${fixed.length} fields that the database gives`), table(fixed)));
 }
 
-/** Send a command; one that is hazardous is asked for once more. Its id, or null if the person thought better. */
-export async function send(api, craft, name, values) {
-    const path = of(craft, "send"), body = {name, arguments: values};
+/** Post a command to a route, to send or store it; one that is hazardous is asked for once more. The answer, or null if
+ *  the person thought better. */
+export async function post(api, craft, route, body) {
+    const path = of(craft, route);
     try {
-        return (await api.post(path, {...body, confirmed: false})).id;
+        return await api.post(path, body);
     } catch (error) {
         const why = error.status === 409 && error.body?.hazardous;
         if (!why) throw error;
         const sure =
-            await ask(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
-        return sure ? (await api.post(path, {...body, confirmed: true})).id : null;
+            await ask(`${body.name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
+        return sure ? await api.post(path, {...body, confirmed: true}) : null;
     }
 }
+
+/** Send a command: its id, or null. */
+export const send = async (api, craft, name, values) =>
+    (await post(api, craft, "send", {name, arguments: values}))?.id ?? null;
 
 const OF_DATABASES = ["transferred", "sent", "received", "queued"];  // that few of them have
 export const STAGES = [

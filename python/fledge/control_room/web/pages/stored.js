@@ -3,7 +3,7 @@
 import {of} from "../api.js";
 import {ask, attempt, h, put} from "../dom.js";
 import {clock, span} from "../format.js";
-import {Form, listed} from "../forms.js";
+import {Form, listed, post as command} from "../forms.js";
 
 export const title = "On board", key = "b", role = "command";
 
@@ -54,7 +54,7 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
     const which = h("select", {"aria-label": "list", disabled: !may},
         Array.from({length: LISTS}, (_, k) => h("option", {value: k}, k ? `sequence ${k}` : "absolute times")));
     const read = () => post({list: Number(which.value), action: "report"});
-    const send = async (what) => (await api.post(of(craft, "stored"), what)).ids.forEach((id) => own.add(id));
+    const send = async (what) => (await command(api, craft, "stored", what))?.ids.forEach((id) => own.add(id));
     const post = (what) => attempt(root, () => send(what));
     async function act(list, action) {
         if (action === "start" ||
