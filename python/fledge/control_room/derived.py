@@ -123,8 +123,8 @@ class DerivedParameters:
         return name in self._all
 
     def series(self, name: str, history: Any, begin: int, end: int, session: int, points: int) -> tuple[Array, ...]:
-        """(t, value, low, high, concern, worst, exact) as History.series has it: low and high are those of each of so many
-        buckets."""
+        """(t, value, low, high, concern, worst, exact) as History.series has it: low and high are those of each of so
+        many buckets."""
         rows, received = history.rows(self._inputs[name], begin, end, session)
         rows = np.ascontiguousarray(rows)
         t = rows[:, 0].copy().view(np.int64)

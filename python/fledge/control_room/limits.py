@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits that administrators have set instead of the database's. They are in the journal, and a value is judged by those
-that were in force when its packet was received: live, in a replay, in history and in PostgreSQL."""
+"""Limits that administrators have set instead of the database's. They are in the journal, and a value is judged by
+those that were in force when its packet was received: live, in a replay, in history and in PostgreSQL."""
 from __future__ import annotations
 
 import time

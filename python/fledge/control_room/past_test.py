@@ -15,8 +15,9 @@ from fledge.control_room.web_test import console, flown, free_port, sending
 from fledge.errors import SetupError
 from fledge.ground.archive_test import ALL_KINDS
 
-DATABASE = ALL_KINDS.replace("</ParameterTypeSet><ParameterSet>", """<BinaryParameterType name="head"><BinaryDataEncoding>
-    <SizeInBits><FixedValue>48</FixedValue></SizeInBits></BinaryDataEncoding></BinaryParameterType></ParameterTypeSet>
+DATABASE = ALL_KINDS.replace("</ParameterTypeSet><ParameterSet>", """<BinaryParameterType name="head">
+    <BinaryDataEncoding><SizeInBits><FixedValue>48</FixedValue></SizeInBits></BinaryDataEncoding></BinaryParameterType>
+    </ParameterTypeSet>
     <ParameterSet><Parameter name="head" parameterTypeRef="head"/>""").replace(
     'abstract="true"><EntryList>', 'abstract="true"><EntryList><ParameterRefEntry parameterRef="head"/>')
 FILE = """

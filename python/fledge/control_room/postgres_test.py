@@ -179,7 +179,8 @@ def test_all_kinds_of_values_are_as_they_were_decoded(tmp_path, base):
 def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(tmp_path, base):
     """Also of packets that the server had before the limits were changed, and the database has not yet."""
     server = Server(tmp_path, base)
-    changes = [{"name": name, "kind": "real", "unit": "V", "limits": limits, "persistence": 1, "time_ns": str(T0 + at * S)}
+    changes = [{"name": name, "kind": "real", "unit": "V", "limits": limits, "persistence": 1,
+                "time_ns": str(T0 + at * S)}
                for at, name, limits in ((10, "voltage", {"critical": [0, 20]}), (20, "other", {"severe": [0, 0]}),
                                         (30, "voltage", {}), (40, "voltage", None))]
     server.craft.limits.changes += changes[:2]

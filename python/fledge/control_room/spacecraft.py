@@ -80,7 +80,7 @@ class Spacecraft:
         self._thread: Thread | None = None
         self._reasons: set[str] = set()
         self._retry = 0.0
-        self._changed: list[int] = []   # when the files of the database did
+        self._changed: dict[Path, int] = {}     # when the files of the database did
         self._looked = self._published = 0.0
         self._prepare()
         self.derived = DerivedParameters(self, self.monitor)
@@ -200,8 +200,8 @@ class Spacecraft:
 
     def series(self, names: list[str], begin: int, end: int, points: int, session: int,
                exact: bool = False) -> dict[str, Any]:
-        """name -> (t [ns], value, low, high, concern, worst), arrays, and (kind, exact values) of what the archive has, by the
-        limits that were in force. Raises SetupError."""
+        """name -> (t [ns], value, low, high, concern, worst), arrays, and (kind, exact values) of what the archive has,
+        by the limits that were in force. Raises SetupError."""
         plain = [one for one in names if one not in self.derived]
         with self._reading:
             limits = {name: self.limits.of(name) for name in plain}
@@ -224,10 +224,16 @@ class Spacecraft:
         self.monitor = self.database.monitor(settings.root)
         self._changed = self._times()
 
-    def _times(self) -> list[int]:
-        """When the files of the database were written."""
+    def _times(self) -> dict[Path, int]:
+        """When the files of the database, or of the mission, and of derived parameters were written."""
+        folder = self.room.settings.file.resolve().parent
+        files = [*self.settings.database, *(folder / one.function.rpartition(":")[0] for one in self.settings.derived
+                                            if one.function)]
+        if self.mission_folder:
+            files += [one for one in sorted(self.mission_folder.glob("*.py")) if not one.name.endswith("_test.py")]
+            files += self.mission_folder.glob("ground.toml")
         try:
-            return [one.stat().st_mtime_ns for one in self.settings.database]
+            return {one: one.stat().st_mtime_ns for one in files}
         except OSError:
             return self._changed        # it is being written
 
@@ -239,10 +245,18 @@ class Spacecraft:
         self.history = self.database.history(folder, self.name, self.settings.root)
 
     def _reread(self) -> None:
-        """Take a database that has changed; a wrong one is refused, and the old one stays."""
-        if not self.settings.database or time.monotonic() - self._looked < AGAIN or self._times() == self._changed:
+        """Take a database that has changed; a wrong one is refused, and the old one stays. What a mission was made of
+        cannot be taken while it flies."""
+        if time.monotonic() - self._looked < AGAIN:
             return
-        self._looked, self._changed = time.monotonic(), self._times()
+        self._looked, before, self._changed = time.monotonic(), self._changed, self._times()
+        if self._changed == before:
+            return
+        if self.settings.mission:
+            names = sorted({path.name for path, _ in before.items() ^ self._changed.items()})
+            self.room.tell(self.name, "warning", "database", f"the mission has changed ({listed(names)}); the server "
+                           "has the old one until it starts again")
+            return
         try:
             database = Database.load(*self.settings.database)
             monitor = database.monitor(self.settings.root)

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 from contextlib import asynccontextmanager
+from shutil import copytree
 from threading import Event
 
 import pytest
@@ -17,6 +18,7 @@ from fledge.control_room import web
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import Server
+from tests.tree import ROOT
 
 PATIENCE = 60       # [s] of a test that waits; it goes on as soon as it can
 
@@ -431,7 +433,10 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
     port = free_port()
     file = tmp_path / "sat.xml"
     file.write_text(XTCE.replace("NAME", "battery"))
-    text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://127.0.0.1:{port}"\n'
+    double = tmp_path / "double.py"
+    double.write_text("def f(a):\n    return 2 * a\n")
+    text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/packet"\nlink = "tcp://127.0.0.1:{port}"\n' \
+        '[craft.derived.double]\nof = { a = "count" }\nfunction = "double.py:f"\n'
     async with console(tmp_path, text) as c:
         await c.until("crafts", lambda found: "refused" in found[0]["link"]["state"].lower())
         await c.post("crafts/sat/send", {"name": "x"}, 400)
@@ -446,13 +451,28 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
                              (XTCE.replace("NAME", "voltage"), "was read anew")):
             file.write_text(content)
             await c.until("crafts/sat/events", lambda rows: any(why in one["text"] for one in rows))
+        double.write_text("def f(a):\n    return 3 * a\n")
+        await c.until("crafts/sat/events", lambda rows: sum("was read anew" in one["text"] for one in rows) == 2)
         await sending(port, [power(i) for i in range(101, 201)])
         await c.until("crafts", lambda found: found[0]["packets"] == 201 and not found[0]["link"]["up"])
         assert [one["name"] for one in await c.get("crafts/sat/slots")].count("voltage") == 1
+        assert (await c.get("crafts/sat/history?names=double&points=0"))["double"]["value"][-1] == 3 * 0xC000 + 600
         assert (await c.get("crafts/sat/history?names=voltage&points=0"))["voltage"]["value"] == list(range(1, 201))
         texts = [one["text"] for one in await c.get("crafts/sat/events")]
         assert sum("the link is up" in one for one in texts) == 2 and any("the other end of the link is gone" in one
                                                                           for one in texts)
+
+
+@flown
+async def test_a_mission_that_changes_is_told(tmp_path):
+    mission = tmp_path / "own"
+    copytree(ROOT / "missions" / "nadir_spin", mission)
+    async with console(tmp_path, NADIR.replace("nadir_spin", str(mission))) as c:
+        await c.until("crafts", lambda found: found[0]["packets"])
+        (mission / "nadir_spin_test.py").write_text("")
+        (mission / "flight.py").write_text((mission / "flight.py").read_text() + "\n")
+        await c.until("crafts/own/events", lambda rows: any(
+            "the mission has changed (flight.py); the server has the old one until" in one["text"] for one in rows))
 
 
 @flown

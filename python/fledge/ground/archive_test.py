@@ -141,7 +141,8 @@ ALL_KINDS = """<SpaceSystem name="S"><TelemetryMetaData><ParameterTypeSet>
 <DefaultAlarm><ChangeAlarmRanges><SevereRange minInclusive="-9" maxInclusive="9"/></ChangeAlarmRanges></DefaultAlarm>
 </IntegerParameterType>
 <FloatParameterType name="f64" sizeInBits="64"><FloatDataEncoding sizeInBits="64"/><DefaultAlarm minViolations="2">
-<StaticAlarmRanges><WarningRange minInclusive="-1" maxInclusive="1"/></StaticAlarmRanges></DefaultAlarm><ContextAlarmList>
+<StaticAlarmRanges><WarningRange minInclusive="-1" maxInclusive="1"/></StaticAlarmRanges></DefaultAlarm>
+<ContextAlarmList>
 <ContextAlarm><StaticAlarmRanges><CriticalRange minInclusive="-0.5" maxInclusive="0.5"/></StaticAlarmRanges>
 <ContextMatch><Comparison parameterRef="mode" value="2"/></ContextMatch></ContextAlarm></ContextAlarmList>
 </FloatParameterType>

@@ -24,7 +24,8 @@ export class Curve {
     add(t, value, low = value, high = value, worst = 0) {
         const last = this.t.at(-1);
         if (last !== undefined && t <= last) return false;
-        if (last !== undefined && t - last > Math.max(FAR * this.step, 2)) this.push((last + t) / 2, null, null, null, 0);
+        if (last !== undefined && t - last > Math.max(FAR * this.step, 2))
+            this.push((last + t) / 2, null, null, null, 0);
         const real = (one) => (Number.isNaN(one) ? null : one);
         this.push(t, real(value), real(low), real(high), worst);
         return true;
