@@ -44,7 +44,7 @@ def is_program(text):
 def own_names(text):
     """What no second source in a file may declare, as far as clang-format's layout shows it."""
     inner = re.findall(r"^namespace \{$.*?^\} // namespace$", text, re.M | re.S)
-    inner += re.findall(r"^(?:static|int main).*", text, re.M)
+    inner += re.findall(r"^(?:static|extern|int main).*", text, re.M)
     declared = re.findall(r"^[A-Za-z].*?\b(\w+)(?=\(|\[| = |\{| \{|;| : )", "\n".join(inner), re.M)
     enumerators = re.findall(r"[A-Z]\w+", " ".join(re.findall(r"^enum[^;]*", text, re.M)))
     macros = re.findall(r"^#define (\w+)", text, re.M)

@@ -44,7 +44,7 @@ std::uint32_t StarTrackerModel::blinded_by(double dt, const Vec3 &boresight_B)
     const auto &in = interface_.in;
     const auto &par = interface_.par;
     const Vec3 boresight_N = mat_transpose_vec(mrp_to_dcm(in.truth.sigma_BN), boresight_B);
-    const auto to = [&](const BodyState &body) { return vec_sub(body.r_PN_N, in.truth.r_BN_N); };
+    const auto to = [&](const auto &body) { return vec_sub(body.r_PN_N, in.truth.r_BN_N); };
     const Vec3 to_moon = head_written(in.moon.head) ? to(in.moon) : Vec3{};
 
     const double loss_lasts = par.loss_time > 0.0 ? fm_exp(-dt / par.loss_time) : 0.0; // probabilities

@@ -62,9 +62,10 @@ py::list sessions(History &history)
 }
 
 /// name -> (received, bands or None for the database's, persistence) of each setting.
-using Given = std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<py::dict>, std::uint32_t>>>;
+using GivenParameters =
+    std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<py::dict>, std::uint32_t>>>;
 
-History::Settings settings_of(const Given &given)
+History::Settings settings_of(const GivenParameters &given)
 {
     History::Settings made;
     for (const auto &[name, all] : given) {
@@ -172,7 +173,7 @@ void bind_archive(py::module_ &m)
         .def(
             "series",
             [](History &history, const Names &names, std::int64_t from, std::int64_t to, std::size_t points,
-               std::int64_t of, const std::optional<Given> &limits, bool exact) {
+               std::int64_t of, const std::optional<GivenParameters> &limits, bool exact) {
                 std::vector<History::Series> all;
                 const auto settings = limits ? settings_of(*limits) : History::Settings();
                 {

@@ -24,12 +24,12 @@ namespace fledge::ground {
 
 namespace {
 
-using Id = std::pair<std::uint64_t, std::uint64_t>; // source, sequence
+using TransactionId = std::pair<std::uint64_t, std::uint64_t>; // source, sequence
 
 /// What an entity tells.
 struct Told {
     int what;
-    Id id;
+    TransactionId id;
     bool receiver, incomplete;
     int condition, file_status;
     std::string to;
@@ -82,7 +82,8 @@ public:
     Entity &operator=(const Entity &) = delete;
     ~Entity() { posix_store_close(&posix_); }
 
-    static py::bytes message(int type, Id about, const std::string &first, const std::string &second, int value)
+    static py::bytes message(int type, TransactionId about, const std::string &first, const std::string &second,
+                             int value)
     {
         CfdpMessage one{};
         one.type = static_cast<std::uint8_t>(type);
@@ -98,18 +99,19 @@ public:
         return {bytes.data(), n};
     }
 
-    static std::optional<std::tuple<int, Id, int>> read_message(const std::string &value)
+    static std::optional<std::tuple<int, TransactionId, int>> read_message(const std::string &value)
     {
         CfdpMessage one{};
         const CfdpTlv tlv{text(value), CFDP_TLV_MESSAGE};
         if (cfdp_message_read(&one, &tlv) != CCSDS_OK) {
             return std::nullopt;
         }
-        return std::tuple{int{one.type}, Id{one.entity, one.sequence}, int{one.value}};
+        return std::tuple{int{one.type}, TransactionId{one.entity, one.sequence}, int{one.value}};
     }
 
     /// The transaction's id, or why there is none: a CfdpRefusal.
-    std::variant<Id, int> put(const std::string &from, const std::string &to, const std::string &options, bool class1)
+    std::variant<TransactionId, int> put(const std::string &from, const std::string &to, const std::string &options,
+                                         bool class1)
     {
         CfdpPut one{};
         one.destination = remote_.entity;
@@ -123,7 +125,7 @@ public:
         if (result < 0) {
             return result;
         }
-        return Id{id.source, id.sequence};
+        return TransactionId{id.source, id.sequence};
     }
 
     void time(std::int64_t now) { cfdp_time(&cfdp_, now); }
@@ -151,7 +153,7 @@ public:
     }
 
     /// Of a transaction that has not ended.
-    std::optional<Progress> progress(Id id) const
+    std::optional<Progress> progress(TransactionId id) const
     {
         for (const CfdpTransaction &one : transactions_) {
             if (one.state != CFDP_FREE && one.id.source == id.first && one.id.sequence == id.second) {
@@ -172,9 +174,9 @@ public:
     }
 
     void freeze(bool on) { remote_.frozen = on; }
-    bool suspend(Id id) { return cfdp_suspend(&cfdp_, {id.first, id.second}) != 0; }
-    bool resume(Id id) { return cfdp_resume(&cfdp_, {id.first, id.second}) != 0; }
-    bool cancel(Id id) { return cfdp_cancel(&cfdp_, {id.first, id.second}) != 0; }
+    bool suspend(TransactionId id) { return cfdp_suspend(&cfdp_, {id.first, id.second}) != 0; }
+    bool resume(TransactionId id) { return cfdp_resume(&cfdp_, {id.first, id.second}) != 0; }
+    bool cancel(TransactionId id) { return cfdp_cancel(&cfdp_, {id.first, id.second}) != 0; }
 
 private:
     static constexpr std::uint8_t entity_bytes = 2, sequence_bytes = 4;
@@ -229,8 +231,9 @@ void bind_entity(py::module_ &m)
                       unsigned, bool, unsigned>(),
              py::kw_only(), py::arg("folder"), py::arg("own"), py::arg("peer"), py::arg("sequence"), py::arg("timeout"),
              py::arg("inactivity"), py::arg("limit"), py::arg("crc") = false, py::arg("allowed") = 0)
-        .def_static("message", &Entity::message, py::arg("type"), py::arg("about") = Id{}, py::arg("first") = "",
-                    py::arg("second") = "", py::arg("value") = 0, "A message to the user as a TLV: a CfdpMessage.")
+        .def_static("message", &Entity::message, py::arg("type"), py::arg("about") = TransactionId{},
+                    py::arg("first") = "", py::arg("second") = "", py::arg("value") = 0,
+                    "A message to the user as a TLV: a CfdpMessage.")
         .def_static("read_message", &Entity::read_message, "(type, about, value) of such a message; None: it is none.")
         .def("put", &Entity::put, py::arg("from_"), py::arg("to"), py::arg("options"), py::arg("class1"),
              "(source, sequence), or a CfdpRefusal.")
