@@ -125,7 +125,7 @@ class Contacts:
         self._feed, self._used = feed, radio
         self._lock = Lock()
         self._made: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
-        self.told: dict[str, Any] = {"stations": [], "radios": []}   #: what is now, for all
+        self.told: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
         self._states: dict[str, tuple[float, Any, Any]] = {}        # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
         self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
@@ -142,7 +142,7 @@ class Contacts:
                         if path in models}
 
     def look(self) -> None:
-        """Note what is now; for the thread that has the link."""
+        """Note the present state. Call it in the thread that has the link."""
         import numpy as np
 
         if not self._stations and not self._radios:

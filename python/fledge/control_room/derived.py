@@ -103,7 +103,7 @@ class DerivedParameters:
         return list(found)
 
     def turn(self) -> list[Any]:
-        """Compute them of the packets since the last turn; what is notable."""
+        """Compute them from the packets since the last turn; returns the notes."""
         notes: list[Any] = []
         for name, trigger, slot in self._rows:
             data = self.monitor.rows(trigger)

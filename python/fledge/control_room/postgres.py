@@ -37,7 +37,7 @@ HOUR = 3600 * 10**9                     # [ns]
 UNITS = {"hour": HOUR, "day": 24 * HOUR, "week": 168 * HOUR}
 YEAR_2000 = 946_684_800 * 10**6         # [us] since 1970, from which PostgreSQL counts
 MOST = 200_000                          # values of a transaction
-LOCK = 0x464C4447                       # of those who change tables
+LOCK = 0x464C4447                       # number of the advisory lock for changes of tables
 FIRST, LONGEST = 1.0, 30.0              # [s] until a database that does not answer is tried again
 
 SCHEMA = """
@@ -128,7 +128,7 @@ class Postgres:
         self._thread.start()
 
     def close(self) -> None:
-        """End; what is not yet written is when a server begins again."""
+        """End. The next start of the server writes the values that are still missing."""
         self._over.set()
         if self._thread.is_alive():
             self._thread.join(timeout=10)
@@ -215,7 +215,7 @@ class Postgres:
                          (self._id, tail.craft_id, *rows.position))
 
     def _partition(self, base: psycopg.Connection[Any], place: int) -> None:
-        """The table of a stretch of time. It is attached, which does not stop those who read and write others."""
+        """The table of a stretch of time. Attaching it does not block readers and writers of other tables."""
         width = self.settings.partition // 1000     # [us]
         with base.transaction():
             base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All spacecraft of a server, and who hears of what happens to them."""
+"""All spacecraft of a server, and the listeners to their events."""
 from __future__ import annotations
 
 import time

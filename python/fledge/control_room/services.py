@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the flight software of a mission of Fledge does by its services: files, tables of parameters, stored commands.
-All of it is for the spacecraft's own thread, but what is said to be for all."""
+Call all of it in the spacecraft's own thread, unless its docstring allows any thread."""
 from __future__ import annotations
 
 import time
@@ -82,7 +82,7 @@ class Transfers:
         return row
 
     def files(self) -> list[dict[str, Any]]:
-        """Those that have come down; for all."""
+        """The files that have come down. For any thread."""
         found = [one for one in self.folder.glob("[!.]*") if one.is_file()] if self.folder.is_dir() else []
         return [{"name": one.name, "size": one.stat().st_size, "t_ns": str(one.stat().st_mtime_ns)}
                 for one in sorted(found)]

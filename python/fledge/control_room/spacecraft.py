@@ -372,7 +372,7 @@ class Spacecraft:
         self.room.publish("craft", self.name, self.told())
 
     def _turn(self) -> None:
-        """Do what is asked, and take what arrives."""
+        """Carry out the requests of other threads, and take the packets that arrive."""
         self._answer()
         self._reread()
         if time.monotonic() - self._published > AGAIN:      # pages show its time and counts without asking
@@ -432,7 +432,7 @@ class Spacecraft:
         return rows
 
     def take(self, rows: list[tuple[int, int, bytes]]) -> None:
-        """A batch has come: archive and decode it, then what is notable."""
+        """Archive and decode a batch of packets, then handle its notes."""
         self.packets += len(rows)
         self.bytes += sum(len(packet) for _, _, packet in rows)
         self.recent.extend(rows[-RECENT:])

@@ -206,7 +206,7 @@ class Access:
 
     @property
     def closed(self) -> bool:
-        """Whether one has to say who one is."""
+        """Whether the server asks for a login or a token."""
         return bool(self.users or self.tokens)
 
     def tls(self) -> ssl.SSLContext | None:
@@ -277,14 +277,14 @@ class Refusal(web.HTTPException):
 
 
 class Guard:
-    """Stands in front of every request. clock: [s] of sessions' idleness and of failed attempts."""
+    """Checks every request. clock: [s] of sessions' idleness and of failed attempts."""
 
     def __init__(self, access: Access, log: Log, clock: Callable[[], float] = monotonic) -> None:
         self.access, self.log, self.clock = access, log, clock
         self.total, self.each, self.first_s, self.body_s = TOTAL, EACH, FIRST_S, BODY_S
         self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
         self._sessions: dict[str, _Session] = {}        # by the hash of the cookie
-        self._nobody = _Session(OPERATOR, 0.0)          # of everybody, if there are no users
+        self._nobody = _Session(OPERATOR, 0.0)          # of all requests, if there are no users
         self._failed: dict[str, deque[float]] = defaultdict(deque)
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
         self._heard: WeakSet[Any] = WeakSet()           # connections with a request

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control room by HTTP and WebSocket (api.yaml). Requests only read what the threads of the spacecraft have, or ask
-them; a browser that reads slowly gets fewer values, and disturbs nobody."""
+them; a browser that reads slowly gets fewer values, and does not slow the others."""
 from __future__ import annotations
 
 import asyncio
