@@ -131,7 +131,7 @@ await run({
         await row("down").filter({hasText: "active"}).waitFor();
         await ask(page, "services/run", {action: "go", speed: 20});
         await row("down").filter({hasText: "completed"}).waitFor();
-        await page.locator("[aria-label='received files'] tr", {hasText: "40.0 kB"}).waitFor();
+        await page.locator("[aria-label='received files'] tr", {hasText: /40.0 kB20\d\d-\d\d-\d\d /}).waitFor();
 
         await ask(page, "services/run", {action: "go", speed: 1});
         await fetched();

@@ -45,7 +45,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
                 "List what is on board")),
         table(["on board", ""], aboard));
     const received = h("section", {class: "panel", "aria-label": "received files"}, h("h3", {}, "Received"),
-        table(["file", "size", "time"], arrived));
+        table(["file", "size", "time (UTC)"], arrived));
     const way = h("section", {class: "panel wide", "aria-label": "transfers"}, h("h3", {}, "Transfers"),
         table(["", "file", "progress", "", "state", "time", ""], going));
 
@@ -116,7 +116,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
             ...files.map((one) => h("tr", {},
                              h("td", {}, h("a", {href: of(craft, "files", one.name), download: one.name}, one.name)),
                              h("td", {class: "num soft"}, size(one.size)),
-                             h("td", {class: "soft"}, one.t_ns ? clock(one.t_ns, utc, 0) : ""))));
+                             h("td", {class: "soft"}, one.t_ns ? clock(one.t_ns, true, 0) : ""))));
         if (!files.length) arrived.append(h("tr", {}, h("td", {class: "soft"}, "Nothing was received yet.")));
     }
     on("transfer", (one) => {
