@@ -29,7 +29,7 @@ PARTS = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Add, ast.Sub, 
 
 
 def compiled(one: Derived, folder: Path) -> Callable[..., Array]:
-    """What computes it of arrays by name. Raises SetupError."""
+    """A function from arrays by name to the parameter's array. Raises SetupError."""
     return _function(one, folder) if one.function else _expression(one)
 
 
@@ -79,7 +79,7 @@ def _function(one: Derived, folder: Path) -> Callable[..., Array]:
 
 
 class DerivedParameters:
-    """Those of a spacecraft and its monitor. Raises SetupError for one that cannot be."""
+    """The derived parameters of a spacecraft and its monitor. Raises SetupError if one cannot be computed."""
 
     def __init__(self, craft: Spacecraft, monitor: Any) -> None:
         self.craft, self.monitor = craft, monitor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What must not be lost besides packets: commands and how far they came, events, alarms, limits, transfers, and what
+"""What must not be lost besides packets: commands and their stages, events, alarms, limits, transfers, and what
 operators did. Each call is on the disk when it returns (SQLite, WAL, synchronous=FULL)."""
 from __future__ import annotations
 

@@ -37,12 +37,12 @@ class Questions:
         return one
 
     def open(self, craft: str) -> list[dict[str, Any]]:
-        """Those that wait for an answer."""
+        """The questions that wait for an answer."""
         self._withdraw()
         return [one for one, _ in self._all.values() if one["craft"] == craft and one["answer"] is None]
 
     def look(self, craft: str, number: int) -> dict[str, Any]:
-        """One, for its script. Raises SetupError if it is gone."""
+        """One question, for its script. Raises SetupError if it is gone."""
         one = self._one(craft, number)
         if one["answer"] is None:
             self._all[number] = one, time.monotonic()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session of a spacecraft again, from its archive, as a further spacecraft: its packets pass another monitor."""
+"""Plays a session of a spacecraft from its archive, as a further spacecraft with a monitor of its own."""
 from __future__ import annotations
 
 import time
@@ -67,10 +67,10 @@ class Replay(Spacecraft):
             self.room.publish("craft", self.name, self.told())
 
     def take(self, rows: list[tuple[int, int, bytes]]) -> None:
-        """By the limits that were in force when they were received."""
+        """Apply the limits that were in force when the server received the packets."""
         for _, part in self.limits.in_force.parts(rows):
             super().take(part)
 
     def noted(self, notes: Any) -> None:
-        """What was notable is in the lists of the spacecraft itself."""
+        """Keep no notes: the lists of the spacecraft itself have them."""
         super().noted([one for one in notes if one[0] == "slots"])

@@ -53,7 +53,7 @@ class Room:
         return self._numbers
 
     def craft(self, name: str) -> Spacecraft:
-        """That of a name. Raises SetupError."""
+        """The spacecraft of a name. Raises SetupError."""
         if name not in self.crafts:
             raise SetupError(f"there is no spacecraft '{name}'{did_you_mean(name, list(self.crafts))} there is "
                              + listed(list(self.crafts)))
@@ -111,7 +111,7 @@ class Room:
         self.keep("events", craft, self.event(craft, severity, source, text, t))
 
     def log(self, user: str, action: str, text: str, craft: str = "", good: bool = True) -> None:
-        """Keep what a person did. Raises JournalError: it is then not to be done."""
+        """Keep a user's action. Raises JournalError: then the server must not carry it out."""
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
                "good": good}
         self.journal.save("log", craft, row)

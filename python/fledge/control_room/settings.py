@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the file of `fledge ground serve FILE` says: read and checked, all mistakes in one error with their lines.
+"""Reads and checks the file of `fledge ground serve FILE`: all mistakes in one error with their lines.
 
 docs/control-room.md lists the keys.
 """

@@ -70,7 +70,7 @@ class Pace:
         self._anchor()
 
     def told(self, problem: str = "") -> dict[str, Any]:
-        """What browsers know of it; faults: where, of which values. problem: why it has ended."""
+        """The state for browsers; faults: their places and values; problem: why the run has ended."""
         t = max(int(self.sim.time_ns), 0)
         wall = monotonic() - self._begun
         real = (t - self._t) / 1e9 / wall if wall > 0 else 0.0
@@ -146,7 +146,7 @@ class Steered:
             self._steering.go()
 
     def told(self, problem: str = "") -> dict[str, Any]:
-        """What browsers know of it."""
+        """The state for browsers."""
         state = self._steering.state
         t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
         return {"state": "ended" if problem else "paused" if state.get("paused") else "running",

@@ -137,7 +137,7 @@ class Spacecraft:
         return made
 
     def told(self) -> dict[str, Any]:
-        """What browsers know of it."""
+        """The state for browsers."""
         link: dict[str, Any] = {"address": self.settings.link, "state": self.state, "up": self.link is not None}
         if self.link is not None:
             link |= {"skipped": self.link.skipped, "dropped": self.link.dropped} | getattr(self.link, "counts", {})
@@ -303,7 +303,7 @@ class Spacecraft:
         return Path(next(iter(write_files(text, self.room.settings.folder / "databases"))))
 
     def _watch(self) -> None:
-        """Which packets flight's own services have: they come from the monitor one by one."""
+        """Let the monitor note each packet that flight's own services need."""
         self.slot_names = [one["name"] for one in self.monitor.slots(0)]
         self.slot_numbers = {name: i for i, name in enumerate(self.slot_names)}
         if self.dictionary is None:
@@ -402,7 +402,7 @@ class Spacecraft:
         self.feed.sample()
 
     def _answer(self) -> None:
-        """Do what others have asked."""
+        """Carry out the requests of other threads."""
         try:
             while True:
                 what, answer = self._asked.get_nowait()
