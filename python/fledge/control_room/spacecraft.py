@@ -433,13 +433,13 @@ class Spacecraft:
 
     def take(self, rows: list[tuple[int, int, bytes]]) -> None:
         """Archive and decode a batch of packets, then handle its notes."""
-        self.packets += len(rows)
-        self.bytes += sum(len(packet) for _, _, packet in rows)
         self.recent.extend(rows[-RECENT:])
         notes = self.monitor.take(rows)
         self.now = max(self.now, rows[-1][0]) if self.clock == "simulated" else rows[-1][0]
         self.noted(notes)
         self.noted(self.derived.turn())
+        self.packets += len(rows)       # when they are in the archive, and their alarms known
+        self.bytes += sum(len(packet) for _, _, packet in rows)
         for sink in self.sinks:
             sink(rows)
 
