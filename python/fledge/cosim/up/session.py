@@ -27,8 +27,9 @@ _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to end a run
 _LEAVE = 10.0       # [s] for programs to end by themselves after the run
 _GIVE_UP = 15.0     # [s] for guards to kill the others
-_HUNG = 1.0         # [s] for a program to end by itself when its node is lost (_LEAVE if the node has reported its own
-                    # failure, because then the program does not hang), or when it is asynchronous
+# [s] for a program to end by itself when its node is lost, or when it is asynchronous. A program whose node has reported
+# its own failure does not hang, and has _LEAVE.
+_HUNG = 1.0
 _SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
 _BUSY = 2.0         # [s] after which the table shows an unanswered request
 _FILES_PER_PROGRAM, _OTHER_FILES = 3, 100    # its log and standard input, one more while it starts; our own
