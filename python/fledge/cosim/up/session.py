@@ -27,8 +27,8 @@ _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to end a run
 _LEAVE = 10.0       # [s] for programs to end by themselves after the run
 _GIVE_UP = 15.0     # [s] for guards to kill the others
-# [s] for a program to end by itself when its node is lost, or when it is asynchronous. A program whose node has reported
-# its own failure does not hang, and has _LEAVE.
+# [s] for a program to end by itself when its node is lost, or when it is asynchronous. A program whose node has
+# reported its own failure does not hang, and has _LEAVE.
 _HUNG = 1.0
 _SILENT = 3.0       # [s] without a report of the controller, after which the session decides alone
 _BUSY = 2.0         # [s] after which the table shows an unanswered request
