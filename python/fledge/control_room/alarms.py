@@ -24,6 +24,19 @@ class Alarms:
         for one in reversed(craft.room.journal.rows("alarms", craft.name)):
             if not one["ended_ns"]:
                 self._open[one["name"]] = one
+        self.anew()
+
+    def anew(self) -> None:
+        """The monitor is a new one: it has no value yet, and notes no state that is normal at first."""
+        self._unknown = set(self._open)
+
+    def look(self) -> None:
+        """Learn the state of alarms that are older than the monitor, by the first value."""
+        for name in self._unknown & self._open.keys():
+            slot = self.craft.slot_numbers.get(name)
+            if slot is not None and (newest := self.craft.monitor.newest(slot)):
+                self._unknown.discard(name)
+                self.take([(slot, newest[0], self._open[name]["concern"], newest[5])])
 
     def rows(self) -> list[dict[str, Any]]:
         """The open alarms. The slot is None if the database no longer has the parameter."""

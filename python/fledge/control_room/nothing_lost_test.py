@@ -105,8 +105,8 @@ class Server:
         with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as made:
             return json.load(made)
 
-    def put(self, path, content):
-        made = Request(f"http://127.0.0.1:{self.port}/api/{path}", json.dumps(content).encode(), method="PUT",
+    def put(self, path, content, method="PUT"):
+        made = Request(f"http://127.0.0.1:{self.port}/api/{path}", json.dumps(content).encode(), method=method,
                        headers={"X-Fledge-CSRF": self.get("session")["csrf"], "Content-Type": "application/json"})
         with urlopen(made, timeout=PATIENCE) as answer:
             return json.load(answer)
@@ -242,6 +242,27 @@ def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_pat
     with serving(tmp_path, craft, other) as server:
         assert server.get("crafts/craft/slots")[slot]["limits"] == {"watch": [None, 1.0]}
     assert [one["limits"] for one in kept(tmp_path)] == [limits, None]
+
+
+def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, craft):
+    """Also if the parameter came back within its limits while no server looked."""
+    slot, path = 3, "crafts/craft/alarms"
+    server = Server(tmp_path, craft.port)
+    try:
+        craft.connected()
+        server.put(f"crafts/craft/limits/{slot}", {"limits": {"warning": [100, None]}})
+        craft.send(10)
+        server.until(path, lambda found: found and found[0]["level"] == "warning")
+        server.put(f"{path}/{slot}", {"acknowledge": True, "note": "seen"}, "POST")
+    finally:
+        server.kill()
+    craft.drop()
+    craft.send(100)         # nobody reads them
+    with serving(tmp_path, craft) as server:
+        assert [one["level"] for one in server.get(path)] == ["warning"]
+        craft.send(1)
+        server.until(path, lambda found: not found)
+        craft.drop()
 
 
 def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, craft):

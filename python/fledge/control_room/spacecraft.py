@@ -272,6 +272,7 @@ class Spacecraft:
             self._keep()
         self._watch()
         self.limits.begin()
+        self.alarms.anew()
         self.commanding.load()
         self.room.tell(self.name, "info", "database", f"the database has changed and was read anew: "
                        f"{len(self.slot_names)} parameters")
@@ -378,6 +379,7 @@ class Spacecraft:
         if time.monotonic() - self._published > AGAIN:      # pages show its time and counts without asking
             self._published = time.monotonic()
             self.contacts.look()
+            self.alarms.look()
             self.room.publish("craft", self.name, self.told())
             if self.control:
                 self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
