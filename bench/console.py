@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A server of the control room and a page of its console in Chromium, for an hour: 10,332 values at 10 Hz from packets
-by UDP, and a mission that the server flies, with a command each ten seconds. The page shows all pages of the console in
+by UDP, and a mission that the server flies, with a command each minute. The page shows all pages of the console in
 turn. Each minute gives the server's memory, and what the page holds after a garbage collection; the figures are those
 at a quarter of the time and at the end, and the growth of a straight line through the samples between."""
 from __future__ import annotations
