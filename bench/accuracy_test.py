@@ -56,6 +56,21 @@ def test_kepler_falls_towards_the_mass(e):
         assert exact.relative(slope(lambda s: exact.kepler(mu, *start, s)[1], t), fall) < 1e-15
 
 
+def test_a_jet_takes_the_angular_momentum_of_its_nozzle_along():
+    # d(I omega)/dt = -flow distance^2 omega
+    distance, flow, fuel, radius = exact.mpf(2), exact.mpf(3), exact.mpf(50), exact.mpf("0.3")
+
+    def momentum(t):
+        left = fuel - flow * t
+        inertia = 800 + exact.mpf(2) / 5 * left * (radius * (left / fuel)**(exact.mpf(1) / 3))**2
+        return inertia * exact.jet_damping(800, distance, flow, fuel, radius, t)
+
+    for t in (1, 10):
+        change = (momentum(t + H) - momentum(t - H)) / (2 * H)
+        rate = exact.jet_damping(800, distance, flow, fuel, radius, t)
+        assert abs(change / (-flow * distance**2 * rate) - 1) < 1e-15
+
+
 def euler(inertia, omega):
     """omega' of a free body with principal moments."""
     return [(inertia[i - 2] - inertia[i - 1]) * omega[i - 2] * omega[i - 1] / inertia[i] for i in range(3)]

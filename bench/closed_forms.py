@@ -122,6 +122,17 @@ class Tumbler:
 
 # --- orbits ----------------------------------------------------------------------------------------
 
+def jet_damping(I, distance, flow, fuel, radius, t):
+    """omega / omega_0 after t of a spin about an axis of symmetry, at whose `distance` jets along the axis expel `flow`
+    [kg/s] of a ball of `fuel` of constant density on the axis, which has the radius at first: of
+    I domega = flow (dI/dm - distance^2) omega dt."""
+    def inertia(m):
+        return I + mpf(2) / 5 * radius**2 * fuel * (m / fuel)**(mpf(5) / 3)
+
+    left = fuel - flow * t
+    return inertia(fuel) / inertia(left) * mp.exp(-distance**2 * mp.quad(lambda m: 1 / inertia(m), [left, fuel]))
+
+
 def kepler(mu, r, v, t):
     """(r, v) after a time t > 0 about a point mass, but for near-parabolas, by the universal variable chi:
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from bench.rows import Rows, in_turn, options, report
 from bench.sim import library
 
-MODULES = ["MrpFeedback", "MrpSteering", "RateServo", "WheelTorques", "WheelBalance", "WheelVoltages", "WheelMonitor",
-           "ThrusterMapping", "ThrusterFiring", "MomentumDump", "RodTorques"]
+MODULES = ["MrpFeedback", "MrpSteering", "RateServo", "WheelTorques", "WheelBalance", "WheelMonitor", "ThrusterMapping",
+           "ThrusterFiring", "MomentumDump", "RodTorques"]
+FORCED = "ThrusterMapping, with a force"
 REVERSED = "ThrusterMapping, another torque each time"    # so that other thrusters push: its worst case
 LIMIT = 150.0   # [ns]
 
@@ -19,8 +20,8 @@ def main(arguments: list[str]) -> int:
     lib = library()
     lib.time_control_update.argtypes = lib.time_flight_update.argtypes
     lib.time_control_update.restype = lib.time_flight_update.restype
-    samples = in_turn({m: lambda m=m: 1e9 * lib.time_control_update(m.encode(), 200_000) for m in [*MODULES, REVERSED]},
-                      chosen.runs)
+    names = [*MODULES, FORCED, REVERSED]
+    samples = in_turn({m: lambda m=m: 1e9 * lib.time_control_update(m.encode(), 200_000) for m in names}, chosen.runs)
     rows = Rows()
     for module, values in samples.items():
         rows.add(module, "update", values, "ns", note="" if min(values) < LIMIT else f"more than {LIMIT:g}")

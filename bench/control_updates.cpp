@@ -10,7 +10,6 @@ extern "C" {
 #include "flight/actuation/thruster_mapping.h"
 #include "flight/actuation/wheel_balance.h"
 #include "flight/actuation/wheel_torques.h"
-#include "flight/actuation/wheel_voltages.h"
 #include "flight/control/mrp_feedback.h"
 #include "flight/control/mrp_steering.h"
 #include "flight/control/rate_servo.h"
@@ -113,15 +112,6 @@ double time_control_update(const char *module, long n)
         m.par.K = 1e-4;
         return seconds_per_call(wheel_balance_update, m, n);
     }
-    if (is("WheelVoltages")) {
-        WheelVoltages m{};
-        m.in.command = {good, {0.01, 0.02, -0.03}};
-        m.in.wheels = four_wheels();
-        m.in.speeds = speeds();
-        m.par = {10, 0.05, 2, 0.05, 0.1, 0.2, 0};
-        return seconds_per_call(wheel_voltages_update, m, n,
-                                [](auto &one, long, int64_t t) { one.in.speeds.head.t = t; });
-    }
     if (is("WheelMonitor")) {
         WheelMonitor m{};
         m.in.command = {good, {}};
@@ -132,11 +122,15 @@ double time_control_update(const char *module, long n)
         return seconds_per_call(wheel_monitor_update, m, n,
                                 [](auto &one, long, int64_t t) { one.in.speeds.head.t = t; });
     }
-    if (is("ThrusterMapping") || is("ThrusterMapping, another torque each time")) {
+    if (is("ThrusterMapping") || is("ThrusterMapping, with a force") ||
+        is("ThrusterMapping, another torque each time")) {
         ThrusterMapping m{};
+        if (is("ThrusterMapping, with a force")) {
+            m.in.force = {good, {{0.05, 0.0, -0.02}}};
+        }
         m.in.torque = {good, {{0.01, 0.02, -0.03}}};
         m.in.thrusters = eight_thrusters();
-        const bool turns = !is("ThrusterMapping");
+        const bool turns = is("ThrusterMapping, another torque each time");
         return seconds_per_call(thruster_mapping_update, m, n, [&](ThrusterMapping &one, long i, int64_t) {
             if (turns) {
                 one.in.torque.torque_B = {{i & 1 ? 0.01 : -0.01, i & 2 ? 0.02 : -0.02, i & 4 ? 0.03 : -0.03}};

@@ -11,7 +11,7 @@ from typing import Any
 from fledge.columns import columns
 
 
-PEER = "peer, recorded 2026-11"     # beside a ratio to a figure that was measured once, in another program
+PEER = "peer, recorded 2026-11 on another machine"      # beside a figure that was measured once, in another program
 
 
 class Rows:

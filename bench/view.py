@@ -16,7 +16,7 @@ from pathlib import Path
 import fledge
 from fledge import scene
 from fledge.scene import foxglove, page
-from fledge.scene.testing.browser import PROGRAM, Browser
+from fledge.scene.browser import PROGRAM, Browser
 from fledge.units import hour, s
 
 from bench.rows import Rows, options, report

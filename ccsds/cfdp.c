@@ -513,6 +513,28 @@ static void reply(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *answe
     }
 }
 
+typedef struct Listing {
+    const CfdpStore *store;
+    int file;
+    uint64_t at;
+} Listing;
+
+static int write_line(void *to, const char *name)
+{
+    Listing *listing = to;
+    const CfdpStore *store = listing->store;
+    size_t n = 0u;
+    while (n < (size_t)CFDP_ROOM && name[n] != '\0') {
+        n++;
+    }
+    int result = store->write(store->user, listing->file, listing->at, (const uint8_t *)name, n);
+    if (result >= 0) {
+        result = store->write(store->user, listing->file, listing->at + n, (const uint8_t *)"\n", 1u);
+    }
+    listing->at += n + 1u;
+    return result;
+}
+
 /* Send the list of a directory to the entity that asks. */
 static void list(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *asked)
 {
@@ -522,7 +544,8 @@ static void list(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *asked)
     const int file = named ? make(cfdp) : CFDP_REFUSED;
     int result = file;
     if (file >= 0) {
-        result = store->list(store->user, directory, file);
+        Listing listing = {store, file, 0u};
+        result = store->list(store->user, directory, write_line, &listing);
         store->close(store->user, file);
     }
     const CfdpMessage listed = {

@@ -45,6 +45,9 @@ typedef enum CfdpOpen {
     CFDP_OPEN_NEW = 2    ///< empty, for writing and reading
 } CfdpOpen;
 
+/** Takes a name in a directory, with `/` behind that of a directory. Less than 0: no more of them. */
+typedef int (*CfdpEach)(void *to, const char *name);
+
 /** Names are relative to the store's root, with `/` between directories. Each returns a CfdpRefusal below 0. */
 typedef struct CfdpStore {
     int (*open)(void *user, const char *name, CfdpOpen how); ///< a handle, at least 0
@@ -56,8 +59,7 @@ typedef struct CfdpStore {
     int (*remove)(void *user, const char *name);                 ///< a file
     int (*make_directory)(void *user, const char *name);
     int (*remove_directory)(void *user, const char *name);
-    int (*list)(void *user, const char *directory,
-                int file); ///< write the names in a directory into a file, one a line
+    int (*list)(void *user, const char *directory, CfdpEach each, void *to); ///< the names in it, in any order
     void *user;
 } CfdpStore;
 

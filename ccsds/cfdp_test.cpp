@@ -112,18 +112,16 @@ struct Memory {
         made.remove_directory = [](void *user, const char *name) -> int {
             return of(user).directories.erase(name) != 0 ? 0 : CFDP_ABSENT;
         };
-        made.list = [](void *user, const char *directory, int file) -> int {
+        made.list = [](void *user, const char *directory, CfdpEach each, void *to) -> int {
             if (*directory != '\0' && of(user).directories.count(directory) == 0) {
                 return CFDP_ABSENT;
             }
-            std::string all;
-            for (const auto &[name, bytes] : of(user).files) {
-                if (name[0] != '.') {
-                    all += name + "\n";
+            const std::map<std::string, Bytes> stored = of(user).files; // which its taker may change
+            for (const auto &[name, bytes] : stored) {
+                if (name[0] != '.' && each(to, name.c_str()) < 0) {
+                    return CFDP_BROKEN;
                 }
             }
-            Bytes &to = of(user).files[of(user).opened.at(file)];
-            to.assign(all.begin(), all.end());
             return 0;
         };
         return made;

@@ -59,7 +59,8 @@ CHAPTERS = {
                 "targets/cfs/README", "Records <record/README>"],
     "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
                             "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
-                            "Control theory <docs/linear>", "docs/accuracy", "docs/references", "missions/README"],
+                            "Control theory <docs/linear>", "docs/accuracy", "docs/performance", "docs/references",
+                            "missions/README"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",

@@ -36,6 +36,7 @@ const std::array<Kind, device_kinds> &kinds()
                                                      {"protection", {}},
                                                      {"registers", {"size", "tick", "interrupt", "lines"}},
                                                      {"dsu", {}},
+                                                     {"grspw2", {}},
                                                      {"report", {}}}};
     return all;
 }

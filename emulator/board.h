@@ -28,6 +28,7 @@ enum class DeviceKind : std::uint8_t {
     protection,
     registers,
     dsu,
+    grspw2,
     report
 };
 inline constexpr std::size_t device_kinds = static_cast<std::size_t>(DeviceKind::report) + 1;

@@ -66,7 +66,7 @@ TEST(Board, each_mistake_has_its_line_and_what_is_allowed)
               "b.toml:5: `size` must be a multiple of 0x1000 from 0x1000 to 0xFFFFF000, found 0x10001");
     EXPECT_EQ(mistakes(with("kind = \"irqmp\"", "kind = \"irq\"")),
               "b.toml:11: `kind` must be one of: irqmp, gptimer, apbuart, ahbstat, ftmctrl, scrubber, protection, "
-              "registers, dsu, report, found 'irq'");
+              "registers, dsu, grspw2, report, found 'irq'");
     EXPECT_THAT(mistakes(with("interrupt = 6", "interrupt = 14")),
                 HasSubstr("3 timers from interrupt 14 on: the last interrupt is 15"));
     EXPECT_THAT(mistakes(with("interrupt = 3", "interrupt = 3\nbaud = 9600")),

@@ -2,6 +2,7 @@
 #include "emulator/loop.h"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "emulator/devices/register_space.h"
@@ -13,6 +14,23 @@ namespace fledge::emulator {
 namespace {
 
 constexpr Ns second = 1'000'000'000;
+
+/// What stands in front of the registers of the boards, and these in front of the machine's snapshot.
+struct Header {
+    char magic[16] = "FLEDGE FLIGHT 1"; // the number is the version
+    FlightLoop::State state;
+    std::uint64_t boards = 0; ///< of the hashes of their files
+};
+
+/// The boards as one number.
+std::uint64_t identity_of(std::span<const RegisterWindow> windows)
+{
+    std::uint64_t identity = 0;
+    for (const RegisterWindow &w : windows) {
+        identity = identity * 31 + w.board->hash;
+    }
+    return identity;
+}
 
 RegisterSpace &space_of(Machine &machine)
 {
@@ -111,6 +129,56 @@ void FlightLoop::finish_tick(Ns limit)
 {
     while (machine_.core().state.mode == Mode::running && machine_.now() < limit &&
            run_until(std::min(limit, machine_.now() + second / 10000))) {
+    }
+}
+
+std::vector<std::byte> FlightLoop::save()
+{
+    Header header;
+    header.state = state;
+    header.boards = identity_of(space_.windows());
+    std::vector<std::byte> bytes(sizeof header);
+    std::memcpy(bytes.data(), &header, sizeof header);
+    for (const RegisterWindow &w : space_.windows()) {
+        for (std::uint32_t i = 0; i < w.board->size / 4; i++) {
+            const std::uint32_t word = w.words[i];
+            const auto *at = reinterpret_cast<const std::byte *>(&word);
+            bytes.insert(bytes.end(), at, at + sizeof word);
+        }
+    }
+    const std::vector<std::byte> machine = machine_.save();
+    bytes.insert(bytes.end(), machine.begin(), machine.end());
+    return bytes;
+}
+
+void FlightLoop::restore(std::span<const std::byte> bytes)
+{
+    const Header expected;
+    Header header;
+    std::uint64_t size = 0;
+    for (const RegisterWindow &w : space_.windows()) {
+        size += w.board->size;
+    }
+    if (bytes.size() < sizeof header + size) {
+        throw Error("the snapshot is truncated");
+    }
+    std::memcpy(&header, bytes.data(), sizeof header);
+    bytes = bytes.subspan(sizeof header);
+    if (std::memcmp(header.magic, expected.magic, sizeof header.magic) != 0) {
+        throw Error("this is no snapshot of flight, or one of another version");
+    }
+    if (header.boards != identity_of(space_.windows())) {
+        throw Error("the snapshot is of other boards than those in the register space");
+    }
+    machine_.load_snapshot(bytes.subspan(size));
+    state = header.state;
+    for (const RegisterWindow &w : space_.windows()) {
+        for (std::uint32_t i = 0; i < w.board->size / 4; i++) {
+            std::uint32_t word;
+            std::memcpy(&word, bytes.data() + 4 * i, sizeof word);
+            w.words[i] = word;
+        }
+        bytes = bytes.subspan(w.board->size);
     }
 }
 

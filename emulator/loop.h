@@ -43,6 +43,11 @@ public:
     /// The outside has ended the run: let the program end. False: it did not, in a minute of its time, or it failed.
     bool finish();
 
+    /// The machine, its registers and this loop between two ticks, for a file.
+    std::vector<std::byte> save();
+    /// Go on from there. Throws Error if the bytes are damaged, or of another version, board, program or registers.
+    void restore(std::span<const std::byte> bytes);
+
     /// Flight's first instant after t; without it, as far away as the tick before.
     std::function<Ns(Ns t)> next;
     /// In place of the machine's run_until, and called when a tick has reached the processor: for a debugger.

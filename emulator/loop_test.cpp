@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emulator/backend.h"
 
+#include <random>
+
 #include <gtest/gtest.h>
 
 #include "emulator/devices/register_space.h"
@@ -236,6 +238,92 @@ TEST(FlightLoop, a_campaign_goes_back_to_a_snapshot)
     b.m.restore(*snapshot);
     b.state() = state;
     EXPECT_EQ(fly(), once);
+}
+
+/// A bench whose registers are in memory of the outside, as they are in a shared file.
+struct AttachedBench : Bench {
+    explicit AttachedBench(EngineKind engine, const Words &program = flight(),
+                           std::span<const RegisterBoard *const> with = boards)
+        : Bench(program, engine)
+    {
+        std::vector<RegisterWindow> windows;
+        for (const RegisterBoard *board : with) {
+            memory.emplace_back(board->size / 8);
+            windows.push_back(register_window(board, reinterpret_cast<std::uint32_t *>(memory.back().data())));
+        }
+        backend.reset();
+        space.attach(windows);
+        backend.emplace(m);
+    }
+    std::vector<std::vector<std::uint64_t>> memory;
+};
+
+TEST(FlightLoop, another_program_goes_on_from_a_snapshot)
+{
+    // Every 10 ms a tick, of random work: some are missed, and some follow a reset.
+    std::mt19937 rng(7);
+    std::vector<std::pair<std::uint32_t, bool>> plan;
+    for (int i = 0; i < 60; i++) {
+        plan.emplace_back(rng() % 5000, rng() % 7 == 0);
+    }
+    const auto fly = [&](Bench &b, int from, int to) {
+        for (int i = from; i < to; i++) {
+            b.m.bus().write(work, 4, plan[static_cast<std::size_t>(i)].first);
+            if (plan[static_cast<std::size_t>(i)].second) {
+                register_clock_reset(&b.clock());
+            }
+            b.tick(i * 10 * ms, i > 0 ? 10 * ms : 0);
+        }
+    };
+    AttachedBench whole(EngineKind::threaded);
+    whole.tick(-1, 0);
+    std::vector<std::vector<std::byte>> snapshots;
+    for (int i = 0; i < 60; i++) {
+        snapshots.push_back(whole.backend->loop.save());
+        fly(whole, i, i + 1);
+    }
+    EXPECT_GT(whole.state().missed, 5u);
+    EXPECT_GT(whole.m.resets(), 3u);
+    const auto end = whole.backend->loop.save();
+    for (const int i : {0, 1, 17, 33, 34, 35, 59}) {
+        AttachedBench other(i % 2 ? EngineKind::translator : EngineKind::interpreter);
+        other.backend->loop.restore(snapshots[static_cast<std::size_t>(i)]);
+        fly(other, i, 60);
+        EXPECT_EQ(other.state().missed, whole.state().missed);
+        EXPECT_EQ(other.m.core().state.cycles, whole.m.core().state.cycles);
+        EXPECT_EQ(other.memory, whole.memory);
+        EXPECT_TRUE(other.backend->loop.save() == end) << i;
+    }
+}
+
+TEST(FlightLoop, a_snapshot_of_others_is_refused)
+{
+    AttachedBench b(EngineKind::threaded);
+    b.tick(-1, 0);
+    auto snapshot = b.backend->loop.save();
+    const auto refused = [&](FlightLoop &loop, std::span<const std::byte> bytes) -> std::string {
+        try {
+            loop.restore(bytes);
+        } catch (const Error &error) {
+            return error.what();
+        }
+        return "";
+    };
+    for (const std::size_t n : {std::size_t{0}, std::size_t{50}, std::size_t{300}, snapshot.size() - 1}) {
+        EXPECT_NE(refused(b.backend->loop, std::span(snapshot).first(n)).find("truncated"), std::string::npos) << n;
+    }
+    AttachedBench program(EngineKind::threaded, flight() + Words{nop});
+    EXPECT_EQ(refused(program.backend->loop, snapshot),
+              "the snapshot is of another program than the one that was loaded");
+    RegisterBoard changed = other_board;
+    changed.hash++;
+    const RegisterBoard *const others[] = {&clock_board, &changed};
+    AttachedBench registers(EngineKind::threaded, flight(), others);
+    EXPECT_EQ(refused(registers.backend->loop, snapshot),
+              "the snapshot is of other boards than those in the register space");
+    EXPECT_EQ(refused(b.backend->loop, snapshot), "");
+    snapshot[14] = std::byte{'9'};
+    EXPECT_EQ(refused(b.backend->loop, snapshot), "this is no snapshot of flight, or one of another version");
 }
 
 TEST(FlightLoop, the_program_ends_with_the_run)

@@ -15,6 +15,7 @@
 #include "emulator/devices/memory_controller.h"
 #include "emulator/devices/plug_and_play.h"
 #include "emulator/devices/register_space.h"
+#include "emulator/devices/spacewire.h"
 #include "emulator/devices/test_report.h"
 #include "emulator/elf.h"
 #include "emulator/report.h"
@@ -106,6 +107,7 @@ struct Machine::Impl final : DeviceHost {
         case DeviceKind::protection: device = std::make_unique<WriteProtection>(d.name, bus); break;
         case DeviceKind::registers: device = std::make_unique<RegisterSpace>(d.name, *this, d.registers); break;
         case DeviceKind::report: device = std::make_unique<TestReport>(d.name); break;
+        case DeviceKind::grspw2: device = std::make_unique<SpaceWire>(d.name, bus); break;
         case DeviceKind::dsu: device = std::make_unique<DebugUnit>(d.name, core.state); break;
         }
         bus.add_device(d.address, d.size, *device, d.wait);
@@ -567,7 +569,11 @@ std::vector<std::byte> Machine::save()
 
 void Machine::load_snapshot(std::span<const std::byte> s)
 {
-    restore(*Snapshot::read(s, impl_->board.hash));
+    const auto snapshot = Snapshot::read(s, impl_->board.hash);
+    if (impl_->boot && snapshot->boot && *impl_->boot != *snapshot->boot) {
+        throw Error("the snapshot is of another program than the one that was loaded");
+    }
+    restore(*snapshot);
 }
 
 bool Machine::peek(std::uint32_t address, std::span<std::byte> bytes) const

@@ -77,7 +77,7 @@ public:
     std::shared_ptr<const Snapshot> snapshot();
     void restore(const Snapshot &snapshot);           ///< throws Error if it is of another board
     std::vector<std::byte> save();                    ///< for a file
-    void load_snapshot(std::span<const std::byte> s); ///< throws Error if it is damaged, or of another board
+    void load_snapshot(std::span<const std::byte> s); ///< Error if damaged, of another board or program
 
     /// Bytes as a debugger sees them: no side effects, no protection, no EDAC. False: no memory is there. peek also
     /// reads the register space.

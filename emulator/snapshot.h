@@ -17,9 +17,11 @@ struct BootImage {
     struct Segment {
         std::uint32_t address = 0;
         std::vector<std::byte> bytes;
+        bool operator==(const Segment &) const = default;
     };
     std::uint32_t entry = 0;
     std::vector<Segment> segments; ///< copied into RAM
+    bool operator==(const BootImage &) const = default;
 };
 
 class Snapshot : public std::enable_shared_from_this<Snapshot> {

@@ -2,6 +2,8 @@
 #define _DEFAULT_SOURCE /* flock */
 #include "record/file_sink.h"
 
+#include "record/mcap_crc.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <stdint.h>
@@ -52,7 +54,7 @@ static void leave(FileSink *s)
 static int attempt(FileSink *s)
 {
     /* A new file, never the old one emptied: other names and readers of that may exist. */
-    s->fd = open(s->part, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+    s->fd = open(s->part, O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
     if (s->fd >= 0) {
         const int error = take(s);
         /* A program that found the new file before it was locked deletes it, and creates its own. */
@@ -69,10 +71,12 @@ static int attempt(FileSink *s)
     return error == 0 && unlink(s->part) != 0 ? errno : error == 0 ? ESTALE : error;
 }
 
-int file_sink_open(FileSink *s, const char *name)
+/* Begin with a sink whose file is not open yet. Returns 0 or errno. */
+static int name_it(FileSink *s, const char *name)
 {
     s->fd = -1;
     s->error = 0;
+    memset(&s->marked, 0, sizeof s->marked);
     size_t n = strlen(name);
     if (n == 0u || n > sizeof s->part - sizeof SUFFIX) {
         s->error = n == 0u ? ENOENT : ENAMETOOLONG;
@@ -80,6 +84,14 @@ int file_sink_open(FileSink *s, const char *name)
     }
     memcpy(s->part, name, n);
     memcpy(s->part + n, SUFFIX, sizeof SUFFIX);
+    return 0;
+}
+
+int file_sink_open(FileSink *s, const char *name)
+{
+    if (name_it(s, name) != 0) {
+        return s->error;
+    }
     s->error = ESTALE;
     for (int i = 0; i < ATTEMPTS && s->error == ESTALE; i++) {
         s->error = attempt(s);
@@ -87,6 +99,59 @@ int file_sink_open(FileSink *s, const char *name)
             leave(s);
         }
     }
+    return s->error;
+}
+
+/* Bring the mark up to a size, by the bytes of the file. Returns 0 or errno: ENODATA if it has fewer. */
+static int mark_until(FileSink *s, uint64_t size)
+{
+    McapCrc tables;
+    uint8_t bytes[4096];
+    mcap_crc_init(&tables);
+    while (s->marked.size < size) {
+        const uint64_t left = size - s->marked.size;
+        const ssize_t n = pread(s->fd, bytes, left < sizeof bytes ? (size_t)left : sizeof bytes, (off_t)s->marked.size);
+        if (n > 0) {
+            s->marked.crc = mcap_crc_update(&tables, s->marked.crc, bytes, (size_t)n);
+            s->marked.size += (uint64_t)n;
+        } else if (n == 0) {
+            return ENODATA;
+        } else if (errno != EINTR) {
+            return errno;
+        }
+    }
+    return 0;
+}
+
+int file_sink_resume(FileSink *s, const char *name, FileMark mark)
+{
+    if (name_it(s, name) != 0) {
+        return s->error;
+    }
+    s->fd = open(s->part, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    s->error = s->fd < 0 ? errno : take(s);
+    if (s->error == 0) {
+        s->error = mark_until(s, mark.size);
+    }
+    if (s->error == 0 && s->marked.crc != mark.crc) {
+        s->error = ENODATA;
+    }
+    if (s->error == 0 && (ftruncate(s->fd, (off_t)mark.size) != 0 || lseek(s->fd, 0, SEEK_END) < 0)) {
+        s->error = errno;
+    }
+    if (s->error != 0 && s->fd >= 0) {
+        leave(s);
+    }
+    return s->error;
+}
+
+int file_sink_mark(FileSink *s, FileMark *mark)
+{
+    const off_t size = s->error == 0 ? lseek(s->fd, 0, SEEK_CUR) : 0;
+    if (s->error == 0) {
+        s->error = size < 0 ? errno : mark_until(s, (uint64_t)size);
+    }
+    *mark = s->marked;
     return s->error;
 }
 

@@ -11,6 +11,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -20,15 +21,30 @@ extern "C" {
 #define FILE_SINK_PATH_MAX 4096 /* smaller on small targets */
 #endif
 
+/** What tells whether a file has the same bytes so far. */
+typedef struct FileMark {
+    uint64_t size; ///< [bytes]
+    uint32_t crc;  ///< of them
+    uint32_t spare;
+} FileMark;
+
 typedef struct FileSink {
     int fd;
     int error;                     ///< errno of the first failure, else 0
+    FileMark marked;               ///< the last mark
     char part[FILE_SINK_PATH_MAX]; ///< "NAME.part"
 } FileSink;
 
 /** Create NAME.part in place of that of an earlier failure. Returns 0 or errno: EBUSY if another sink writes it, ELOOP
  *  if it is a symbolic link, EEXIST if it is no regular file. */
 int file_sink_open(FileSink *s, const char *name);
+
+/** Go on with NAME.part of a program that ended, behind the bytes of its mark; what follows them is cut off. Returns 0
+ *  or errno: ENOENT if it is not there, ENODATA if it does not begin with these bytes, others as file_sink_open. */
+int file_sink_resume(FileSink *s, const char *name, FileMark mark);
+
+/** The mark of all that was written, which the system has then. Returns 0 or errno. */
+int file_sink_mark(FileSink *s, FileMark *mark);
 
 /** McapConfig.write, with the FileSink as its user. Returns 0 or errno. */
 int file_sink_write(void *sink, const void *bytes, size_t n);

@@ -494,7 +494,9 @@ McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t 
     const uint64_t t = (uint64_t)t_ns;
     const uint64_t length = MESSAGE_HEAD - PREFIX + CDR_HEAD + (uint64_t)n;
 
-    uint8_t head[MESSAGE_HEAD + CDR_HEAD];
+    /* In the stage, and so that the struct behind it is aligned: a simple memcpy() then copies words. */
+    const size_t head_size = MESSAGE_HEAD + CDR_HEAD;
+    uint8_t *const head = w->stage + 1;
     uint8_t *p = put_prefix(head, OP_MESSAGE, length);
     p = put_u16(p, channel);
     p = put_u32(p, sequence);
@@ -511,23 +513,27 @@ McapStatus mcap_message(McapWriter *w, uint16_t channel, int64_t t_ns, uint32_t 
         if (!fits) {
             end_chunk(w);
         }
-        const McapStatus status = make_room(w, fits ? PREFIX + length + ENTRY : sizeof head + ENTRY);
+        const McapStatus status = make_room(w, fits ? PREFIX + length + ENTRY : head_size + ENTRY);
         if (status != MCAP_OK) {
             return status;
         }
         add_entry(w, c, t);
-        memcpy(w->config.chunk + w->chunk_used, head, sizeof head);
-        w->chunk_used += sizeof head;
+        memcpy(w->config.chunk + w->chunk_used, head, head_size);
+        w->chunk_used += head_size;
         if (!fits) {
             end_chunk_with(w, bytes, n);
         } else if (n > 0u) {
             memcpy(w->config.chunk + w->chunk_used, bytes, n);
             w->chunk_used += n;
         }
+    } else if (n > sizeof w->stage - 1u - head_size) {
+        send(w, head, head_size);
+        send(w, bytes, n);
     } else {
-        put(w, head, sizeof head);
-        put(w, bytes, n);
-        send_stage(w);
+        if (n > 0u) {
+            memcpy(head + head_size, bytes, n);
+        }
+        send(w, head, head_size + n);
     }
     c->count++;
     w->t_first = w->n_messages == 0u || t < w->t_first ? t : w->t_first;

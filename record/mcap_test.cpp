@@ -960,6 +960,48 @@ TEST_F(FileSinkTest, KeepsThePartWhenTheDiskIsFull)
     EXPECT_EQ(content(name + ".part"), std::string(4096, 'x'));
 }
 
+TEST_F(FileSinkTest, GoesOnBehindAMarkOfAProgramThatEnded)
+{
+    const std::string first(10'000, 'a'), second(5'000, 'b');
+    FileMark early, late, again;
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, first.data(), first.size()), 0);
+    EXPECT_EQ(file_sink_mark(&sink, &early), 0);
+    EXPECT_EQ(file_sink_write(&sink, second.data(), second.size()), 0);
+    EXPECT_EQ(file_sink_mark(&sink, &late), 0);
+    EXPECT_EQ(file_sink_write(&sink, "lost", 4), 0);
+    FileSink other;
+    EXPECT_EQ(file_sink_resume(&other, name.c_str(), late), EBUSY);
+    EXPECT_EQ(file_sink_close(&sink, false), 0);
+
+    ASSERT_EQ(file_sink_resume(&sink, name.c_str(), late), 0);
+    EXPECT_EQ(content(name + ".part"), first + second);
+    EXPECT_EQ(file_sink_mark(&sink, &again), 0);
+    EXPECT_EQ(std::memcmp(&again, &late, sizeof late), 0);
+    EXPECT_EQ(file_sink_close(&sink, false), 0);
+
+    ASSERT_EQ(file_sink_resume(&sink, name.c_str(), early), 0);
+    EXPECT_EQ(file_sink_write(&sink, "c", 1), 0);
+    EXPECT_EQ(file_sink_close(&sink, true), 0);
+    EXPECT_EQ(content(name), first + "c");
+}
+
+TEST_F(FileSinkTest, GoesOnWithNoOtherFile)
+{
+    ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);
+    EXPECT_EQ(file_sink_write(&sink, "abc", 3), 0);
+    FileMark mark;
+    EXPECT_EQ(file_sink_mark(&sink, &mark), 0);
+    EXPECT_EQ(file_sink_close(&sink, false), 0);
+    for (const char *other : {"abd and more", "ab", ""}) {
+        std::ofstream(name + ".part") << other;
+        EXPECT_EQ(file_sink_resume(&sink, name.c_str(), mark), ENODATA) << other;
+        EXPECT_EQ(content(name + ".part"), other);
+    }
+    std::filesystem::remove(name + ".part");
+    EXPECT_EQ(file_sink_resume(&sink, name.c_str(), mark), ENOENT);
+}
+
 TEST_F(FileSinkTest, OneSinkAtATimeWritesAFile)
 {
     ASSERT_EQ(file_sink_open(&sink, name.c_str()), 0);

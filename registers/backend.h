@@ -34,6 +34,12 @@ public:
 
     /// Let flight go on until it has finished the tick of `clock`, at most so long.
     virtual Wait await_done(const RegisterWindow &clock, std::chrono::nanoseconds timeout) = 0;
+
+    /// Whether it makes snapshots of flight's computer with its registers, and goes on from them, between two ticks.
+    virtual bool saves() const { return false; }
+    /// Both throw Error.
+    virtual std::vector<std::byte> save(std::chrono::nanoseconds /*timeout*/) { return {}; }
+    virtual void restore(std::span<const std::byte> /*snapshot*/, std::chrono::nanoseconds /*timeout*/) {}
 };
 
 /// Flight in this process: a function that is called for each tick, on the same memory.

@@ -92,7 +92,7 @@ typedef struct RegisterSlave {
 
 typedef struct RegisterBoard {
     const char *name;
-    uint64_t hash;           ///< of all members below; both sides must come from the same file
+    uint64_t hash;           ///< of what both sides must agree on: they must come from the same file
     uint64_t base;           ///< its address on the bus of flight's processor
     uint32_t size;           ///< [bytes]
     uint32_t big_endian;     ///< the order of its words
@@ -100,6 +100,7 @@ typedef struct RegisterBoard {
     int32_t clock_interrupt; ///< the line that a tick raises, or -1
     uint32_t interrupts;     ///< address of the interrupts' counters, or REGISTER_NOWHERE
     uint32_t n_interrupts;
+    uint32_t level; ///< the interrupt of flight's processor that lines raise, but not a tick's; 0: as its machine says
     uint32_t n_lanes;
     const RegisterLane *lanes;
     const RegisterSlave *slave; ///< NULL: there is no slave clock

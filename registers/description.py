@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The description of a board: reads and checks its TOML file, and lays out every lane.
+"""The description of boards: reads and checks their TOML files, and lays out every lane.
 
 README.md lists the keys. One reading finds all mistakes, each with file, line, rule, finding and advice.
 """
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import os.path
 import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +26,7 @@ SLAVE_SIZE = 48
 INTERRUPT_SIZE = 8
 CDR_HEAD = 4           # registers/message.h
 SINGLE_SLOTS = 4
+STEP = 0x20            # what has no address begins at a multiple of this
 
 ORDERS = ("big", "little")
 FORMS = ("word", "packet", "message")
@@ -50,7 +54,7 @@ _ONLY_FOR = {          # keys that only these forms have
     "write_remove": ("packet",), "write_add": ("packet",),
     "unit": ("packet",), "outside_order": ("packet",),
     "message": ("message",), "header": ("message",), "carries": ("message", "packet"),
-    "write_carries": ("message",),
+    "write_carries": ("message", "packet"),
 }
 _FIELD_KEYS = ("name", "doc", "bits", "signed", "scale", "offset", "unit", "carries")
 _PACKET_FIELD_KEYS = ("name", "doc", "at", "type", "order", "count", "tag", "scale", "offset", "unit", "carries")
@@ -59,6 +63,21 @@ _DESCRIPTOR_KEYS = ("address", "length", "tag", "valid")
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 _TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
 _KEYWORDS = C | CPP
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a mission's message, or `count` equal ones in a row."""
+    path: str       # "world.power.telemetry.cards[0].current"
+    type: str       # "u16"
+    count: int
+    unit: str
+    doc: str
+
+
+# What a path carries: the numbers of a message or of a part of it, in their order; None: something else, such as
+# "commands". Raises LookupError if there is no such path.
+Carried = Callable[[str], "list[Number] | None"]
 
 
 @dataclass(frozen=True)
@@ -188,10 +207,16 @@ class Board:
     clock_interrupt: str | None
     interrupts: int | None
     lines: tuple[str, ...]
+    level: int                          # the processor's interrupt that its lines raise; 0: the machine's file says it
     snorkels: tuple[Snorkel, ...]
-    file: str = field(compare=False)     # without folder
+    path: Path = field(compare=False)
     bounds: tuple[Bound, ...] = field(default=(), compare=False)
     slave: Slave | None = None
+
+    @property
+    def file(self) -> str:
+        """Without folder."""
+        return self.path.name
 
     @property
     def lanes(self) -> list[Lane]:
@@ -209,14 +234,54 @@ def read(path: Path) -> Board:
     return parse(checked_toml.text_of(path), path)
 
 
-def parse(text: str, path: Path) -> Board:
-    """The same as read(), from the text of the file."""
+def parse(text: str, path: Path, carried: Carried | None = None) -> Board:
+    """The same as read(), from the text of the file. carried: of the mission whose numbers pass in packets."""
     data, lines = checked_toml.parse(text, path)
-    reader = _Reader(str(path), lines)
-    board = reader.board(data, path.name)
+    reader = _Reader(str(path), lines, carried)
+    board = reader.board(data, path)
     if reader.problems:
         raise TomlError(reader.complaints())
     return board
+
+
+def files_of(paths: Iterable[Path | str]) -> list[Path]:
+    """The files of boards: those that are named, and all *.toml of the folders that are, by name. Raises TomlError for
+    a folder without any."""
+    found: list[Path] = []
+    for path in map(Path, paths):
+        inside = sorted(path.glob("*.toml")) if path.is_dir() else [path]
+        if not inside:
+            raise TomlError(f"{path}: the folder of boards has no file *.toml")
+        found += inside
+    return found
+
+
+def read_all(paths: Iterable[Path | str], carried: Carried | None = None) -> list[Board]:
+    """The boards of files and folders. Raises TomlError with all complaints, OSError."""
+    return parse_all([(path, checked_toml.text_of(path)) for path in files_of(paths)], carried)
+
+
+def parse_all(texts: Iterable[tuple[Path, str]], carried: Carried | None = None) -> list[Board]:
+    """The same from (path, text) pairs. Raises TomlError with all complaints."""
+    boards: list[Board] = []
+    wrong = []
+    for path, text in texts:
+        try:
+            board = parse(text, path, carried)
+        except TomlError as error:
+            wrong.append(str(error))
+            continue
+        for other in boards:
+            if board.name == other.name:
+                wrong.append(f"{path}:1: boards' names differ; `{board.name}` is also {other.path}'s; rename one")
+            elif board.base < other.base + other.size and other.base < board.base + board.size:
+                wrong.append(f"{path}:1: boards do not overlap; {board.name} [{board.base:#x}, "
+                             f"{board.base + board.size:#x}) overlaps {other.name} [{other.base:#x}, "
+                             f"{other.base + other.size:#x}) of {other.path}; move one")
+        boards.append(board)
+    if wrong:
+        raise TomlError("\n".join(wrong))
+    return boards
 
 
 class _Reader(Tables):
@@ -224,8 +289,9 @@ class _Reader(Tables):
 
     whole = "#x"
 
-    def __init__(self, file: str, lines: dict):
+    def __init__(self, file: str, lines: dict, carried: Carried | None):
         super().__init__(file, lines)
+        self.carried = carried
         self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, what it is, path
         self.raised: dict[str, tuple[bool, str]] = {}         # line: whether flight raises it, what raises it
 
@@ -244,20 +310,18 @@ class _Reader(Tables):
 
     # ---- the board
 
-    def board(self, data: dict, file: str) -> Board:
+    def board(self, data: dict, file: Path) -> Board:
         self.keys(data, (), _BOARD_KEYS)
         name = self.name(data, (), {}, "board")
         base = self.integer(data, (), "base", 0, 0xFFFFFFF8, multiple=8) or 0
-        size = self.integer(data, (), "size", 8, 0x10000000, multiple=8) or 0x10000000
-        order = self.choice(data, (), "order", ORDERS) or "big"
+        size = self.integer(data, (), "size", 8, 0x10000000, None, multiple=8)
+        order = self.choice(data, (), "order", ORDERS, "big") or "big"
 
-        interrupts: int | None = None
         lines: list[str] = []
+        table = self.table(data, (), "interrupts")
         if "interrupts" in data:
-            table = self.table(data, (), "interrupts")
             path = ("interrupts",)
-            self.keys(table, path, ("address", "lines"))
-            interrupts = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
+            self.keys(table, path, ("address", "lines", "level"))
             lines = table.get("lines", [])
             if not isinstance(lines, list) or not 1 <= len(lines) <= 32 \
                     or not all(isinstance(n, str) and _NAME.fullmatch(n) for n in lines) \
@@ -265,24 +329,25 @@ class _Reader(Tables):
                 self.refuse((*path, "lines"), "`lines` are 1 to 32 different names",
                             f"it is {shown(lines)}", 'write for example ["tick", "telecommand"]')
                 lines = []
-            self.take(interrupts, INTERRUPT_SIZE * len(lines), "the interrupts", (*path, "address"))
+        level = self.integer(table, ("interrupts",), "level", 1, 15, None) or 0
 
         clock, clock_interrupt = None, None
         if "clock" in data:
-            table = self.table(data, (), "clock")
-            path = ("clock",)
-            self.keys(table, path, ("address", "interrupt"))
-            clock = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
-            clock_interrupt = self.line(table, path, "interrupt", lines, False, "the clock")
-            self.take(clock, CLOCK_SIZE, "the clock", (*path, "address"))
+            of_clock = self.table(data, (), "clock")
+            self.keys(of_clock, ("clock",), ("address", "interrupt"))
+            clock = self.place(of_clock, ("clock",), "address", CLOCK_SIZE, "the clock")
+            clock_interrupt = self.line(of_clock, ("clock",), "interrupt", lines, False, "the clock")
+        interrupts = self.place(table, ("interrupts",), "address", INTERRUPT_SIZE * len(lines), "the interrupts") \
+            if "interrupts" in data else None
 
         slave = self.slave(data, lines) if "slave_clock" in data else None
         names: dict[str, tuple] = {}
         snorkels = [self.snorkel(table, ("snorkel", i), names, order, lines)
                     for i, table in enumerate(self.tables(data, (), "snorkel"))]
+        size = size or max(8, self.free())
         self.no_overlap(size)
         return Board(name, self.text(data, (), "doc", ""), base, size, order, clock,
-                     clock_interrupt, interrupts, tuple(lines),
+                     clock_interrupt, interrupts, tuple(lines), level,
                      tuple(s for s in snorkels if s), file,
                      tuple(self.bound(table, ("bound", i))
                            for i, table in enumerate(self.tables(data, (), "bound"))), slave)
@@ -291,8 +356,7 @@ class _Reader(Tables):
         table = self.table(data, (), "slave_clock")
         path = ("slave_clock",)
         self.keys(table, path, _SLAVE_KEYS)
-        address = self.integer(table, path, "address", 0, 0xFFFFFFF8, multiple=8)
-        self.take(address, SLAVE_SIZE, "the slave clock", (*path, "address"))
+        address = self.place(table, path, "address", SLAVE_SIZE, "the slave clock")
         rates = {}
         for key, default, low, high, factor, unit in (
                 ("start", 0.0, -9e9, 9e9, 1e9, "s"), ("drift", 0.0, -1e6, 1e6, 1e3, "ppm"),
@@ -330,9 +394,18 @@ class _Reader(Tables):
                             "use another line")
         return line
 
-    def take(self, address, size, what, path) -> None:
+    def place(self, table, path, key, size, what, multiple=8) -> int | None:
+        """The address that the key gives; without it, behind all before."""
+        address = self.integer(table, path, key, 0, 0xFFFFFFFC // multiple * multiple, None, multiple=multiple)
+        if key not in table:
+            address = self.free()
         if address is not None and size:
-            self.taken.append((address, address + size, what, path))
+            self.taken.append((address, address + size, what, (*path, key)))
+        return address
+
+    def free(self) -> int:
+        """The first address behind all that has one."""
+        return -(-max((end for _, end, _, _ in self.taken), default=0) // STEP) * STEP
 
     def no_overlap(self, size: int) -> None:
         reach = None
@@ -383,7 +456,9 @@ class _Reader(Tables):
             self.refuse((*path, "count"), "`count` is of words that are not queued",
                         f"`{name}` is queued", "leave it out, or the queue")
 
-        variable, capacity, message_size = self.capacity(table, path, form)
+        sides = {"read": {"": False}, "write": {"": True}, "both": {"": False, "write_": True}}[direction]
+        numbers = {prefix: self.numbers(table, path, prefix, form) for prefix in sides}
+        variable, capacity, message_size = self.capacity(table, path, form, all(numbers.values()))
         message, header = None, None
         if form == "message" and ("message" in table or "header" in table):
             message, header = self.message(table, path, variable)
@@ -398,14 +473,20 @@ class _Reader(Tables):
 
         names_of_fields: dict[str, tuple] = {}
         lanes: list[Lane] = []
-        for from_flight in {"read": (False,), "write": (True,), "both": (False, True)}[direction]:
-            prefix = "write_" if direction == "both" and from_flight else ""
+        for prefix, from_flight in sides.items():
             suffix = ("_write" if from_flight else "_read") if direction == "both" else ""
-            lane = self.lane(table, path, prefix, name + suffix, from_flight, lines, shape | dict(unit=unit, swap=swap))
-            if prefix and "write_field" not in table:
+            lane = self.lane(table, path, prefix, name + suffix, from_flight, lines,
+                             shape | dict(unit=unit, swap=swap), numbers[prefix])
+            key = prefix + "field"
+            if found := numbers[prefix]:
+                if key in table:
+                    self.refuse((*path, key), f"a packet has fields, or `{prefix}carries` that names its numbers",
+                                "both are there", "leave one out")
+                lane = replace(lane, fields=self.carried_fields(found, names_of_fields, lane, board_order,
+                                                                (*path, prefix + "carries")))
+            elif prefix and "write_field" not in table:
                 lane = replace(lane, fields=lanes[0].fields)
             else:
-                key = prefix + "field"
                 lane = replace(lane, fields=self.packet_fields(table, path, key, names_of_fields, lane, board_order)
                                if form == "packet" else self.fields(table, path, key, names_of_fields))
             lanes.append(lane)
@@ -413,15 +494,40 @@ class _Reader(Tables):
         return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
                        message, header, message_size)
 
-    def capacity(self, table, path, form) -> tuple[bool, int, int | None]:
-        """(variable, bytes in a slot, bytes of a message's struct)"""
+    def numbers(self, table, path, prefix, form) -> list[Number] | None:
+        """The numbers that `carries` of a packet names."""
+        key = prefix + "carries"
+        value = table.get(key)
+        paths = value if isinstance(value, list) else [value]
+        if form != "packet" or value is None or not all(isinstance(one, str) for one in paths) or not paths:
+            if form == "packet" and value is not None:
+                self.refuse((*path, key), f"`{key}` names a message, a part of it, or a list of parts",
+                            f"it is {shown(value)}", 'write for example "world.power.telemetry"')
+            return None
+        found: list[Number] = []
+        for one in paths:
+            try:
+                numbers = self.carried(one) if self.carried else None
+            except LookupError as error:
+                self.refuse((*path, key), "a packet carries numbers of the mission", str(error.args[0]), "name one")
+                continue
+            if numbers is None and isinstance(value, list):
+                self.refuse((*path, key), "a list names numbers of a mission", f"{one} is none", "leave it out")
+            found += numbers or []
+        return found or None
+
+    def capacity(self, table, path, form, known) -> tuple[bool, int, int | None]:
+        """(variable, bytes in a slot, bytes of a message's struct). known: by the numbers of each packet."""
         if form == "word":
             return False, 4, None
         given = [key for key in ("size", "capacity") if key in table]
+        if known and not given:
+            return False, 0, None
         if len(given) != 1:
             self.refuse((*path, given[-1] if given else "size"),
                         "a packet is of fixed `size` or of variable size up to `capacity`",
-                        "both are given" if given else "neither is given", "give one, in bytes")
+                        "both are given" if given else "neither is given",
+                        "give one, in bytes, or `carries` of numbers, in a flight of their mission")
             return False, 8, None
         n = self.integer(table, path, given[0], 1, 0xFFFFFF) or 8
         if form == "message":
@@ -441,22 +547,21 @@ class _Reader(Tables):
                         "it has a `capacity`", "give `size`, or no `message`")
         return name, header
 
-    def lane(self, table, path, prefix, name, from_flight, lines, shape) -> Lane:
+    def lane(self, table, path, prefix, name, from_flight, lines, shape, numbers) -> Lane:
         form, queued, depth = shape["form"], shape["queued"], shape["depth"]
-        capacity = shape["capacity"]
-        plain = form == "word" and not queued
-        stride = 4 if form == "word" else (SLOT_HEAD + capacity + 7) // 8 * 8
-        size = 4 * shape["count"] if plain else CONTROL_SIZE + depth * stride
-        key = prefix + "address"
-        address = self.integer(table, path, key, 0, 0xFFFFFFFC, multiple=4 if plain else 8)
-        self.take(address, size, f"`{name}`", (*path, key))
-        descriptor = self.descriptor(table, path, prefix, name, shape)
         remove = self.integer(table, path, prefix + "remove", 0, 65535, 0) or 0
         add = table.get(prefix + "add", [])
         if not isinstance(add, list) or not all(type(b) is int and 0 <= b <= 255 for b in add):
             self.refuse((*path, prefix + "add"), "`add` is a list of bytes, each 0 to 255",
                         f"it is {shown(add)}", "write for example [0x1A, 0xCF]")
             add = []
+        capacity = shape["capacity"] or _end_of(numbers, remove if from_flight else len(add))
+        shape = shape | dict(capacity=capacity)
+        plain = form == "word" and not queued
+        stride = 4 if form == "word" else (SLOT_HEAD + capacity + 7) // 8 * 8
+        size = 4 * shape["count"] if plain else CONTROL_SIZE + depth * stride
+        address = self.place(table, path, prefix + "address", size, f"`{name}`", 4 if plain else 8)
+        descriptor = self.descriptor(table, path, prefix, name, shape)
         # The slot holds a header that the outside adds, or that it will remove.
         inside = remove if from_flight else len(add)
         if inside > capacity:
@@ -470,7 +575,8 @@ class _Reader(Tables):
         interrupt = self.line(table, path, prefix + "interrupt", lines, from_flight, f"`{name}`")
         return Lane(name=name, from_flight=from_flight, address=address or 0, size=size,
                     stride=stride, interrupt=interrupt, descriptor=descriptor, remove=remove,
-                    add=tuple(add), fields=(), carries=self.text(table, path, prefix + "carries", "") or None,
+                    add=tuple(add), fields=(),
+                    carries=None if numbers else self.text(table, path, prefix + "carries", "") or None,
                     line=line_of(self.lines, (*path, prefix + "carries")), **shape)
 
     def descriptor(self, table, path, prefix, name, shape) -> Descriptor:
@@ -483,8 +589,7 @@ class _Reader(Tables):
         given = self.table(table, path, key)
         here = (*path, key)
         self.keys(given, here, _DESCRIPTOR_KEYS)
-        address = self.integer(given, here, "address", 0, 0xFFFFFFFC, multiple=4)
-        self.take(address, 4 * shape["depth"], f"the descriptors of `{name}`", here)
+        address = self.place(given, here, "address", 4 * shape["depth"], f"the descriptors of `{name}`", 4)
         parts = {}
         used = 0
         for part, default in (("length", (0, 24)), ("tag", (24, 7)), ("valid", (31, 1))):
@@ -540,6 +645,23 @@ class _Reader(Tables):
                                 line_of(self.lines, (*here, "carries"))))
         return tuple(fields)
 
+    def carried_fields(self, numbers, names, lane, order, path) -> tuple[Field, ...]:
+        """The numbers of packets behind one side's header, in their order."""
+        fields = []
+        common = os.path.commonprefix([number.path for number in numbers]).rpartition(".")[0]
+        for number, at in zip(numbers, _places(numbers, lane.remove if lane.from_flight else len(lane.add))):
+            bits, signed, _ = NUMBERS[number.type]
+            stem = re.sub("[^a-z0-9]+", "_", number.path[len(common):].lower()).strip("_")
+            tries = itertools.chain((stem, f"write_{stem}"), (f"{stem}_{n}" for n in itertools.count(2)))
+            name = next(one for one in tries if one not in names and one not in _KEYWORDS)
+            names[name] = path
+            fields.append(Field(name, number.doc, 0, bits, signed, 1.0, 0.0, number.unit, number.path,
+                                line_of(self.lines, path), at, number.type, order, number.count))
+        if fields[-1].end > lane.capacity:
+            self.refuse(path, "numbers stand within the packet",
+                        f"they end at {fields[-1].end} of {lane.capacity} bytes", "leave out its size, or enlarge it")
+        return tuple(fields)
+
     def packet_fields(self, table, path, key, names, lane, order) -> tuple[Field, ...]:
         """The fields of packets. Only one side's header may be in front of them: the outside drops the other."""
         fields: list[Field] = []
@@ -580,3 +702,20 @@ class _Reader(Tables):
                                     f"[{other.at}, {other.end})", "move it, or give it another tag")
             fields.append(one)
         return tuple(fields)
+
+
+def _places(numbers: list[Number], first: int) -> list[int]:
+    """Where numbers in a row stand: each type at a multiple of its size, as C has it, behind `first` bytes."""
+    places, at = [], 0
+    for number in numbers:
+        size = NUMBERS[number.type][0] // 8
+        places.append(first + -(-at // size) * size)
+        at = places[-1] - first + number.count * size
+    return places
+
+
+def _end_of(numbers: list[Number], first: int) -> int:
+    """[bytes] of a packet of them, a multiple of 4 behind its header."""
+    last = numbers[-1]
+    end = _places(numbers, first)[-1] - first + last.count * NUMBERS[last.type][0] // 8
+    return first + -(-end // 4) * 4

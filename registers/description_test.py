@@ -9,9 +9,9 @@ import pytest
 
 from registers.__main__ import main
 from registers.checked_toml import TomlError
-from registers.description import read
+from registers.description import Number, parse, read, read_all
 
-BOARDS = sorted((Path(__file__).parent / "boards").glob("*.toml"))
+BOARDS = sorted((Path(__file__).parent / "testing/boards").glob("*.toml"))
 
 HEAD = 'name = "b"\nbase = 0x1000\nsize = 0x1000\norder = "big"\n'       # lines 1 to 4
 LINES = '[interrupts]\naddress = 0\nlines = ["a", "b"]\n'
@@ -27,7 +27,8 @@ REFUSED = [
     (HEAD[:-2], 4, "must be TOML"),
     (HEAD + HEAD, 5, "must be TOML"),
     (HEAD.replace("big", "middle"), 4, 'it is "middle"; choose "big", "little"'),
-    (HEAD.replace('order = "big"\n', ""), 1, "it is not there; choose"),
+    (HEAD.replace("base = 0x1000\n", "base = 0x1000\nlevel = 3\n"), 3, "there is `level`; choose name, doc, base"),
+    (HEAD + LINES + "level = 16\n", 8, "`level` is from 0x1 to 0xf; it is 0x10"),
     (HEAD.replace("0x1000\ns", "0x1004\ns"), 2, "a multiple of 8"),
     (HEAD.replace("base = 0x1000\n", ""), 1, "`base` must be given"),
     (HEAD.replace("size = 0x1000", "size = true"), 3, "`size` is a whole number"),
@@ -51,7 +52,10 @@ REFUSED = [
     (HEAD + WORD.replace("0x100", "0x210") + PACKET, 9, "move it to 0x260 or beyond"),
     (HEAD + LINES + WORD.replace("0x100", "0xC"), 12, "overlaps the interrupts [0x0, 0x10)"),
     (HEAD + BOTH.replace("0x300", "0x238"), 11, "`p_write` [0x238, 0x298) overlaps `p_read`"),
-    (HEAD + BOTH.replace("write_address = 0x300\n", ""), 5, "`write_address` must be given"),
+    (HEAD.replace("0x1000\no", "0x240\no") + PACKET + PACKET.replace('"p"', '"q"').replace("address = 0x200\n", ""), 11,
+     "`q` ends at 0x2c0, the board at 0x240"),
+    (HEAD + PACKET + 'carries = ["world.a.b", 3]\n', 11, "names a message, a part of it, or a list of parts"),
+    (HEAD + PACKET + 'carries = ["world.a.b"]\n', 11, "a list names numbers of a mission; world.a.b is none"),
     (HEAD + PACKET + "write_remove = 2\n", 11, "write `remove`"),
     (HEAD + WORD + "queue = 12\n", 10, "choose 8 or 16"),
     (HEAD + WORD + 'overflow = "refuse"\n', 10, "`overflow` is of queues"),
@@ -150,6 +154,65 @@ def test_two_boards_neither_overlap_nor_share_a_name(tmp_path, capsys):
     assert "boards do not overlap; c [0x2ff8, 0x3ff8) overlaps b" in capsys.readouterr().err
     assert main([files[0], files[0], "--out", str(tmp_path)]) == 1
     assert "boards' names differ" in capsys.readouterr().err
+
+
+def test_a_folder_stands_for_its_files(tmp_path, capsys):
+    for name, base in (("b", 0x2000), ("a", 0)):
+        (tmp_path / f"{name}.toml").write_text(
+            HEAD.replace('"b"', f'"{name}"').replace("base = 0x1000", f"base = {base}"))
+    assert [board.name for board in read_all([tmp_path])] == ["a", "b"]
+    assert main([str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {f"{a}.{b}" for a in "ab" for b in ("h", "c", "md")}
+    capsys.readouterr()
+    assert main([str(tmp_path / "out"), "--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == f"{tmp_path}/out: the folder of boards has no file *.toml\n"
+
+
+def test_what_has_no_address_lies_behind_all_before(tmp_path):
+    bare = 'name = "b"\nbase = 0x1000\n'
+    nowhere = [re.sub("(write_)?address = .*\n", "", text) for text in (LINES, WORD, BOTH + "queue = 2\n")]
+    file = tmp_path / "b.toml"
+    file.write_text(bare + "[clock]\n" + "".join(nowhere) + "descriptor = {}\nwrite_descriptor = {}\n")
+    board = read(file)
+    assert (board.order, board.clock, board.interrupts) == ("big", 0, 0x20)
+    w, read_, write = board.lanes
+    places = [w.address, read_.address, read_.descriptor.address, write.address, write.descriptor.address, board.size]
+    assert places == [0x40, 0x60, 0xA0, 0xC0, 0x100, 0x120]
+    # A written address counts, and what follows lies behind it.
+    file.write_text(bare + WORD + nowhere[2])
+    assert [lane.address for lane in read(file).lanes] == [0x100, 0x120, 0x160]
+
+
+MESSAGES = {"world.unit.state": [Number("world.unit.state.on", "u8", 3, "-", "switches"),
+                                 Number("world.unit.state.cards[0].volts", "u16", 1, "-", "of the bus"),
+                                 Number("world.unit.state.cards[0].time", "i64", 1, "ns", "of the report")],
+            "flight.unit.command": [Number("flight.unit.command.on", "u8", 1, "-", "")]}
+
+
+def carried(path):
+    if path == "commands":
+        return None
+    if path not in MESSAGES:
+        raise LookupError(f"there is no message {path}")
+    return MESSAGES[path]
+
+
+def test_a_packet_carries_the_numbers_of_a_message_in_their_order(tmp_path):
+    text = HEAD + BOTH.replace("size = 8\n", "") + 'add = [1, 2, 3, 4]\n' \
+        'carries = ["world.unit.state"]\nwrite_carries = "flight.unit.command"\n'
+    down, up = parse(text, tmp_path / "b.toml", carried).lanes
+    assert [(f.name, f.at, f.type, f.count, f.unit, f.doc) for f in down.fields] == [
+        ("on", 4, "u8", 3, "-", "switches"), ("cards_0_volts", 8, "u16", 1, "-", "of the bus"),
+        ("cards_0_time", 12, "i64", 1, "ns", "of the report")]
+    assert (down.capacity, down.variable, down.carries) == (20, False, None)
+    assert [(f.name, f.at, f.carries) for f in up.fields] == [("write_on", 0, "flight.unit.command.on")]
+    assert up.capacity == 4
+    for wrong, complaint in ((text.replace("unit.state", "unit.stat"), "there is no message world.unit.stat; name one"),
+                             (text + "size = 8\n", "they end at 20 of 8 bytes"),
+                             (text + PLACED, "a packet has fields, or `carries` that names its numbers"),
+                             (text.replace("flight.unit.command", "commands"), "neither is given")):
+        with pytest.raises(TomlError, match=re.escape(complaint)):
+            parse(wrong, tmp_path / "b.toml", carried)
 
 
 def test_random_layouts_are_taken_exactly_if_nothing_overlaps(tmp_path):

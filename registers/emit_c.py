@@ -188,6 +188,7 @@ def _tables(board: Board) -> str:
         ("clock_interrupt", str(_line(board, board.clock_interrupt))),
         ("interrupts", _address(board.interrupts)),
         ("n_interrupts", f"{len(board.lines)}u"),
+        ("level", f"{board.level}u"),
         ("n_lanes", f"{len(board.lanes)}u"),
         ("lanes", "lanes" if lanes else "0"),
         ("slave", "&slave" if board.slave else "0"),

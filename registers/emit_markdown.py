@@ -20,7 +20,8 @@ def emit(board: Board) -> dict[str, str]:
                      board.slave.interrupt or "", f"drifts by {board.slave.drift / 1e3:g} ppm"))
     if board.interrupts is not None:
         rows.append((board.interrupts, "interrupts", "both", "counters", "",
-                     str(8 * len(board.lines)), "", ", ".join(board.lines)))
+                     str(8 * len(board.lines)), "", ", ".join(board.lines)
+                     + (f"; level {board.level} of the processor" if board.level else "")))
     for snorkel in board.snorkels:
         rows += [_row(snorkel, lane) for lane in snorkel.lanes]
         rows += [(lane.descriptor.address, f"{lane.name}: descriptors", "", "words",
@@ -28,7 +29,8 @@ def emit(board: Board) -> dict[str, str]:
                  if lane.descriptor.address is not None]
     for row in sorted(rows):
         parts.append("| " + " | ".join([f"{row[0]:#06x}", *map(_cell, row[1:])]) + " |\n")
-    parts += [_fields(s) for s in board.snorkels if s.fields]
+    parts += [_fields(snorkel, lane) for snorkel in board.snorkels for lane in snorkel.lanes
+              if lane.fields and (lane is snorkel.lanes[0] or lane.fields is not snorkel.lanes[0].fields)]
     return {f"{board.name}.md": "".join(parts)}
 
 
@@ -54,19 +56,22 @@ def _row(snorkel: Snorkel, lane: Lane) -> tuple:
             lane.interrupt or "", "; ".join(notes))
 
 
-def _fields(snorkel: Snorkel) -> str:
-    packet = snorkel.lanes[0].form == "packet"
-    head = (f"\n## {snorkel.name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n"
+def _fields(snorkel: Snorkel, lane: Lane) -> str:
+    """Of one direction; of both, if they have the same ones."""
+    packet = lane.form == "packet"
+    name = snorkel.name if lane.fields == snorkel.fields else lane.name
+    head = (f"\n## {name}\n\n| {'bytes, tag' if packet else 'bits'} | field | value | range | meaning |\n"
             "|---|---|---|---|---|\n")
     rows = []
-    for f in snorkel.fields:
-        sign = "signed, " if f.signed else ""
+    for f in lane.fields:
         low, high = sorted(f.offset + f.scale * count for count in (f.low, f.high))
+        value = f"{f.scale:g} {f.unit} per count, from {f.offset:g}" if (f.scale, f.offset) != (1.0, 0.0) else f.unit
         if packet:
             count = f"{f.count} x " if f.count > 1 else ""
-            rows.append(f"| {f.at}..{f.end - 1}, {f.tag} | {f.name} | {count}{f.type}, {f.order}-endian, {f.scale:g} "
-                        f"{f.unit} per count, from {f.offset:g} | | {_cell(f.doc)} |\n")
+            rows.append(f"| {f.at}..{f.end - 1}, {f.tag} | {f.name} | {count}{f.type}, {f.order}-endian, {value} | "
+                        f"| {_cell(f.doc)} |\n")
             continue
-        rows.append(f"| {f.lsb + f.bits - 1}..{f.lsb} | {f.name} | {sign}{f.scale:g} {f.unit} per "
-                    f"count, from {f.offset:g} | {low:g} to {high:g} | {_cell(f.doc)} |\n")
+        sign = "signed, " if f.signed else ""
+        rows.append(f"| {f.lsb + f.bits - 1}..{f.lsb} | {f.name} | {sign}{value} | {low:g} to {high:g} "
+                    f"| {_cell(f.doc)} |\n")
     return head + "".join(rows)

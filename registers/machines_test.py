@@ -38,7 +38,7 @@ def build(folder: Path, program: str, compiler: str) -> Path:
 def folder(tmp_path_factory, request):
     folder = tmp_path_factory.mktemp(request.param)
     for name in ("io_board_a", "single_board_computer"):
-        text = (ROOT / f"registers/boards/{name}.toml").read_text()
+        text = (ROOT / f"registers/testing/boards/{name}.toml").read_text()
         text = text.replace('outside_order = "little"', 'outside_order = "%s"'
                             % {"big": "little", "little": "big"}[request.param])
         text = text.replace('\norder = "big"', f'\norder = "{request.param}"')

@@ -192,14 +192,14 @@ LaneReader Outside::reader(std::string_view board, std::string_view name) const
 
 bool Outside::is_down(std::int64_t t, std::uint32_t resets, std::int64_t down)
 {
-    if (down_until_ < 0 && resets != resets_) {
-        down_until_ = exec_later(t, down);
+    if (down_.until < 0 && resets != down_.resets) {
+        down_.until = exec_later(t, down);
     }
-    if (down_until_ < 0 || t < down_until_) {
-        return down_until_ >= 0;
+    if (down_.until < 0 || t < down_.until) {
+        return down_.until >= 0;
     }
-    down_until_ = -1;
-    resets_ = resets;
+    down_.until = -1;
+    down_.resets = resets;
     register_clock_reset(master_);
     return false;
 }
@@ -207,8 +207,8 @@ bool Outside::is_down(std::int64_t t, std::uint32_t resets, std::int64_t down)
 Wait Outside::tick(Tick tick, std::chrono::nanoseconds timeout)
 {
     if (tick.t < 0) {
-        resets_ = 0;
-        down_until_ = -1;
+        down_.resets = 0;
+        down_.until = -1;
     }
     for (RegisterSlaveClock &slave : slaves_) {
         if (tick.t < 0) {
@@ -230,6 +230,31 @@ Wait Outside::tick(Tick tick, std::chrono::nanoseconds timeout)
 void Outside::stop()
 {
     register_clock_stop(master_);
+}
+
+std::vector<std::byte> Outside::save() const
+{
+    std::vector<std::byte> saved(sizeof down_ + slaves_.size() * sizeof(RegisterSlaveClock));
+    std::memcpy(saved.data(), &down_, sizeof down_);
+    for (std::size_t i = 0; i < slaves_.size(); i++) {
+        RegisterSlaveClock slave = slaves_[i];
+        slave.window = nullptr;
+        std::memcpy(saved.data() + sizeof down_ + i * sizeof slave, &slave, sizeof slave);
+    }
+    return saved;
+}
+
+void Outside::restore(std::span<const std::byte> saved)
+{
+    if (saved.size() != sizeof down_ + slaves_.size() * sizeof(RegisterSlaveClock)) {
+        throw Error("the snapshot is of other boards");
+    }
+    std::memcpy(&down_, saved.data(), sizeof down_);
+    for (std::size_t i = 0; i < slaves_.size(); i++) {
+        const RegisterWindow *window = slaves_[i].window;
+        std::memcpy(&slaves_[i], saved.data() + sizeof down_ + i * sizeof slaves_[i], sizeof slaves_[i]);
+        slaves_[i].window = window;
+    }
 }
 
 } // namespace fledge::registers

@@ -101,6 +101,11 @@ public:
     /// Tell flight that the run has ended.
     void stop();
 
+    /// What it knows besides the registers, for a snapshot.
+    std::vector<std::byte> save() const;
+    /// Go on from there. Throws Error if the bytes are of other boards.
+    void restore(std::span<const std::byte> saved);
+
 private:
     const RegisterWindow &window(std::string_view board) const;
     const RegisterLane &lane(std::string_view board, std::string_view lane, bool from_flight) const;
@@ -108,8 +113,10 @@ private:
     Backend &backend_;
     const RegisterWindow *master_ = nullptr;
     std::vector<RegisterSlaveClock> slaves_;
-    std::uint32_t resets_ = 0;     ///< of the computer, as seen last
-    std::int64_t down_until_ = -1; ///< -1: it runs
+    struct {
+        std::int64_t until = -1;  ///< -1: it runs
+        std::uint64_t resets = 0; ///< of the computer, as seen last
+    } down_;
 };
 
 } // namespace fledge::registers

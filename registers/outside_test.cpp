@@ -4,10 +4,13 @@
 #include "registers/outside.h"
 
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <optional>
 #include <sys/wait.h>
+#include <thread>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
@@ -17,6 +20,7 @@
 #include <single_board_computer.h>
 #include <solid_state_recorder.h>
 
+#include "registers/snapshot_link.h"
 #include "registers/testing/allocations.h"
 
 namespace {
@@ -185,6 +189,57 @@ TEST_F(OutsideTest, AnExchangeIsOneTickAndTakesNothingFromTheHeap)
     EXPECT_TRUE(register_clock_stopped(window(SBC)));
 }
 
+TEST_F(OutsideTest, WithItsRegistersItGoesOnFromASnapshot)
+{
+    // Flight slews and aligns the slave clock now and then; the computer is reset twice.
+    std::int64_t now = 0;
+    const auto obeys = [&](const RegisterWindow *w) {
+        return [&now, w] {
+            if (now % 700 == 0) {
+                register_slave_command(w, now % 1400 ? REGISTER_SLEW : REGISTER_ALIGN, now * 1'000'000);
+            }
+            register_clock_finish(w);
+        };
+    };
+    const auto fly = [&](Outside &outside, std::int64_t from, std::int64_t to) {
+        std::vector<std::int64_t> down;
+        for (now = from; now < to; now += 100) { // [ms]
+            const std::uint32_t resets = now > 2000 ? now > 6000 ? 2 : 1 : 0;
+            if (outside.is_down(now * 1'000'000, resets, 1'000'000'000)) {
+                down.push_back(now);
+            } else {
+                outside.tick({now * 1'000'000, 100'000'000}, 1s);
+            }
+        }
+        return down;
+    };
+    const auto memory = [](const InProcess &backend) {
+        std::vector<std::uint32_t> words;
+        for (const RegisterWindow &w : backend.windows()) {
+            words.insert(words.end(), w.words, w.words + w.board->size / 4);
+        }
+        return words;
+    };
+    flight_ = obeys(window(SBC));
+    outside_.tick({-1, 0}, 1s);
+    for (const std::int64_t at : {0, 1500, 2500, 2900, 3300, 6600}) { // the third and the last are within a reset
+        fly(outside_, 0, at);
+        std::function<void()> flight;
+        InProcess other(BOARDS, [&] { flight(); });
+        flight = obeys(&other.windows()[SBC]);
+        Outside goes_on(other);
+        goes_on.restore(outside_.save());
+        for (std::size_t i = 0; i < BOARDS.size(); i++) {
+            std::copy_n(window(i)->words, BOARDS[i]->size / 4, other.windows()[i].words);
+        }
+        const auto expected = fly(outside_, at, 9000);
+        EXPECT_EQ(fly(goes_on, at, 9000), expected);
+        EXPECT_EQ(memory(other), memory(backend_)) << at;
+        outside_.tick({-1, 0}, 1s);
+    }
+    EXPECT_THROW(outside_.restore({}), Error);
+}
+
 TEST_F(OutsideTest, AnErrorForAWrongNameListsTheRightOnes)
 {
     const auto message = [](auto run) {
@@ -208,6 +263,53 @@ TEST_F(OutsideTest, AnErrorForAWrongNameListsTheRightOnes)
     EXPECT_EQ(message([&] { Outside outside(backend); }), "no board has a clock; give one of them a [clock]");
     EXPECT_NE(message([&] { fledge::registers::SharedFile(clockless, "/nowhere/at/all"); }).find("No such file"),
               std::string::npos);
+}
+
+TEST(SnapshotLink, AsksAndAnswersOrSaysWhyNot)
+{
+    using fledge::registers::SnapshotLink;
+    const auto [ours, theirs] = SnapshotLink::make();
+    std::optional<SnapshotLink> outside(std::in_place, ours);
+    std::atomic<int> rings = 0, answered = 0;
+    const auto ring = [&] { rings++; };
+    std::vector<std::byte> kept(3'000'000); // does not fit into a socket
+    for (std::size_t i = 0; i < kept.size(); i++) {
+        kept[i] = static_cast<std::byte>(i * 7);
+    }
+    std::vector<std::byte> restored;
+    std::thread computer([&, end = theirs] {
+        SnapshotLink link(end);
+        while (answered < 4) {
+            link.answer(
+                [&] {
+                    if (++answered == 2) {
+                        throw std::runtime_error("the disk is full");
+                    }
+                    return kept;
+                },
+                [&](std::span<const std::byte> bytes) {
+                    restored.assign(bytes.begin(), bytes.end());
+                    answered++;
+                });
+        }
+    });
+    EXPECT_TRUE(outside->ask({}, ring, 20s) == kept);
+    try {
+        outside->ask({}, ring, 20s);
+        ADD_FAILURE();
+    } catch (const Error &error) {
+        EXPECT_STREQ(error.what(), "the disk is full");
+    }
+    EXPECT_TRUE(outside->ask(kept, ring, 20s).empty());
+    EXPECT_TRUE(restored == kept);
+    EXPECT_TRUE(outside->ask({}, ring, 20s) == kept);
+    EXPECT_EQ(rings, 4);
+    computer.join();
+    EXPECT_THROW(outside->ask({}, ring, 20s), Error); // it has ended
+    const auto [mine, silent] = SnapshotLink::make();
+    outside.emplace(mine);
+    EXPECT_THROW(outside->ask({}, ring, 10ms), Error); // it does not answer
+    close(silent);
 }
 
 TEST(OutsideSharedFile, FlightInAnotherProcessAnswersAndItsEndIsSeen)

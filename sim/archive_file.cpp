@@ -78,22 +78,6 @@ public:
     std::span<const std::uint8_t> bytes;
 };
 
-bool begins_with(std::span<const std::uint8_t> bytes, const McapMark &mark)
-{
-    if (mark.position < magic || mark.position > bytes.size() ||
-        (mark.records &&
-         (bytes.size() - mark.position < chunk_head || mark.records > bytes.size() - mark.position - chunk_head))) {
-        return false;
-    }
-    McapCrc tables;
-    mcap_crc_init(&tables);
-    std::uint32_t crc = mcap_crc_update(&tables, 0, bytes.data(), mark.position);
-    if (mark.records) {
-        crc = mcap_crc_update(&tables, crc, bytes.data() + mark.position + chunk_head, mark.records);
-    }
-    return crc == mark.crc;
-}
-
 std::uint64_t number(const std::uint8_t *at, std::size_t n)
 {
     std::uint64_t value = 0;
@@ -101,6 +85,34 @@ std::uint64_t number(const std::uint8_t *at, std::size_t n)
         value = value << 8 | at[n];
     }
     return value;
+}
+
+/// Where the chunk begins that was not complete at the mark: behind metadata that came later.
+std::size_t chunk_at(std::span<const std::uint8_t> bytes, const McapMark &mark)
+{
+    std::size_t at = mark.position;
+    while (bytes.size() - at > prefix && bytes[at] == metadata_op) {
+        at += prefix + std::min<std::size_t>(number(&bytes[at + 1], 8), bytes.size() - at - prefix);
+    }
+    return at;
+}
+
+bool begins_with(std::span<const std::uint8_t> bytes, const McapMark &mark)
+{
+    if (mark.position < magic || mark.position > bytes.size()) {
+        return false;
+    }
+    const std::size_t chunk = chunk_at(bytes, mark);
+    if (mark.records && (bytes.size() - chunk < chunk_head || mark.records > bytes.size() - chunk - chunk_head)) {
+        return false;
+    }
+    McapCrc tables;
+    mcap_crc_init(&tables);
+    std::uint32_t crc = mcap_crc_update(&tables, 0, bytes.data(), mark.position);
+    if (mark.records) {
+        crc = mcap_crc_update(&tables, crc, bytes.data() + chunk + chunk_head, mark.records);
+    }
+    return crc == mark.crc;
 }
 
 std::string text(const std::uint8_t *&at)
@@ -229,7 +241,7 @@ void ArchiveFile::take_over(const McapMark &mark)
     }
     copy(file.bytes.subspan(magic, mark.position - magic));
     if (mark.records) {
-        copy(file.bytes.subspan(mark.position + chunk_head, mark.records));
+        copy(file.bytes.subspan(chunk_at(file.bytes, mark) + chunk_head, mark.records));
     }
     const McapMark own = save();
     if (own.position != mark.position || own.records != mark.records || own.crc != mark.crc) {

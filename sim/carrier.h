@@ -56,8 +56,12 @@ public:
     virtual void send_down(Ns t, Unit unit) = 0;
     virtual void send_up(Ns t, Unit unit) = 0;
 
-    /// As things stand, when the next unit arrives, which may have been before; Ns's largest: none is on the way.
-    virtual Ns next_down() const = 0;
+    /// [1/s] bits.
+    virtual double down_rate() const = 0;
+    virtual double up_rate() const = 0;
+
+    /// As things stand, when the next unit arrives at flight, which may have been before; Ns's largest: none is on the
+    /// way.
     virtual Ns next_up() const = 0;
 
     /// Call with each unit that has reached flight until t, in their order.

@@ -38,6 +38,9 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     table_.enter = [](void *c, std::uint16_t mode) {
         static_cast<Commands *>(c)->runtime_.enter(static_cast<Commands *>(c)->process_, mode);
     };
+    table_.may_enter = [](void *c, std::uint16_t mode) -> int {
+        return static_cast<Commands *>(c)->process_.may_enter(mode);
+    };
     table_.publish = [](void *c, std::uint16_t block, std::int64_t t) {
         auto &me = *static_cast<Commands *>(c);
         me.runtime_.publish(*me.process_.find(me.dictionary_->blocks[block].instance), t);
@@ -148,6 +151,7 @@ CommandReason Commands::accept(std::span<const std::uint8_t> packet, Ns last)
 
 void Commands::accept_due(Ns t, Ns last)
 {
+    told_ = t; // the reports leave the computer now, though they say the last instant
     for (Carrier *one : carriers_) {
         one->receive(t, [&](Unit unit) {
             if (!table_of_services_.unwrap) {

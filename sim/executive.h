@@ -6,11 +6,14 @@
 #include "sim/instance.h"
 #include "sim/recorder.h"
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
 
 namespace fledge::sim {
+
+struct Messages;
 
 /// The types of the messages that executives write. Without a call of it, they write none.
 void set_executive_types(const FledgeStruct &mode, const FledgeStruct &activity);
@@ -25,9 +28,19 @@ public:
     void begin(const std::string &process);
 
     void mode(Ns t, int index, const std::string &name); ///< if it is another one than that of the last message
-    void event(Ns t, std::size_t index, const std::string &name, const std::string &cause);
+    /// refused: it does not enter its mode
+    void event(Ns t, std::size_t index, const std::string &name, const std::string &cause, bool refused);
     void command(const CommandReport &report);
     void reset(Ns t, std::uint32_t count);
+
+    /// From now on it says these, what a process that flew elsewhere said there, and nothing else.
+    void play(std::shared_ptr<const Messages> modes, std::shared_ptr<const Messages> happenings);
+    void play_as(const Executive &other) { play(other.played_modes_, other.played_happenings_); }
+    bool plays() const { return played_modes_ != nullptr; }
+    /// Say those that are later than `after` and not later than t, and call with the time and the index of each mode
+    /// that began, and of each event that fired.
+    using Heard = std::function<void(Ns, std::uint32_t)>;
+    void say_played(Ns after, Ns t, const Heard &mode, const Heard &event);
 
     /// The messages that were written last, which a snapshot has; forget() them.
     std::span<std::byte> memory() const;
@@ -36,15 +49,17 @@ public:
     const std::shared_ptr<Instance> &instance() const { return instance_; } ///< or null
 
 private:
-    struct Messages {
+    struct Said {
         ProcessMode mode;
         Activity activity;
     };
-    template <class Say> void say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Say &write);
+    template <class Write> void write(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write);
+    template <class Write> void say(std::shared_ptr<Log> &log, std::size_t output, Ns t, const Write &write);
 
     Recorder &recorder_;
     std::shared_ptr<Instance> instance_;
     std::shared_ptr<Log> modes_, happenings_;
+    std::shared_ptr<const Messages> played_modes_, played_happenings_;
 };
 
 } // namespace fledge::sim

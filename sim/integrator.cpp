@@ -50,15 +50,19 @@ public:
         return "the classical method of Runge and Kutta, of order 4, one step per update";
     }
 
+    bool is_rk4() const override { return true; }
+
 private:
     [[gnu::always_inline]] void advance_by(System &system, Ns start, double h, double *x, const double *dx)
     {
-        // A rigid craft has 16 states, with up to four wheels 20, with eight, or two panels, 24: loops of known length
-        // are a tenth of such a step faster.
+        // A rigid craft has 16 states, with up to four wheels 20, with two panels as well 28, with four gyros 28: loops
+        // of known length are a tenth of such a step faster.
         switch (n_) {
         case 16: return step<16>(system, start, h, x, dx);
         case 20: return step<20>(system, start, h, x, dx);
         case 24: return step<24>(system, start, h, x, dx);
+        case 28: return step<28>(system, start, h, x, dx);
+        case 32: return step<32>(system, start, h, x, dx);
         default: return step<0>(system, start, h, x, dx);
         }
     }

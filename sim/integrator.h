@@ -56,6 +56,9 @@ public:
     virtual std::unique_ptr<Integrator> fresh() const = 0;
 
     virtual std::string describe() const = 0;
+
+    /// Whether it is that of make_rk4(), whose step a system may then take itself.
+    virtual bool is_rk4() const { return false; }
 };
 
 /// The classical fourth-order method of Runge and Kutta, one step per update.

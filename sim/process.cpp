@@ -178,9 +178,22 @@ void Process::start_in(const std::string &mode)
     initial_ = index;
 }
 
+bool Process::may_enter(int mode) const
+{
+    const Mode &one = modes_[static_cast<std::size_t>(mode)];
+    return (one.after.empty() || std::find(one.after.begin(), one.after.end(), this->mode()) != one.after.end()) &&
+           (!one.when || one.when->holds());
+}
+
 void Process::enter(const std::string &mode)
 {
     const int index = mode_index(mode);
+    if (!may_enter(index)) {
+        throw SetupError("mode " + name + "." + mode + " may be entered only " +
+                         modes_[static_cast<std::size_t>(index)].guard() + ", which is not so " +
+                         (owner_->time() < 0 ? "before the run" : "at " + format_time(owner_->time())) +
+                         " in the mode " + this->mode());
+    }
     if (owner_->time() < 0) {
         requests.mode = index;
     }
@@ -267,6 +280,26 @@ void Process::play(const Instance &instance, Played output)
     stand_in(Instance::Maker::record);
     output.held.resize(output.sent ? field.size : 0);
     playback_[&instance].outputs.push_back(std::move(output));
+}
+
+void Process::play_executive(std::shared_ptr<const Messages> modes, std::shared_ptr<const Messages> happenings)
+{
+    modes->check(name + ".mode", sizeof(ProcessMode));
+    if (happenings->bytes.size() != happenings->times.size() * sizeof(Activity)) {
+        throw SetupError(name + ".activity: expected a message of " + std::to_string(sizeof(Activity)) +
+                         " bytes for each time");
+    }
+    for (std::size_t i = 0; i < modes->times.size(); i++) {
+        ProcessMode mode;
+        std::memcpy(&mode, modes->message(i), sizeof mode);
+        if (mode.index >= modes_.size()) {
+            throw SetupError(name + " has " + std::to_string(modes_.size()) +
+                             " modes; the record has one with the index " + std::to_string(mode.index) + ", " +
+                             mode.name);
+        }
+    }
+    owner_->set_up_again();
+    executive_.play(std::move(modes), std::move(happenings));
 }
 
 /// No instance runs any more.

@@ -25,6 +25,7 @@ Word *words(std::byte *p)
 /// make of it but for an option in CMakeLists.txt.
 inline void copy_words(const Word *from, Word *to, std::uint32_t n)
 {
+#pragma GCC unroll 4
     for (std::uint32_t i = 0; i < n; i++) {
         to[i] = from[i];
     }
@@ -802,17 +803,21 @@ bool Runtime::run_event(RunProcess &process, std::size_t i, Ns t)
                        (event->condition ? event->condition->text() + " holds" : "its condition holds") +
                        " and it was armed anew");
     }
-    process.events[i].fired.add(t);
-    process.process->executive().event(t, i, event->name, event->text);
+    if (!process.process->executive().plays()) {
+        process.events[i].fired.add(t);
+    }
+    const int mode = event->mode.empty() ? -1 : process.process->mode_index(event->mode);
+    const bool refused = mode >= 0 && !process.process->may_enter(mode);
+    process.process->executive().event(t, i, event->name, event->text, refused);
+    if (mode >= 0 && !refused) {
+        enter(*process.process, mode);
+    }
     act(process, *event, t);
     return true;
 }
 
 void Runtime::act(RunProcess &process, const Event &event, Ns t)
 {
-    if (!event.mode.empty()) {
-        enter(*process.process, process.process->mode_index(event.mode));
-    }
     for (const auto &[name, armed] : event.arms) {
         of(*process.process, *process.process->event(name)).state.armed = armed;
     }
@@ -838,10 +843,32 @@ void Runtime::act(RunProcess &process, const Event &event, Ns t)
     }
 }
 
+/// What a process does that flew elsewhere: what it is asked for here does not count.
+void Runtime::play(RunProcess &process, Ns t)
+{
+    process.asked = process.mode;
+    process.process->executive().say_played(
+        now, t,
+        [&](Ns at, std::uint32_t mode) {
+            process.mode = process.asked = static_cast<std::int32_t>(mode);
+            process.entered[mode].add(at);
+        },
+        [&](Ns at, std::uint32_t event) {
+            if (event < process.events.size()) {
+                process.events[event].fired.add(at);
+            }
+        });
+}
+
 void Runtime::instant()
 {
     const Ns t = next;
     running_->t.store(t, std::memory_order_relaxed);
+    for (RunProcess &process : processes_) {
+        if (process.process->executive().plays()) {
+            play(process, t);
+        }
+    }
     for (Exchange &exchange : exchanges_) {
         // Hold the message of the last multiple of the period before t.
         const Ns due = t > 0 ? (t - 1) / exchange.period * exchange.period : -1;
@@ -906,6 +933,9 @@ void Runtime::instant()
 /// The process is in its mode at t.
 void Runtime::say_mode(RunProcess &process, Ns t)
 {
+    if (process.process->executive().plays()) {
+        return;
+    }
     const auto mode = static_cast<std::size_t>(process.mode);
     if (process.counted != process.mode) {
         process.counted = process.mode;

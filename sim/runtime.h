@@ -174,6 +174,7 @@ private:
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
     void say_mode(RunProcess &process, Ns t);
+    void play(RunProcess &process, Ns t);
     void say_modes(Ns t);
     void see_parameters(const RunProcess &process);
     void begin(RunProcess &process, Ns t);

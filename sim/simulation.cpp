@@ -410,6 +410,7 @@ std::unique_ptr<Simulation> Simulation::clone() const
             const auto &own = clones.at(instance);
             other.playback_[own.get()] = {own->memory(), playback.outputs};
         }
+        other.executive_.play_as(process->executive_);
         for (Task task : process->tasks_) {
             for (auto &instance : task.run) {
                 instance = clones.at(instance.get());
@@ -417,8 +418,13 @@ std::unique_ptr<Simulation> Simulation::clone() const
             other.tasks_.push_back(std::move(task));
         }
     }
-    // An event may use an instance of any process, so all clones must exist first.
+    // A mode and an event may use an instance of any process, so all clones must exist first.
     for (std::size_t i = 0; i < processes().size(); i++) {
+        for (Mode &mode : copy->processes()[i]->modes_) {
+            if (mode.when) {
+                mode.when->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });
+            }
+        }
         for (const auto &event : processes()[i]->events_) {
             auto other = std::make_shared<Event>(*event);
             other->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });

@@ -831,6 +831,46 @@ TEST(Events, ChangeTheMode)
     EXPECT_EQ(interface<Scale>(loop.control).mem.t, 1500 * ms);
 }
 
+TEST(Events, DoNotEnterAModeWhoseConditionDoesNotHold)
+{
+    Loop loop;
+    Process &flight = loop.sim.process("flight");
+    flight.add_mode({"active", {"gnc"}});
+    flight.add_mode({"idle", {}, below(loop.tank, 3.5), {"active"}});
+    EXPECT_EQ(flight.modes()[0].guard(), "");
+    EXPECT_EQ(flight.modes()[1].guard(), "after active, if world.tank.level.x < 3.500000");
+    Event event;
+    event.name = "low"; // at 1.3 s, when the level is 4.05 - 0.225 n; 3.375 at 1.5 s
+    event.condition = below(loop.tank, 5.0);
+    event.count = 1;
+    event.mode = "idle";
+    flight.add_event(std::move(event));
+    loop.sim.run_until(1200 * ms);
+    const auto clone = loop.sim.clone();
+    for (Simulation *sim : {&loop.sim, clone.get()}) {
+        sim->run_until(1400 * ms);
+        Process &own = sim->process("flight");
+        EXPECT_EQ(own.fired_at(*own.event("low")), 1000 * ms);
+        EXPECT_EQ(own.mode(), "active") << "the level is 4.5 then";
+        EXPECT_FALSE(own.may_enter(1));
+        EXPECT_EQ(
+            error_of([&] { own.enter("idle"); }),
+            "mode flight.idle may be entered only after active, if world.tank.level.x < 3.500000, which is not so "
+            "at 1.4 s in the mode active");
+        sim->run_until(2000 * ms);
+        own.enter("idle");
+        sim->run_until(2500 * ms);
+        EXPECT_EQ(own.mode(), "idle");
+        EXPECT_FALSE(own.may_enter(1)) << "not from itself";
+    }
+    EXPECT_THAT(loop.sim.cross_process_dependencies("world"),
+                ::testing::Contains(::testing::Pair("flight.idle", "world.tank")));
+    loop.sim.reset();
+    flight.add_mode({"rest", {}, {}, {"gone", "idle"}});
+    EXPECT_EQ(error_of([&] { loop.sim.run_until(0); }),
+              "mode flight.rest is entered after gone; the modes of flight are active, idle and rest");
+}
+
 TEST(Isolate, LeavesOneProcessThatIsAsItWas)
 {
     Loop loop;
@@ -1149,6 +1189,15 @@ TEST(ArchiveFile, AProgramGoesOnWithTheFileOfALostOneWheneverThatWasKilled)
         auto next = begun();
         next->take_over(mark);
         EXPECT_FALSE(std::filesystem::exists(lost));
+        write(*next, snapshot, 100);
+        end(std::move(next));
+        EXPECT_EQ(bytes_of(path), expected);
+
+        // A finished file has it, too, with metadata that came later.
+        std::ofstream(part, std::ios::binary) << expected;
+        EXPECT_TRUE(ArchiveFile::lost(path, mark));
+        next = begun();
+        next->take_over(mark);
         write(*next, snapshot, 100);
         end(std::move(next));
         EXPECT_EQ(bytes_of(path), expected);

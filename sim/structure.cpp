@@ -19,6 +19,15 @@ void Port::set_fed(bool fed) const
     instance->fed[static_cast<std::size_t>(field - instance->type().fields)] = fed;
 }
 
+std::string Mode::guard() const
+{
+    std::string text;
+    for (const std::string &one : after) {
+        text += (text.empty() ? "after " : " or ") + one;
+    }
+    return text + (when && !text.empty() ? ", " : "") + (when ? "if " + when->text() : "");
+}
+
 void Event::visit(const std::function<void(std::shared_ptr<Instance> &)> &f)
 {
     for (std::optional<Condition> *one : {&condition, &until}) {
@@ -173,6 +182,18 @@ void check(const Structure &structure, const Roles &roles)
 {
     Faults faults;
     for (const auto &process : structure.processes) {
+        std::vector<std::string> modes;
+        for (const Mode &mode : process->modes()) {
+            modes.push_back(mode.name);
+        }
+        for (const Mode &mode : process->modes()) {
+            for (const std::string &name : mode.after) {
+                if (std::find(modes.begin(), modes.end(), name) == modes.end()) {
+                    faults.add("mode " + process->name + "." + mode.name + " is entered after " + name +
+                               "; the modes of " + process->name + " are " + format_list(modes));
+                }
+            }
+        }
         for (const auto &event : process->events()) {
             for (const auto &[name, on] : event->arms) {
                 if (!process->event(name)) {
@@ -300,6 +321,13 @@ std::vector<std::pair<std::string, std::string>> cross_process_dependencies(cons
                 found.emplace_back(what, whose->path);
             }
         };
+        for (Mode mode : one->modes()) { // a copy, because visit may change what it finds
+            if (mode.when) {
+                mode.when->visit([&](const std::shared_ptr<Instance> &used) {
+                    add(one->name + "." + mode.name, foreign([&](const Instance &i) { return &i == used.get(); }));
+                });
+            }
+        }
         for (const auto &event : one->events()) {
             event->visit([&](const std::shared_ptr<Instance> &used) {
                 add(one->name + "." + event->name, foreign([&](const Instance &i) { return &i == used.get(); }));

@@ -64,10 +64,16 @@ struct Task {
     std::vector<std::shared_ptr<Instance>> run;
 };
 
-/// A named set of active tasks. Tasks that no mode names are always active.
+/// A named set of active tasks. Tasks that no mode names are always active. A request to enter it is refused unless it
+/// comes in one of the modes `after`, if there are any, and `when` holds, if it is given.
 struct Mode {
     std::string name;
     std::vector<std::string> tasks;
+    std::optional<Condition> when = {};
+    std::vector<std::string> after = {};
+
+    /// When it may be entered, in words: "after rest or point, if flight.burn.loaded == 1"; "": always.
+    std::string guard() const;
 };
 
 /// What an event writes: parameters or outputs of a module of its process.
@@ -108,7 +114,7 @@ struct Event {
 
 /// The messages of a port as they were elsewhere, or as a user gives them.
 struct Messages {
-    std::vector<Ns> times;        ///< rising
+    std::vector<Ns> times;        ///< rising; of happenings several may have the same
     std::vector<std::byte> bytes; ///< a message for each time
 
     /// How many there are until t.
@@ -222,6 +228,9 @@ public:
     /// them. All tasks are active in all modes, because the messages have the effects of modes. Throws SetupError if
     /// the instance is of another process, has run, or the messages are not one for each rising time.
     void play(const Instance &instance, Played output);
+    /// From now on its mode is that of these messages, and it says them, and what happened in it. Throws SetupError if
+    /// it has no such mode, or the messages are not one for each time.
+    void play_executive(std::shared_ptr<const Messages> modes, std::shared_ptr<const Messages> happenings);
     /// From now on no instance of this process runs: this function is called once at each of its instants, and writes
     /// their outputs. Its messages are as with play(). Such a simulation cannot be cloned.
     void fly_by(std::function<void(Ns t)> flight);
@@ -250,7 +259,9 @@ public:
 
     // The state of the run. Before a run is prepared, the mode is the initial one and events are as they start.
 
-    /// Request a mode. The process enters it at its next instant.
+    /// Whether a mode may be entered now.
+    bool may_enter(int mode) const;
+    /// Request a mode. The process enters it at its next instant. Throws SetupError if it may not be entered.
     void enter(const std::string &mode);
     /// The mode in force; "" if the process has none.
     const std::string &mode() const;

@@ -152,8 +152,9 @@ static McapStatus take_executive(MissionRecord *r, const MissionHost *host, int6
         }
     }
     for (uint16_t i = 0u; i < host->commands->n_events && status == MCAP_OK; i++) {
-        if (e->event(host->mission, i)->fired_at == t) {
-            activity_event(&r->activity, t, i, e->events[i].name, e->events[i].when);
+        const ExecEvent *event = e->event(host->mission, i);
+        if (event->fired_at == t) {
+            activity_event(&r->activity, t, i, e->events[i].name, e->events[i].when, event->refused);
             status = take_said(r, host, 1u, &r->activity, sizeof r->activity);
         }
     }

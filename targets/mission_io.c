@@ -127,6 +127,20 @@ int mission_io_restarted(const MissionIo *io, const RegisterWindow *w, MissionSt
     return restarted;
 }
 
+/* What has come is read: its interrupts are handled. */
+static void handle_interrupts(const MissionIo *io, const RegisterWindow *w)
+{
+    for (uint32_t i = 0u; i < io->n_boards; i++) {
+        const RegisterBoard *board = io->boards[i];
+        (void)register_handle(&w[i], (uint32_t)board->clock_interrupt);
+        for (uint32_t k = 0u; k < board->n_lanes; k++) {
+            if ((board->lanes[k].flags & REGISTER_FROM_FLIGHT) == 0u) {
+                (void)register_handle(&w[i], (uint32_t)board->lanes[k].interrupt); /* -1 is no line */
+            }
+        }
+    }
+}
+
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts)
 {
     for (uint32_t i = 0u; i < io->n_lanes;) {
@@ -137,6 +151,7 @@ void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission
             i++;
         }
     }
+    handle_interrupts(io, w);
 }
 
 void mission_io_write(const MissionIo *io, const RegisterWindow *w, const void *mission, MissionIoCounts *counts)

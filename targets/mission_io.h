@@ -49,7 +49,7 @@ typedef struct MissionQueue {
     uint16_t lane;  ///< the index of the lane in the board
 } MissionQueue;
 
-enum { MISSION_NO_BOARD = 0xFFFF };
+enum { MISSION_NO_BOARD = 0xFFFF, MISSION_BOARDS_MAX = 4 /* of the hosts */ };
 
 typedef struct MissionIo MissionIo;
 typedef struct MissionIoCounts MissionIoCounts;
@@ -110,7 +110,7 @@ struct MissionIoCounts {
 /** The index of the board whose clock paces flight; n_boards if no board has a clock. */
 uint32_t mission_io_clock(const MissionIo *io);
 
-/** Flight: read all lanes at t into the mission. `w` has a window for each board. */
+/** Flight: read all lanes at t into the mission, which handles their interrupts. `w` has a window for each board. */
 void mission_io_read(const MissionIo *io, const RegisterWindow *w, void *mission, int64_t t, MissionIoCounts *counts);
 
 /** Flight, at a reset: forget the packets that wait to be read; w NULL: those that it holds, while the lanes stay. */

@@ -106,6 +106,7 @@ protected:
                   -1,
                   REGISTER_NOWHERE,
                   0,
+                  0,
                   static_cast<std::uint32_t>(lanes_.size()),
                   lanes_.data(),
                   nullptr};
@@ -277,7 +278,7 @@ protected:
         in.stride = 24;
         in.depth = 4;
         in.count = 1;
-        in.interrupt = -1;
+        in.interrupt = 0;
         in.descriptor = {0, 12, 16, 8, 31, 1};
         in.outside = {0, 2, HEADER, 1, 0};
         in.n_fields = 2;
@@ -287,11 +288,12 @@ protected:
         out.form = REGISTER_WORD;
         out.flags = REGISTER_FROM_FLIGHT | REGISTER_QUEUED;
         out.address = 512;
+        out.interrupt = 1;
         out.descriptors = REGISTER_NOWHERE;
         out.capacity = out.stride = 4;
         out.outside = {0, 0, nullptr, 1, 0};
         out.fields = fields_ + 2;
-        board_ = {"bus", 1, 0, 1024, 1, 1000, -1, REGISTER_NOWHERE, 0, 2, lanes_, nullptr};
+        board_ = {"bus", 1, 0, 1024, 1, 960, 2, 992, 3, 0, 2, lanes_, nullptr};
         window_ = register_window(&board_, reinterpret_cast<volatile std::uint32_t *>(memory_.data()));
         std::memset(room_, 0, sizeof room_);
         packets_[0] = {0, 0, 6, 0, newest, room_[0]};
@@ -442,6 +444,22 @@ TEST_F(PacketTest, QueuedWordsPassInTheirOrder)
     }
     mission_io_take(&io_, &window_, 2, &burn, 30, &counts_);
     EXPECT_EQ(burn.head.t, 20);
+}
+
+TEST_F(PacketTest, InterruptsAreHandledByTheSideThatReads)
+{
+    lay_out(0, false);
+    put(0, 1.0, 0.0);
+    put(0, 2.0, 0.0);
+    register_clock_start(&window_, {10, 10});
+    mission_io_write(&io_, &window_, &mission_, &counts_);
+    EXPECT_EQ(register_interrupts(&window_, 0), 2u);
+    EXPECT_EQ(register_interrupts(&window_, 2), 1u);
+    read(10);
+    EXPECT_EQ(register_interrupts(&window_, 0), 0u);
+    EXPECT_EQ(register_interrupts(&window_, 2), 0u);
+    EXPECT_EQ(register_interrupts(&window_, 1), 1u) << "the outside's";
+    EXPECT_EQ(register_load(&window_, 992), 2u) << "raised";
 }
 
 TEST_F(PacketTest, AResetForgetsWhatWaits)

@@ -35,7 +35,7 @@ FLIGHT_PY_MODULES = {"fledge.flight", "fledge.units", "math.sqrt"}
 
 # Where an #include starts: the root, within the extension the package, within the templates theirs,
 # and cFE's headers have no folder.
-INCLUDE_ROOTS = ("", "python/fledge/", "python/fledge/templates/", "targets/cfs/inc/", "tests/flatsat/")
+INCLUDE_ROOTS = ("", "python/fledge/", "python/fledge/templates/", "targets/cfs/inc/")
 
 C_SUFFIXES = {".c", ".h", ".cpp", ".hpp"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)')

@@ -34,7 +34,7 @@ RULES = {
     "flight/command": Rule("C99", "commands to flight: packets, their checks and their execution",
                            [*FLIGHT, "flight/exec", "ccsds"]),
     "flight/telemetry": Rule("C99", "packets of flight's outputs", [*FLIGHT, "flight/exec", "flight/command", "ccsds"]),
-    "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors, files",
+    "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors, fault protection, files",
                             [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "ccsds"]),
     "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
     "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
@@ -58,12 +58,14 @@ RULES = {
                                                             "cosim/transport", "sim", "registers", "targets"]),
     "cosim/router": Rule("C++20", "the controller on its sockets", ["cosim/protocol", "cosim/security",
                          "cosim/transport", "cosim/controller", "cosim/node", "sim"]),
-    "cosim/tools": Rule("C++20, C99", "the programs", ["options", "cosim/protocol", "cosim/security", "cosim/transport",
-                        "cosim/controller", "cosim/node", "cosim/router", "sim", "registers", "targets"]),
+    "cosim/tools": Rule("C++20, C99", "the programs", ["options", "record", "cosim/protocol", "cosim/security",
+                        "cosim/transport", "cosim/controller", "cosim/node", "cosim/router", "sim", "registers",
+                                                       "targets"]),
     "options": Rule("C++20", "the command lines of the programs in C++", []),
     "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
                      ["options", "registers"]),
-    "emulator/tools": Rule("C++20", "the programs", ["options", "flight/exec", "registers", "targets", "emulator"]),
+    "emulator/tools": Rule("C++20", "the programs",
+                           ["options", "flight/exec", "record", "registers", "targets", "emulator"]),
     "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
                    "values of telemetry with limits; the archive",
                    ["ccsds", "record"]),
@@ -73,7 +75,7 @@ RULES = {
     "missions": Rule("Python", "worked missions", ["fledge"]),
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
-                  ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge"]),
+                  ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge", "missions"]),
     "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip", []),
     "tests": Rule("Python, C++", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
@@ -113,11 +115,11 @@ THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
-    "fledge":     {"IPython", "_core", "_core_build", "_emulator", "_fledge_world", "_ground", "_project_world",
+    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_emulator", "_fledge_world", "_ground", "_project_world",
                    "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "jsonschema",
                    "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial", "yaml", "zmq"},
     "cosim":      {"zmq"},
-    "missions":   {"fledge_node", "numpy"},        # a node in Python imports fledge_node and nothing else of Fledge
+    "missions":   {"fledge_node", "numpy", "scipy"},   # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
     "tests":      {"_core", "numpy"},
 }

@@ -21,6 +21,7 @@ extern "C" {
 #include "flight/actuation/wheel_torques.h"
 #include "flight/control/mrp_feedback.h"
 #include "flight/guidance/tracking_error.h"
+#include "flight/msg/protection.h"
 
 extern const FledgeLibrary fledge_library_flight;
 }
@@ -123,6 +124,10 @@ void set_inputs(sim::Instance &instance, Random &random, Ns t)
             number.write(std::uint8_t{1});
         } else if (number.type == FLEDGE_I64) {
             number.write(std::int64_t{0});
+        } else if (named(number, "state")) {
+            number.write(static_cast<std::uint32_t>(UNIT_PRIMARY));
+        } else if (named(number, "waits")) {
+            number.write(std::uint32_t{0});
         } else {
             number.write(std::uint32_t{1});
         }
@@ -259,8 +264,9 @@ TEST(Modules, AResetForgetsEverything)
         }
         reset(module);
         for (const FledgeGroup group : {FLEDGE_OUT, FLEDGE_MEM}) {
-            if (group == FLEDGE_MEM && std::string(module.type().name) == "Files") {
-                continue; // files stay, and transfers go on
+            const std::string name = module.type().name;
+            if (group == FLEDGE_MEM && (name == "Files" || name == "FaultProtection" || name == "BurnMemory")) {
+                continue; // files stay, and transfers go on; the states of units stay; so does what was burnt
             }
             const auto left = numbers(module.type(), group, module.memory());
             const auto never = numbers(module.type(), group, fresh.memory());

@@ -385,7 +385,7 @@ static int remove_directory(void *user, const char *name)
     return 0;
 }
 
-static int list_directory(void *user, const char *directory, int file)
+static int list_directory(void *user, const char *directory, CfdpEach each, void *to)
 {
     MemoryStore *m = user;
     int32_t n = 0;
@@ -393,22 +393,17 @@ static int list_directory(void *user, const char *directory, int file)
     if (entry < 0 || (n != 0 && !is_directory(m, entry))) {
         return entry < 0 ? entry : CFDP_REFUSED;
     }
-    uint64_t end = 0;
     int result = 0;
-    for (uint32_t i = 0; result == 0 && i < m->pages; i++) {
+    for (uint32_t i = 0; result >= 0 && i < m->pages; i++) {
         const char *name = within(m, i, directory, (size_t)n);
         if (name != NULL && name[0] != '.') {
-            char line[CFDP_NAME + 2];
+            char given[CFDP_NAME + 1] = "";
             size_t k = 0;
             for (; name[k] != '\0'; k++) {
-                line[k] = name[k];
+                given[k] = name[k];
             }
-            if (is_directory(m, (int32_t)i)) {
-                line[k++] = '/';
-            }
-            line[k++] = '\n';
-            result = write_file(m, file, end, (const uint8_t *)line, k);
-            end += k;
+            given[k] = is_directory(m, (int32_t)i) ? '/' : '\0';
+            result = each(to, given);
         }
     }
     return result;

@@ -13,7 +13,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <sstream>
 
 namespace {
 
@@ -56,19 +55,20 @@ std::optional<Bytes> get(const CfdpStore &files, const std::string &name)
     return good ? std::optional(bytes) : std::nullopt;
 }
 
+int note(void *to, const char *name)
+{
+    static_cast<std::vector<std::string> *>(to)->emplace_back(name);
+    return 0;
+}
+
 using Content = std::map<std::string, Bytes>; // of files, and "/" behind directories
 
 Content content(const CfdpStore &files, const std::string &directory = "")
 {
     Content found;
-    EXPECT_EQ(put(files, ".list", {}), 0);
-    const int list = files.open(files.user, ".list", CFDP_OPEN_WRITE);
-    EXPECT_EQ(files.list(files.user, directory.c_str(), list), 0) << directory;
-    files.close(files.user, list);
-    const Bytes bytes = get(files, ".list").value();
-    EXPECT_EQ(files.remove(files.user, ".list"), 0);
-    std::istringstream lines(std::string(bytes.begin(), bytes.end()));
-    for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> lines;
+    EXPECT_EQ(files.list(files.user, directory.c_str(), note, &lines), 0) << directory;
+    for (const std::string &line : lines) {
         const std::string name = (directory.empty() ? "" : directory + "/") + line;
         if (name.back() == '/') {
             found[name] = {};
@@ -424,7 +424,7 @@ TEST(MemoryStore, RefusesNamesThatAreTooLongAndUseBeforeItIsMounted)
     EXPECT_EQ(files.rename(files.user, "a", "b"), CFDP_BROKEN);
     EXPECT_EQ(files.make_directory(files.user, "a"), CFDP_BROKEN);
     EXPECT_EQ(files.remove_directory(files.user, "a"), CFDP_BROKEN);
-    EXPECT_EQ(files.list(files.user, "", 0), CFDP_BROKEN);
+    EXPECT_EQ(files.list(files.user, "", note, nullptr), CFDP_BROKEN);
 }
 
 // What was copied of a directory's entry is damaged: its files are there all the same.

@@ -173,7 +173,7 @@ static int make_directory(void *user, const char *name)
     return directory < 0 ? directory : ended(directory, mkdirat(directory, last, 0755));
 }
 
-static int list_directory(void *user, const char *name, int file)
+static int list_directory(void *user, const char *name, CfdpEach each, void *to)
 {
     const PosixStore *posix = user;
     const char *last = ".";
@@ -186,15 +186,13 @@ static int list_directory(void *user, const char *name, int file)
     if (entries == NULL) {
         return directory < 0 ? directory : CFDP_BROKEN;
     }
-    uint64_t at = 0;
     int result = 0;
     for (const struct dirent *one; result >= 0 && (one = readdir(entries)) != NULL;) {
         char line[300];
         struct stat of;
         if (one->d_name[0] != '.' && fstatat(directory, one->d_name, &of, AT_SYMLINK_NOFOLLOW) == 0) {
-            const int n = snprintf(line, sizeof line, "%s%s\n", one->d_name, S_ISDIR(of.st_mode) ? "/" : "");
-            result = write_file(user, file, at, (const uint8_t *)line, (size_t)n);
-            at += (uint64_t)n;
+            snprintf(line, sizeof line, "%s%s", one->d_name, S_ISDIR(of.st_mode) ? "/" : "");
+            result = each(to, line);
         }
     }
     closedir(entries);

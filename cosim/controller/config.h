@@ -2,9 +2,12 @@
 // What the user decides about a run.
 #pragma once
 
+#include "cosim/controller/run_listener.h"
 #include "cosim/controller/schedule.h"
 #include "cosim/controller/topic_map.h"
 #include "cosim/protocol/words.h"
+
+#include <memory>
 
 namespace fledge::cosim {
 
@@ -50,6 +53,18 @@ struct AsynchronousConfig {
     std::vector<std::string> topics = {}; ///< that it writes, if nodes read them; empty: all "/NAME/..."
 };
 
+/// What was written in a run up to an instant, for a run that goes on from there.
+struct Past {
+    struct Topic {
+        std::string name;
+        Payload initial;
+        std::vector<std::pair<Ns, Payload>> messages; ///< with the times of writing, ascending
+    };
+    Ns until = -1;
+    std::vector<Topic> topics;
+    std::vector<NodeSnapshot> snapshots; ///< each of a time <= until; a node without one steps from the start
+};
+
 struct ControllerConfig {
     std::string simulation;
     std::vector<NodeConfig> nodes;
@@ -62,6 +77,8 @@ struct ControllerConfig {
     std::size_t log = std::size_t{256} << 20; ///< most bytes of a RestartLog
     std::vector<AsynchronousConfig> asynchronous = {};
     std::vector<std::string> watched = {}; ///< topics that nodes write even without a reader
+    Ns keep_every = 0;                     ///< simulated time between snapshots of all nodes; 0: none
+    std::shared_ptr<const Past> past;      ///< the run goes on from there; null: from the start
     Ns horizon = for_ever;                 ///< no node steps beyond it: see Controller::set_horizon()
 
     /// Throws std::invalid_argument if it makes no sense.

@@ -11,7 +11,8 @@ namespace fledge::cosim {
 namespace {
 
 constexpr int most_tries = 3;
-constexpr Ns fine = 10'000'000; // step of the horizon for nodes without rates
+constexpr int most_played = 1000; // ticks, before the controller looks at other things
+constexpr Ns fine = 10'000'000;   // step of the horizon for nodes without rates
 
 } // namespace
 
@@ -52,6 +53,12 @@ void ControllerConfig::check() const
                                         " ns; expected a time > 0, or 0 to save when the log is full");
         }
     }
+    if (keep_every < 0) {
+        throw std::invalid_argument("snapshots every " + std::to_string(keep_every) + " ns; expected a time >= 0");
+    }
+    if (past && past->until > end) {
+        throw std::invalid_argument("the run goes on from " + when(past->until) + ", behind its end at " + when(end));
+    }
     if (std::none_of(nodes.begin(), nodes.end(), [](const NodeConfig &n) { return n.joins == Join::at_start; })) {
         throw std::invalid_argument("no node joins at the start; at least one has to");
     }
@@ -71,6 +78,19 @@ Controller::Controller(ControllerConfig config)
     for (const NodeConfig &node : config_.nodes) {
         nodes_.emplace_back().config = node;
         nodes_.back().member = node.joins == Join::at_start;
+        pauses_ = pauses_ || node.on_loss == Policy::pause;
+    }
+    for (std::size_t i = 0; config_.past && i < config_.past->snapshots.size(); i++) {
+        const NodeSnapshot &snapshot = config_.past->snapshots[i];
+        const auto node =
+            std::find_if(nodes_.begin(), nodes_.end(), [&](const NodeState &n) { return n.name() == snapshot.node; });
+        if (node == nodes_.end() || !node->member || snapshot.reached > config_.past->until) {
+            throw std::invalid_argument("a snapshot of " + snapshot.node + " at " + when(snapshot.reached) +
+                                        "; expected one of a node that is there at the start, up to " +
+                                        when(config_.past->until));
+        }
+        node->from = snapshot.reached;
+        node->past.take_snapshot(snapshot.reached, snapshot.bytes.copy());
     }
     for (const AsynchronousConfig &program : config_.asynchronous) {
         NodeState &node = nodes_.emplace_back();
@@ -120,20 +140,33 @@ void Controller::reply(NodeId id, Tock &m)
     if (node.returning) {
         return repeat_tock(id, m);
     }
+    for (Record &record : m.records) {
+        record.count += record.channel < wiring_.topics().size() ? wiring_.topics()[record.channel].before : 0;
+    }
     if (const std::string fault = wiring_.fault_of(id, node, m); !fault.empty()) {
         return lost(id, fault);
+    }
+    const bool played = node.played();
+    if (const std::string difference = played ? "" : difference_to_past(node, m); !difference.empty()) {
+        return finish(node.name() + " does not repeat what it wrote before: " + difference);
     }
     node.stage = Stage::idle;
     node.tries = 0;
     node.reached = m.reached;
+    if (config_.past && node.reached >= config_.past->until) {
+        node.past.drop();
+    }
     wiring_.write(id, nodes_, m.records);
-    if (node.log.kept()) {
+    if (played && !node.played()) {
+        wiring_.begin_at(id);
+    } else if (node.log.kept() && !played) {
         node.log.log_output(m.records);
         drop_log_if_full(node);
     }
     if (config_.listened && !m.records.empty()) {
         act(action::Wrote{id, std::move(m.records), grants().settled()});
     }
+    look_at_kept();
     if (m.leaving) {
         return leave(id);
     }
@@ -152,23 +185,56 @@ void Controller::grant(NodeId id)
         return;
     }
     Tick tick{until, wiring_.deliver(id, until)};
+    node.until = until;
+    node.stage = Stage::ticking;
+    if (node.played()) {
+        return playing_.push_back(id);
+    }
     if (node.log.kept()) {
         node.log.log_input(tick.records);
     }
-    node.until = until;
-    node.stage = Stage::ticking;
     ask<Tock>(id, std::move(tick));
+}
+
+bool Controller::play()
+{
+    const bool any = !playing_.empty();
+    for (int n = 0; n < most_played && !playing_.empty(); n++) {
+        const NodeId id = playing_.front();
+        playing_.pop_front();
+        if (NodeState &node = nodes_[id]; node.stage == Stage::ticking && node.played() && !finishing() && !done()) {
+            Tock tock{node.until, 0, node.past.repeat_until(node.until), false};
+            reply(id, tock);
+        }
+    }
+    return any;
+}
+
+/// A program without a snapshot, or behind it, writes again what was written up to the end of the past.
+std::string Controller::difference_to_past(NodeState &node, const Tock &m)
+{
+    const Ns until = config_.past ? config_.past->until : -1;
+    if (node.reached >= until) {
+        return "";
+    }
+    for (const Record &record : m.records) {
+        if (record.t <= until && node.past.has(record.channel)) {
+            const std::string &name = wiring_.topics()[record.channel].name;
+            if (std::string difference = node.past.repeat_output(record, name); !difference.empty()) {
+                return difference;
+            }
+        }
+    }
+    return node.past.finish_tick(std::min(m.reached, until),
+                                 [&](std::uint32_t channel) { return wiring_.topics()[channel].name; });
 }
 
 /// A node has stepped or is gone: it may step again, and so may the nodes that waited for it.
 void Controller::go_on(NodeId id)
 {
     grant(id);
-    for (const std::size_t w : wiring_.outputs(id)) {
-        grant(wiring_.wires()[w].to);
-    }
-    for (const std::size_t w : wiring_.inputs(id)) {
-        grant(wiring_.wires()[w].from);
+    for (const NodeId other : wiring_.neighbours(id)) {
+        grant(other);
     }
     look_at_boundary();
     finish_if_complete();
@@ -237,7 +303,8 @@ std::string Controller::inject(const std::string &program, const std::string &na
         return "";
     }
     std::string fault;
-    const Ns written = wiring_.time_to_write(topic, nodes_, met_ + 1, config_.ahead, fault);
+    const Ns past = config_.past ? config_.past->until : -1;
+    const Ns written = wiring_.time_to_write(topic, nodes_, std::max(met_, past) + 1, config_.ahead, fault);
     if (!fault.empty()) {
         return fault;
     }
@@ -256,8 +323,8 @@ bool Controller::save_if_due(NodeId id)
 {
     NodeState &node = nodes_[id];
     const Ns every = node.config.save_every, since = node.reached - node.log.saved();
-    const bool due =
-        node.log.kept() && node.saves && since > 0 && ((every && since >= every) || node.log.bytes() > config_.log);
+    const bool due = node.complete(node.keep) || (node.log.kept() && node.saves && since > 0 &&
+                                                  ((every && since >= every) || node.log.bytes() > config_.log));
     if (due) {
         node.stage = Stage::saving;
         ask<Saved>(id, Save{node.reached});
@@ -282,12 +349,37 @@ void Controller::reply(NodeId id, Saved &m)
     node.stage = Stage::idle;
     if (m.snapshot.empty()) {
         node.saves = false;
+        node.keep = for_ever;
         report(node.name() + " makes no snapshot at " + when(node.reached));
         drop_log_if_full(node);
     } else {
-        node.log.take_snapshot(node.reached, std::move(m.snapshot));
+        const NodeSnapshot snapshot{node.name(), node.reached, node.complete(node.keep) ? m.snapshot : Payload()};
+        for (; node.keep <= config_.end && node.complete(node.keep); node.keep += config_.keep_every) {
+            kept_[node.keep][id] = snapshot;
+        }
+        if (node.log.kept()) {
+            node.log.take_snapshot(node.reached, std::move(m.snapshot));
+        }
     }
+    look_at_kept();
     go_on(id);
+}
+
+/// Give the snapshots of an instant to the listeners, when all nodes are behind it.
+void Controller::look_at_kept()
+{
+    const auto is_behind = [&](const NodeState &n) {
+        const Ns t = kept_.begin()->first;
+        return n.over() || (n.complete(t) && n.keep > t);
+    };
+    while (!kept_.empty() && all(is_behind)) {
+        auto first = kept_.extract(kept_.begin());
+        action::Kept kept{first.key(), {}};
+        for (auto &[id, snapshot] : first.mapped()) {
+            kept.snapshots.push_back(std::move(snapshot));
+        }
+        act(std::move(kept));
+    }
 }
 
 /// Send the next tick of the replay; after the last one, the node steps with the others again.
@@ -450,6 +542,7 @@ void Controller::give_up(NodeId id, Change::What what)
     }
     wiring_.empty_inputs(id);
     node.log.drop();
+    look_at_kept();
 }
 
 void Controller::leave(NodeId id)
@@ -500,6 +593,7 @@ const char *Controller::state(NodeId id) const
     switch (node.stage) {
     case Stage::absent:
     case Stage::dismissed: return node.been ? "left" : "absent";
+    case Stage::entered: return "greeted";
     case Stage::finished: return "finished";
     case Stage::lost: return "lost";
     case Stage::idle:
@@ -509,11 +603,17 @@ const char *Controller::state(NodeId id) const
     }
 }
 
+bool Controller::busy(NodeId id) const
+{
+    const NodeState &node = nodes_[id];
+    return node.member && (node.returning || (node.connected() && node.awaited));
+}
+
 bool Controller::paused() const
 {
-    return !all([](const NodeState &n) {
-        return !n.member || n.config.on_loss != Policy::pause || !(n.returning || n.stage == Stage::lost);
-    });
+    return pauses_ && !all([](const NodeState &n) {
+               return !n.member || n.config.on_loss != Policy::pause || !(n.returning || n.stage == Stage::lost);
+           });
 }
 
 bool Controller::waiting() const

@@ -58,6 +58,11 @@ struct Wrote {
     std::vector<Record> records;
     Ns settled = -1; ///< see RunListener::settled
 };
+/// See RunListener::kept.
+struct Kept {
+    Ns t;
+    std::vector<NodeSnapshot> snapshots;
+};
 /// The run is over. "" if it came to its end.
 struct Done {
     std::string reason;
@@ -66,7 +71,7 @@ struct Done {
 } // namespace action
 
 using Action = std::variant<action::Accept, action::Refuse, action::Send, action::ShutOut, action::Report,
-                            action::Began, action::Wrote, action::Done>;
+                            action::Began, action::Wrote, action::Kept, action::Done>;
 
 class Controller {
 public:
@@ -94,8 +99,15 @@ public:
     /// The user asks for the end.
     void stop(const std::string &why) { finish(why); }
 
-    /// The list of actions, to be done in this order. Empties it.
-    std::vector<Action> take_actions() { return std::exchange(actions_, {}); }
+    /// The list of actions, to be done in this order. Empties it, and goes on with the memory of `spent`.
+    std::vector<Action> take_actions(std::vector<Action> spent = {})
+    {
+        spent.clear();
+        return std::exchange(actions_, std::move(spent));
+    }
+
+    /// A run with a past: answer some ticks of nodes that their snapshots have passed. False if there were none.
+    bool play();
 
     /// For pacing: nodes may step up to and including this instant.
     void set_horizon(Ns horizon);
@@ -107,6 +119,8 @@ public:
 
     /// Whether the node owes a reply.
     bool waiting_for(NodeId node) const { return nodes_[node].awaited; }
+    /// Whether a node that takes part has not answered yet, or its new program still repeats its ticks.
+    bool busy(NodeId node) const;
     /// Marks nodes: the controller has nothing to do until one of these has finished its tick. False: the controller
     /// may have to react to any reply.
     bool unblocking_nodes(std::vector<char> &marked) const;
@@ -124,7 +138,7 @@ public:
     bool finishing() const { return phase_ == Phase::finishing; }
     bool done() const { return phase_ == Phase::done; }
     Ns reached(NodeId node) const { return nodes_[node].reached; }
-    /// absent, joining, running, left, finished or lost.
+    /// absent, greeted (not yet on its own socket), joining, running, left, finished or lost.
     const char *state(NodeId id) const;
 
 private:
@@ -156,12 +170,16 @@ private:
     void finish_matching();
     void resume();
     void start(NodeId id);
+    void take_past(const Past &past);
+    void take_initial_values(std::vector<Publication> &publications) const;
 
     // Steps.
     void grant(NodeId id);
     void go_on(NodeId id);
     void go_on_all();
+    std::string difference_to_past(NodeState &node, const Tock &m);
     bool save_if_due(NodeId id);
+    void look_at_kept();
     void drop_log_if_full(NodeState &node);
     bool paused() const;
 
@@ -186,6 +204,7 @@ private:
     Admission admission_;
     Phase phase_ = Phase::gathering;
     bool begun_ = false;
+    bool pauses_ = false;            ///< some node has the policy pause
     bool matching_outdated_ = false; ///< a node was lost: the matching has to begin again
     Ns boundary_ = -1;               ///< of the current or last matching
     Ns met_ = -1;                    ///< the boundary of the last completed matching
@@ -193,7 +212,9 @@ private:
         std::string program, topic;
         Payload payload;
     };
-    std::vector<Injection> injected_; ///< received during a matching
+    std::vector<Injection> injected_;                   ///< received during a matching
+    std::deque<NodeId> playing_;                        ///< nodes whose tick `past` answers
+    std::map<Ns, std::map<NodeId, NodeSnapshot>> kept_; ///< snapshots that wait for those of other nodes
     std::string reason_;
     std::vector<Action> actions_;
     std::vector<Change> changes_;

@@ -61,9 +61,9 @@ void Controller::hello(std::uint64_t peer, const Hello &hello)
 void Controller::initialize(NodeId id)
 {
     const NodeState &node = nodes_[id];
-    const bool from_log = node.returning && node.log.kept();
-    ask<Initialized>(id, Initialize{config_.seed, config_.end, from_log ? node.log.saved() : node.reached,
-                                    config_.frontend, config_.backend, from_log ? node.log.snapshot() : Bytes{}});
+    const RestartLog *log = node.returning && node.log.kept() ? &node.log : node.played() ? &node.past : nullptr;
+    ask<Initialized>(id, Initialize{config_.seed, config_.end, log ? log->saved() : node.reached, config_.frontend,
+                                    config_.backend, log ? log->snapshot() : Bytes{}});
 }
 
 void Controller::reply(NodeId id, Initialized &m)
@@ -87,7 +87,12 @@ void Controller::reply(NodeId id, Initialized &m)
         node.log.drop();
         if (node.config.on_loss == Policy::restart || (node.config.on_loss == Policy::pause && m.saves)) {
             node.log.begin(node.reached);
+            if (node.played()) {
+                node.log.take_snapshot(node.from, node.past.snapshot());
+            }
         }
+        const Ns every = config_.keep_every;
+        node.keep = every && m.saves ? (std::max({node.reached, node.from, Ns{0}}) / every + 1) * every : for_ever;
     }
     node.stage = Stage::initialized;
     ask<Desired>(id, ProvideDesired{});
@@ -174,8 +179,24 @@ void Controller::reply(NodeId id, Matched &m)
     if (node.returning) {
         return start(id);
     }
+    if (node.played()) {
+        take_initial_values(m.publications);
+    }
     node.publications = std::move(m.publications);
     look_at_matching();
+}
+
+/// A program that goes on from a snapshot has other values than its node had at the beginning.
+void Controller::take_initial_values(std::vector<Publication> &publications) const
+{
+    for (Publication &publication : publications) {
+        for (const Past::Topic &topic : config_.past->topics) {
+            if (publication.channel < wiring_.topics().size() &&
+                topic.name == wiring_.topics()[publication.channel].name) {
+                publication.initial = topic.initial;
+            }
+        }
+    }
 }
 
 /// The next step of the matching, when all nodes have answered.
@@ -270,7 +291,39 @@ void Controller::finish_matching()
     admission_.met();
     wiring_.end_matching();
     wiring_before_ = Wiring(nodes_.size());
+    if (const auto past = config_.past; past && boundary_ < 0) {
+        take_past(*past);
+    }
     resume();
+}
+
+/// What nodes wrote, for them to write again; messages of asynchronous programs are on their way from the start.
+void Controller::take_past(const Past &past)
+{
+    for (const Past::Topic &before : past.topics) {
+        const auto channel = wiring_.find(before.name);
+        if (!channel || !wiring_.topics()[*channel].writer) {
+            continue;
+        }
+        Topic &topic = wiring_.topic(*channel);
+        std::vector<Record> records;
+        for (const auto &[t, payload] : before.messages) {
+            records.push_back({*channel, static_cast<std::uint32_t>(records.size() + 1), t, payload});
+        }
+        if (!nodes_[*topic.writer].program) {
+            nodes_[*topic.writer].past.log_output(*channel, records);
+            continue;
+        }
+        for (const Record &record : records) {
+            topic.count = record.count;
+            topic.last = record.t;
+            wiring_.write_ahead(*channel, record.t, record.payload, nodes_);
+        }
+        if (config_.listened && !records.empty()) {
+            act(action::Wrote{*topic.writer, std::move(records)});
+        }
+    }
+    config_.past = std::make_shared<Past>(Past{past.until, {}, {}}); // the nodes have the rest
 }
 
 void Controller::resume()

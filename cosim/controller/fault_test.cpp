@@ -194,9 +194,9 @@ TEST(Faults, AnIncompatibleJoinerIsRefusedAndTheRunGoesOn)
 TEST(Faults, ARestartedProgramWithOtherOutputsEndsTheRun)
 {
     for (const auto &[mischief, complaint] :
-         std::map<std::string, std::string>{{"value", " differs from the lost program's value"},
-                                            {"more", ", which the lost program did not"},
-                                            {"less", ", but the lost program did"}}) {
+         std::map<std::string, std::string>{{"value", " differs from the value before"},
+                                            {"more", ", which the program before did not"},
+                                            {"less", ", but the program before did"}}) {
         Bench bench(three(Policy::restart), 600, 9);
         bench.arrive(0);
         bench.arrive(1);

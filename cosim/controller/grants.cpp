@@ -16,17 +16,17 @@ Ns Grants::grant(NodeId id) const
     const NodeState &node = nodes_[id];
     const Schedule &schedule = node.schedule;
     const auto &out = wiring_.outputs(id);
-    if (node.complete(last_) ||
-        std::any_of(out.begin(), out.end(), [&](std::size_t w) { return too_far_ahead(wiring_.wires()[w]); }) ||
-        blocked(id)) {
+    const Ns first = schedule.next_after(node.reached);
+    if (blocked(id, first) ||
+        std::any_of(out.begin(), out.end(), [&](std::size_t w) { return too_far_ahead(wiring_.wires()[w]); })) {
         return node.reached;
     }
-    const Ns most = known_until(id);
+    const Ns most = std::min(known_until(id), node.played() ? node.from : node.keep);
     for (std::uint32_t batch = config_.batch;; batch /= 2) {
         Ns until = most;
         std::uint32_t n = 1;
         if (!schedule.rates.empty()) {
-            Ns t = schedule.next_after(node.reached);
+            Ns t = first;
             if (!schedule.any_time && t > most) {
                 return node.reached;
             }
@@ -56,13 +56,12 @@ Ns Grants::known_until(NodeId id) const
 
 /// Whether some input of the node's next instant is not known yet. It tries the input first that blocked the node
 /// last, because large exchanges call this function often.
-bool Grants::blocked(NodeId id) const
+bool Grants::blocked(NodeId id, Ns next) const
 {
     const NodeState &node = nodes_[id];
     if (node.schedule.any_time || node.schedule.rates.empty()) {
         return false;
     }
-    const Ns next = node.schedule.next_after(node.reached);
     const auto &in = wiring_.inputs(id);
     std::size_t &at = wiring_.last_blocker(id);
     for (std::size_t i = 0; i < in.size(); i++, at++) {

@@ -38,7 +38,7 @@ private:
     bool too_far_ahead(const Wire &wire) const { return wire.waiting() >= config_.ahead; }
     bool knows(const Wire &input, Ns t) const { return input.known_until(nodes_[input.from].first_write()) >= t; }
     Ns known_until(NodeId id) const;
-    bool blocked(NodeId id) const;
+    bool blocked(NodeId id, Ns next) const;
     std::size_t count_deliverable(NodeId id, Ns until) const;
 
     const ControllerConfig &config_;

@@ -44,7 +44,10 @@ struct NodeState {
     std::vector<Publication> publications;
     Ns reached = -1, until = -1; ///< the last instant it stepped through, and the last granted
     RestartLog log;
-    int tries = 0; ///< restarts since its last progress
+    RestartLog past;    ///< what it wrote in the run from which this one goes on
+    Ns from = -1;       ///< its program goes on from a snapshot of this instant; until there, `past` answers for it
+    Ns keep = for_ever; ///< the time of its next snapshot: no step beyond without it
+    int tries = 0;      ///< restarts since its last progress
 
     const std::string &name() const { return config.name; }
     /// Whether a program is connected.
@@ -53,11 +56,12 @@ struct NodeState {
     bool over() const { return !member || stage == Stage::finished; }
     /// The run waits for it at its time.
     bool scheduled() const { return config.joins == Join::at_time && !been; }
+    bool played() const { return reached < from; }
     Ns granted() const { return stage == Stage::ticking ? until : reached; }
     /// The first instant at which it may still write.
     Ns first_write() const { return over() ? for_ever : schedule.first_write_after(reached); }
     /// It will not write up to t.
-    bool complete(Ns t) const { return first_write() > t; }
+    bool complete(Ns t) const { return t != for_ever && first_write() > t; }
 };
 
 using Nodes = std::vector<NodeState>;

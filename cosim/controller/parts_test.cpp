@@ -204,6 +204,19 @@ TEST(Wiring, AnInvalidTockIsReportedWithItsFault)
     EXPECT_EQ(fault({0, 2, 10, word(1)}), "gap: message 2 of /a/x follows message 0");
     EXPECT_EQ(fault({0, 1, 15, word(1)}).substr(0, 12), "out of step:");
     EXPECT_EQ(fault({0, 1, 30, word(1)}).substr(0, 6), "early:");
+    const Record first{0, 1, 10, word(1)};
+    EXPECT_EQ(ring.wiring.fault_of(0, ring.nodes[0], {20, 0, {first, {0, 2, 20, word(2)}}, false}), "");
+    EXPECT_EQ(ring.wiring.fault_of(0, ring.nodes[0], {20, 0, {first, first}, false}),
+              "duplicate: message 1 of /a/x came before");
+    EXPECT_EQ(fault(first), "") << "no tock was taken";
+}
+
+TEST(Wiring, ANeighbourIsThereOnceHoweverManyWiresJoinIt)
+{
+    const Ring pair({Latency::next_instant, Latency::same_instant});
+    EXPECT_EQ(pair.wiring.neighbours(0), std::vector<NodeId>{1});
+    const Ring three(std::vector(3, Latency::next_exchange));
+    EXPECT_EQ(three.wiring.neighbours(0), (std::vector<NodeId>{1, 2})) << "its reader, its writer";
 }
 
 TEST(Grants, AProducerStepsBeforeItsConsumer)
@@ -301,14 +314,13 @@ TEST(RestartLog, ANewProgramRepeatsItsInputsAndOutputs)
     EXPECT_EQ(tick.records.size(), 2u);
     const auto name = [](std::uint32_t) { return "/a/x"; };
     EXPECT_EQ(log.repeat_output({1, 1, 5, word(7)}, "/a/x"), "");
-    EXPECT_EQ(log.repeat_output({1, 2, 15, word(9)}, "/a/x"),
-              "/a/x at 0.000000015 s differs from the lost program's value");
-    EXPECT_EQ(log.finish_tick(20, name), "it does not write /a/x at 0.000000015 s, but the lost program did");
+    EXPECT_EQ(log.repeat_output({1, 2, 15, word(9)}, "/a/x"), "/a/x at 0.000000015 s differs from the value before");
+    EXPECT_EQ(log.finish_tick(20, name), "it does not write /a/x at 0.000000015 s, but the program before did");
     EXPECT_EQ(log.repeat_output({1, 2, 15, word(8)}, "/a/x"), "");
     EXPECT_EQ(log.finish_tick(20, name), "");
     EXPECT_EQ(log.replayed(), 20);
     EXPECT_EQ(log.repeat_output({1, 3, 16, word(8)}, "/a/x"),
-              "it writes /a/x at 0.000000016 s, which the lost program did not");
+              "it writes /a/x at 0.000000016 s, which the program before did not");
 }
 
 TEST(RestartLog, ASnapshotReplacesOlderMessages)
@@ -327,7 +339,7 @@ TEST(RestartLog, ASnapshotReplacesOlderMessages)
     log.begin_replay(log.saved());
     EXPECT_EQ(log.next_tick(20).records.size(), 1u);
     EXPECT_EQ(log.repeat_output({1, 1, 5, word(7)}, "/a/x"),
-              "it writes /a/x at 0.000000005 s, which the lost program did not");
+              "it writes /a/x at 0.000000005 s, which the program before did not");
 }
 
 } // namespace

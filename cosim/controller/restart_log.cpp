@@ -61,6 +61,17 @@ void RestartLog::take_snapshot(Ns t, Bytes snapshot)
     }
 }
 
+std::vector<Record> RestartLog::repeat_until(Ns t)
+{
+    std::vector<Record> records;
+    for (const auto &[channel, log] : output_log_) {
+        for (std::size_t &n = repeated_[channel]; n < log.size() && log[n].t <= t; n++) {
+            records.push_back(log[n]);
+        }
+    }
+    return records;
+}
+
 void RestartLog::begin_replay(Ns t)
 {
     replayed_ = t;
@@ -89,13 +100,13 @@ std::string RestartLog::repeat_output(const Record &record, const std::string &t
     const auto &before = output_log_[record.channel];
     std::size_t &n = repeated_[record.channel];
     if (n == before.size() || before[n].t > record.t) {
-        return "it writes " + topic + " at " + when(record.t) + ", which the lost program did not";
+        return "it writes " + topic + " at " + when(record.t) + ", which the program before did not";
     }
     if (before[n].t < record.t) {
         return missing(topic, before[n].t);
     }
     if (before[n].payload != record.payload) {
-        return topic + " at " + when(record.t) + " differs from the lost program's value";
+        return topic + " at " + when(record.t) + " differs from the value before";
     }
     n++;
     return "";
@@ -103,7 +114,7 @@ std::string RestartLog::repeat_output(const Record &record, const std::string &t
 
 std::string RestartLog::missing(const std::string &topic, Ns t)
 {
-    return "it does not write " + topic + " at " + when(t) + ", but the lost program did";
+    return "it does not write " + topic + " at " + when(t) + ", but the program before did";
 }
 
 } // namespace fledge::cosim

@@ -21,6 +21,9 @@ public:
 
     void log_input(const std::vector<Record> &records);
     void log_output(const std::vector<Record> &records);
+    /// All that the channel had; only of such channels are the outputs compared.
+    void log_output(std::uint32_t channel, std::vector<Record> records) { output_log_[channel] = std::move(records); }
+    bool has(std::uint32_t channel) const { return output_log_.contains(channel); }
     /// Delete the inputs that the node sees after t: the controller delivers them again.
     void forget_inputs_after(Ns t);
     /// The node made a snapshot at t: delete all older messages.
@@ -28,14 +31,17 @@ public:
     Ns saved() const { return saved_; }
     const Bytes &snapshot() const { return snapshot_; }
 
+    /// The outputs after `replayed` up to t, which count as repeated. Their counts are those of the first program.
+    std::vector<Record> repeat_until(Ns t);
+
     // The replay to a new program.
 
     /// It begins after t: the snapshot, or where the lost program was.
     void begin_replay(Ns t);
     Ns replayed() const { return replayed_; }
-    /// The next tick towards `reached`, which the lost program had reached.
+    /// The next tick towards `reached`, which the program before had reached.
     Tick next_tick(Ns reached);
-    /// The difference between a message and the one that the lost program wrote; "" if they are equal.
+    /// The difference between a message and the one that the program before wrote; "" if they are equal.
     std::string repeat_output(const Record &record, const std::string &topic);
     /// The new program has reached t. Returns which message is missing; "" if none is.
     template <class TopicName> std::string finish_tick(Ns t, TopicName name)

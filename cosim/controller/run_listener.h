@@ -28,6 +28,13 @@ struct Exchange {
     std::vector<Topic> topics; ///< by channel number
 };
 
+/// A node with all its state, from which another program goes on as the node would have.
+struct NodeSnapshot {
+    std::string node;
+    Ns reached = -1; ///< it has stepped through this instant
+    Payload bytes;
+};
+
 /// The Router calls it between two ticks: its time slows the run. An exception ends the run.
 class RunListener {
 public:
@@ -39,6 +46,9 @@ public:
     virtual void wrote(const std::string &node, const std::vector<Record> &records) = 0;
     /// No node will write up to this instant any more, except a node that joins after a loss.
     virtual void settled(Ns) {}
+    /// All nodes that can have made snapshots of what they are at t: each has made its steps up to t, and no later one.
+    /// All messages until t were given before.
+    virtual void kept(Ns, const std::vector<NodeSnapshot> &) {}
     /// The run is over; "" for the regular end.
     virtual void ended(const std::string &reason) = 0;
 };

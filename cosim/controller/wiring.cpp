@@ -159,7 +159,7 @@ void Wiring::take_publications(NodeId id, NodeState &node, const Nodes &nodes)
 void Wiring::take_asynchronous(const Nodes &nodes)
 {
     for (Topic &topic : topics_) {
-        topic.count = 0; // all writers begin again at 1
+        topic.count = topic.before = 0; // all writers begin again at 1
         if (topic.readers.empty() || (topic.writer && !nodes[*topic.writer].over())) {
             continue;
         }
@@ -257,6 +257,19 @@ void Wiring::list_wires(const Nodes &nodes)
             }
         }
     }
+    for (Links &links : links_) {
+        const auto add = [&](NodeId id) {
+            if (std::ranges::find(links.around, id) == links.around.end()) {
+                links.around.push_back(id);
+            }
+        };
+        for (const std::size_t w : links.out) {
+            add(wires_[w].to);
+        }
+        for (const std::size_t w : links.in) {
+            add(wires_[w].from);
+        }
+    }
 }
 
 /// Nodes that wait for each other at the same instant could never step. Two nodes that may write at any time and wait
@@ -319,9 +332,21 @@ Start Wiring::start(NodeId id, const NodeState &node)
         }
     }
     for (Topic &topic : topics_) {
-        topic.count = topic.writer == id ? 0 : topic.count;
+        if (topic.writer == id && !node.played()) {
+            topic.count = topic.before = 0;
+        }
     }
     return start;
+}
+
+void Wiring::begin_at(NodeId id)
+{
+    for (const std::size_t w : links_[id].in) {
+        wires_[w].restart();
+    }
+    for (Topic &topic : topics_) {
+        topic.before = topic.writer == id ? topic.count : topic.before;
+    }
 }
 
 bool Wiring::same_publications(NodeId id, const std::vector<Publication> &publications) const
@@ -345,17 +370,18 @@ std::string Wiring::fault_of(NodeId id, const NodeState &node, const Tock &tock)
         return "it reports that it reached " + when(tock.reached) + "; its tick goes from " + when(node.reached) +
                " to " + when(node.until);
     }
-    std::vector<std::pair<std::uint32_t, Ns>> ends; // the last count and time of each topic
-    ends.reserve(topics_.size());
-    for (const Topic &topic : topics_) {
-        ends.emplace_back(topic.count, topic.last);
+    ends_.resize(topics_.size());
+    for (const Record &record : tock.records) {
+        if (record.channel < topics_.size()) {
+            ends_[record.channel] = {topics_[record.channel].count, topics_[record.channel].last};
+        }
     }
     for (const Record &record : tock.records) {
         if (record.channel >= topics_.size() || topics_[record.channel].writer != id) {
             return "it wrote on channel " + std::to_string(record.channel) + ", which it does not publish";
         }
         const Topic &topic = topics_[record.channel];
-        auto &[count, last] = ends[record.channel];
+        auto &[count, last] = ends_[record.channel];
         const auto what = [&] { return "message " + std::to_string(record.count) + " of " + topic.name; };
         if (record.count != count + 1) {
             return record.count <= count ? "duplicate: " + what() + " came before"

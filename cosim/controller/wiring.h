@@ -17,6 +17,7 @@ struct Topic {
     Payload initial;
     Ns since = -1;                  ///< the boundary at which the writer took the topic
     std::uint32_t count = 0;        ///< messages written since the last Start
+    std::uint32_t before = 0;       ///< so many of these were written before its program's own
     Ns last = -1;                   ///< when the last one was written
     std::deque<TimedPayload> ahead; ///< asynchronous messages at times that some nodes have not reached
     Payload held;                   ///< the value before those
@@ -68,6 +69,8 @@ public:
     /// A new program reads the messages of the lost one again, and writes them again.
     void resend(NodeId id, std::vector<Record> &records);
     std::string repeat_count(NodeId id, const Record &record);
+    /// The node's program steps from here on: its inputs come again, and counts begin at 1.
+    void begin_at(NodeId id);
     /// The node reads nothing more.
     void empty_inputs(NodeId id);
 
@@ -81,12 +84,15 @@ public:
     /// Indices into wires(), in the order of the subscriptions.
     const std::vector<std::size_t> &inputs(NodeId id) const { return links_[id].in; }
     const std::vector<std::size_t> &outputs(NodeId id) const { return links_[id].out; }
+    /// The nodes at the other ends of these.
+    const std::vector<NodeId> &neighbours(NodeId id) const { return links_[id].around; }
     /// The index into inputs() of the wire that blocked the node last: a hint for Grants.
     std::size_t &last_blocker(NodeId id) const { return links_[id].blocker; }
 
 private:
     struct Links {
         std::vector<std::size_t> in, out;
+        std::vector<NodeId> around;
         mutable std::size_t blocker = 0;
     };
 
@@ -104,6 +110,7 @@ private:
     std::vector<Wire> wires_;
     std::vector<Links> links_; ///< by node
     std::vector<std::string> watched_;
+    mutable std::vector<std::pair<std::uint32_t, Ns>> ends_; ///< of fault_of(): last count and time, by topic
     bool matching_ = false, first_ = true;
     Ns boundary_ = -1; ///< of the last matching
     std::string faults_;

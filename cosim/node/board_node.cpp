@@ -5,6 +5,7 @@
 #include "sim/text.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <limits>
 
@@ -17,12 +18,61 @@ namespace {
 
 constexpr std::size_t commands_max = 1000; ///< that wait for their lane; a program that sends more loses them
 
+constexpr std::array<char, 16> version = {"fledge board 1"};
+
+/// Collects a snapshot.
+struct Writer {
+    template <class T> void value(const T &v) { bytes(std::span(&v, 1)); }
+    std::size_t size(std::size_t n)
+    {
+        value(n);
+        return n;
+    }
+    template <class Range> void bytes(const Range &range)
+    {
+        const auto all = std::as_bytes(std::span(range));
+        out.insert(out.end(), all.begin(), all.end());
+    }
+    Bytes out;
+};
+
+/// Reads what a Writer has collected.
+struct Reader {
+    template <class T> void value(T &v) { bytes(std::span(&v, 1)); }
+    std::size_t size(std::size_t n)
+    {
+        value(n);
+        check(n);
+        return n;
+    }
+    template <class Range> void bytes(Range &&range)
+    {
+        const auto to = std::as_writable_bytes(std::span(range));
+        check(to.size());
+        std::copy_n(in.begin(), to.size(), to.begin());
+        in = in.subspan(to.size());
+    }
+    void check(std::size_t n) const
+    {
+        if (n > in.size()) {
+            throw registers::Error("its snapshot is cut off, or of another mission");
+        }
+    }
+    std::span<const std::byte> in;
+};
+
 /// How long a packet is that begins here, by its header; at most n.
 std::size_t length_of(const std::byte *packet, std::size_t n)
 {
     return n < 6 ? n
                  : std::min<std::size_t>(n, std::to_integer<std::size_t>(packet[4]) * 256 +
                                                 std::to_integer<std::size_t>(packet[5]) + 7);
+}
+
+/// The topic of another name in the same process.
+std::string beside(const std::string &topic, const char *name)
+{
+    return topic.substr(0, topic.rfind('/') + 1) + name;
 }
 
 } // namespace
@@ -36,7 +86,7 @@ BoardNode::Link::Link(const MissionHost &mission, MissionQueue queue, const char
     const RegisterLane &lane = mission.io->boards[queue.board]->lanes[queue.lane];
     const std::string mode = mission.executive->mode_topic,
                       room = std::to_string((lane.capacity * lane.depth + 3u) / 4u * 4u);
-    topic = mode.substr(0, mode.rfind('/') + 1) + name;
+    topic = beside(mode, name);
     schema = make_schema("Packets" + room, "uint32 n  # n [byte] of the packets\nuint8[" + room +
                                                "] bytes  # bytes [-] CCSDS packets, one after another\n");
     fields = parse_schema(schema.text);
@@ -73,11 +123,29 @@ void BoardNode::command(Ns after, std::vector<std::uint8_t> packet)
     script_.push_back({after, std::move(packet)});
 }
 
+void BoardNode::speak_by_radio()
+{
+    if (commands_.topic.empty() || telemetry_.topic.empty()) {
+        throw registers::Error("flight has a radio, but no snorkels carry its commands and telemetry; add those with "
+                               "carries = \"commands\" and carries = \"telemetry\"");
+    }
+    by_radio_ = true;
+}
+
 Initialized BoardNode::initialize(const Initialize &request)
 {
+    Initialized answer;
+    answer.saves = backend_.saves();
+    for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
+        answer.rates.push_back({mission_.rates[i].period, mission_.rates[i].offset});
+    }
+    if (!request.snapshot.empty()) {
+        restore(request);
+        return answer;
+    }
     if (request.start >= 0) {
         throw registers::Error("flight on a board cannot begin at " + sim::format_time(request.start) +
-                               ": it makes no snapshots to go on from");
+                               " without a snapshot to go on from");
     }
     for (std::uint32_t id = 0; id < messages_.size(); id++) {
         Message &message = messages_[id];
@@ -90,12 +158,8 @@ Initialized BoardNode::initialize(const Initialize &request)
     sent_ = 0;
     waiting_.clear();
     found_.clear();
-    published_ = 0;
+    was_down_ = false;
     exchange(-1);
-    Initialized answer;
-    for (std::uint16_t i = 0; i < mission_.n_rates; i++) {
-        answer.rates.push_back({mission_.rates[i].period, mission_.rates[i].offset});
-    }
     return answer;
 }
 
@@ -112,6 +176,9 @@ std::vector<Subscription> BoardNode::desired()
     if (!commands_.topic.empty()) {
         subscriptions.push_back({commands_.topic, Latency::next_instant, true, commands_.schema});
     }
+    if (by_radio_) {
+        subscriptions.push_back({beside(commands_.topic, "uplink"), Latency::same_instant, true, {}});
+    }
     return subscriptions;
 }
 
@@ -120,10 +187,21 @@ std::vector<Publication> BoardNode::match(const std::vector<Channel> &asked)
     std::vector<Publication> publications;
     outbox_.clear();
     telemetry_.channel.reset();
+    published_ = 0;
+    downlink_.close();
     for (const Channel &channel : asked) {
         if (!telemetry_.topic.empty() && channel.topic == telemetry_.topic) {
             telemetry_.channel = channel.channel;
             publications.push_back({channel.channel, telemetry_.schema, make_payload(telemetry_.held)});
+        }
+        if (by_radio_ && channel.topic == beside(telemetry_.topic, "downlink")) {
+            const MissionQueue lane = mission_.io->telemetry;
+            const std::uint32_t depth = mission_.io->boards[lane.board]->lanes[lane.lane].depth;
+            publications.push_back(downlink_.open(
+                channel.channel,
+                std::max<std::size_t>(std::min<std::size_t>(telemetry_.room() + unit_header * depth, 1u << 15),
+                                      packet_.size() + unit_header),
+                0));
         }
         for (std::uint32_t id = 0; id < messages_.size(); id++) {
             const Message &message = messages_[id];
@@ -141,7 +219,12 @@ void BoardNode::start(const std::vector<Channel> &wired)
     inbox_.open(wired);
     inputs_.clear();
     commands_.channel.reset();
+    uplink_.reset();
     for (const Channel &channel : wired) {
+        if (by_radio_ && channel.topic == beside(commands_.topic, "uplink")) {
+            uplink_ = channel.channel;
+            continue;
+        }
         if (!commands_.topic.empty() && channel.topic == commands_.topic) {
             commands_.channel = channel.channel;
             continue;
@@ -166,19 +249,91 @@ Tock BoardNode::tick(const Tick &tick)
                 take_commands(record);
                 return;
             }
+            if (record.channel == uplink_) {
+                received_ = units_of(record.payload);
+                return;
+            }
             const std::uint32_t id = inputs_.at(record.channel);
             read_payload(record.payload, messages_[id].fields, messages_[id].held);
             mission_io_put(mission_.io, backend_.windows().data(), id, messages_[id].held.data(), &counts_);
         });
-        if (!is_down(t)) {
+        const bool down = is_down(t);
+        for (const sim::Packet &one : received_) { // what comes while the computer is down is lost, as on the desktop
+            if (!down && !was_down_) {
+                take_unit(reinterpret_cast<const std::byte *>(one.bytes.data()), one.bytes.size());
+            }
+        }
+        received_.clear();
+        was_down_ = down;
+        if (!down) {
             send_commands(t);
             exchange(t);
             outbox_.collect(t, tock.records);
             put_telemetry(t, tock.records);
+            if (downlink_) {
+                downlink_.write(t, transmitted_, tock.records);
+            }
         }
         reached_ = t;
     }
     return tock;
+}
+
+/// All that decides what the node does next, besides flight's computer and its registers.
+template <class Archive> void BoardNode::pass_state(Archive &archive)
+{
+    archive.value(reached_);
+    archive.value(sent_);
+    archive.value(counts_);
+    archive.value(was_down_);
+    for (Message &message : messages_) {
+        archive.bytes(message.held);
+    }
+    archive.bytes(telemetry_.held);
+    for (auto *packets : {&waiting_, &found_}) {
+        packets->resize(archive.size(packets->size()));
+        for (auto &packet : *packets) {
+            packet.resize(archive.size(packet.size()));
+            archive.bytes(packet);
+        }
+    }
+}
+
+Bytes BoardNode::save()
+{
+    Writer writer;
+    writer.value(version);
+    pass_state(writer);
+    for (const Bytes &part : {outside_.save(), backend_.save(reply_timeout_)}) {
+        writer.size(part.size());
+        writer.bytes(part);
+    }
+    return std::move(writer.out);
+}
+
+void BoardNode::restore(const Initialize &request)
+{
+    Reader reader{request.snapshot};
+    auto found = version;
+    reader.value(found);
+    if (found != version) {
+        throw registers::Error("its snapshot is of another version of Fledge");
+    }
+    pass_state(reader);
+    Bytes outside, computer;
+    for (Bytes *part : {&outside, &computer}) {
+        part->resize(reader.size(0));
+        reader.bytes(*part);
+    }
+    if (!reader.in.empty()) {
+        throw registers::Error("its snapshot is of another mission");
+    }
+    if (reached_ > request.start || next_after(reached_) <= request.start) {
+        throw registers::Error("its snapshot is of " + sim::format_time(reached_) + ", but it has to begin after " +
+                               sim::format_time(request.start));
+    }
+    outside_.restore(outside);
+    backend_.restore(computer, reply_timeout_);
 }
 
 void BoardNode::finish(const std::string &)
@@ -213,21 +368,26 @@ void BoardNode::take_commands(const Record &record)
     read_payload(record.payload, commands_.fields, commands_.held);
     std::uint32_t n;
     std::memcpy(&n, commands_.held.data(), sizeof n);
-    const MissionQueue lane = mission_.io->commands;
-    const std::size_t capacity = mission_.io->boards[lane.board]->lanes[lane.lane].capacity;
     const CommandServices *services = mission_.commands ? mission_.commands->services : nullptr;
     const bool framed = services && services->unwrap;
     const std::byte *at = commands_.held.data() + sizeof n;
     for (const std::byte *end = at + std::min(n, commands_.room()); at < end;) {
         const auto left = static_cast<std::size_t>(end - at);
         const std::size_t size = framed ? left : length_of(at, left);
-        if (size > capacity || waiting_.size() == commands_max) {
-            counts_.refused++;
-        } else {
-            const auto *bytes = reinterpret_cast<const std::uint8_t *>(at);
-            waiting_.emplace_back(bytes, bytes + size);
-        }
+        take_unit(at, size);
         at += size;
+    }
+}
+
+/// A unit of bytes waits for the lane of commands.
+void BoardNode::take_unit(const std::byte *unit, std::size_t size)
+{
+    const MissionQueue lane = mission_.io->commands;
+    if (size > mission_.io->boards[lane.board]->lanes[lane.lane].capacity || waiting_.size() == commands_max) {
+        counts_.refused++;
+    } else {
+        const auto *bytes = reinterpret_cast<const std::uint8_t *>(unit);
+        waiting_.emplace_back(bytes, bytes + size);
     }
 }
 
@@ -295,6 +455,9 @@ void BoardNode::exchange(Ns t)
         }
         if (telemetry_.channel && t >= 0) {
             found_.emplace_back(packet_.data(), packet_.data() + n);
+        }
+        if (downlink_ && t >= 0) {
+            transmitted_.push_back({t, {packet_.data(), packet_.data() + n}});
         }
     }
 }

@@ -3,12 +3,16 @@
 // messages of other nodes into the lanes, ticks the clock at flight's instants, and publishes what flight wrote. Other
 // nodes see flight as a process of a simulation: the same topics, latencies and rates. Messages age in flight.
 //
+// If the back end makes snapshots of flight's computer, so does the node.
+//
 // Two topics more are the link to the ground: commands, which other programs write, and telemetry, as packets one after
-// another in a message.
+// another in a message. If the mission has a radio, a model of another node, units of bytes go by it, too
+// (cosim/node/simulation_node.h).
 #pragma once
 
 #include "cosim/node/delegate.h"
 #include "cosim/node/mailbox.h"
+#include "cosim/node/units.h"
 #include "registers/backend.h"
 #include "registers/outside.h"
 #include "targets/mission_host.h"
@@ -21,7 +25,7 @@
 
 namespace fledge::cosim {
 
-class BoardNode final : public Node {
+class BoardNode : public Node {
 public:
     /// The tables of the mission, as both sides of its boards have them; the node does not call flight's functions.
     /// Both live as long as the node. `reply_timeout`: for flight to answer a tick.
@@ -31,15 +35,21 @@ public:
     /// time, before the run. Throws registers::Error if no lane carries commands.
     void command(Ns after, std::vector<std::uint8_t> packet);
 
+    /// A model of another node carries its units. Call it before the run. Throws registers::Error if no lanes carry
+    /// commands and telemetry.
+    void speak_by_radio();
+
     /// Called with each packet of telemetry, and the instant of flight after which the node found it.
     std::function<void(Ns t, std::span<const std::uint8_t> packet)> telemetry;
 
-    /// Resets flight, and reads its initial outputs. Throws registers::Error if it does not answer.
+    /// Resets flight, and reads its initial outputs; or goes on from a snapshot. Throws registers::Error if flight does
+    /// not answer, or the snapshot is of another mission.
     Initialized initialize(const Initialize &request) override;
     std::vector<Subscription> desired() override;
     std::vector<Publication> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
+    Bytes save() override;
     void finish(const std::string &reason) override;
 
     /// Errors at this end of the lanes.
@@ -66,9 +76,12 @@ private:
         std::optional<std::uint32_t> channel;
     };
 
+    template <class Archive> void pass_state(Archive &archive);
+    void restore(const Initialize &request);
     Ns next_after(Ns t) const;
     bool is_down(Ns t);
     void take_commands(const Record &record);
+    void take_unit(const std::byte *unit, std::size_t size);
     void put_telemetry(Ns t, std::vector<Record> &records);
     void send_commands(Ns t);
     void exchange(Ns t);
@@ -89,9 +102,13 @@ private:
     std::size_t sent_ = 0;
     Link commands_, telemetry_;
     std::deque<std::vector<std::uint8_t>> waiting_,
-        found_;                        ///< commands of others; telemetry that was not published yet
-    std::uint32_t published_ = 0;      ///< messages of telemetry
-    std::vector<std::uint8_t> packet_; ///< room for a packet of telemetry
+        found_;                                ///< commands of others; telemetry that was not published yet
+    bool by_radio_ = false, was_down_ = false; ///< at the last instant
+    std::optional<std::uint32_t> uplink_;
+    UnitsOut downlink_;
+    std::vector<sim::Packet> received_, transmitted_; ///< by radio, in this instant
+    std::uint32_t published_ = 0;                     ///< messages of telemetry since the last matching
+    std::vector<std::uint8_t> packet_;                ///< room for a packet of telemetry
     MissionIoCounts counts_{};
     Ns reached_ = -1;
 };

@@ -4,6 +4,7 @@
 #include "cosim/node/board_node.h"
 
 #include <cstring>
+#include <map>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -83,7 +84,7 @@ const RegisterRun RUNS[] = {{8, 1}, {4, 2}, {8, 2}};
 const RegisterMessage TYPE = {"Number", sizeof(Number), 3, RUNS};
 const RegisterLane LANES[] = {lane(32, false), lane(256, false), lane(480, true), packets(704, false, COMMAND_MAX),
                               packets(2880, true, TELEMETRY_REPORT_MAX)};
-const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 5, LANES, nullptr};
+const RegisterBoard BOARD = {"board", 1, 0, 5184, 1, 0, -1, REGISTER_NOWHERE, 0, 0, 5, LANES, nullptr};
 const RegisterBoard *const BOARDS[] = {&BOARD};
 const MissionMessage MESSAGES[] = {
     {"world.m.a", "Number", offsetof(Flight, a), sizeof(Number), MISSION_IN},
@@ -112,6 +113,7 @@ const CommandTable COMMANDS = {
     waiting,
     sizeof waiting,
     [](void *mission, std::uint16_t) -> void * { return &static_cast<Flight *>(mission)->inner.x; },
+    nullptr,
     nullptr,
     nullptr,
     nullptr,
@@ -169,6 +171,44 @@ Number number(const Payload &p)
     return n;
 }
 
+/// Flight in this process, whose snapshot is the memory of its computer: all of the mission, and the registers.
+struct Backend final : registers::InProcess {
+    using InProcess::InProcess;
+
+    bool saves() const override { return snapshots; }
+    std::vector<std::byte> save(std::chrono::nanoseconds) override
+    {
+        std::vector<std::byte> bytes;
+        ticks = seen.size();
+        for (const std::span<std::byte> part : parts()) {
+            bytes.insert(bytes.end(), part.begin(), part.end());
+        }
+        return bytes;
+    }
+    void restore(std::span<const std::byte> bytes, std::chrono::nanoseconds) override
+    {
+        for (const std::span<std::byte> part : parts()) {
+            std::copy_n(bytes.begin(), part.size(), part.begin());
+            bytes = bytes.subspan(part.size());
+        }
+        seen.resize(ticks);
+    }
+    std::vector<std::span<std::byte>> parts()
+    {
+        auto *words = const_cast<std::uint32_t *>(windows().front().words);
+        return {std::as_writable_bytes(std::span(words, BOARD.size / 4)),
+                std::as_writable_bytes(std::span(&flight, 1)),
+                std::as_writable_bytes(std::span(&state, 1)),
+                std::as_writable_bytes(std::span(&begun, 1)),
+                std::as_writable_bytes(std::span(rates)),
+                std::as_writable_bytes(std::span(&ticks, 1)),
+                std::as_writable_bytes(std::span(staged)),
+                std::as_writable_bytes(std::span(waiting))};
+    }
+    bool snapshots = false;
+    std::size_t ticks = 0; ///< of flight, which decide what it puts out
+};
+
 class BoardNodeTest : public ::testing::Test {
 protected:
     explicit BoardNodeTest(std::uint16_t reset = MISSION_NO_RESET)
@@ -195,7 +235,7 @@ protected:
 
     const MissionHost mission_;
     std::function<void()> fly_ = [this] { exchange(); };
-    registers::InProcess backend_;
+    Backend backend_;
     BoardNode node_;
 };
 
@@ -511,6 +551,153 @@ TEST_F(BoardNodeResetTest, WhileTheComputerIsDownNoTickComesAndThenItBegins)
     EXPECT_EQ(restarted, 190);
     node_.initialize({});
     EXPECT_EQ(register_clock_resets(clock), 1u);
+}
+
+TEST_F(BoardNodeResetTest, AnotherNodeGoesOnFromASnapshotOfAnyInstant)
+{
+    // Commands of others in bursts, more than their queue takes; two resets, also within a burst; a script.
+    backend_.snapshots = true;
+    std::mt19937 rng(11);
+    std::vector<std::pair<Ns, std::vector<std::uint8_t>>> bursts;
+    for (Ns t = 3; t < 1000; t += 120) {
+        for (std::uint32_t k = 1 + rng() % 9; k > 0; k--) {
+            bursts.emplace_back(t, write_x(static_cast<double>(1 + rng() % 200)));
+        }
+    }
+    bursts.emplace_back(303, std::vector<std::uint8_t>(COMMAND_MAX + 10, 0xFF)); // longer than a packet: it is counted
+    using Told = std::vector<std::pair<Ns, std::vector<std::byte>>>;
+    const auto fly = [&](BoardNode &node, Ns from, Ns to, std::map<Ns, Bytes> *snapshots) {
+        Told told;
+        const Schema commands = node.desired().back().schema;
+        const auto publications = node.match({{7, "/flight/n/out", {}}, {5, "/flight/telemetry", {}}});
+        for (const Publication &one : publications) {
+            told.emplace_back(from, std::vector(one.initial.data(), one.initial.data() + one.initial.size()));
+        }
+        node.start({{1, "/world/m/a", {}}, {3, "/flight/commands", {}}});
+        std::uint32_t resets = 0, counts[2] = {};
+        for (Ns t = from; t < to;) {
+            const Ns until = t + 10;
+            cosim::Tick tick{until, {}};
+            for (const auto &[at, p] : bursts) {
+                if (at > t && at <= until) {
+                    tick.records.push_back(
+                        {3, ++counts[0], at, link_message(commands, p, static_cast<std::uint32_t>(p.size()))});
+                }
+            }
+            const std::uint32_t now = until > 240 ? until > 600 ? 2 : 1 : 0;
+            if (now != resets || t == from) {
+                resets = now;
+                Number n{{until, QUALITY_GOOD, 1}, 0.0, 0.0};
+                std::memcpy(&n.x, &now, sizeof now);
+                tick.records.push_back({1, ++counts[1], until, payload(n)});
+            }
+            for (const Record &r : node.tick(tick).records) {
+                told.emplace_back(r.t, std::vector(r.payload.data(), r.payload.data() + r.payload.size()));
+            }
+            t = until;
+            if (snapshots) {
+                (*snapshots)[t] = node.save();
+            }
+        }
+        return told;
+    };
+    const auto script = [](BoardNode &node) {
+        node.command(100, write_x(201));
+        node.command(700, write_x(202));
+    };
+    script(node_);
+    EXPECT_TRUE(node_.initialize({}).saves);
+    std::map<Ns, Bytes> snapshots;
+    const Told whole = fly(node_, 0, 1000, &snapshots);
+    EXPECT_GT(whole.size(), 30u);
+    const MissionIoCounts counts = node_.counts();
+    EXPECT_GT(counts.refused, 0u);
+    for (const auto &[at, snapshot] : snapshots) {
+        if (at == 1000) {
+            break;
+        }
+        BoardNode node(mission_, backend_, 1ms);
+        script(node);
+        Initialize request;
+        request.start = at;
+        request.snapshot = snapshot;
+        ASSERT_TRUE(node.initialize(request).saves);
+        const Told rest = fly(node, at, 1000, nullptr);
+        ASSERT_GE(rest.size(), 2u);
+        const auto after =
+            std::find_if(whole.begin() + 2, whole.end(), [t = at](const auto &one) { return one.first > t; });
+        EXPECT_TRUE(std::equal(rest.begin() + 2, rest.end(), after, whole.end())) << at;
+        EXPECT_EQ(std::memcmp(&node.counts(), &counts, sizeof counts), 0) << at;
+        if (const auto last = std::find_if(std::make_reverse_iterator(after), whole.rend(),
+                                           [&](const auto &one) { return one.second.size() == rest[1].second.size(); });
+            last != whole.rend()) {
+            EXPECT_TRUE(last->second == rest[1].second) << "the last telemetry is the initial value, at " << at;
+        }
+    }
+    Initialize request;
+    request.start = 500;
+    request.snapshot = snapshots[520];
+    EXPECT_THROW(node_.initialize(request), registers::Error) << "it is of a later time";
+    for (std::size_t n = 1; n < snapshots[500].size(); n += 97) {
+        request.snapshot.assign(snapshots[500].begin(), snapshots[500].begin() + static_cast<std::ptrdiff_t>(n));
+        EXPECT_THROW(node_.initialize(request), registers::Error) << n;
+    }
+    request.snapshot = snapshots[500];
+    request.snapshot.push_back({});
+    EXPECT_THROW(node_.initialize(request), registers::Error);
+    request.snapshot[0] = std::byte{'F'};
+    EXPECT_THROW(node_.initialize(request), registers::Error);
+}
+
+/// What came by radio at t, as the world's node hands it over.
+Record by_radio(Ns t, std::vector<std::vector<std::uint8_t>> units, std::uint32_t count)
+{
+    UnitsOut out;
+    out.open(3, 1000, 50);
+    std::vector<sim::Packet> packets;
+    for (auto &one : units) {
+        packets.push_back({t, std::move(one)});
+    }
+    std::vector<Record> records;
+    out.write(t, packets, records);
+    records[0].count = count;
+    return records[0];
+}
+
+TEST_F(BoardNodeResetTest, WhatComesByRadioIsTakenUnitByUnitAndLostWhileTheComputerIsDown)
+{
+    node_.speak_by_radio();
+    node_.initialize({});
+    EXPECT_EQ(node_.desired().back().topic, "/flight/uplink");
+    EXPECT_EQ(node_.match({{5, "/flight/downlink", {}}}).size(), 1u);
+    node_.start({{1, "/world/m/a", {}}, {3, "/flight/uplink", units_schema(1000)}});
+    const Number up{{0, QUALITY_GOOD, 1}, 0.0, 0.0};
+    Number reset = up;
+    const std::uint32_t count = 3;
+    std::memcpy(&reset.x, &count, sizeof count);
+    const std::vector<std::uint8_t> nonsense{1, 2, 3, 4, 5, 6, 7}, two(16, 0); // the header of that says 7 bytes
+
+    Tock tock = node_.tick({60, {{1, 1, 0, payload(up)}, by_radio(50, {nonsense, two}, 1)}});
+    EXPECT_EQ(state.counters.refused, 2u) << "a unit is refused as a whole, whatever lengths it has";
+    std::size_t reports = 0;
+    for (const Record &record : tock.records) {
+        EXPECT_EQ(record.channel, 5u);
+        for (const sim::Packet &one : units_of(record.payload)) {
+            EXPECT_EQ(one.t, record.t);
+            reports++;
+        }
+    }
+    EXPECT_EQ(reports, 2u);
+
+    // At 70 it goes down, and begins at 190: what has come until then is lost.
+    node_.tick({200,
+                {{1, 2, 70, payload(reset)},
+                 by_radio(70, {nonsense}, 2),
+                 by_radio(100, {nonsense, two}, 3),
+                 by_radio(190, {two}, 4),
+                 by_radio(200, {nonsense}, 5)}});
+    EXPECT_EQ(restarted, 190);
+    EXPECT_EQ(state.counters.refused, 1u);
 }
 
 } // namespace

@@ -6,10 +6,16 @@
 // Such a run gives the bits of a single program if wires along the order of its processes have the latency
 // same_instant, wires against it next_instant, and wires with latency 1 next_exchange. Modes and events are checked
 // when the process itself steps.
+//
+// A model that carries units for flight, as a radio does, owns what is on its way, also where flight and the ground are
+// other programs. `/flight/downlink` brings what flight sent, `/world/radio/uplink` what the ground sent by
+// world.radio; both are seen at the next instant, and count as sent at the one before. What has arrived goes out at
+// each instant of flight, as `/flight/uplink` and `/world/radio/downlink`.
 #pragma once
 
 #include "cosim/node/delegate.h"
 #include "cosim/node/mailbox.h"
+#include "cosim/node/units.h"
 #include "sim/simulation.h"
 
 #include <map>
@@ -27,8 +33,12 @@ public:
     /// reads the topic at another latency.
     void read(const std::string &topic, const sim::Port &to, Latency latency, Ns stale_after = 0);
 
+    /// Carry the units of a flight process in another program, which steps at these rates, by the models that serve it.
+    /// Throws SetupError if this process does not step at each of its instants.
+    void carry(const std::string &flight, std::vector<Rate> rates);
+
     Initialized initialize(const Initialize &request) override;
-    std::vector<Subscription> desired() override { return subscriptions_; }
+    std::vector<Subscription> desired() override;
     std::vector<Publication> match(const std::vector<Channel> &asked) override;
     void start(const std::vector<Channel> &wired) override;
     Tock tick(const Tick &tick) override;
@@ -42,6 +52,28 @@ private:
         std::vector<SchemaField> fields;
     };
 
+    /// A model that serves a flight process.
+    struct Radio {
+        sim::Carrier *carrier;
+        std::string topic; ///< "/world/radio"
+        std::optional<std::uint32_t> uplink;
+        UnitsOut downlink;
+        std::vector<sim::Packet> arrived; ///< at the ground, and not handed over yet
+    };
+    struct Served {
+        std::string flight;
+        std::vector<Rate> rates;
+        std::vector<Radio> radios;
+        std::optional<std::uint32_t> downlink;
+        UnitsOut uplink;
+        std::vector<sim::Packet> arrived; ///< at flight
+        Ns every() const;
+    };
+    std::vector<std::vector<sim::Packet> *> arrived();
+    bool listen(const Channel &channel);
+    bool send(const Record &record);
+    void hand_over(Ns t, std::vector<Record> &records);
+
     sim::Simulation &simulation_;
     sim::Process &process_;
     sim::Process &others_;
@@ -51,6 +83,7 @@ private:
     std::map<std::uint32_t, Input> inputs_;                     ///< by channel
     Inbox inbox_;
     Outbox outbox_; ///< of the process' instances
+    std::vector<Served> served_;
 };
 
 } // namespace fledge::cosim

@@ -87,9 +87,33 @@ void Broker::wrote(const std::string &node, const std::vector<Record> &records)
         send_late();
     }
     for (const Record &record : records) {
-        put_now_or_later(topics_[record.channel], node, record);
+        if (record.t <= config_.after) {
+            past_.insert_or_assign(record.channel, std::pair(node, record));
+            continue;
+        }
+        pass_on_past(record.channel);
+        pass_on(node, record);
     }
-    published_.fetch_add(records.size(), std::memory_order_relaxed);
+}
+
+void Broker::settled(Ns t)
+{
+    while (t >= config_.after && !past_.empty()) {
+        pass_on_past(past_.begin()->first);
+    }
+}
+
+void Broker::pass_on_past(std::uint32_t channel)
+{
+    if (const auto past = past_.extract(channel)) {
+        pass_on(past.mapped().first, past.mapped().second);
+    }
+}
+
+void Broker::pass_on(const std::string &node, const Record &record)
+{
+    put_now_or_later(topics_[record.channel], node, record);
+    published_.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Broker::ended(const std::string &reason)

@@ -37,6 +37,7 @@ struct BrokerConfig {
     int waiting = 1000;                       ///< the most messages in the queue of an observer
     Limits limits = {};
     bool any_user = false; ///< over "ipc://"; else only programs of this user can connect
+    Ns after = -1;         ///< of what was written until then, observers see only the last message of each topic
 };
 
 struct BrokerCounts {
@@ -66,6 +67,7 @@ public:
 
     void began(const Exchange &exchange) override;
     void wrote(const std::string &node, const std::vector<Record> &records) override;
+    void settled(Ns t) override;
     void ended(const std::string &reason) override;
     /// Send records for which the ring had no room. To be called from time to time.
     void send_late();
@@ -94,6 +96,8 @@ private:
         std::uint64_t looked = 0;
     };
 
+    void pass_on(const std::string &node, const Record &record);
+    void pass_on_past(std::uint32_t channel);
     bool put(Kind kind, const std::string &topic, const std::string &node, const Record &record);
     void put_now_or_later(const std::string &topic, const std::string &node, const Record &record);
 
@@ -117,6 +121,7 @@ private:
     // Used by the Router's thread.
     std::vector<std::string> topics_;       ///< by channel
     std::map<std::string, Published> late_; ///< by topic: the newest record for which the ring had no room
+    std::map<std::uint32_t, std::pair<std::string, Record>> past_; ///< by channel: see BrokerConfig::after
     std::string end_;
     bool end_is_late_ = false;
 

@@ -482,6 +482,42 @@ TEST(Broker, TheNewestMessageOfEachTopicSurvivesAFullRing)
     EXPECT_EQ(broker.counts().dropped, gaps + 1);
 }
 
+TEST(Broker, OfThePastOfARunObserversSeeTheLastMessages)
+{
+    zmq::context_t context;
+    BrokerConfig config;
+    config.frontend = "inproc://past-front";
+    config.backend = "inproc://past-back";
+    config.after = 100;
+    Broker broker(context, config);
+    zmq::socket_t seen(context, zmq::socket_type::sub);
+    seen.set(zmq::sockopt::rcvtimeo, 20'000);
+    seen.set(zmq::sockopt::subscribe, "");
+    seen.connect("inproc://past-back");
+    Exchange exchange;
+    exchange.topics = {{"/a", {}, "n", {}}, {"/b", {}, "n", {}}};
+    broker.began(exchange);
+    broker.wrote("n", {{0, 1, 50, word(1)}, {1, 1, 60, word(2)}, {0, 2, 90, word(3)}, {0, 3, 100, word(4)}});
+    broker.settled(99);
+    broker.wrote("n", {{0, 4, 110, word(5)}}); // the node is ahead of the others
+    broker.settled(100);
+    broker.wrote("n", {{1, 2, 120, word(6)}});
+    broker.ended("");
+    std::string found;
+    while (!found.ends_with("over")) {
+        broker.send_late();
+        zmq::message_t topic, bytes;
+        ASSERT_TRUE(seen.recv(topic) && seen.recv(bytes));
+        const Message message = decode({bytes.data<std::byte>(), bytes.size()}).message;
+        if (const auto *published = std::get_if<Published>(&message)) {
+            found += topic.to_string() + " " + std::to_string(published->record.t) + ", ";
+        } else {
+            found += "over";
+        }
+    }
+    EXPECT_EQ(found, "/a 100, /a 110, /b 60, /b 120, over");
+}
+
 TEST(Broker, OnlyAllowedKeysObserveOrWrite)
 {
     Keys keys;

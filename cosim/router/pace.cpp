@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string_view>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
@@ -23,8 +22,7 @@ constexpr Ns longest_stride = 3'600'000'000'000;
 bool finished(const Controller &controller, std::size_t nodes)
 {
     for (NodeId id = 0; id < nodes; id++) {
-        const std::string_view state = controller.state(id);
-        if (state == "joining" || (state == "running" && controller.waiting_for(id))) {
+        if (controller.busy(id)) {
             return false;
         }
     }

@@ -44,6 +44,7 @@ public:
 
     double speed() const { return speed_; }
     bool paused() const { return held_; }
+    Ns until() const { return until_; }
     const PaceReport &report() const { return report_; }
 
 private:

@@ -18,7 +18,7 @@ constexpr std::size_t most_attaching = 1000;
 constexpr std::int64_t longest_greeting = 4096; ///< [bytes]
 constexpr int most_names = 100;                 ///< of sockets, to try
 constexpr auto longest_rest = 20ms;             ///< between two looks at the sockets, if all nodes share memory
-constexpr auto longest_busy_wait = 20us;        ///< if there is a processor for each program
+constexpr auto longest_busy_wait = 60us;        ///< longer than a processor needs to wake up
 
 /// What a descriptor in the poller belongs to.
 enum Kind : std::uint64_t { greetings, greeters, wake_up, timer, frames, events, kinds };
@@ -31,7 +31,7 @@ std::uint64_t key(Kind kind, NodeId id = 0)
 ControllerConfig adjusted(ControllerConfig config, bool listened, bool held)
 {
     config.listened = config.listened || listened;
-    config.horizon = held ? -1 : config.horizon;
+    config.horizon = !held ? config.horizon : config.past ? config.past->until : -1;
     return config;
 }
 
@@ -121,15 +121,20 @@ void Router::call_hosted()
 std::string Router::run(const std::function<bool()> &poll)
 {
     checked_ = complete_ = Clock::now();
-    busy_wait_ = std::thread::hardware_concurrency() > nodes_.size() - hosted_.size() ? longest_busy_wait : 0us;
-    spin_ = Spin(busy_wait_);
+    const unsigned processors = std::thread::hardware_concurrency();
+    busy_wait_ = processors > 1 && processors >= nodes_.size() - hosted_.size() ? longest_busy_wait : 0us;
+    spin_ = Spin(processors > 1 ? longest_busy_wait : 0us);
     auto waited = checked_;
     while (!controller_.done()) {
         if (broker_ && broker_->received()) {
             inject_messages();
         }
         call_hosted();
-        const bool busy = listen_to_shared();
+        const bool plays = controller_.play();
+        if (plays) {
+            act();
+        }
+        const bool busy = listen_to_shared() || plays;
         listen_again();
         const auto now = Clock::now();
         if (now - checked_ >= check_period) {
@@ -331,6 +336,7 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         broker.backend = !config_.backend.empty() ? config_.backend : tcp ? any : config_.address + "-backend";
         broker.limits = config_.limits;
         broker.any_user = config_.any_user;
+        broker.after = controller.past ? controller.past->until : -1;
         check_address(broker.frontend);
         check_address(broker.backend);
         broker_ = std::make_unique<Broker>(context_, broker, authenticator_.get());
@@ -460,7 +466,7 @@ void Router::check_connection(NodeId id)
     }
 }
 
-void Router::received(NodeId id, Frame frame)
+void Router::received(NodeId id, Frame &&frame)
 {
     NodeSlot &slot = nodes_[id];
     slot.replied = true;
@@ -587,12 +593,13 @@ void Router::close(NodeId id)
 
 void Router::act()
 {
-    for (auto actions = controller_.take_actions(); !actions.empty(); actions = controller_.take_actions()) {
-        for (Action &a : actions) {
+    std::optional<Clock::time_point> now;
+    while (!(actions_ = controller_.take_actions(std::move(actions_))).empty()) {
+        for (Action &a : actions_) {
             if (auto *send = std::get_if<action::Send>(&a)) {
                 NodeSlot &slot = nodes_[send->node];
                 try {
-                    slot.asked = Clock::now();
+                    slot.asked = now ? *now : now.emplace(Clock::now());
                     if (std::holds_alternative<Tick>(send->frame.message) ||
                         (std::holds_alternative<Finish>(send->frame.message) && slot.times.ticks)) {
                         slot.times.wait += std::chrono::nanoseconds(slot.asked - slot.answered).count();
@@ -634,6 +641,9 @@ void Router::act()
             } else if (const auto *wrote = std::get_if<action::Wrote>(&a)) {
                 notify([&](RunListener &listener) { listener.wrote(names_[wrote->node], wrote->records); });
                 notify([&](RunListener &listener) { listener.settled(wrote->settled); });
+            } else if (const auto *kept = std::get_if<action::Kept>(&a)) {
+                notify([&](RunListener &listener) { listener.settled(kept->t); });
+                notify([&](RunListener &listener) { listener.kept(kept->t, kept->snapshots); });
             } else if (const auto *done = std::get_if<action::Done>(&a)) {
                 outcome_ = done->reason;
                 notify([&](RunListener &listener) { listener.ended(done->reason); });

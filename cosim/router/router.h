@@ -121,7 +121,7 @@ private:
     bool anything_shared() const;
     bool choose_waking_nodes();
     void call_hosted();
-    void received(NodeId id, Frame frame);
+    void received(NodeId id, Frame &&frame);
     bool keyed() const;
     ControllerConfig with_broker(ControllerConfig controller);
     void check_address(const std::string &address) const;
@@ -153,6 +153,7 @@ private:
     std::vector<NodeId> sharing_; ///< nodes with shared memory
     std::vector<NodeId> unsure_;
     std::vector<char> unblocking_;
+    std::vector<Action> actions_; ///< of act()
     bool greetings_unsure_ = true;
     std::vector<Node *> hosted_;                 ///< in the order of host()
     std::deque<std::pair<NodeId, Frame>> calls_; ///< requests to hosted nodes

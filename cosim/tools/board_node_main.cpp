@@ -2,6 +2,8 @@
 // The node of a board as a program: fledge_board_node --help.
 #include "cosim/node/board_node.h"
 #include "options/options.h"
+#include "record/file_sink.h"
+#include "registers/snapshot_link.h"
 
 #include <charconv>
 #include <csignal>
@@ -27,6 +29,7 @@ struct Settings {
     std::string tables, registers, script, telemetry;
     const MissionHost *mission = nullptr; ///< of the tables
     std::vector<std::string> command;
+    bool by_radio = false;
     cosim::MemberConfig delegate;
     std::chrono::nanoseconds reply = 60s;
 };
@@ -54,7 +57,8 @@ Settings parse(int argc, char **argv)
         "fledge_board_node",
         "Joins a simulation for a flight computer that knows nothing but the registers of its boards.",
         "Behind --, a command that starts flight; it ends with this program, and {registers} in its arguments is "
-        "the register file.\n\n"
+        "the register file. A command "
+        "with {snapshots} makes snapshots of its computer: that is a socket (registers/snapshot_link.h).\n\n"
         "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}");
     const auto text = [&](const char *name, std::string &to, const char *help) {
         return options.text(name, to, "", help);
@@ -74,6 +78,7 @@ Settings parse(int argc, char **argv)
     text("--node", o.delegate.node, "of this node; default: FLEDGE_NODE, else flight");
     text("--address", o.delegate.address, "of the controller; default: FLEDGE_ADDRESS, else tcp://127.0.0.1:7000");
     text("--keys", o.delegate.keys, "of this node (fledge keys); default: FLEDGE_KEYS");
+    options.flag("--by-radio", o.by_radio, "a radio of another node carries commands and telemetry, too");
     time("--patience", patience, "for the controller, and for flight, to be there; default 60");
     time("--reply", reply, "for flight to answer a tick; default 60");
     options.parse(static_cast<int>(command - argv), argv);
@@ -100,12 +105,21 @@ class Launched final : public registers::Backend {
 public:
     Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command) : file_(boards, "")
     {
-        const std::string path = "/dev/fd/" + std::to_string(file_.fd());
+        int theirs = -1;
+        const auto fill = [](std::string &word, const std::string &place, const auto &value) {
+            if (const auto at = word.find(place); at != word.npos) {
+                word.replace(at, place.size(), value());
+            }
+        };
         std::vector<char *> arguments;
         for (std::string &word : command) {
-            if (const auto at = word.find("{registers}"); at != word.npos) {
-                word.replace(at, std::strlen("{registers}"), path);
-            }
+            fill(word, "{registers}", [&] { return "/dev/fd/" + std::to_string(file_.fd()); });
+            fill(word, "{snapshots}", [&] {
+                const auto [ours, other] = registers::SnapshotLink::make();
+                link_.emplace(ours);
+                theirs = other;
+                return std::to_string(theirs);
+            });
             arguments.push_back(word.data());
         }
         arguments.push_back(nullptr);
@@ -120,6 +134,7 @@ public:
             std::fprintf(stderr, "fledge_board_node: %s cannot be started: %s\n", arguments[0], std::strerror(errno));
             _exit(127);
         }
+        close(theirs);
         if (pid_ < 0) {
             throw registers::Error(std::string("no process can be started: ") + std::strerror(errno));
         }
@@ -157,6 +172,13 @@ public:
         }
     }
 
+    bool saves() const override { return link_.has_value(); }
+    std::vector<std::byte> save(std::chrono::nanoseconds timeout) override { return ask({}, timeout); }
+    void restore(std::span<const std::byte> snapshot, std::chrono::nanoseconds timeout) override
+    {
+        ask(snapshot, timeout);
+    }
+
     /// Flight's exit code; -1 if it has not ended within the timeout, 128 + n after signal n.
     int result(std::chrono::seconds timeout)
     {
@@ -177,7 +199,15 @@ private:
         return ended();
     }
 
+    std::vector<std::byte> ask(std::span<const std::byte> request, std::chrono::nanoseconds timeout)
+    {
+        const RegisterWindow &any = windows().front();
+        return link_->ask(
+            request, [&] { any.ring(any.user, 0); }, timeout);
+    }
+
     registers::SharedFile file_;
+    std::optional<registers::SnapshotLink> link_;
     pid_t pid_ = -1;
     int status_ = 0;
     bool ended_ = false;
@@ -203,54 +233,123 @@ void read_script(const std::string &path, cosim::BoardNode &node)
     }
 }
 
-/// Writes packets as lines into a file.
+/// Packets of flight as lines of a file, which gets its name at the regular end.
 class TelemetryFile {
 public:
-    explicit TelemetryFile(const std::string &path) : path_(path), file_(path) { check(); }
+    explicit TelemetryFile(std::string path) : path_(std::move(path)) {}
+    ~TelemetryFile()
+    {
+        file_sink_write(&sink_, text_.data(), text_.size());
+        file_sink_close(&sink_, false);
+    }
+    TelemetryFile(const TelemetryFile &) = delete;
+    TelemetryFile &operator=(const TelemetryFile &) = delete;
+
+    void begin() { check(file_sink_open(&sink_, path_.c_str())); }
+    /// Go on with the file of a program that ended.
+    void resume(const FileMark &mark) { check(file_sink_resume(&sink_, path_.c_str(), mark)); }
+    FileMark mark()
+    {
+        FileMark mark;
+        write();
+        check(file_sink_mark(&sink_, &mark));
+        return mark;
+    }
     void add(cosim::Ns t, std::span<const std::uint8_t> packet)
     {
         static constexpr char digits[] = "0123456789abcdef";
-        file_ << t << ' ';
+        text_ += std::to_string(t) + ' ';
         for (const std::uint8_t byte : packet) {
-            file_ << digits[byte >> 4] << digits[byte & 15];
+            text_ += digits[byte >> 4];
+            text_ += digits[byte & 15];
         }
-        file_ << '\n';
-        check();
+        text_ += '\n';
+        if (text_.size() >= std::size_t{1} << 16) {
+            write();
+        }
     }
     void close()
     {
-        file_.close();
-        check();
+        write();
+        check(file_sink_close(&sink_, true));
     }
 
 private:
-    void check() const
+    void write()
     {
-        if (!file_) {
-            throw registers::Error("--telemetry " + path_ + ": cannot be written");
+        check(file_sink_write(&sink_, text_.data(), text_.size()));
+        text_.clear();
+    }
+    void check(int error) const
+    {
+        if (error == ENODATA) {
+            throw registers::Error("--telemetry " + path_ + ".part is not what was written until the snapshot");
+        }
+        if (error != 0) {
+            throw registers::Error("--telemetry " + path_ + ": " + std::strerror(error));
         }
     }
-    std::string path_;
-    std::ofstream file_;
+    std::string path_, text_;
+    FileSink sink_{.fd = -1, .error = 0, .marked = {}, .part = {}};
+};
+
+/// The node with its file, of which a snapshot has the mark.
+class NodeWithFile final : public cosim::BoardNode {
+public:
+    NodeWithFile(const MissionHost &mission, registers::Backend &backend, std::chrono::nanoseconds reply,
+                 const std::string &path)
+        : BoardNode(mission, backend, reply)
+    {
+        if (!path.empty()) {
+            file_.emplace(path);
+            telemetry = [this](cosim::Ns t, std::span<const std::uint8_t> packet) { file_->add(t, packet); };
+        }
+    }
+    cosim::Initialized initialize(const cosim::Initialize &request) override
+    {
+        cosim::Initialize rest = request;
+        FileMark mark{};
+        if (rest.snapshot.size() >= sizeof mark) {
+            std::memcpy(&mark, rest.snapshot.data() + rest.snapshot.size() - sizeof mark, sizeof mark);
+            rest.snapshot.resize(rest.snapshot.size() - sizeof mark);
+        }
+        if (file_) {
+            request.snapshot.empty() ? file_->begin() : file_->resume(mark);
+        }
+        return BoardNode::initialize(rest);
+    }
+    cosim::Bytes save() override
+    {
+        cosim::Bytes snapshot = BoardNode::save();
+        const FileMark mark = file_ ? file_->mark() : FileMark{};
+        const auto *at = reinterpret_cast<const std::byte *>(&mark);
+        snapshot.insert(snapshot.end(), at, at + sizeof mark);
+        return snapshot;
+    }
+    void finish(const std::string &reason) override
+    {
+        BoardNode::finish(reason);
+        if (file_ && reason.empty()) {
+            file_->close();
+        }
+    }
+
+private:
+    std::optional<TelemetryFile> file_;
 };
 
 /// Returns the reason of an early end, "" for the regular end.
 std::string serve(const Settings &o, const MissionHost &mission, registers::Backend &backend)
 {
     zmq::context_t context;
-    cosim::BoardNode node(mission, backend, o.reply);
+    NodeWithFile node(mission, backend, o.reply, o.telemetry);
+    if (o.by_radio) {
+        node.speak_by_radio();
+    }
     if (!o.script.empty()) {
         read_script(o.script, node);
     }
-    std::optional<TelemetryFile> telemetry;
-    if (!o.telemetry.empty()) {
-        telemetry.emplace(o.telemetry);
-        node.telemetry = [&](cosim::Ns t, std::span<const std::uint8_t> packet) { telemetry->add(t, packet); };
-    }
     std::string reason = cosim::Delegate(context, o.delegate).serve(node);
-    if (telemetry) {
-        telemetry->close();
-    }
     const MissionIoCounts &counts = node.counts();
     std::printf("outside_refused %u\noutside_corrupt %u\noutside_saturated %u\noutside_skipped %u\nlost %u\n",
                 counts.refused, counts.corrupt, counts.saturated, counts.skipped,
@@ -262,6 +361,7 @@ std::string serve(const Settings &o, const MissionHost &mission, registers::Back
 
 int main(int argc, char **argv)
 {
+    std::signal(SIGXFSZ, SIG_IGN); // a file that reaches the limit on sizes is an error of writing
     try {
         Settings o = parse(argc, argv);
         const MissionHost &mission = *o.mission;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The controller as a program: fledge_controller --help.
 #include "cosim/tools/exchange_record.h"
+#include "cosim/tools/snapshots.h"
 #include "cosim/tools/status.h"
 #include "options/options.h"
 
@@ -23,7 +24,8 @@ struct Settings {
     std::vector<std::string> nodes, asynchronous;
     double until = 0, join = 60, greet = 30, reply = 60; ///< [s]
     int status = -1;
-    std::string record;
+    std::string record, snapshots, past;
+    double keep_every = 0; ///< [s]
 };
 
 std::vector<std::string> split(const std::string &text)
@@ -180,10 +182,20 @@ Settings parse(int argc, char **argv)
               "with programs on this machine: allowed (default), forbidden, required")
         .one_of({"allowed", "forbidden", "required"});
     options.text("--record", o.record, "FILE", "an archive of all that nodes write to one another (exchange_record.h)");
+    options.text("--snapshots", o.snapshots, "DIR", "keep snapshots of all nodes there (snapshots.h)");
+    number("--keep-every", o.keep_every, "simulated time between these snapshots; needed for --snapshots");
+    options.text("--past", o.past, "FILE", "go on from there: snapshots and messages (snapshots.h)");
     options.whole("--status", o.status, 0, 1 << 30, "FD",
                   "a file descriptor for the state of the run, in lines of JSON (status.h)");
     options.parse(argc, argv);
     o.controller.end = std::llround(o.until * 1e9);
+    o.controller.keep_every = std::llround(o.keep_every * 1e9);
+    if (o.snapshots.empty() != (o.controller.keep_every == 0)) {
+        options.refuse("--snapshots and --keep-every belong together");
+    }
+    if (!o.past.empty()) {
+        o.controller.past = std::make_shared<Past>(read_past(o.past));
+    }
     o.router.broker = !no_broker;
     o.router.sharing = *meant_by(sharing_words, sharing);
     o.router.join = milliseconds(o.join);
@@ -221,8 +233,13 @@ int main(int argc, char **argv)
         if (!o.record.empty()) {
             o.router.listeners.push_back(&record);
         }
+        std::optional<SnapshotFolder> snapshots; // after the record, which then has all messages up to a snapshot
+        if (!o.snapshots.empty()) {
+            o.router.listeners.push_back(&snapshots.emplace(o.snapshots));
+        }
         zmq::context_t context;
         Router router(context, o.controller, o.router);
+        o.controller.past.reset(); // it may be large
         std::printf("listening at %s\n", router.address().c_str());
         std::fflush(stdout);
         status.listening(router.address());

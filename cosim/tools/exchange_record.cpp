@@ -100,6 +100,7 @@ void ExchangeRecord::wrote(const std::string &, const std::vector<Record> &recor
 
 void ExchangeRecord::settled(Ns t)
 {
+    settled_ = std::max(settled_, t);
     const auto later = std::partition(pending_.begin(), pending_.end(), [&](const Pending &p) { return p.t <= t; });
     std::sort(pending_.begin(), later, [](const Pending &a, const Pending &b) {
         return std::tie(a.t, a.channel, a.count) < std::tie(b.t, b.channel, b.count);
@@ -119,8 +120,9 @@ void ExchangeRecord::settled(Ns t)
 void ExchangeRecord::ended(const std::string &reason)
 {
     if (file_) {
+        const Ns last = reason.empty() ? end_ : settled_;
         settled(for_ever);
-        file_->metadata("end", {{"reason", reason}});
+        file_->metadata("end", {{"reason", reason}, {"settled", std::to_string(last)}});
         file_->close();
     }
 }

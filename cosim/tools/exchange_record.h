@@ -5,7 +5,8 @@
 // The metadata "exchange" holds simulation, seed, end [ns], and of each node NAME.present (0 or
 // 1), NAME.rates ("period+offset", one per line), NAME.any_time, NAME.reads ("topic latency", one per line;
 // "optional" may follow). After an epoch they come again under "exchange after T". A topic's metadata
-// are its writer and its initial value (payload in hexadecimal digits). "end" holds the reason.
+// are its writer and its initial value (payload in hexadecimal digits). "end" holds the reason, and under "settled" the
+// last instant [ns] up to which all messages are there.
 #pragma once
 
 #include "cosim/controller/config.h"
@@ -27,6 +28,8 @@ public:
     void began(const Exchange &exchange) override;
     void wrote(const std::string &node, const std::vector<Record> &records) override;
     void settled(Ns t) override;
+    /// A run that goes on from snapshots needs the messages until then.
+    void kept(Ns, const std::vector<NodeSnapshot> &) override { file_->save(); }
     void ended(const std::string &reason) override;
 
 private:
@@ -48,6 +51,7 @@ private:
     std::string path_, simulation_;
     std::uint64_t seed_;
     Ns end_;
+    Ns settled_ = -1;
     std::unique_ptr<sim::ArchiveFile> file_;
     std::map<std::string, Topic> known_; ///< by name: a topic stays in its channel
     std::vector<Topic> topics_;          ///< by channel of the exchange

@@ -29,7 +29,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { GRACE_MS = 1000, LOOK_MS = 20, KILLED_MS = 5000, MOST_PROCESSES = 65536 };
+enum { GRACE_MS = 5000, LOOK_MS = 20, KILLED_MS = 5000, MOST_PROCESSES = 65536 };
 
 typedef struct {
     pid_t pid, parent;

@@ -82,6 +82,7 @@ std::string pace_of(const Router &router)
     }
     if (const Pace *pace = router.steer()) {
         s += ",\"pace\":" + seconds(pace->speed()) + ",\"paused\":" + (pace->paused() ? "true" : "false");
+        s += pace->until() == for_ever ? "" : ",\"until\":" + seconds(static_cast<double>(pace->until()) * 1e-9);
     }
     return s;
 }

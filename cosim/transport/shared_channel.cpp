@@ -21,7 +21,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr char magic[8] = {'F', 'L', 'E', 'D', 'G', 'S', 'M', '1'};
+constexpr char magic[8] = {'F', 'L', 'E', 'D', 'G', 'S', 'M', '2'};
 constexpr std::size_t ring_size = 16384; ///< of each way: some ticks fit in, and it stays in the cache
 constexpr std::size_t word = 8;
 
@@ -167,18 +167,18 @@ void WakeUp::disarm(bool rang)
 
 // ---- a node's memory
 
-struct SharedChannel::Lane {
-    alignas(64) std::atomic<std::uint64_t> written;
-    std::atomic<std::uint32_t> blocked; ///< the writer waits for room
-    alignas(64) std::atomic<std::uint64_t> taken;
+/// What one end writes, on a cache line of its own: the other end then fetches it at once.
+struct alignas(64) SharedChannel::Side {
+    std::atomic<std::uint64_t> written; ///< bytes, into its ring
+    std::atomic<std::uint64_t> taken;   ///< bytes, from the other ring
+    std::atomic<std::uint32_t> blocked; ///< it waits for room in its ring
+    std::atomic<std::uint32_t> away;    ///< the node sleeps; the controller does not wait for this node
 };
 
 struct SharedChannel::Memory {
     Head head;
-    alignas(64) std::atomic<std::uint32_t> asleep;  ///< the node sleeps
-    alignas(64) std::atomic<std::uint32_t> ignored; ///< the controller does not wait for this node
-    Lane lanes[2];                                  ///< to the node, to the controller
-    alignas(64) std::byte rings[2][ring_size];
+    Side controller, node;
+    alignas(64) std::byte rings[2][ring_size]; ///< to the node, to the controller
 };
 
 SharedChannel::Memory &SharedChannel::words() const
@@ -197,8 +197,8 @@ SharedChannel::SharedChannel(WakeUp &wake_up, std::size_t slot, std::chrono::nan
     memory.head.slot = slot;
     set_text(memory.head.wake_up, wake_up.memory_path());
     set_text(memory.head.pipe, wake_up.pipe_path());
-    out_ = &memory.lanes[0];
-    in_ = &memory.lanes[1];
+    own_side_ = &memory.controller;
+    other_side_ = &memory.node;
     ring_out_ = memory.rings[0];
     ring_in_ = memory.rings[1];
 }
@@ -214,8 +214,8 @@ SharedChannel::SharedChannel(const std::string &path, std::uint64_t nonce, const
     own_.emplace(text_of(head.wake_up), text_of(head.pipe), nonce);
     slot_ = head.slot;
     spin_ = Spin(std::chrono::nanoseconds(std::min<std::uint64_t>(head.spin, 1'000'000)));
-    in_ = &memory.lanes[0];
-    out_ = &memory.lanes[1];
+    own_side_ = &memory.node;
+    other_side_ = &memory.controller;
     ring_in_ = memory.rings[0];
     ring_out_ = memory.rings[1];
 }
@@ -224,19 +224,17 @@ void SharedChannel::wake_on_message(bool wakes)
 {
     if (wakes != wakes_) {
         wakes_ = wakes;
-        words().ignored.store(!wakes, std::memory_order_relaxed); // WakeUp::arm() follows
+        own_side_->away.store(!wakes, std::memory_order_relaxed); // WakeUp::arm() follows
     }
 }
 
 void SharedChannel::ring(bool urgent)
 {
-    Memory &memory = words();
     std::atomic_thread_fence(std::memory_order_seq_cst);
-    if (wake_up_) {
-        if (memory.asleep.load(std::memory_order_relaxed)) {
-            wake_up_->call(slot_);
-        }
-    } else if (urgent || !memory.ignored.load(std::memory_order_relaxed)) {
+    const bool away = other_side_->away.load(std::memory_order_relaxed) != 0;
+    if (wake_up_ && away) {
+        wake_up_->call(slot_);
+    } else if (!wake_up_ && (urgent || !away)) {
         own_->ring();
     }
 }
@@ -246,14 +244,13 @@ void SharedChannel::wait(std::chrono::milliseconds most)
     if (spin_.spin([&] { return pending(); })) {
         return;
     }
-    Memory &memory = words();
-    memory.asleep.store(1, std::memory_order_relaxed);
+    own_side_->away.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
     // wake() also wakes other nodes of the same slot.
     for (std::uint32_t calls = own_->calls(slot_); !pending() && !interrupted_ && own_->sleep(slot_, calls, most);) {
         calls = own_->calls(slot_);
     }
-    memory.asleep.store(0, std::memory_order_relaxed);
+    own_side_->away.store(0, std::memory_order_relaxed);
 }
 
 void SharedChannel::interrupt()
@@ -267,7 +264,7 @@ void SharedChannel::interrupt()
 
 std::size_t SharedChannel::filled() const
 {
-    const std::uint64_t n = in_->written.load(std::memory_order_acquire) - taken_;
+    const std::uint64_t n = other_side_->written.load(std::memory_order_acquire) - taken_;
     if (n > ring_size || n % word) {
         throw ProtocolError("the shared memory counts " + std::to_string(n) + " bytes in a ring of " +
                             std::to_string(ring_size));
@@ -277,7 +274,7 @@ std::size_t SharedChannel::filled() const
 
 std::size_t SharedChannel::room()
 {
-    const std::uint64_t passed = out_->taken.load(std::memory_order_acquire);
+    const std::uint64_t passed = other_side_->taken.load(std::memory_order_acquire);
     if (passed - passed_ > written_ - passed_ || passed % word) {
         throw ProtocolError("the shared memory counts more bytes taken than were written");
     }
@@ -305,7 +302,7 @@ void SharedChannel::send(std::span<const std::byte> frame, bool urgent)
     if (kept_.empty() && word + padded(frame.size()) <= room()) {
         put(head);
         put(frame);
-        out_->written.store(written_, std::memory_order_release);
+        own_side_->written.store(written_, std::memory_order_release);
         return ring(urgent);
     }
     kept_.insert(kept_.end(), head.begin(), head.end());
@@ -319,18 +316,18 @@ bool SharedChannel::flush()
     if (kept_.empty()) {
         return true;
     }
-    out_->blocked.store(1, std::memory_order_relaxed);
+    own_side_->blocked.store(1, std::memory_order_relaxed);
     std::atomic_thread_fence(std::memory_order_seq_cst);
     if (const std::size_t n = std::min(room(), kept_.size() - kept_at_)) {
         put(std::span(kept_).subspan(kept_at_, n));
         kept_at_ += n;
-        out_->written.store(written_, std::memory_order_release);
+        own_side_->written.store(written_, std::memory_order_release);
         ring();
     }
     if (kept_at_ == kept_.size()) {
         kept_.clear();
         kept_at_ = 0;
-        out_->blocked.store(0, std::memory_order_relaxed);
+        own_side_->blocked.store(0, std::memory_order_relaxed);
     }
     return kept_.empty();
 }
@@ -361,9 +358,9 @@ bool SharedChannel::receive(Bytes &frame)
     coming_.insert(coming_.end(), ring_in_, ring_in_ + (n - first));
     taken_ += n;
     missing_ -= n;
-    in_->taken.store(taken_, std::memory_order_release);
+    own_side_->taken.store(taken_, std::memory_order_release);
     std::atomic_thread_fence(std::memory_order_seq_cst);
-    if (in_->blocked.load(std::memory_order_relaxed)) {
+    if (other_side_->blocked.load(std::memory_order_relaxed)) {
         ring();
     }
     if (missing_) {
@@ -376,8 +373,8 @@ bool SharedChannel::receive(Bytes &frame)
 
 bool SharedChannel::pending() const
 {
-    return in_->written.load(std::memory_order_acquire) != taken_ ||
-           (!kept_.empty() && out_->taken.load(std::memory_order_acquire) != passed_);
+    return other_side_->written.load(std::memory_order_acquire) != taken_ ||
+           (!kept_.empty() && other_side_->taken.load(std::memory_order_acquire) != passed_);
 }
 
 } // namespace fledge::cosim

@@ -22,6 +22,8 @@
 #include <chrono>
 #include <optional>
 
+#include <sched.h>
+
 namespace fledge::cosim {
 
 /// Busy waiting before a sleep: sleeping and waking cost more than a short wait. If it fails, as the other side
@@ -46,6 +48,7 @@ public:
                 }
                 pause();
             }
+            sched_yield(); // the other side may have no processor of its own
         } while (std::chrono::steady_clock::now() < end);
         vain_ = std::min(2 * vain_ + 1, 1023u);
         skip_ = vain_;
@@ -155,7 +158,7 @@ public:
     void interrupt();
 
 private:
-    struct Lane;
+    struct Side;
 
     Memory &words() const;
     void ring(bool urgent = true);
@@ -172,7 +175,7 @@ private:
     Spin spin_; ///< the node's
     std::size_t limit_ = 0;
     bool wakes_ = true;
-    Lane *in_ = nullptr, *out_ = nullptr;
+    Side *own_side_ = nullptr, *other_side_ = nullptr;
     std::byte *ring_in_ = nullptr, *ring_out_ = nullptr;
     std::uint64_t taken_ = 0;   ///< from the ring that comes in
     std::uint64_t written_ = 0; ///< to the other one,

@@ -435,10 +435,17 @@ void SystemBus::flip(std::uint32_t address, EdacFlips flips)
 void SystemBus::flip_next_read(std::uint32_t bits)
 {
     flip_next_ = bits;
+    fail_next_ = false;
     const Memory &ram = regions_.front().memory;
     for (std::uint32_t offset = 0; offset < ram.size; offset += page_size) {
         set_faulty(ram.base + offset);
     }
+}
+
+void SystemBus::fail_next_read()
+{
+    flip_next_read(1);
+    fail_next_ = true;
 }
 
 void SystemBus::set_flips(std::map<std::uint32_t, EdacFlips> flips)
@@ -509,7 +516,12 @@ bool SystemBus::read_faulty(std::uint32_t address, unsigned size, std::uint64_t 
     }
     if (flip_next_ != 0) {
         corrections ^= size == 8 ? std::uint64_t{flip_next_} << 32 : flip_next_;
+        const bool fails = fail_next_;
         flip_next_read(0);
+        if (fails) {
+            (void)refuse(address, size, false);
+            return false;
+        }
     }
     value ^= size >= 4 ? corrections : corrections >> (8 * (4 - size - address % 4)) & ((1u << 8 * size) - 1);
     return true;

@@ -88,6 +88,8 @@ public:
     void flip(std::uint32_t address, EdacFlips flips);
     /// Flip bits of the word that the processor reads next from RAM as data.
     void flip_next_read(std::uint32_t bits);
+    /// That read has an error of the bus, which traps.
+    void fail_next_read();
     /// Read and correct a word of RAM, as a scrubber does. Reports an error as any access.
     EdacResult scrub(std::uint32_t address);
 
@@ -141,7 +143,7 @@ private:
     std::uint64_t read_flag_changes_ = 0;
     std::uint32_t flip_next_ = 0, watched_at_ = 0;
     std::uint32_t pages_ = 0;
-    bool edac_on_ = false;
+    bool edac_on_ = false, fail_next_ = false;
 };
 
 } // namespace fledge::emulator

@@ -249,5 +249,19 @@ TEST(SystemBus, one_read_is_flipped_on_its_way)
     EXPECT_EQ(b.read(ram + 16, 8), 0u);
 }
 
+TEST(SystemBus, one_read_fails)
+{
+    Bench b;
+    b.bus.write(ram + 16, 4, 7);
+    b.bus.fail_next_read();
+    b.read(ram + 16, 4, Access::fault);
+    ASSERT_EQ(b.errors.size(), 1u);
+    EXPECT_EQ(b.errors[0].address, ram + 16);
+    EXPECT_EQ(b.read(ram + 16, 4), 7u);
+    b.bus.fail_next_read();
+    b.bus.set_flips({});
+    EXPECT_EQ(b.read(ram + 16, 4), 7u) << "not after a snapshot was restored";
+}
+
 } // namespace
 } // namespace fledge::emulator

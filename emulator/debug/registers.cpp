@@ -24,7 +24,7 @@ std::string register_name(unsigned number)
 unsigned register_number(std::string_view name)
 {
     const std::string_view plain = name.starts_with("%") ? name.substr(1) : name;
-    for (unsigned i = 0; i < register_count - 1; i++) {
+    for (unsigned i = 0; i < named_registers; i++) {
         if (register_name(i) == plain) {
             return i;
         }

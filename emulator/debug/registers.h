@@ -11,6 +11,7 @@
 namespace fledge::emulator {
 
 inline constexpr unsigned register_count = 72;
+inline constexpr unsigned named_registers = register_count - 1; ///< but the coprocessor's, which a LEON3 does not have
 
 std::string register_name(unsigned number); ///< "l3", without %
 /// By "l3", "%l3", "%sp", "%psr", ...; throws Error.

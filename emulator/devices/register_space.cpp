@@ -6,15 +6,11 @@
 
 #include "emulator/error.h"
 #include "registers/clock.h"
+#include "registers/plug_and_play.h"
 
 namespace fledge::emulator {
 
 namespace {
-
-std::uint32_t rounded(std::uint32_t size)
-{
-    return (size + REGISTER_BUS_ALIGNMENT - 1) / REGISTER_BUS_ALIGNMENT * REGISTER_BUS_ALIGNMENT;
-}
 
 /// The word as the processor, which is big-endian, sees its bytes.
 std::uint32_t big_endian(std::uint32_t bytes)
@@ -33,16 +29,16 @@ void RegisterSpace::make(std::span<const RegisterBoard *const> boards)
 {
     std::uint32_t size = 0, lines = 0;
     for (const RegisterBoard *board : boards) {
-        size += rounded(board->size);
+        size += board->size;
         lines += board->n_interrupts;
     }
-    const std::size_t head = (1 + lines + 1) / 2; // in units of 8 bytes
-    memory_.assign(head + size / 8, 0);
+    const std::size_t begin = (sizeof(Head) / 4 + lines + 1) / 2; // in units of 8 bytes
+    memory_.assign(begin + size / 8, 0);
     std::vector<RegisterWindow> windows;
-    auto *words = reinterpret_cast<volatile std::uint32_t *>(memory_.data() + head);
+    auto *words = reinterpret_cast<volatile std::uint32_t *>(memory_.data() + begin);
     for (const RegisterBoard *board : boards) {
         windows.push_back(register_window(board, words));
-        words += rounded(board->size) / 4;
+        words += board->size / 4;
     }
     attach(windows);
 }
@@ -53,9 +49,18 @@ void RegisterSpace::attach(std::span<const RegisterWindow> windows)
     places_.clear();
     counters_.clear();
     clock_ = nullptr;
-    std::uint32_t from = 0;
+    std::vector<const RegisterBoard *> boards;
+    for (const RegisterWindow &w : windows_) {
+        boards.push_back(w.board);
+    }
     for (const RegisterWindow &w : windows_) {
         const RegisterBoard &board = *w.board;
+        const std::uint64_t at = register_bus_offset(boards.data(), static_cast<std::uint32_t>(boards.size()), &board);
+        if (at + board.size > settings_.size) {
+            throw Error("the board `" + std::string(board.name) + "` ends " + std::to_string(at + board.size) +
+                        " bytes behind the lowest base; the register space has " + std::to_string(settings_.size));
+        }
+        const auto from = static_cast<std::uint32_t>(at);
         places_.push_back({from, board.size, &w});
         if (!clock_ && board.clock != REGISTER_NOWHERE) {
             clock_ = &w;
@@ -66,18 +71,14 @@ void RegisterSpace::attach(std::span<const RegisterWindow> windows)
                                             [&](const Line &l) { return l.board == board.name && l.line == line; });
             const bool ticks = board.clock != REGISTER_NOWHERE && board.clock_interrupt == static_cast<int>(line);
             const bool listed = named != settings_.lines.end();
-            if (listed || (!ticks && settings_.interrupt != 0)) {
-                counters_.push_back({&w, board.interrupts + 8 * line, listed ? named->interrupt : settings_.interrupt});
+            const std::uint32_t interrupt = board.level != 0 ? board.level : settings_.interrupt;
+            if (listed || (!ticks && interrupt != 0)) {
+                counters_.push_back({&w, board.interrupts + 8 * line, listed ? named->interrupt : interrupt});
             }
         }
-        from += rounded(board.size);
-    }
-    if (from > settings_.size) {
-        throw Error("the boards need " + std::to_string(from) + " bytes on the bus; the register space has " +
-                    std::to_string(settings_.size));
     }
     check_lines();
-    memory_.resize(std::max(memory_.size(), (1 + counters_.size() + 1) / 2));
+    memory_.resize(std::max(memory_.size(), (sizeof(Head) / 4 + counters_.size() + 1) / 2));
     settle();
 }
 
@@ -101,12 +102,26 @@ void RegisterSpace::check_lines() const
 
 std::span<std::uint32_t> RegisterSpace::seen()
 {
-    return {reinterpret_cast<std::uint32_t *>(memory_.data()) + 1, counters_.size()};
+    return {reinterpret_cast<std::uint32_t *>(&head() + 1), counters_.size()};
 }
 
-std::uint32_t &RegisterSpace::shown_tick()
+RegisterSpace::Head &RegisterSpace::head()
 {
-    return *reinterpret_cast<std::uint32_t *>(memory_.data());
+    return *reinterpret_cast<Head *>(memory_.data());
+}
+
+void RegisterSpace::stick(std::uint32_t offset, std::uint32_t ones, std::uint32_t zeros)
+{
+    Head &h = head();
+    h.at = offset & ~3u;
+    h.on = ones;
+    h.off = zeros;
+}
+
+std::uint32_t RegisterSpace::stuck(std::uint32_t offset, std::uint32_t value)
+{
+    const Head &h = head();
+    return offset == h.at ? (value | h.on) & ~h.off : value;
 }
 
 void RegisterSpace::settle()
@@ -134,7 +149,7 @@ void RegisterSpace::announce()
 void RegisterSpace::tick()
 {
     if (clock_) {
-        shown_tick() = clock_->words[(clock_->board->clock + REGISTER_CLOCK_TICK) / 4];
+        head().tick = clock_->words[(clock_->board->clock + REGISTER_CLOCK_TICK) / 4];
     }
     if (settings_.tick != 0) {
         host_.raise(settings_.tick);
@@ -154,10 +169,10 @@ volatile std::uint32_t *RegisterSpace::word(std::uint32_t offset) const
 std::uint32_t RegisterSpace::read(std::uint32_t offset)
 {
     if (clock_ && offset == clock_at_ + REGISTER_CLOCK_TICK) {
-        return big_endian(shown_tick());
+        return big_endian(head().tick);
     }
     const volatile std::uint32_t *at = word(offset);
-    return at ? big_endian(__atomic_load_n(at, __ATOMIC_SEQ_CST)) : 0;
+    return at ? stuck(offset, big_endian(__atomic_load_n(at, __ATOMIC_SEQ_CST))) : 0;
 }
 
 void RegisterSpace::write(std::uint32_t offset, std::uint32_t value)
@@ -166,7 +181,7 @@ void RegisterSpace::write(std::uint32_t offset, std::uint32_t value)
     if (!at) {
         return;
     }
-    __atomic_store_n(at, big_endian(value), __ATOMIC_SEQ_CST);
+    __atomic_store_n(at, big_endian(stuck(offset, value)), __ATOMIC_SEQ_CST);
     if (clock_ && offset == clock_at_ + REGISTER_CLOCK_DONE) {
         settle();
         if (done) {

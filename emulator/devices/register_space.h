@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The register space on the bus: the boards of a register file, one behind the other, as words whose bytes lie in
-// memory as the program sees them. The memory belongs to the machine, or to a file that the outside shares.
+// The register space on the bus: the boards of a register file at the distances of their bases, as words whose bytes
+// lie in memory as the program sees them. The memory belongs to the machine, or to a file that the outside shares.
 #pragma once
 
 #include <functional>
@@ -23,7 +23,7 @@ public:
     struct Settings {
         std::uint32_t size = 0;      ///< [bytes] room on the bus
         std::uint32_t tick = 0;      ///< the interrupt of a tick; 0: none
-        std::uint32_t interrupt = 0; ///< of all lines that are not in the list; 0: none
+        std::uint32_t interrupt = 0; ///< of all lines of boards without a level that are not in the list; 0: none
         std::vector<Line> lines{};
     };
     RegisterSpace(std::string name, DeviceHost &host, Settings settings);
@@ -51,6 +51,10 @@ public:
     /// the number of the tick before, because its time has not come.
     void tick();
 
+    /// A fault: bits of the word at an offset are always 1, or always 0, for the program and in what it writes. One
+    /// word at a time; both 0: none.
+    void stick(std::uint32_t offset, std::uint32_t ones, std::uint32_t zeros);
+
     /// The program has stored the number of the tick that it has finished.
     std::function<void()> done;
 
@@ -66,12 +70,17 @@ private:
     };
     void check_lines() const;
     volatile std::uint32_t *word(std::uint32_t offset) const;
-    std::uint32_t &shown_tick();
+    struct Head {
+        std::uint32_t tick = 0;                ///< that is shown
+        std::uint32_t at = 0, on = 0, off = 0; ///< bits that are stuck
+    };
+    Head &head();
+    std::uint32_t stuck(std::uint32_t offset, std::uint32_t value);
     std::span<std::uint32_t> seen(); ///< of each counter, what it was
 
     DeviceHost &host_;
     Settings settings_;
-    /// The tick that is shown, what is seen of the counters, then the boards if they are the machine's.
+    /// The head, what is seen of the counters, then the boards if they are the machine's.
     std::vector<std::uint64_t> memory_;
     std::vector<RegisterWindow> windows_;
     std::vector<Place> places_;

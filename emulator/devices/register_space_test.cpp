@@ -24,7 +24,7 @@ struct Bench {
     RegisterSpace space;
 };
 
-TEST(RegisterSpace, boards_lie_one_behind_the_other)
+TEST(RegisterSpace, boards_lie_at_the_distances_of_their_bases)
 {
     Bench b({.size = 0x1000, .tick = 10});
     register_store(b.window(1), 32, 0x01020304);
@@ -62,6 +62,26 @@ TEST(RegisterSpace, a_tick_is_shown_when_its_time_comes)
     EXPECT_TRUE(register_clock_is_done(b.window(0)));
 }
 
+TEST(RegisterSpace, bits_of_a_register_stick_for_the_program_and_for_what_it_writes)
+{
+    Bench b({.size = 0x1000, .tick = 10});
+    register_store(b.window(1), 32, 0xFF00);
+    b.space.stick(other_board_at + 32, 1, 0x100);
+    EXPECT_EQ(b.space.read(other_board_at + 32), 0xFE01u);
+    b.space.write(other_board_at + 32, 0x300);
+    EXPECT_EQ(register_load(b.window(1), 32), 0x201u);
+    b.space.write(other_board_at + 36, 0x300);
+    EXPECT_EQ(register_load(b.window(1), 36), 0x300u) << "the next one works";
+    b.space.reset();
+    EXPECT_EQ(b.space.read(other_board_at + 32), 0x201u) << "a reset mends nothing";
+    const std::vector<std::byte> kept(b.space.state().begin(), b.space.state().end());
+    b.space.stick(other_board_at + 32, 0, 0);
+    b.space.write(other_board_at + 32, 0x300);
+    EXPECT_EQ(b.space.read(other_board_at + 32), 0x300u);
+    std::ranges::copy(kept, b.space.state().begin());
+    EXPECT_EQ(b.space.read(other_board_at + 32), 0x201u) << "a snapshot has the fault";
+}
+
 TEST(RegisterSpace, lines_of_the_outside_interrupt_or_reset)
 {
     Bench b({.size = 0x1000, .tick = 10, .interrupt = 11, .lines = {{"other", 1, 12}, {"clock", 3, 0}}});
@@ -76,6 +96,26 @@ TEST(RegisterSpace, lines_of_the_outside_interrupt_or_reset)
     register_raise(b.window(0), 3);
     b.space.announce();
     EXPECT_EQ(b.host.resets, 1u);
+}
+
+TEST(RegisterSpace, a_board_may_have_an_interrupt_of_its_own)
+{
+    Bench b({.size = 0x1000, .tick = 10, .interrupt = 11, .lines = {{"other", 1, 12}}});
+    RegisterBoard clock = clock_board, other = other_board;
+    clock.base = 0xA0001000;
+    other.base = 0xA0000F00;
+    clock.level = 13;
+    other.level = 14;
+    const RegisterBoard *both[] = {&clock, &other};
+    b.space.make(both);
+    register_store(b.window(0), 36, 0x01020304);
+    EXPECT_EQ(b.space.read(0x100 + 36), 0x01020304u) << "the lowest base is that of the space";
+    register_raise(b.window(0), 0);
+    register_raise(b.window(0), 1);
+    register_raise(b.window(1), 0);
+    register_raise(b.window(1), 1);
+    b.space.announce();
+    EXPECT_EQ(b.host.take(), (Lines{13, 14, 12})) << "but for a tick, and what the machine's file lists";
 }
 
 TEST(RegisterSpace, lines_that_flight_raises_do_not_interrupt_it)
@@ -116,7 +156,7 @@ TEST(RegisterSpace, mistakes_are_refused)
         }
         return "";
     };
-    EXPECT_EQ(what(small), "the boards need 192 bytes on the bus; the register space has 128");
+    EXPECT_EQ(what(small), "the board `other` ends 192 bytes behind the lowest base; the register space has 128");
     EXPECT_EQ(what(wrong), "the register space has no line 2 of a board `other`; it has: clock with 4 lines, other "
                            "with 2 lines");
 }

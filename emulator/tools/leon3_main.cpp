@@ -4,13 +4,16 @@
 #include "emulator/debug/tools.h"
 #include "emulator/devices/apbuart.h"
 #include "emulator/devices/register_space.h"
+#include "emulator/devices/spacewire.h"
 #include "emulator/devices/test_report.h"
 #include "emulator/elf.h"
 #include "emulator/loop.h"
 #include "emulator/report.h"
 #include "flight/exec/task.h"
 #include "options/options.h"
+#include "record/file_sink.h"
 #include "registers/shared_file.h"
+#include "registers/snapshot_link.h"
 #include "targets/mission_host.h"
 
 #include <algorithm>
@@ -37,7 +40,7 @@ constexpr Ns second = 1'000'000'000;
 struct Settings {
     std::string board, program, tables, registers, engine = "translator", timing, console, record, input;
     std::string gdb, trace, coverage, profile;
-    double duration = 0, wait = 10;
+    double snapshots = -1, duration = 0, wait = 10;
     std::pair<double, double> traced = {0, 9e9};
     bool figures = false, stacks = false;
 };
@@ -65,7 +68,12 @@ Settings parse(int argc, char **argv)
         .one_of({"interpreter", "threaded", "translator"});
     text("--timing", o.timing, "plain or leon3: another one than the board's file says").one_of({"plain", "leon3"});
     text("--console", o.console, "a file for what the first UART sends; else the standard output");
-    text("--record", o.record, "a file for what the last UART sends");
+    text("--record", o.record, "a file for what the SpaceWire link and the last UART send");
+    options
+        .number("--snapshots", o.snapshots, 0, 1 << 20, "FD",
+                "a socket by which the program that has made the register file asks for snapshots, and gives the one\n"
+                "from which to go on (registers/snapshot_link.h)")
+        .needs("--registers");
     text("--input", o.input,
          "for the first UART: - is the standard input; at a port a client, who gets the output, too",
          "-|[ADDRESS:]PORT");
@@ -91,34 +99,75 @@ Settings parse(int argc, char **argv)
 /// A file that gets its name only if all went well; until then it is FILE.part.
 class Output {
 public:
-    explicit Output(std::string path) : path_(std::move(path)), file_(std::fopen(part().c_str(), "wb"))
-    {
-        if (!file_) {
-            throw Error(path_ + ": " + std::strerror(errno));
-        }
-    }
+    explicit Output(std::string path) : path_(std::move(path)) {}
     ~Output()
     {
-        if (file_) {
-            std::fclose(file_);
+        if (open_) {
+            write();
+            file_sink_close(&sink_, false);
         }
     }
     Output(const Output &) = delete;
     Output &operator=(const Output &) = delete;
-    void put(std::uint8_t byte) { putc_unlocked(byte, file_); }
+
+    /// Begin the file, unless it has begun.
+    void begin()
+    {
+        if (!open_) {
+            check(file_sink_open(&sink_, path_.c_str()));
+            open_ = true;
+        }
+    }
+    /// Go on with the file of a program that ended.
+    void resume(const FileMark &mark)
+    {
+        const int error = file_sink_resume(&sink_, path_.c_str(), mark);
+        if (error == ENODATA) {
+            throw Error(path_ + ".part is not what was recorded until the snapshot; if it is not there at all, flight "
+                                "flies from the start");
+        }
+        check(error);
+        open_ = true;
+    }
+    FileMark mark()
+    {
+        FileMark mark;
+        begin();
+        write();
+        check(file_sink_mark(&sink_, &mark));
+        return mark;
+    }
+    void put(std::span<const std::uint8_t> bytes)
+    {
+        bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
+        if (bytes_.size() >= std::size_t{1} << 16) {
+            write();
+        }
+    }
     void close()
     {
-        const bool failed = std::ferror(file_) != 0;
-        if (std::fclose(std::exchange(file_, nullptr)) != 0 || failed ||
-            std::rename(part().c_str(), path_.c_str()) != 0) {
-            throw Error(path_ + ": " + std::strerror(errno));
-        }
+        begin();
+        write();
+        open_ = false;
+        check(file_sink_close(&sink_, true));
     }
 
 private:
-    std::string part() const { return path_ + ".part"; }
+    void write()
+    {
+        file_sink_write(&sink_, bytes_.data(), bytes_.size()); // keeps its first error
+        bytes_.clear();
+    }
+    void check(int error) const
+    {
+        if (error != 0) {
+            throw Error(path_ + ": " + std::strerror(error));
+        }
+    }
     std::string path_;
-    std::FILE *file_;
+    FileSink sink_;
+    bool open_ = false;
+    std::vector<std::uint8_t> bytes_;
 };
 
 /// What the first UART receives from a terminal, a pipe, or a client of a port.
@@ -245,13 +294,18 @@ Ns next_after(const MissionHost &mission, Ns t)
     return next;
 }
 
-/// Fly tick by tick. Returns what went wrong, "" if nothing did.
-std::string fly(File &file, FlightLoop &loop, const RegisterWindow &clock)
+/// Fly tick by tick. `snapshots` looks for requests between ticks. Returns what went wrong, "" if nothing did.
+std::string fly(File &file, FlightLoop &loop, const RegisterWindow &clock, Output *record,
+                const std::function<void()> &snapshots)
 {
     constexpr Ns poll = second / 4;
     while (!stopped) {
         Tick tick;
+        snapshots();
         if (register_clock_due(&clock, &tick)) {
+            if (record) {
+                record->begin();
+            }
             if (!loop.exchange()) {
                 return "the program has failed";
             }
@@ -262,6 +316,29 @@ std::string fly(File &file, FlightLoop &loop, const RegisterWindow &clock)
         }
     }
     return "a signal stopped the run";
+}
+
+/// A snapshot: the mark of the record, and what flies.
+std::vector<std::byte> save(FlightLoop &loop, Output *record)
+{
+    const FileMark mark = record ? record->mark() : FileMark{};
+    std::vector<std::byte> bytes = loop.save();
+    const auto *at = reinterpret_cast<const std::byte *>(&mark);
+    bytes.insert(bytes.begin(), at, at + sizeof mark);
+    return bytes;
+}
+
+void restore(FlightLoop &loop, Output *record, std::span<const std::byte> bytes)
+{
+    FileMark mark;
+    if (bytes.size() < sizeof mark) {
+        throw Error("the snapshot is truncated");
+    }
+    std::memcpy(&mark, bytes.data(), sizeof mark);
+    loop.restore(bytes.subspan(sizeof mark));
+    if (record) {
+        record->resume(mark);
+    }
 }
 
 void print_figures(Machine &machine, const FlightLoop *loop)
@@ -359,17 +436,27 @@ int run(const Settings &o)
     }
     if (!o.console.empty()) {
         console = std::make_unique<Output>(o.console);
+        console->begin();
     }
     if (!o.record.empty()) {
-        if (last == first) {
-            throw Error(o.board + ": --record needs a second device of the kind `apbuart`");
+        SpaceWire *spacewire = machine.device_of<SpaceWire>();
+        if (!spacewire && last == first) {
+            throw Error(o.board + ": --record needs a device of the kind `grspw2`, or a second one of `apbuart`");
         }
         record = std::make_unique<Output>(o.record);
-        last->transmit = [&](std::uint8_t byte) { record->put(byte); };
+        if (o.snapshots < 0) {
+            record->begin(); // else once it is known whether this program goes on from a snapshot
+        }
+        if (spacewire) {
+            spacewire->transmit = [&](std::span<const std::uint8_t> packet) { record->put(packet); };
+        }
+        if (last) {
+            last->transmit = [&](std::uint8_t byte) { record->put({&byte, 1}); };
+        }
     }
     if (first) {
         first->transmit = [&](std::uint8_t byte) {
-            console ? console->put(byte) : void(std::putchar(byte));
+            console ? console->put({&byte, 1}) : void(std::putchar(byte));
             if (input) {
                 input->send(byte);
                 std::fflush(stdout);
@@ -410,12 +497,26 @@ int run(const Settings &o)
             std::fflush(stdout);
             std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
         };
-        machine.on_reset = [&, by_watchdog = std::uint64_t{0}]() mutable {
+        std::uint64_t by_watchdog = 0;
+        machine.on_reset = [&] {
             const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
             std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
                          watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
         };
-        const std::string wrong = fly(file, loop, *space->clock());
+        std::optional<registers::SnapshotLink> link;
+        if (o.snapshots >= 0) {
+            link.emplace(static_cast<int>(o.snapshots));
+        }
+        const auto snapshots = [&] {
+            if (link) {
+                link->answer([&] { return save(loop, record.get()); },
+                             [&](std::span<const std::byte> snapshot) {
+                                 restore(loop, record.get(), snapshot);
+                                 by_watchdog = machine.watchdog_resets();
+                             });
+            }
+        };
+        const std::string wrong = fly(file, loop, *space->clock(), record.get(), snapshots);
         print_figures(machine, &loop);
         if (!wrong.empty()) {
             std::fflush(stdout);
@@ -442,6 +543,7 @@ int main(int argc, char **argv)
 {
     std::signal(SIGINT, [](int) { stopped = 1; });
     std::signal(SIGTERM, [](int) { stopped = 1; });
+    std::signal(SIGXFSZ, SIG_IGN); // a file that reaches the limit on sizes is an error of writing
     try {
         return run(parse(argc, argv));
     } catch (const std::exception &error) {

@@ -218,7 +218,7 @@ TEST_F(Leon3, mistakes_are_explained)
     EXPECT_THAT(run("wrong.toml hello.elf").second, HasSubstr("fledge_leon3: wrong.toml:1: "));
     EXPECT_THAT(run("none.toml hello.elf").second, HasSubstr("none.toml: cannot be read"));
     EXPECT_THAT(run("board.toml hello.elf --record r.mcap").second,
-                HasSubstr("--record needs a second device of the kind `apbuart`"));
+                HasSubstr("--record needs a device of the kind `grspw2`, or a second one of `apbuart`"));
     EXPECT_EQ(run("board.toml").first, 2);
     EXPECT_EQ(run("board.toml hello.elf --engine fast").first, 2);
     EXPECT_EQ(run("board.toml hello.elf --tables t.so").first, 2) << "it needs --registers";

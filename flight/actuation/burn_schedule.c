@@ -16,27 +16,19 @@ static int64_t nanoseconds(double s)
 
 void burn_schedule_update(BurnSchedule *m, Tick t)
 {
-    const PropulsionState *card = &m->in.card;
-    BurnCommand *burn = &m->out.burn;
-    uint32_t *next = &m->mem.next;
-    if (!head_written(card->head)) {
-        burn->head = head_held(burn->head);
-        return;
+    ThrusterTimes *times = &m->out.times;
+    if (!head_written(times->head)) {
+        m->mem.begun = t.t;
     }
-    while (m->mem.begun == 0u && *next < m->par.n && nanoseconds(m->par.start[*next]) < t.t) {
-        ++*next; /* before this start of flight */
+    for (uint32_t k = 0u; k < m->par.n && k < BURNS_MAX; k++) {
+        const uint32_t i = m->par.thruster[k] % THRUSTERS_MAX;
+        const int64_t start = nanoseconds(m->par.start[k]);
+        const int is_next = times->off[i] <= t.t && start >= times->off[i] && start >= m->mem.begun;
+        if (is_next && tick_since(start, t.t) <= m->par.ahead && start + nanoseconds(m->par.duration[k]) > t.t) {
+            times->on[i] = start;
+            times->off[i] = start + nanoseconds(m->par.duration[k]);
+            times->burns[i]++;
+        }
     }
-    m->mem.begun = 1u;
-    const int taken = burn->number == 0u || burn->number == card->number;
-    if (taken && m->par.armed != 0u && card->armed != 0u && *next < m->par.n && *next < BURNS_MAX &&
-        tick_since(nanoseconds(m->par.start[*next]), t.t) <= m->par.ahead) {
-        burn->number = card->number + 1u;
-        burn->number += burn->number == 0u;
-        burn->thruster = m->par.thruster[*next];
-        burn->start = nanoseconds(m->par.start[*next]);
-        burn->duration = nanoseconds(m->par.duration[*next]);
-        ++*next;
-    }
-    burn->armed = m->par.armed;
-    burn->head = head_next(burn->head, t.t, quality_through(card->head));
+    times->head = head_next(times->head, t.t, QUALITY_GOOD);
 }

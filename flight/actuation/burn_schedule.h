@@ -6,27 +6,24 @@
 
 #define BURNS_MAX 16
 
-/** Give the burns of a list to the propulsion card, one after the other, each `ahead` of its start. The next one waits
- *  until the card has taken the last. Disarmed, it gives none. After a reset of the module, burns whose start has
- *  passed are not given again. */
+/** Open thrusters at the times of a list, and say so `ahead`: their card then burns though the computer is down. Of
+ *  each thruster, an update gives the burn that is under way or next. After a reset of the module, burns whose start
+ *  has passed are not given again.
+ *  Assumptions: of one thruster, the next burn starts an update after the end of the last one, or later. */
 typedef struct BurnSchedule {
     struct {
-        PropulsionState card;
-    } in;
-    struct {
-        BurnCommand burn;
+        ThrusterTimes times;
     } out;
     struct {
-        uint32_t n;                   ///< [-] in [0, 16]: number of burns
-        uint32_t armed;               ///< [-] in [0, 1]: 1: the card shall burn
+        uint32_t n; ///< [-] in [0, 16]: number of burns
+        uint32_t spare;
         int64_t ahead;                ///< [ns] >= 0: how long before its start a burn is given
         double start[BURNS_MAX];      ///< [s] count n, >= 0, <= 5e8: of flight's time, rising
         double duration[BURNS_MAX];   ///< [s] count n, > 0, <= 5e8: of each burn, to the nearest ns
         uint32_t thruster[BURNS_MAX]; ///< [-] count n, in [0, 7]: which
     } par;
     struct {
-        uint32_t next;  ///< [-] the burn to be given
-        uint32_t begun; ///< [-] 1: burns of before this start are left out
+        int64_t begun; ///< [ns] the module's first update
     } mem;
 } BurnSchedule;
 

@@ -18,58 +18,56 @@ struct Loop {
 
     Loop()
     {
-        m.par.n = 3;
-        m.par.armed = 1;
+        m.par.n = 4;
         m.par.ahead = 2 * s;
-        for (std::uint32_t k = 0; k < 3; k++) {
+        for (std::uint32_t k = 0; k < 4; k++) {
             m.par.start[k] = 10 + 5 * k;
             m.par.duration[k] = 0.1 * (k + 1);
-            m.par.thruster[k] = 2 - k;
+            m.par.thruster[k] = k < 3 ? 2 - k : 0;
         }
+        m.par.start[3] = 22; // behind the third one, of the same thruster
+        m.par.duration[2] = 1.5;
         burn_schedule_reset(&m);
-        m.in.card.head.quality = QUALITY_GOOD;
-        m.in.card.number = 9;
     }
     void fly(std::int64_t from, std::int64_t until)
     {
+        const double durations[] = {1.5, 0.2, 0.1};
+        std::int64_t last = 0;
         for (std::int64_t t = from; t < until; t += s) {
+            const ThrusterTimes before = m.out.times;
             burn_schedule_update(&m, {t, t == from ? 0 : s});
-            EXPECT_EQ(m.out.burn.head.t, t);
-            EXPECT_EQ(m.out.burn.head.quality, QUALITY_GOOD);
-            EXPECT_EQ(m.out.burn.head.sequence, 1 + static_cast<std::uint32_t>((t - from) / s));
-            m.in.card.armed = m.out.burn.armed;
-            if (m.out.burn.number != m.in.card.number && m.out.burn.number != 0) {
-                m.in.card.number = m.out.burn.number;
-                given.push_back(m.out.burn.start);
+            EXPECT_EQ(m.out.times.head.t, t);
+            EXPECT_EQ(m.out.times.head.quality, QUALITY_GOOD);
+            for (std::size_t i = 0; i < THRUSTERS_MAX; i++) {
+                if (m.out.times.burns[i] == before.burns[i]) {
+                    EXPECT_EQ(m.out.times.off[i], before.off[i]);
+                    continue;
+                }
+                EXPECT_EQ(m.out.times.burns[i], before.burns[i] + 1);
+                given.push_back(m.out.times.on[i]);
                 when.push_back(t);
-                EXPECT_EQ(m.out.burn.duration, static_cast<std::int64_t>(3 - m.out.burn.thruster) * s / 10);
+                const double duration = given.back() == 22 * s ? 0.4 : durations[i];
+                EXPECT_EQ(m.out.times.off[i] - m.out.times.on[i], static_cast<std::int64_t>(duration * 1e9 + 0.5));
+                EXPECT_GE(m.out.times.on[i], last);
+                last = m.out.times.on[i];
             }
         }
     }
 };
 
-TEST(BurnSchedule, each_burn_is_given_before_its_start)
+TEST(BurnSchedule, each_burn_is_given_before_its_start_and_behind_the_last_one_of_its_thruster)
 {
     Loop loop;
     loop.fly(0, 60 * s);
-    EXPECT_EQ(loop.given, (std::vector<std::int64_t>{10 * s, 15 * s, 20 * s}));
-    EXPECT_EQ(loop.when, (std::vector<std::int64_t>{8 * s, 13 * s, 18 * s}));
+    EXPECT_EQ(loop.given, (std::vector<std::int64_t>{10 * s, 15 * s, 20 * s, 22 * s}));
+    EXPECT_EQ(loop.when, (std::vector<std::int64_t>{8 * s, 13 * s, 18 * s, 22 * s}));
 }
 
 TEST(BurnSchedule, after_a_start_within_the_run_old_burns_are_not_given)
 {
     Loop loop;
     loop.fly(12 * s, 60 * s);
-    EXPECT_EQ(loop.given, (std::vector<std::int64_t>{15 * s, 20 * s}));
-}
-
-TEST(BurnSchedule, disarmed_it_gives_none)
-{
-    Loop loop;
-    loop.m.par.armed = 0;
-    loop.fly(0, 60 * s);
-    EXPECT_TRUE(loop.given.empty());
-    EXPECT_EQ(loop.m.out.burn.armed, 0u);
+    EXPECT_EQ(loop.given, (std::vector<std::int64_t>{15 * s, 20 * s, 22 * s}));
 }
 
 } // namespace

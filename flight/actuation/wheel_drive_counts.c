@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "flight/actuation/motor.h"
 #include "flight/math/vec.h"
 
 void wheel_drive_counts_reset(WheelDriveCounts *m)
@@ -22,8 +21,8 @@ void wheel_drive_counts_update(WheelDriveCounts *m, Tick t)
     uint64_t limited = 0u;
     for (uint32_t i = 0u; i < WHEELS_MAX; i++) {
         const double Omega = knows_speeds ? m->in.speeds.Omega[i] : 0.0;
-        double x = motor_volts(m->in.command.u[i], Omega, m->par.resistance, m->par.torque_constant, m->par.back_emf) /
-                   m->par.volts * end;
+        const double V = m->par.resistance * m->in.command.u[i] / m->par.torque_constant + m->par.back_emf * Omega;
+        double x = V / m->par.volts * end;
         if (!isfinite(x)) {
             quality = QUALITY_NONE;
             x = 0.0;

@@ -29,7 +29,7 @@ typedef struct Activity {
     ActivityKind kind;
     uint32_t index;       ///< [-] of an event, in the order of declaration; the sequence of a command; how many resets
     CommandCode code;     ///< of a command: its function
-    CommandReason reason; ///< of a command: why it was refused; OK: it was not
+    CommandReason reason; ///< of a command: why it was refused; of an event: GUARDED: it did not enter its mode
     char name[32];        ///< of an event
     char cause[88];       ///< of an event: its condition
 } Activity;
@@ -72,10 +72,12 @@ static inline void activity_begin(Activity *a, int64_t t, ActivityKind kind, uin
     activity_text(a->cause, sizeof a->cause, "");
 }
 
-/** An event fired at t. */
-static inline void activity_event(Activity *a, int64_t t, uint32_t index, const char *name, const char *cause)
+/** An event fired at t. refused: the condition of the mode that it enters did not hold. */
+static inline void activity_event(Activity *a, int64_t t, uint32_t index, const char *name, const char *cause,
+                                  int refused)
 {
     activity_begin(a, t, ACTIVITY_EVENT, index);
+    a->reason = refused ? COMMAND_GUARDED : COMMAND_OK;
     activity_text(a->name, sizeof a->name, name);
     activity_text(a->cause, sizeof a->cause, cause);
 }

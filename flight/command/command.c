@@ -45,7 +45,7 @@ static void swap(const CommandBlock *block, uint8_t *bytes, uint32_t from, uint3
 static int has_length(uint32_t code, uint32_t n)
 {
     static const uint8_t lengths[COMMAND_CODES] = {8u, 8u, 12u, 0u,  0u,  14u, 12u, 10u, 14u, 18u, 16u, 0u,  22u, 12u,
-                                                   0u, 0u, 14u, 16u, 12u, 0u,  0u,  18u, 0u,  0u,  0u,  12u, 10u};
+                                                   0u, 0u, 14u, 16u, 12u, 0u,  0u,  18u, 0u,  0u,  0u,  12u, 10u, 16u};
     const uint32_t least = code == (uint32_t)COMMAND_PDU         ? (uint32_t)COMMAND_HEADER
                            : code >= (uint32_t)COMMAND_FILE_SEND ? (uint32_t)SECOND
                                                                  : (uint32_t)COMMAND_DATA;
@@ -159,7 +159,8 @@ static CommandReason check(const CommandTable *table, uint32_t stream, const uin
     case COMMAND_FILE_REMOVE:
     case COMMAND_TABLE_LOAD:
     case COMMAND_TABLE_DUMP:
-    case COMMAND_EVENTS: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
+    case COMMAND_EVENTS:
+    case COMMAND_UNIT: return table->services == NULL ? COMMAND_ABSENT : table->services->check(table, packet, n);
     default: return COMMAND_OK;
     }
 }
@@ -334,12 +335,18 @@ CommandReason command_write(const CommandContext *context, uint16_t module, uint
     return reason;
 }
 
+static CommandReason enter(const CommandContext *context, uint16_t mode)
+{
+    if (!command_may_enter(context, mode)) {
+        return COMMAND_GUARDED;
+    }
+    context->table->enter(context->mission, mode);
+    return COMMAND_OK;
+}
+
 CommandReason command_enter(const CommandContext *context, uint16_t mode)
 {
-    const CommandReason reason = mode < context->table->n_modes ? COMMAND_OK : COMMAND_PLACE;
-    if (reason == COMMAND_OK) {
-        context->table->enter(context->mission, mode);
-    }
+    const CommandReason reason = mode < context->table->n_modes ? enter(context, mode) : COMMAND_PLACE;
     count(context->state, reason, COMMAND_DONE);
     return reason;
 }
@@ -417,7 +424,7 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     const CommandContext context = {s, table, mission, report->t, report->sequence};
     CommandReason reason = COMMAND_OK;
     switch (report->code) {
-    case COMMAND_MODE: table->enter(mission, place); break;
+    case COMMAND_MODE: reason = enter(&context, place); break;
     case COMMAND_WRITE:
         reason =
             write_parameters(s, &table->blocks[place], table->parameters(mission, place), offset_of(packet),
@@ -463,7 +470,8 @@ static CommandReason execute(CommandState *s, const CommandTable *table, void *m
     case COMMAND_FILE_REMOVE:
     case COMMAND_TABLE_LOAD:
     case COMMAND_TABLE_DUMP:
-    case COMMAND_EVENTS: reason = table->services->execute(&context, packet, report, data); break;
+    case COMMAND_EVENTS:
+    case COMMAND_UNIT: reason = table->services->execute(&context, packet, report, data); break;
     default: break;
     }
     return reason;

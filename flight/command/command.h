@@ -67,6 +67,8 @@ typedef enum CommandCode {
     COMMAND_CHECK = 25,           ///< module: the report of the execution has the size (32 bits) and command_crc of its
                                   ///< parameters
     COMMAND_EVENTS = 26,          ///< none: the log of events sends again what it has
+    COMMAND_UNIT = 27, ///< unit or COMMAND_ALL, UnitState or 0: clear its fault (all: of each), 1: even if none
+                       ///< of its kind stays in use
     COMMAND_CODES
 } CommandCode;
 
@@ -97,6 +99,9 @@ typedef enum CommandReason {
     COMMAND_INHIBITED = 19, ///< its list is inhibited
     COMMAND_FULL = 20,      ///< the store of files is full, or too many transactions are under way
     COMMAND_ROLE = 21,      ///< whose key protected the frame in which it came may not give it
+    COMMAND_LAST = 22,      ///< it would leave no unit of its kind in use
+    COMMAND_GUARDED = 23,   ///< the mode's condition does not hold
+    COMMAND_CONFLICT = 24,  ///< another list asks for another mode at the same time
     COMMAND_REASONS
 } CommandReason;
 
@@ -120,6 +125,7 @@ enum {
     COMMAND_AT_ONCE = 4,      ///< stored commands of one instant
     COMMAND_OF_LIST = 1,      ///< in reports
     COMMAND_OF_MONITOR = 32,
+    COMMAND_OF_RULE = 48,
     COMMAND_RECENT = 16, ///< reports that the state keeps for records
     COMMAND_ALL = 0xFFFF
 };
@@ -180,7 +186,8 @@ typedef struct CommandService {
     /** At an instant, after the commands of the ground: take the next command that the module has for flight, and
      *  return its length; 0: there is none. report: reason: why it is not to be executed; from. */
     uint32_t (*take)(const CommandContext *context, void *module, uint8_t *packet, struct CommandReport *report);
-    /** [ns] when it will have one, as things stand; INT64_MAX: never. */
+    /** [ns] when it will have one, as things stand; in the past: it may have one at each instant; INT64_MAX: never,
+     *  unless a command comes. */
     int64_t (*next)(const void *module);
     /** At an instant, with the commands of the ground: a PDU of n bytes has come. */
     void (*arrive)(const CommandContext *context, void *module, const uint8_t *bytes, uint32_t n);
@@ -242,8 +249,9 @@ typedef struct CommandTable {
     void (*arm)(void *mission, uint16_t event, int on);
     void (*reset)(void *mission, int64_t t);
     void (*telemetry)(void *mission, uint16_t output, int on, uint16_t every);
-    const CommandProcedures *procedures; ///< NULL: none
-    const CommandServices *services;     ///< NULL: none
+    const CommandProcedures *procedures;            ///< NULL: none
+    const CommandServices *services;                ///< NULL: none
+    int (*may_enter)(void *mission, uint16_t mode); ///< whether the mode's condition holds; NULL: none has one
 } CommandTable;
 
 typedef struct CommandCounters {
@@ -271,7 +279,8 @@ typedef struct CommandReport {
     uint16_t reason;   ///< CommandReason
     uint16_t detail;   ///< of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
     uint16_t n;        ///< [bytes] read back
-    uint16_t from;     ///< COMMAND_OF_LIST + its list, COMMAND_OF_MONITOR + its place; 0: from elsewhere
+    uint16_t from;     ///< COMMAND_OF_LIST + its list, COMMAND_OF_MONITOR or COMMAND_OF_RULE + its place; 0: from
+                       ///< elsewhere
     uint16_t spare;
 } CommandReport;
 
@@ -322,6 +331,13 @@ void command_execute(CommandState *s, const CommandTable *table, void *mission, 
 CommandReason command_write(const CommandContext *context, uint16_t module, uint32_t at, const uint8_t *bytes,
                             uint32_t n, uint16_t *detail);
 CommandReason command_enter(const CommandContext *context, uint16_t mode);
+
+/** Whether a mode may be entered now, if there is one. */
+static inline int command_may_enter(const CommandContext *context, uint16_t mode)
+{
+    return context->table->may_enter == NULL || mode >= context->table->n_modes ||
+           context->table->may_enter(context->mission, mode);
+}
 
 /** Let the whole block, big-endian, that stands in table->staged count, as COMMAND_COMMIT. detail: as in a report. */
 CommandReason command_activate(const CommandContext *context, uint16_t module, uint16_t *detail);

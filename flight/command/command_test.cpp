@@ -47,6 +47,7 @@ struct Mission {
     Start start{0.1, 1.0};
     Long large{};
     std::string log; ///< what commands did
+    int closed = -1; ///< the mode whose condition does not hold
 };
 
 uint8_t staged[sizeof(Long)], queue[3 * COMMAND_MAX];
@@ -104,7 +105,8 @@ CommandTable table = {
         note(m, "telemetry " + std::to_string(output) + " " + std::to_string(on) + " " + std::to_string(every));
     },
     &procedures,
-    nullptr};
+    nullptr,
+    [](void *m, uint16_t mode) -> int { return mode != static_cast<Mission *>(m)->closed; }};
 
 /// A packet with a good header around these bytes, by the layout in command.h.
 Bytes packet(uint8_t code, const Bytes &rest, uint16_t stream = 0x1855, uint16_t sequence = 7)
@@ -602,6 +604,25 @@ TEST_F(Command, AProcedureWritesByTheRulesOfCommands)
     EXPECT_EQ(state.counters.executed, 3u);
     EXPECT_EQ(state.counters.refused, 5u);
     EXPECT_EQ(reports.size(), 0u);
+}
+
+TEST_F(Command, AModeIsRefusedAtTheInstantAtWhichItsConditionDoesNotHold)
+{
+    const CommandContext context = {&state, &table, &mission, 100, 0};
+    EXPECT_EQ(accept(packet(2, version + Bytes{0, 1})), COMMAND_OK) << "nobody knows yet";
+    mission.closed = 1;
+    execute();
+    EXPECT_EQ(reports.back().report.reason, COMMAND_GUARDED);
+    EXPECT_EQ(reports.back().report.executed, COMMAND_DONE);
+    EXPECT_EQ(command(packet(2, version + Bytes{0, 0})), COMMAND_OK);
+    EXPECT_EQ(mission.log, "enter 0;");
+    EXPECT_EQ(command_enter(&context, 1), COMMAND_GUARDED);
+    EXPECT_EQ(state.counters.reasons[COMMAND_GUARDED], 2u);
+    EXPECT_EQ(state.counters.refused, 2u);
+    mission.closed = -1;
+    EXPECT_EQ(command(packet(2, version + Bytes{0, 1})), COMMAND_OK);
+    EXPECT_EQ(command_enter(&context, 1), COMMAND_OK);
+    EXPECT_EQ(mission.log, "enter 0;enter 1;enter 1;");
 }
 
 TEST_F(Command, AFullQueueRefusesAndGoesOn)

@@ -16,18 +16,20 @@ typedef struct ExecEvent {
     int64_t fired_at; ///< [ns] when the event last fired; -1: never
     int32_t armed;    ///< [-]  1: it may fire; 0: not before something arms it; -1: it has fired and arms itself again
     int32_t held;     ///< [-]  at how many successive instants the condition has held
+    int32_t refused;  ///< [-]  1: when it last fired, the condition of the mode that it enters did not hold
+    int32_t spare;
 } ExecEvent;
 
 /** An event that has not fired yet. */
 static inline ExecEvent exec_armed(void)
 {
-    return (ExecEvent){-1, -1, 1, 0};
+    return (ExecEvent){-1, -1, 1, 0, 0, 0};
 }
 
 /** One that does not fire before something arms it. */
 static inline ExecEvent exec_disarmed(void)
 {
-    return (ExecEvent){-1, -1, 0, 0};
+    return (ExecEvent){-1, -1, 0, 0, 0, 0};
 }
 
 /** Update an event at an instant t. Returns 1 if the event fires.
@@ -53,6 +55,7 @@ static inline int exec_fires(ExecEvent *event, int holds, int again, int64_t hol
     }
     event->armed = once ? 0 : -1;
     event->fired_at = t;
+    event->refused = 0;
     return 1;
 }
 

@@ -27,10 +27,12 @@ static int usable(const DeltaVCommand *command)
 static int points(const BurnExecution *m, Tick t)
 {
     const AttError *error = &m->in.error;
-    if (!(m->par.error_max > 0.0)) {
+    const int opens = m->out.state.phase != BURN_RUNS && m->par.error_open > 0.0;
+    const double most = opens ? m->par.error_open : m->par.error_max;
+    if (!(most > 0.0)) {
         return 1;
     }
-    return head_written(error->head) && 4.0 * fm_atan(vec_norm(error->sigma_BR)) <= m->par.error_max &&
+    return head_written(error->head) && 4.0 * fm_atan(vec_norm(error->sigma_BR)) <= most &&
            !data_lost(t, data_time(error->head, t.t), m->par.hold);
 }
 
@@ -45,18 +47,11 @@ static void end(BurnState *state, int64_t t, BurnPhase phase, BurnAbort why)
 static double progress(BurnExecution *m, int64_t t, double *gained)
 {
     const DeltaVSum *sum = &m->in.sum;
-    if (!m->mem.measured && sum->head.t > m->out.state.begun) {
-        /* The thrust began with a step, of which the sum's trapezoid has one half. */
-        const double since = tick_seconds(tick_since(sum->head.t, m->out.state.begun));
-        m->mem.dv_N = vec_sub(sum->dv_N, vec_scale(since, sum->a_N));
-        m->mem.path = sum->path - since * vec_norm(sum->a_N);
-        m->mem.measured = 1u;
-    }
     const int turns = vec_norm2(m->mem.taken.rate_N) > 0.0;
     const Vec3 along = vec_unit(m->mem.taken.dv_N);
     const double a = turns ? vec_norm(sum->a_N) : vec_dot(along, sum->a_N);
     const double then = turns ? sum->path - m->mem.path : vec_dot(along, vec_sub(sum->dv_N, m->mem.dv_N));
-    *gained = then + a * tick_seconds(tick_since(t, sum->head.t));
+    *gained = m->mem.before + then + a * tick_seconds(tick_since(t, sum->head.t));
     return a;
 }
 
@@ -74,7 +69,7 @@ static void run(BurnExecution *m, Tick t, int blind)
         state->gained = gained;
         state->to_go = size - gained;
     }
-    if (!(a < m->par.a_min)) {
+    if (!(m->par.a_min > 0.0 && a < m->par.a_min)) {
         m->mem.thrust = t.t;
     }
     int64_t off = tick_since(t.t, t.dt > 0 ? -t.dt : 0);
@@ -110,11 +105,11 @@ static void begin(BurnExecution *m, Tick t)
 {
     BurnState *state = &m->out.state;
     state->phase = BURN_RUNS;
-    state->begun = t.t;
+    state->begun = state->begun != 0 ? state->begun : t.t;
+    m->mem.before = state->gained;
     m->mem.dv_N = m->in.sum.dv_N;
     m->mem.path = m->in.sum.path;
     m->mem.thrust = t.t;
-    m->mem.measured = 0u;
     for (uint32_t i = 0; i < THRUSTERS_MAX; i++) {
         if (m->par.engines_used >> i & 1u) {
             m->out.engines.on[i] = t.t;
@@ -123,27 +118,40 @@ static void begin(BurnExecution *m, Tick t)
     }
 }
 
+/* The command is executed from now on. */
+static void take(BurnExecution *m)
+{
+    BurnState *state = &m->out.state;
+    const BurnState *kept = &m->in.kept;
+    const int known = head_written(kept->head) && kept->phase > BURN_WAITS && kept->start == m->in.command.start;
+    const int ended = known && (kept->phase == BURN_COMPLETE || kept->phase == BURN_ABORTED);
+    m->mem.taken = m->in.command;
+    state->phase = ended ? kept->phase : BURN_WAITS;
+    state->abort = ended ? kept->abort : BURN_NOT_ABORTED;
+    state->gained = known ? kept->gained : 0.0;
+    state->to_go = vec_norm(m->mem.taken.dv_N) - state->gained;
+    state->start = m->mem.taken.start;
+    state->begun = known ? kept->begun : 0;
+    state->ended = ended ? kept->ended : 0;
+}
+
 void burn_execution_update(BurnExecution *m, Tick t)
 {
     BurnState *state = &m->out.state;
     const Head sum = m->in.sum.head;
     const int blind = !head_written(sum) || data_lost(t, sum.t, m->par.hold);
-    if (state->phase != BURN_RUNS && usable(&m->in.command) && !same(&m->in.command, &m->mem.taken)) {
-        m->mem.taken = m->in.command;
-        state->phase = BURN_WAITS;
-        state->abort = BURN_NOT_ABORTED;
-        state->gained = 0.0;
-        state->to_go = vec_norm(m->mem.taken.dv_N);
-        state->start = m->mem.taken.start;
-        state->begun = 0;
-        state->ended = 0;
+    if (state->phase != BURN_RUNS && usable(&m->in.command) && !same(&m->in.command, &m->mem.taken) &&
+        quality_optional(m->in.kept.head) == QUALITY_GOOD) {
+        take(m);
     }
-    const double late = tick_seconds(tick_since(t.t, m->mem.taken.start));
+    const int resumes = state->begun != 0;
+    const double late = tick_seconds(tick_since(t.t, resumes ? state->begun : m->mem.taken.start));
+    const double latest = resumes ? m->par.longest : m->par.wait;
     if (state->phase == BURN_WAITS && late >= 0.0) {
-        const int in_time = late <= m->par.wait || late < tick_seconds(t.dt);
+        const int in_time = late <= latest || (!resumes && late < tick_seconds(t.dt));
         if (in_time && !blind && points(m, t)) {
             begin(m, t);
-        } else if (late > m->par.wait) {
+        } else if (late > latest) {
             end(state, t.t, BURN_ABORTED, blind ? BURN_BLIND : points(m, t) ? BURN_LATE : BURN_OFF_POINT);
         }
     }

@@ -20,7 +20,7 @@ constexpr std::int64_t ms = 1'000'000, period = 100 * ms;
 struct Craft {
     BurnExecution m{};
     DeltaVAccumulation sum{};
-    double mass = 100, flow = 0.5, thrust = 200, dv = 0;
+    double mass = 100, flow = 0.5, thrust = 200, dv = 0, bias = 0;
     std::int64_t t = 0;
     bool accelerometer = true;
 
@@ -39,7 +39,8 @@ struct Craft {
     {
         const Tick tick{t, t ? period : 0};
         if (accelerometer) {
-            sum.in.force = {good(t), vec3(0, 0, m.out.state.phase == BURN_RUNS && open(t) ? thrust / mass : 0)};
+            sum.in.force = {good(t), vec3(0, 0, bias + (m.out.state.phase == BURN_RUNS && open(t) ? thrust / mass : 0)),
+                            vec3(0, 0, dv)};
         } else {
             sum.in.force.head = {};
         }
@@ -110,6 +111,14 @@ TEST(BurnExecution, waits_for_the_attitude_and_aborts_off_it)
     EXPECT_NEAR(static_cast<double>(state.ended) / 1e9, 9.0, 0.051);
     EXPECT_FALSE(craft.open(craft.t));
 
+    Craft settles; // while it waits, less is allowed
+    settles.m.par.error_max = 0.1;
+    settles.m.par.error_open = 0.01;
+    settles.m.par.wait = 5;
+    settles.fly(40, [&](double t) { error(settles, t < 3.95 ? 0.05 : t < 4.95 ? 0.005 : 0.08); });
+    EXPECT_NEAR(static_cast<double>(settles.m.out.state.begun) / 1e9, 4.0, 0.051);
+    EXPECT_EQ(settles.m.out.state.phase, BURN_COMPLETE);
+
     Craft late;
     late.m.par.error_max = 0.1;
     late.m.par.wait = 5;
@@ -154,6 +163,11 @@ TEST(BurnExecution, aborts_blind_without_thrust_and_after_the_longest_time)
     EXPECT_EQ(dead.m.out.state.abort, BURN_NO_THRUST);
     EXPECT_NEAR(static_cast<double>(dead.m.out.state.ended) / 1e9, 3.0, 0.21);
 
+    Craft unchecked; // without a_min, a reading below 0 before the first thrust is none either
+    unchecked.bias = -1e-9;
+    unchecked.fly(40);
+    EXPECT_EQ(unchecked.m.out.state.phase, BURN_COMPLETE);
+
     Craft weak;
     weak.thrust = 20;
     weak.m.par.longest = 10;
@@ -193,6 +207,58 @@ TEST(BurnExecution, a_reset_does_not_repeat_a_burn)
         EXPECT_NEAR(craft.dv, 20, 1e-3);
         EXPECT_EQ(craft.m.out.engines.burns[2], 0u) << "counted since the reset";
     }
+}
+
+TEST(BurnExecution, what_was_cut_off_goes_on_to_the_whole_change)
+{
+    for (const double turns : {0.0, 1e-3}) {
+        Craft craft;
+        craft.m.in.command.rate_N = vec3(turns, 0, 0);
+        craft.m.in.kept.head = good();
+        craft.fly(5);
+        ASSERT_EQ(craft.m.out.state.phase, BURN_RUNS);
+        craft.m.in.kept = craft.m.out.state;
+        craft.m.in.kept.phase = BURN_CUT;
+        const double gained = craft.m.out.state.gained, before = craft.dv;
+        burn_execution_reset(&craft.m);
+        delta_v_accumulation_reset(&craft.sum);
+        craft.m.in.kept.head.quality = QUALITY_DEGRADED;
+        EXPECT_EQ(craft.fly(60).phase, BURN_NONE) << "until it is known";
+        craft.m.in.kept.head = good();
+        const BurnState &state = craft.fly(40);
+        EXPECT_EQ(state.phase, BURN_COMPLETE);
+        EXPECT_EQ(state.begun, 1000 * ms);
+        EXPECT_NEAR(craft.dv - before, 20 - gained, 1e-2);
+        EXPECT_NEAR(state.gained, 20, 0.3);
+        EXPECT_EQ(craft.m.out.engines.burns[2], 1u);
+
+        craft.m.in.kept = state; // and not again after another reset
+        burn_execution_reset(&craft.m);
+        const double all = craft.dv;
+        EXPECT_EQ(craft.fly(10).phase, BURN_COMPLETE);
+        EXPECT_EQ(craft.dv, all);
+    }
+}
+
+TEST(BurnExecution, what_was_cut_off_is_not_resumed_too_late_or_as_another_burn)
+{
+    Craft craft;
+    craft.m.in.kept = {good(), BURN_CUT, BURN_NOT_ABORTED, 12, 0, 1000 * ms, 1000 * ms, 0};
+    craft.m.par.longest = 30;
+    craft.t = 31'100 * ms;
+    EXPECT_EQ(craft.fly(10).abort, BURN_LATE);
+    EXPECT_EQ(craft.m.out.state.gained, 12.0);
+    EXPECT_EQ(craft.dv, 0.0);
+
+    Craft ended;
+    ended.m.in.kept = {good(), BURN_ABORTED, BURN_LEFT, 12, 0, 1000 * ms, 1000 * ms, 0};
+    EXPECT_EQ(ended.fly(10).abort, BURN_LEFT);
+    EXPECT_EQ(ended.dv, 0.0);
+
+    Craft other;
+    other.m.in.kept = {good(), BURN_CUT, BURN_NOT_ABORTED, 12, 0, 1001 * ms, 1001 * ms, 0};
+    EXPECT_EQ(other.fly(40).phase, BURN_COMPLETE);
+    EXPECT_NEAR(other.dv, 20, 1e-2);
 }
 
 TEST(BurnExecution, the_engines_close_without_the_module)

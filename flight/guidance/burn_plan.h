@@ -8,10 +8,12 @@
 
 /** Give the burns of a list, one after the other, to BurnPointing and BurnExecution: the next one when the last is
  *  complete. An aborted burn ends the plan until a reset, and so do numbers that are not finite; the command then keeps
- *  the last burn, which is not flown twice. */
+ *  the last burn, which is not flown twice. After a reset the plan goes on with the burn that BurnMemory says has
+ *  begun, if it is of the list, once that knows. */
 typedef struct BurnPlan {
     struct {
         BurnState state; ///< of the execution
+        BurnState kept;  ///< optional: of BurnMemory
     } in;
     struct {
         DeltaVCommand command;

@@ -59,6 +59,24 @@ TEST(BurnPlan, an_aborted_burn_ends_the_plan_until_a_reset)
     EXPECT_EQ(after(m, BURN_COMPLETE), 2);
 }
 
+TEST(BurnPlan, goes_on_with_the_burn_that_has_begun_before_the_reset)
+{
+    for (const BurnPhase phase : {BURN_CUT, BURN_COMPLETE}) {
+        BurnPlan m = three();
+        m.in.kept = {{0, QUALITY_DEGRADED, 1}, phase, BURN_NOT_ABORTED, 0, 0, 20'000'000'000, 0, 0};
+        burn_plan_update(&m, {0, 0});
+        EXPECT_EQ(m.out.command.head.quality, QUALITY_NONE) << "until it is known";
+        m.in.kept.head = good();
+        burn_plan_update(&m, {0, 0});
+        EXPECT_EQ(m.out.command.dv_N.v[0], 2.0);
+        EXPECT_EQ(after(m, BURN_COMPLETE), 3);
+    }
+    BurnPlan m = three(); // one that is none of the list
+    m.in.kept = {good(), BURN_CUT, BURN_NOT_ABORTED, 0, 0, 20'000'000'001, 0, 0};
+    burn_plan_update(&m, {0, 0});
+    EXPECT_EQ(m.out.command.dv_N.v[0], 1.0);
+}
+
 TEST(BurnPlan, holds_its_command_against_bad_numbers)
 {
     BurnPlan m = three();

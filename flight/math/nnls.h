@@ -15,7 +15,7 @@
 
 /** Columns a_i of A, of m rows. */
 typedef struct Nnls {
-    uint32_t m; /* <= NNLS_ROWS */
+    uint32_t m; /* 3 or NNLS_ROWS */
     uint32_t n; /* <= NNLS_COLUMNS */
     double a[NNLS_COLUMNS][NNLS_ROWS];
     double b[NNLS_ROWS];
@@ -45,7 +45,10 @@ static inline void nnls_factor(const Nnls *p, uint32_t m, uint32_t set, double r
         }
     }
     for (uint32_t i = 0; i < p->n; i++) {
-        const double use = set >> i & 1u ? 1.0 : 0.0; /* faster than a branch */
+        const double use = set >> i & 1u ? 1.0 : 0.0; /* of three rows, faster than a branch */
+        if (m > 3u && use == 0.0) {
+            continue;
+        }
         for (uint32_t k = 0; k < m; k++) {
             for (uint32_t l = 0; l <= k; l++) {
                 f->L[k][l] += use * p->a[i][k] * p->a[i][l];
@@ -53,17 +56,14 @@ static inline void nnls_factor(const Nnls *p, uint32_t m, uint32_t set, double r
         }
     }
     for (uint32_t k = 0; k < m; k++) {
-        double d = f->L[k][k] + ridge;
-        for (uint32_t l = 0; l < k; l++) {
-            const double u = f->L[k][l] - nnls_dot(f->L[k], f->L[l], l); /* in row k, what is left of l is still u */
-            f->L[k][l] = u;
+        f->inverse[k] = 1.0 / (f->L[k][k] + ridge);
+        for (uint32_t i = m; i-- > k + 1u;) {
+            const double part = f->L[i][k] * f->inverse[k];
+            for (uint32_t l = k + 1u; l <= i; l++) {
+                f->L[i][l] -= part * f->L[l][k];
+            }
+            f->L[i][k] = part;
         }
-        for (uint32_t l = 0; l < k; l++) {
-            const double u = f->L[k][l];
-            f->L[k][l] = u * f->inverse[l];
-            d -= u * f->L[k][l];
-        }
-        f->inverse[k] = 1.0 / d;
     }
 }
 
@@ -153,7 +153,7 @@ static inline int nnls_search(const Nnls *p, uint32_t m, uint32_t *set, double *
  *  b, then takes the ridge's error out of A x. */
 static inline int nnls(const Nnls *p, uint32_t *set, double *x, double *r)
 {
-    return p->m == 3u ? nnls_search(p, 3u, set, x, r) : nnls_search(p, p->m, set, x, r);
+    return p->m == 3u ? nnls_search(p, 3u, set, x, r) : nnls_search(p, NNLS_ROWS, set, x, r);
 }
 
 #endif

@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 Nnls problem(const MatrixXd &A, const VectorXd &b)
 {
     Nnls p{};
-    p.m = static_cast<std::uint32_t>(A.rows());
+    p.m = A.rows() > 3 ? NNLS_ROWS : 3; // the rest is 0
     p.n = static_cast<std::uint32_t>(A.cols());
     for (int i = 0; i < A.cols(); i++) {
         for (int k = 0; k < A.rows(); k++) {

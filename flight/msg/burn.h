@@ -30,7 +30,8 @@ typedef enum BurnPhase {
     BURN_WAITS = 1,    ///< for its start, or for the attitude
     BURN_RUNS = 2,     ///< the engines are open
     BURN_COMPLETE = 3, ///< cut off at the commanded change
-    BURN_ABORTED = 4   ///< cut off without it, or never begun
+    BURN_ABORTED = 4,  ///< cut off without it, or never begun
+    BURN_CUT = 5       ///< of BurnMemory: cut off by a reset; it may go on
 } BurnPhase;
 
 /** Why a burn was aborted. */
@@ -40,7 +41,8 @@ typedef enum BurnAbort {
     BURN_OFF_POINT = 2, ///< the attitude error was too large, or unknown
     BURN_BLIND = 3,     ///< the acceleration was not known for too long
     BURN_NO_THRUST = 4, ///< the acceleration was too small for too long
-    BURN_LATE = 5       ///< its start was too long ago when it could have begun
+    BURN_LATE = 5,      ///< its start was too long ago when it could have begun
+    BURN_LEFT = 6       ///< of BurnMemory: flight left the mode in which it ran
 } BurnAbort;
 
 /** Where a burn stands. */

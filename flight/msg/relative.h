@@ -14,4 +14,14 @@ typedef struct HillState {
     Vec3 drho_error_H; ///< [m/s] its derivative in H
 } HillState;
 
+enum { ROLL_MEMBERS = 8 };
+
+/** Who of a formation is heard. Bit i of a set is that of member i. */
+typedef struct FormationState {
+    Head head;
+    double age[ROLL_MEMBERS]; ///< [s] since the newest message of each, 0: none was heard yet
+    uint32_t heard;           ///< [-] members whose messages come
+    uint32_t lost;            ///< [-] those that were heard and are not any more
+} FormationState;
+
 #endif

@@ -26,10 +26,12 @@ static inline int gyro_speaks(const GyroRate *gyro)
     return gyro->head.quality >= QUALITY_DEGRADED && vec_norm2(gyro->omega_BN_B) < 1e6;
 }
 
-/** What accelerometers measure: the acceleration of their place less gravity. */
+/** What accelerometers measure: the acceleration of their place less gravity. They count its integral, so that nothing
+ *  is lost between two readings. */
 typedef struct SpecificForce {
     Head head;
-    Vec3 f_B; ///< [m/s^2] B components
+    Vec3 f_B;  ///< [m/s^2] its mean over the sensor's last step, B components
+    Vec3 dv_B; ///< [m/s]   its integral since the sensor began, B components
 } SpecificForce;
 
 /** Another spacecraft T, as a sensor of the spacecraft B sees it. */

@@ -65,6 +65,8 @@ typedef struct FilesState {
     uint32_t free;      ///< [-] bytes of the store
     uint32_t waiting;   ///< [-] pages that are to be read from the recorder, or written to it
     uint32_t dropped;   ///< [-] files that were not whole in the recorder at the start
+    uint32_t booted;    ///< [-] in [0, 1]: 1: each table of the start was loaded or refused
+    uint32_t tables;    ///< [-] tables that were loaded
 } FilesState;
 
 enum { LINK_FAULTS = 16 };

@@ -373,8 +373,8 @@ static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *
 }
 
 /** The estimate now. */
-static inline void tell(const AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, int64_t t,
-                        const AttitudeFilterSettings *par, NavAttitude *attitude, AttitudeFilterState *state)
+static inline void estimate_now(const AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, int64_t t,
+                                const AttitudeFilterSettings *par, NavAttitude *attitude, AttitudeFilterState *state)
 {
     double rows[12][6];
     const GyroSpan span = span_of(mem, mem->at.bias_B, mem->at.t, t);
@@ -429,7 +429,7 @@ static inline void attitude_filter_update(AttitudeFilterMemory *mem, const Attit
     }
     const int known = next.n > 0u && next.running != 0u;
     if (known) {
-        tell(&next, kind, t.t, par, &said, &is);
+        estimate_now(&next, kind, t.t, par, &said, &is);
         const int old = next.running < par->persistence || next.used != next.seen ||
                         tick_seconds(tick_since(t.t, next.used)) > par->coast;
         const Quality quality = old || gyro->head.quality != QUALITY_GOOD ? QUALITY_DEGRADED : QUALITY_GOOD;

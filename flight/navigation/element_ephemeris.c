@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* On the ellipse, with p to periapsis and q ahead in the orbit's plane,
- *     x = a (cos E - e) p + a sqrt(1 - e^2) sin E q,   E - e sin E = M,   dE = dM / (1 - e cos E).
+ *     x = a (cos E - e) p + a sqrt(1 - e^2) sin E q,   E - e sin E = M,   dE = dM / (1 - e cos E),
+ * and on the hyperbola, with a < 0,
+ *     x = a (cosh H - e) p - a sqrt(e^2 - 1) sinh H q,   e sinh H - H = M,   dH = dM / (e cosh H - 1).
  * The plane turns by W = dOmega n3 + domega h, with the pole n3 and the orbit's normal h; so
  *     v = x' + W x x,   a = x'' + 2 W x x' + W x (W x x) + dW x x,   dW = dOmega n3 x domega h. */
 #include "flight/navigation/element_ephemeris.h"
@@ -33,33 +35,57 @@ static double eccentric_anomaly(double M, double e)
     return E;
 }
 
+/* s = sinh H and c = cosh H of e s - H = M, by Newton's method for s. As H <= s, it begins above the solution and falls
+ * until roundings end that. */
+static void hyperbolic_anomaly(double M, double e, double *s, double *c)
+{
+    const double size = fm_abs(M);
+    double x = size / (e - 1.0), y = fm_sqrt(1.0 + x * x);
+    for (int k = 0; k < 60; k++) {
+        const double next = (size + fm_log(x + y) - x / y) / (e - 1.0 / y);
+        if (!(next < x)) {
+            break;
+        }
+        x = next;
+        y = fm_sqrt(1.0 + x * x);
+    }
+    *s = M < 0.0 ? -x : x;
+    *c = y;
+}
+
 void element_ephemeris_update(ElementEphemeris *m, Tick t)
 {
     const int64_t now = head_written(m->in.time.head) ? m->in.time.time : t.t;
     const double dt = tick_seconds(tick_since(now, m->par.epoch));
-    const double a = m->par.a, e = m->par.e;
+    const double a = fm_abs(m->par.a), e = m->par.e;
+    const int ellipse = e < 1.0, conic = ellipse ? m->par.a > 0.0 : m->par.a < 0.0 && e > 1.0;
     const double n = fm_sqrt(m->par.mu / a) / a;
-    const double root = fm_sqrt((1.0 - e) * (1.0 + e));
+    const double root = fm_sqrt(fm_abs(1.0 - e) * (1.0 + e));
     const double ratio = m->par.radius / (a * root * root);
-    const double k = 0.75 * m->par.J2 * ratio * ratio * n;
+    const double k = ellipse ? 0.75 * m->par.J2 * ratio * ratio * n : 0.0;
 
-    double si, ci, sO, cO, so, co, sE, cE;
+    double si, ci, sO, cO, so, co, s, c;
     fm_sincos(m->par.i, &si, &ci);
     const double dOmega = -2.0 * k * ci;
     const double domega = k * (5.0 * ci * ci - 1.0);
     const double dM = n + k * root * (3.0 * ci * ci - 1.0);
     fm_sincos(m->par.node + dOmega * dt, &sO, &cO);
     fm_sincos(m->par.periapsis + domega * dt, &so, &co);
-    fm_sincos(eccentric_anomaly(m->par.M + dM * dt, e), &sE, &cE);
+    const double M = m->par.M + dM * dt;
+    if (ellipse) {
+        fm_sincos(eccentric_anomaly(M, e), &s, &c);
+    } else {
+        hyperbolic_anomaly(M, e, &s, &c);
+    }
 
     const Vec3 pole = vec3(0.0, 0.0, 1.0);
     const Vec3 node = vec3(cO, sO, 0.0), ahead = vec3(-sO * ci, cO * ci, si);
     const Vec3 normal = vec_cross(node, ahead);
     const Vec3 p = vec_add(vec_scale(co, node), vec_scale(so, ahead));
     const Vec3 q = vec_sub(vec_scale(co, ahead), vec_scale(so, node));
-    const double near = 1.0 - e * cE;
-    const Vec3 x = vec_add(vec_scale(a * (cE - e), p), vec_scale(a * root * sE, q));
-    const Vec3 dx = vec_add(vec_scale(-a * dM / near * sE, p), vec_scale(a * dM / near * root * cE, q));
+    const double near = fm_abs(1.0 - e * c);
+    const Vec3 x = vec_add(vec_scale(m->par.a * (c - e), p), vec_scale(a * root * s, q));
+    const Vec3 dx = vec_add(vec_scale(-a * dM / near * s, p), vec_scale(a * dM / near * root * c, q));
     const Vec3 ddx = vec_scale(-dM * dM / (near * near * near), x);
 
     const Vec3 W = vec_add(vec_scale(dOmega, pole), vec_scale(domega, normal));
@@ -70,7 +96,7 @@ void element_ephemeris_update(ElementEphemeris *m, Tick t)
         vec_add(vec_add(ddx, vec_scale(2.0, vec_cross(W, dx))), vec_add(vec_cross(W, carried), vec_cross(dW, x)));
     NavOrbit *orbit = &m->out.orbit;
     BodyState *body = &m->out.body;
-    if (vec_finite(x) && vec_finite(v) && vec_finite(acceleration)) {
+    if (conic && vec_finite(x) && vec_finite(v) && vec_finite(acceleration)) {
         const Quality quality = quality_optional(m->in.time.head);
         *orbit = (NavOrbit){head_next(orbit->head, t.t, quality), x, v, acceleration};
         *body = (BodyState){head_next(body->head, t.t, quality), x, v, acceleration};

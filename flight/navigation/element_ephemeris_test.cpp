@@ -60,8 +60,8 @@ TEST(ElementEphemeris, without_J2_it_is_keplers_motion_for_any_time)
 TEST(ElementEphemeris, velocity_and_acceleration_are_the_derivatives_also_with_J2)
 {
     Random random{2};
-    for (int i = 0; i < 300; i++) {
-        ElementEphemeris m = any(random, random.real(0, 0.6));
+    for (int i = 0; i < 400; i++) {
+        ElementEphemeris m = any(random, i % 4 == 0 ? random.real(1.1, 3) : random.real(0, 0.6));
         m.par.J2 = 0.3; // a hundred times any planet's, so that an error shows
         m.par.radius = 3.4e6;
         const double middle = random.real(0, 1e4);
@@ -70,6 +70,87 @@ TEST(ElementEphemeris, velocity_and_acceleration_are_the_derivatives_also_with_J
         const BodyState now = at(m, middle);
         EXPECT_LT((derivative<Vector3d>(r, 8) - eigen(now.v_PN_N)).norm(), 1e-6 * vec_norm(now.v_PN_N));
         EXPECT_LT((derivative<Vector3d>(v, 8) - eigen(now.a_PN_N)).norm(), 1e-5 * vec_norm(now.a_PN_N));
+    }
+}
+
+/// A hyperbola whose periapsis is 4e6 m to 3e7 m from the centre.
+ElementEphemeris passing(Random &random, double e)
+{
+    ElementEphemeris m = any(random, e);
+    m.par.M = random.real(-1, 1) * std::pow(10.0, random.real(-6, 3));
+    return m;
+}
+
+TEST(ElementEphemeris, a_hyperbola_is_keplers_motion_for_any_time_whatever_J2)
+{
+    Random random{4};
+    for (int i = 0; i < 1000; i++) {
+        const double e = 1 + std::pow(10.0, random.real(-4, 1.9));
+        ElementEphemeris m = passing(random, e);
+        m.par.J2 = i % 2 ? 0.1 : 0.0;
+        m.par.radius = 3.4e6;
+        // The state at the epoch by Kepler's equation in long double, halved to its end.
+        long double low = 0, high = 200;
+        for (int k = 0; k < 200; k++) {
+            const long double middle = (low + high) / 2;
+            (e * std::sinh(middle) - middle < std::fabs(m.par.M) ? low : high) = middle;
+        }
+        const long double H = std::copysign(low, static_cast<long double>(m.par.M));
+        const BodyState begin = at(m, 0);
+        const auto r = static_cast<double>(-m.par.a * (e * std::cosh(H) - 1));
+        const double scale = 1e-12 / (e - 1) + 1e-13;
+        EXPECT_NEAR(vec_norm(begin.r_PN_N), r, scale * r) << e << " " << m.par.M;
+        // The elements that the state has.
+        const Vector3d v = eigen(begin.v_PN_N), h = eigen(begin.r_PN_N).cross(v);
+        EXPECT_NEAR(v.squaredNorm() - 2 * m.par.mu / r, -m.par.mu / m.par.a, 1e-10 * v.squaredNorm());
+        EXPECT_NEAR((v.cross(h) / m.par.mu - eigen(begin.r_PN_N).normalized()).norm(), e, 1e-9 * e);
+        EXPECT_NEAR(h.z() / h.norm(), std::cos(m.par.i), 1e-9);
+        EXPECT_NEAR(h.dot(Vector3d(std::cos(m.par.node), std::sin(m.par.node), 0)) / h.norm(), 0, 1e-9);
+        EXPECT_EQ(eigen(begin.r_PN_N).dot(v) < 0, m.par.M < 0);
+        // Through the periapsis and out again, and back to before, for up to a century.
+        const double t = std::floor(random.real(-3, 3) * std::min(std::pow(r, 1.5) / std::sqrt(m.par.mu), 1e9));
+        const Motion motion = kepler({eigen(begin.r_PN_N), v}, m.par.mu, t);
+        const BodyState then = at(m, t);
+        EXPECT_LT((eigen(then.r_PN_N) - motion.r).norm(), 10 * scale * (r + motion.r.norm())) << e << " " << m.par.M;
+        EXPECT_LT((eigen(then.v_PN_N) - motion.v).norm(), 10 * scale * (v.norm() + motion.v.norm()));
+        EXPECT_LT((eigen(then.a_PN_N) - gravity(eigen(then.r_PN_N), m.par.mu)).norm(), 1e-11 * vec_norm(then.a_PN_N));
+    }
+}
+
+TEST(ElementEphemeris, a_hyperbola_is_what_numerical_integration_of_gravity_gives)
+{
+    Random random{5};
+    for (int i = 0; i < 20; i++) {
+        const double e = random.real(1.05, 4);
+        ElementEphemeris m = any(random, e);
+        m.par.M = -random.real(1, 5);
+        const BodyState begin = at(m, 0);
+        Vector3d r = eigen(begin.r_PN_N), v = eigen(begin.v_PN_N);
+        // Four stages of Runge and Kutta, to as far after the periapsis.
+        const double rate = std::sqrt(m.par.mu / std::pow(-m.par.a, 3)), end = std::floor(-2 * m.par.M / rate);
+        const int steps = 40000;
+        const double dt = end / steps;
+        for (int k = 0; k < steps; k++) {
+            const Vector3d a1 = gravity(r, m.par.mu), v2 = v + dt / 2 * a1, a2 = gravity(r + dt / 2 * v, m.par.mu);
+            const Vector3d v3 = v + dt / 2 * a2, a3 = gravity(r + dt / 2 * v2, m.par.mu);
+            const Vector3d v4 = v + dt * a3, a4 = gravity(r + dt * v3, m.par.mu);
+            r += dt / 6 * (v + 2 * v2 + 2 * v3 + v4);
+            v += dt / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+        }
+        const BodyState then = at(m, end);
+        EXPECT_LT((eigen(then.r_PN_N) - r).norm(), 1e-8 * r.norm()) << e;
+        EXPECT_LT((eigen(then.v_PN_N) - v).norm(), 1e-8 * v.norm()) << e;
+    }
+}
+
+TEST(ElementEphemeris, what_is_no_conic_writes_nothing)
+{
+    Random random{6};
+    for (const auto &[sign, e] : {std::pair{-1.0, 0.5}, {1.0, 1.5}, {1.0, 1.0}, {-1.0, 1.0}}) {
+        ElementEphemeris m = any(random, 0.5);
+        m.par.a *= sign;
+        m.par.e = e;
+        EXPECT_EQ(at(m, 0).head.sequence, 0U) << sign << " " << e;
     }
 }
 

@@ -20,6 +20,10 @@ void wheel_monitor_update(WheelMonitor *m, Tick t)
     const double dt = tick_seconds(tick_since(now, m->mem.last));
     const int judges = quality != QUALITY_NONE && m->mem.running && dt > 0.0 && head_written(m->in.command.head);
 
+    uint32_t working = 0u;
+    for (uint32_t i = 0u; i < wheels_count(wheels); i++) {
+        working += !((m->mem.faulty | m->par.off) >> i & 1u);
+    }
     double worst = 0.0;
     uint32_t most = 0u;
     for (uint32_t i = 0u; judges && i < wheels_count(wheels); i++) {
@@ -30,7 +34,8 @@ void wheel_monitor_update(WheelMonitor *m, Tick t)
         const double missing = fm_abs(shown - m->in.command.u[i]) / m->par.torque_max;
         const int beyond = !(missing <= 1.0); /* so is a NaN */
         m->mem.count[i] = beyond ? m->mem.count[i] + 1u : 0u;
-        if (m->mem.count[i] >= m->par.persistence) {
+        if (m->mem.count[i] >= m->par.persistence && working > m->par.least) {
+            working--;
             m->mem.faulty |= 1u << i;
             state->trips++;
         }

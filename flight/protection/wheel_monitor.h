@@ -11,8 +11,8 @@
  *  command it shows nothing. The module stands before the wheels' torques in its task, so that the command at its input
  *  is that of the last update. torque_max covers friction, the resolution of the tachometers, and the wheel's share
  *  J domega of the body's acceleration.
- *  Wheels in `off` are out of use in any case, of those in `on` no fault is believed. Without speeds no count changes,
- *  degraded.
+ *  Wheels in `off` are out of use in any case, of those in `on` no fault is believed, nor of the last `least` wheels.
+ *  Without speeds no count changes, degraded.
  *  Source: the equation of a wheel's motion, thesis Eq. (A.3); thesis section 5.4.3, for persistence. */
 typedef struct WheelMonitor {
     struct {
@@ -29,7 +29,7 @@ typedef struct WheelMonitor {
         uint32_t persistence; ///< [-] required, > 0: updates in a row beyond the limit that take a wheel out
         uint32_t off;         ///< [-] in [0, 255]: wheels that are out of use, a bit for each
         uint32_t on;          ///< [-] in [0, 255]: wheels that stay in use, a bit for each
-        uint32_t spare;
+        uint32_t least;       ///< [-] in [0, 8]: so many wheels stay in use: of the last ones no fault is believed
     } par;
     struct {
         double Omega[WHEELS_MAX];   ///< [rad/s] at the last update

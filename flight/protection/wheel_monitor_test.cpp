@@ -93,6 +93,19 @@ TEST(WheelMonitor, a_wheel_that_stops_is_taken_out_after_its_persistence_and_sta
     EXPECT_EQ(w.available(), "yyyy");
 }
 
+TEST(WheelMonitor, of_the_last_wheels_no_fault_is_believed)
+{
+    Wheels w;
+    w.m.par.least = 3;
+    w.fly(20);
+    for (double &one : w.given) {
+        one = 0;
+    }
+    w.fly(20);
+    EXPECT_EQ(w.available(), "nyyy");
+    EXPECT_EQ(w.m.out.state.trips, 1u);
+}
+
 TEST(WheelMonitor, slow_tachometers_condemn_no_wheel)
 {
     Wheels w;

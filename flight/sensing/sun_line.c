@@ -21,6 +21,8 @@ void sun_line_reset(SunLine *m)
 
 /* [rad] An estimate that is worse has no part in an update. */
 #define VAGUE 0.5
+/* [rad] Standard deviation of a guess: too large for it to be known, or good. */
+#define GUESS 0.25
 /* [-] Standard deviations from which on all lit sensors together are too bright or too dark. */
 #define BRIGHT 3.0
 
@@ -129,18 +131,21 @@ static void correct(SunLine *m, double (*rows)[4], int n)
     m->mem.b_B = vec_add(m->mem.b_B, part(dx + 3));
 }
 
-/* Any direction: d is zero, with the covariance of a unit vector of which nothing is known. b stays as it is. */
+/* The guess; or any direction: d is zero, with the covariance of a unit vector of which nothing is known. b stays. */
 static void begin(SunLine *m)
 {
+    const Head head = m->in.guess.head;
+    const int guessed = head.quality >= QUALITY_DEGRADED && vec_finite(m->in.guess.s_B) &&
+                        tick_seconds(tick_since(m->mem.t, head.t)) <= m->par.hold;
     double b[6][3];
     for (int i = 0; i < 6; i++) {
         memcpy(b[i], &m->mem.root[i][3], sizeof b[i]);
     }
     qr_reduce(&b[0][0], 6, 3);
-    m->mem.d_B = vec3(0.0, 0.0, 0.0);
+    m->mem.d_B = guessed ? m->in.guess.s_B : vec3(0.0, 0.0, 0.0);
     memset(m->mem.root, 0, sizeof m->mem.root);
     for (int i = 0; i < 3; i++) {
-        m->mem.root[i][i] = fm_sqrt(1.0 / 3.0);
+        m->mem.root[i][i] = guessed ? GUESS : fm_sqrt(1.0 / 3.0);
         memcpy(&m->mem.root[3 + i][3], b[i], sizeof b[i]);
     }
     m->mem.misfits = 0u;
@@ -277,7 +282,9 @@ void sun_line_update(SunLine *m, Tick t)
         m->mem.running = 0u;
         m->mem.t = t.t;
         m->out.heading.head = head_held(m->out.heading.head);
-        m->out.rate.head = head_held(m->out.rate.head);
+        m->out.rate = turning && gyro_speaks(gyro) && vec_finite(gyro->omega_BN_B)
+                          ? (GyroRate){head_next(m->out.rate.head, t.t, QUALITY_DEGRADED), gyro->omega_BN_B}
+                          : (GyroRate){head_held(m->out.rate.head), m->out.rate.omega_BN_B};
         m->out.state.head = head_held(m->out.state.head);
         return;
     }

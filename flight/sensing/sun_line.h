@@ -12,18 +12,20 @@
  *      dd = d x (omega_gyro + b),   cosine_i = n_i . d.
  *  A part of b along d cannot be seen and stays as it was.
  *  Two lit sensors alone have two directions that fit, one a cone of them. So the filter begins at each update anew,
- *  degraded, until lit sensors that do not lie in a plane give one direction, whose d has the length 1. After long
+ *  degraded, until lit sensors that do not lie in a plane give one direction, whose d has the length 1; where `guess`
+ *  is newer than the hold, it begins with that direction, which may know what dark sensors say. After long
  *  times in the dark, when the square of the standard deviation exceeds `noise`, it does so again and keeps b.
  *  A lit sensor whose cosine is beyond `gate` standard deviations is left out. Where fewer than three are left, the
  *  result is degraded. Where most are left out, where all are too dark together, as in a half-shadow, or where d would
  *  lose its length, none is used, and the result is degraded; `persistence` times in a row, and the filter begins anew.
  *  The result is good while the error's standard deviation is up to `good`. In the dark the rates carry it on; beyond
- *  1 rad, and `hold` after the last rate, the output is held, degraded.
+ *  1 rad, and `hold` after the last rate, the output is held, degraded; but while the gyro speaks, there is a rate.
  *  Source: Kailath, Sayed and Hassibi, chapter 12, for the reduction. */
 typedef struct SunLine {
     struct {
         SunCosines cosines;
-        GyroRate gyro; ///< optional: without it, the filter estimates the rate across the direction itself
+        GyroRate gyro;    ///< optional: without it, the filter estimates the rate across the direction itself
+        SunHeading guess; ///< optional: a direction by other means
     } in;
     struct {
         SunHeading heading;

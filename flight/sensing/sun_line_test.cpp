@@ -145,7 +145,7 @@ Flown any_flown(std::uint64_t seed, bool gyro, int sensors, double fade = 0)
     for (int i = 0; sensors == 1 && i < 6; i++) {
         axes.emplace_back((i % 2 ? 1 : -1) * Vector3d::Unit(i / 2));
     }
-    for (int i = 0; sensors == 2 && i < 8; i++) { // as those of sun_safe
+    for (int i = 0; sensors == 2 && i < 8; i++) { // two pyramids
         axes.emplace_back((i % 2 ? 1 : -1) * Vector3d::Unit(i / 2 % 2) + (i < 4 ? 1 : -1) * Vector3d::UnitZ());
     }
     for (int i = 0, n = sensors == 3 ? 6 + random.below(3) : 3 + random.below(3); sensors > 2 && i < n; i++) {
@@ -394,6 +394,55 @@ TEST(SunLine, without_rates_for_long_it_is_held)
     f.fault = nullptr;
     f.run(5);
     EXPECT_EQ(f.quality(), QUALITY_GOOD);
+}
+
+TEST(SunLine, two_lit_sensors_have_the_direction_of_a_guess)
+{
+    int far = 0;
+    for (std::uint64_t seed = 0; seed < 200; seed++) {
+        double error[2];
+        for (const int guessed : {0, 1}) {
+            Flown f(seed, true);
+            f.m.par.noise = 1e-3, f.m.par.good = 0.05; // a guess alone is neither known nor good
+            f.fault = [guessed](Flown &flown) {
+                std::uint32_t &lit = flown.m.in.cosines.lit;
+                const std::uint32_t others = lit & (lit - 1);
+                lit = (lit & ~others) | (others & ~(others - 1));
+                const Vector3d guess = flown.s + 0.02 * normals(flown.random);
+                flown.m.in.guess = {guessed ? good(flown.t) : Head{}, vec(Vector3d(guess.normalized()))};
+            };
+            f.run(20);
+            EXPECT_EQ(f.quality(), QUALITY_DEGRADED) << seed;
+            error[guessed] = f.error();
+        }
+        EXPECT_LT(error[1], 0.1) << seed;
+        far += error[0] > 0.3 ? 1 : 0;
+    }
+    EXPECT_GT(far, 50);
+}
+
+TEST(SunLine, a_guess_from_long_ago_is_none)
+{
+    Flown f(3, true), without(3, true);
+    f.m.in.guess = {{0, QUALITY_DEGRADED, 1}, vec(Vector3d(-f.s))};
+    f.fault = without.fault = [](Flown &flown) { flown.m.in.cosines.lit &= flown.t < 4'000'000'000 ? 0U : ~0U; };
+    f.run(5);
+    without.run(5);
+    EXPECT_EQ(eigen(f.m.out.heading.s_B), eigen(without.m.out.heading.s_B));
+}
+
+TEST(SunLine, in_the_dark_the_gyro_gives_the_rate)
+{
+    Flown f(4, true);
+    f.fault = [](Flown &flown) { flown.m.in.cosines.lit = 0; };
+    f.run(2);
+    EXPECT_EQ(f.m.out.heading.head.quality, QUALITY_NONE);
+    EXPECT_EQ(f.m.out.rate.head.quality, QUALITY_DEGRADED);
+    EXPECT_EQ(eigen(f.m.out.rate.omega_BN_B), eigen(f.m.in.gyro.omega_BN_B));
+    const auto last = f.m.out.rate.head;
+    f.fault = [](Flown &flown) { flown.m.in.cosines.lit = 0, flown.m.in.gyro.head.quality = QUALITY_STALE; };
+    f.run(2);
+    EXPECT_EQ(f.m.out.rate.head.sequence, last.sequence);
 }
 
 TEST(SunLine, old_cosines_begin_nothing)

@@ -14,6 +14,7 @@ enum { FILES_PAST = 32, FILES_WORK = 1024, FILES_PARTS = 4, DIVIDER = '>' }; /* 
 #define SECOND INT64_C(1000000000)
 
 static const char unfinished[] = ".cfdp"; /* what names of files begin with that are not whole */
+static const char boot[] = "boot";        /* the directory of the tables of the start */
 
 typedef struct FilesProtocol {
     CfdpLive live;
@@ -387,21 +388,35 @@ static CommandReason read_table(const CfdpStore *store, int file, const CommandT
                                                                            : COMMAND_OK;
 }
 
-static CommandReason load(const Entity *e, const CommandContext *context, uint16_t module, const char *name,
-                          CommandReport *report)
+/* The module of a table; COMMAND_ALL: it is none. */
+static uint16_t module_of(const CfdpStore *store, int file)
+{
+    uint8_t head[FILES_TABLE_HEADER];
+    return store->read(store->user, file, 0u, head, sizeof head) < 0 || ccsds_get32(head) != TABLE_MAGIC
+               ? (uint16_t)COMMAND_ALL
+               : ccsds_get16(head + MODULE);
+}
+
+/* *of: the module, or COMMAND_ALL: the one that the file names. */
+static CommandReason load(const Entity *e, const CommandContext *context, uint16_t *of, const char *name,
+                          uint16_t *detail)
 {
     const CfdpStore *store = &e->cfdp.set.store;
     const int file = store->open(store->user, name, CFDP_OPEN_READ);
     if (file < 0) {
         return reason_of(file);
     }
-    CommandReason reason = read_table(store, file, context->table, module);
+    const uint16_t module = *of = *of != (uint16_t)COMMAND_ALL ? *of : module_of(store, file);
+    CommandReason reason = module == (uint16_t)COMMAND_ALL      ? COMMAND_VALUE
+                           : module >= context->table->n_blocks ? COMMAND_PLACE
+                                                                : read_table(store, file, context->table, module);
     store->close(store->user, file);
     context->state->staging = 0u; /* its memory is used here */
     if (reason == COMMAND_OK) {
-        reason = command_activate(context, module, &report->detail);
+        reason = command_activate(context, module, detail);
     }
     if (reason == COMMAND_OK) {
+        e->files->mem.tables++;
         event_say(&e->files->out.event, context->t,
                   (FlightEvent){.id = FILES_LOADED,
                                 .severity = EVENT_INFO,
@@ -448,7 +463,7 @@ static CommandReason dump(const Entity *e, const CommandContext *context, uint16
 static CommandReason execute(const CommandContext *context, void *module, const uint8_t *packet, CommandReport *report,
                              uint8_t *data)
 {
-    const uint16_t chosen = ccsds_get16(packet + CHOSEN);
+    uint16_t chosen = ccsds_get16(packet + CHOSEN);
     const uint32_t code = packet[6];
     char from[CFDP_NAME], to[CFDP_NAME];
     CommandReason reason = COMMAND_OK;
@@ -466,17 +481,92 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     case COMMAND_FILE_SEND: reason = send(&e, context, chosen == 1u, from, to, report); break;
     case COMMAND_FILE_CONTROL: reason = control(&e, packet); break;
     case COMMAND_FILE_REMOVE: reason = reason_of(e.cfdp.set.store.remove(e.cfdp.set.store.user, from)); break;
-    case COMMAND_TABLE_LOAD: reason = load(&e, context, chosen, from, report); break;
+    case COMMAND_TABLE_LOAD: reason = load(&e, context, &chosen, from, &report->detail); break;
     default: reason = dump(&e, context, chosen, from); break;
     }
     leave(&e);
     return reason;
 }
 
+/* ---- tables of the start */
+
+/* The first name behind another one. */
+typedef struct Following {
+    const char *last;
+    char name[FILES_BOOT_NAME];
+} Following;
+
+static int follow(void *to, const char *name)
+{
+    Following *f = to;
+    size_t n = 0u;
+    while (name[n] != '\0' && n < (size_t)CFDP_NAME) {
+        n++;
+    }
+    if (n == 0u || n + sizeof boot >= (size_t)CFDP_NAME || name[n - 1u] == '/') {
+        return 0;
+    }
+    char given[FILES_BOOT_NAME] = "";
+    memcpy(given, name, n);
+    if (memcmp(given, f->last, sizeof given) > 0 && (f->name[0] == '\0' || memcmp(given, f->name, sizeof given) < 0)) {
+        memcpy(f->name, given, sizeof given);
+    }
+    return 0;
+}
+
+static int boots(const Files *m)
+{
+    const MemoryStore *store = (const MemoryStore *)(const void *)m->mem.store;
+    return m->par.boot != 0u && m->mem.booted == 0u && (m->par.kept == 0u || store->mounted != 0u);
+}
+
+/* The next table of the start counts, or is refused. It is no command of its own. */
+static uint32_t take(const CommandContext *context, void *module, uint8_t *packet, CommandReport *report)
+{
+    Files *m = module;
+    (void)packet;
+    (void)report;
+    if (!boots(m)) {
+        return 0u;
+    }
+    Entity e;
+    enter(&e, context, m);
+    const CfdpStore *store = &e.cfdp.set.store;
+    Following next = {m->mem.last, ""};
+    if (store->list(store->user, boot, follow, &next) < 0) {
+        (void)store->make_directory(store->user, boot); /* for the ground's tables */
+    }
+    m->mem.booted = next.name[0] == '\0';
+    if (m->mem.booted == 0u) {
+        char name[sizeof boot + FILES_BOOT_NAME] = "boot/";
+        memcpy(name + sizeof boot, next.name, sizeof next.name);
+        memcpy(m->mem.last, next.name, sizeof next.name);
+        uint16_t of = COMMAND_ALL, detail = 0u;
+        const CommandReason reason = load(&e, context, &of, name, &detail);
+        if (reason != COMMAND_OK) {
+            event_say(&m->out.event, context->t,
+                      (FlightEvent){.id = FILES_REFUSED,
+                                    .severity = EVENT_MEDIUM,
+                                    .arguments = {m->mem.tried, reason, of, detail}});
+        }
+        m->mem.tried++;
+    }
+    leave(&e);
+    return 0u;
+}
+
+static int64_t next(const void *module)
+{
+    const Files *m = module;
+    return m->par.boot != 0u && m->mem.booted == 0u ? 0 : INT64_MAX; /* at each instant, for the store may be back */
+}
+
 const CommandService files_service = {.first = COMMAND_FILE_SEND,
                                       .n = 5u,
                                       .check = check,
                                       .execute = execute,
+                                      .take = take,
+                                      .next = next,
                                       .arrive = arrive,
                                       .tell = tell,
                                       .report = report,
@@ -534,6 +624,8 @@ void files_update(Files *m, Tick t)
     s->condition = m->mem.condition;
     s->waiting = m->mem.mirror.left;
     s->dropped = store_of(m)->lost;
+    s->booted = m->mem.booted;
+    s->tables = m->mem.tables;
     s->free = store_of(m)->free * (uint32_t)MEMORY_DATA;
     s->used = store_of(m)->pages * (uint32_t)MEMORY_DATA - s->free;
     s->head = head_next(s->head, t.t, QUALITY_GOOD);

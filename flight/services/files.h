@@ -18,7 +18,8 @@ enum {
     FILES_PROTOCOL = 1856,   ///< [8 bytes] of the protocol's memory
     FILES_TABLE_HEADER = 16, ///< [bytes] in front of a table
     FILES_NAME = 12,         ///< [bytes] in front of the names in a command
-    FILES_NAME_MAX = 255     ///< [bytes] of them
+    FILES_NAME_MAX = 255,    ///< [bytes] of them
+    FILES_BOOT_NAME = 128    ///< [bytes] for a name in boot
 };
 
 /** How files that are sent are checked: CfdpChecksum. */
@@ -36,7 +37,9 @@ typedef enum FilesEventId {
     FILES_SUSPENDED = 5, ///< low, source [-], sequence [-], size [-]: a transaction is suspended
     FILES_RESUMED = 6,   ///< info, source [-], sequence [-], size [-]: it goes on
     FILES_LOADED = 7,    ///< info, module [-], size [-]: a table counts from now on
-    FILES_LOST = 8       ///< low, lost [-]: PDUs came for which there was no room
+    FILES_LOST = 8,      ///< low, lost [-]: PDUs came for which there was no room
+    FILES_REFUSED = 9    ///< medium, place [-], reason [-], module [-], detail [-]: at the start, of the table in that
+                         ///< place of the order of names: CommandReason, as of command 23
 } FilesEventId;
 
 /** A command whose transaction goes on. */
@@ -69,7 +72,12 @@ typedef struct FilesJob {
  *
  *  A table is a file: 0x464C5442, version of the dictionary (16 bits), module (16 bits), size (32 bits), CRC of the
  *  block (16 bits), 16 bits of 0, then the block of parameters, each number big-endian. Command 23 lets its block count
- *  as COMMAND_COMMIT does, whole or not at all; what is staged is lost. Command 24 writes the file of what counts. */
+ *  as COMMAND_COMMIT does, whole or not at all; what is staged is lost. Command 24 writes the file of what counts.
+ *
+ *  With `boot` the tables in the directory boot are loaded after each start of the computer, once the store is there:
+ *  in the order of their names, one at an instant, each as by command 23. What is no table, is for another version or
+ *  breaks a rule is refused, and the others count. So what the ground wrote into boot outlives a reset of the computer,
+ *  at which parameters are as built. The directory is made if it is not there. */
 typedef struct Files {
     struct {
         RecorderReply recorded; ///< optional: of the recorder that keeps the store
@@ -102,23 +110,30 @@ typedef struct Files {
         uint32_t priority;      ///< [-] in [0, 255]: of files sent by command; those of proxies have that of the ground
         uint8_t handlers[16];   ///< [-] in [0, 4]: CfdpHandler by CfdpCondition; 0: it is cancelled
         uint32_t kept;          ///< [-] in [0, 1]: 1: the recorder keeps the store: wire `recorded` and `request`
+        uint32_t boot;          ///< [-] in [0, 1]: 1: tables in boot/ are loaded at the start of the computer
+        uint32_t spare;
     } par;
     struct {
         uint64_t protocol[FILES_PROTOCOL]; ///< [-] of the entity: FilesProtocol in files.c
         uint64_t store[FILES_STORE / 8];   ///< [-] the MemoryStore
         FilesJob jobs[FILES_TRANSACTIONS];
         Mirror mirror;
-        int64_t t;                  ///< [ns] of the last update
-        int64_t dt;                 ///< [ns] before it
-        double budget;              ///< [-] bytes that may be sent
-        uint32_t begun;             ///< [-] 1: protocol and store are
-        uint32_t updated;           ///< [-] 1: since the protocol ran
-        uint32_t used;              ///< [-] bytes of the input
-        uint32_t lost;              ///< [-] PDUs for which the input had no room
-        uint32_t received;          ///< [-] files
-        uint32_t sent;              ///< [-] files
-        uint32_t failed;            ///< [-] transactions
-        uint32_t condition;         ///< [-] CfdpCondition of the last fault
+        int64_t t;          ///< [ns] of the last update
+        int64_t dt;         ///< [ns] before it
+        double budget;      ///< [-] bytes that may be sent
+        uint32_t begun;     ///< [-] 1: protocol and store are
+        uint32_t updated;   ///< [-] 1: since the protocol ran
+        uint32_t used;      ///< [-] bytes of the input
+        uint32_t lost;      ///< [-] PDUs for which the input had no room
+        uint32_t received;  ///< [-] files
+        uint32_t sent;      ///< [-] files
+        uint32_t failed;    ///< [-] transactions
+        uint32_t condition; ///< [-] CfdpCondition of the last fault
+        uint32_t booted;    ///< [-] 1: no table of the start is left
+        uint32_t tried;     ///< [-] tables of the start
+        uint32_t tables;    ///< [-] that were loaded
+        uint32_t spare;
+        char last[FILES_BOOT_NAME]; ///< the name of the last one that was tried
         uint8_t input[FILES_INPUT]; ///< [-] PDUs, each behind its length
     } mem;
 } Files;

@@ -76,7 +76,8 @@ const CommandTable table = {.stream = 0x1880,
                             .reset = [](void *m, int64_t) { files_reset(&static_cast<Mission *>(m)->files); },
                             .telemetry = nullptr,
                             .procedures = nullptr,
-                            .services = &services};
+                            .services = &services,
+                            .may_enter = nullptr};
 TelemetryRate rates[3 + COMMAND_STREAMS];
 const TelemetryTable telemetry = {0x0880, 0, nullptr, rates, packet_memory, [](const void *) -> uint16_t { return 0; },
                                   nullptr};
@@ -279,7 +280,7 @@ protected:
         const RecorderRequest &request = mission_->files.out.request;
         RecorderReply &reply = mission_->files.in.recorded;
         reply.head = head_next(reply.head, t_, QUALITY_GOOD);
-        reply.pages = static_cast<uint32_t>(recorder_.size());
+        reply.pages = reply.used = static_cast<uint32_t>(recorder_.size());
         if (request.code == RECORDER_NOTHING || request.number == reply.number) {
             return;
         }
@@ -758,6 +759,95 @@ TEST_F(FilesTest, a_table_counts_whole_or_not_at_all)
     EXPECT_EQ(did(packet(COMMAND_CHECK, big(0x1234, 2) + big(0, 2))), COMMAND_OK);
     EXPECT_EQ(data_, Bytes(good.begin() + 8, good.begin() + 14)); // size and CRC
     EXPECT_EQ(did(packet(COMMAND_CHECK, big(0x1234, 2) + big(1, 2))), COMMAND_PLACE);
+}
+
+TEST_F(FilesTest, tables_of_the_start_count_after_a_reset_of_the_computer)
+{
+    const Gains built = mission_->gains;
+    Gains first = built, second = built, wrong = built;
+    first.n = 1;
+    second.n = 2;
+    wrong.K[7] = -1;
+    mission_->files.par.kept = mission_->files.par.boot = 1;
+    recorder_.assign(120, Bytes(RECORDER_PAGE));
+    run(70 * s);
+    EXPECT_EQ(state().booted, 1u);
+    EXPECT_EQ(state().tables, 0u);
+    const std::map<std::string, Bytes> up = {{"boot/c", table_of(first)},
+                                             {"boot/b", table_of(second)},
+                                             {"boot/a", table_of(wrong)},
+                                             {"boot/d", any_bytes(1, 100)},
+                                             {"boot/e", table_of(second, 0x1233)},
+                                             {"boot/f", table_of(second, 0x1234, 1)},
+                                             {"boot/g", {}},
+                                             {"boots", table_of(second)}};
+    for (const auto &[name, bytes] : up) {
+        put_file(ground_.store(), "up", bytes);
+        ground_.put("up", name);
+        run(10 * s);
+        EXPECT_EQ(get_file(store(), name), bytes) << name;
+    }
+    run(30 * s);
+    EXPECT_EQ(state().waiting, 0u);
+    EXPECT_EQ(std::memcmp(&mission_->gains, &built, sizeof built), 0);
+
+    const size_t before = events_.size();
+    std::memset(&mission_->files.mem, 0, sizeof mission_->files.mem);
+    files_reset(&mission_->files);
+    command_begin(&state_);
+    counted_ = 0;
+    run(55 * s); // the pages are not back yet
+    EXPECT_EQ(state().booted, 0u);
+    EXPECT_EQ(mission_->gains.n, 0u);
+    run(10 * s);
+    EXPECT_EQ(state().booted, 1u);
+    EXPECT_EQ(state().tables, 2u);
+    EXPECT_EQ(mission_->gains.n, 1u) << "b, then c";
+    EXPECT_EQ(mission_->published, 2);
+    std::vector<std::vector<double>> said;
+    for (size_t i = before; i < events_.size(); i++) {
+        said.emplace_back(events_[i].arguments, events_[i].arguments + 4);
+        said.back().insert(said.back().begin(), events_[i].id);
+    }
+    const double loaded = FILES_LOADED, refused = FILES_REFUSED, none = COMMAND_ALL;
+    EXPECT_EQ(said, (std::vector<std::vector<double>>{{refused, 0, COMMAND_RULE, 0, 0},
+                                                      {loaded, 0, sizeof(Gains), 0, 0},
+                                                      {loaded, 0, sizeof(Gains), 0, 0},
+                                                      {refused, 3, COMMAND_VALUE, none, 0},
+                                                      {refused, 4, COMMAND_VERSION, 0, 0},
+                                                      {refused, 5, COMMAND_PLACE, 1, 0},
+                                                      {refused, 6, COMMAND_VALUE, none, 0}}));
+
+    mission_->gains.n = 9; // a reset of flight keeps parameters, so nothing is loaded again
+    files_reset(&mission_->files);
+    run(2 * s);
+    EXPECT_EQ(mission_->gains.n, 9u);
+    EXPECT_EQ(state().tables, 2u);
+}
+
+TEST_F(FilesTest, tables_of_the_start_in_a_store_of_the_host)
+{
+    std::vector<uint64_t> memory(MEMORY_STORE_BYTES(64) / 8);
+    auto *other = reinterpret_cast<MemoryStore *>(memory.data());
+    memory_store_begin(other, memory.size() * 8);
+    memory_store_mount(other);
+    const CfdpStore host = memory_store_files(other);
+    services.store = &host;
+    Gains next = mission_->gains;
+    next.n = 5;
+    EXPECT_EQ(host.make_directory(host.user, "boot"), 0);
+    const std::string longest(CFDP_NAME - 6, 'n');
+    EXPECT_EQ(put_file(host, "boot/" + longest, table_of(next)), 0);
+    EXPECT_EQ(host.make_directory(host.user, "boot/folder"), 0);
+    run(1 * s);
+    EXPECT_EQ(mission_->gains.n, 0u) << "without the parameter";
+    mission_->files.par.boot = 1;
+    run(1 * s);
+    EXPECT_EQ(mission_->gains.n, 5u);
+    EXPECT_EQ(state().booted, 1u);
+    EXPECT_EQ(state().tables, 1u);
+    EXPECT_EQ(said(FILES_REFUSED), 0) << "a folder is no table";
+    services.store = nullptr;
 }
 
 TEST_F(FilesTest, a_store_of_the_host_takes_the_place_of_its_own)

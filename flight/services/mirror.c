@@ -44,9 +44,10 @@ void mirror_update(Mirror *mirror, MemoryStore *store, const RecorderReply *repl
         take(mirror, store, reply, request);
     }
     const uint32_t kept = reply->pages < store->pages ? reply->pages : store->pages;
-    if (mirror->waits == 0u && store->mounted == 0u && mirror->page < kept) {
+    const uint32_t used = reply->used < kept ? reply->used : kept;
+    if (mirror->waits == 0u && store->mounted == 0u && mirror->page < used) {
         ask(mirror, request, RECORDER_READ, mirror->page);
-        mirror->left = kept - mirror->page;
+        mirror->left = used - mirror->page;
     } else if (mirror->waits == 0u) {
         if (store->mounted == 0u) {
             store->pages = kept;

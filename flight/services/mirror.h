@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A copy of a store of files in the recorder, which outlives resets of the computer: after a start all pages are read
- * back, then those that change are written, one page at an update. Until they are back, the store is not mounted, and
- * gives CFDP_BROKEN. A page that the recorder could not keep is left empty: its file is dropped. A page that it does
- * not take any more has its content moved. */
+/* A copy of a store of files in the recorder, which outlives resets of the computer: after a start all pages that were
+ * ever written are read back, then those that change are written, one page at an update. Until they are back, the store
+ * is not mounted, and gives CFDP_BROKEN. A page that the recorder could not keep is left empty: its file is dropped. A
+ * page that it does not take any more has its content moved. */
 #ifndef FLIGHT_SERVICES_MIRROR_H
 #define FLIGHT_SERVICES_MIRROR_H
 

@@ -48,6 +48,7 @@ struct Unit {
                 reply.answer = RECORDER_WORN;
             } else {
                 std::copy(std::begin(serving.data), std::end(serving.data), memory[serving.page].begin());
+                reply.used = std::max(reply.used, serving.page + 1);
             }
         }
     }
@@ -157,6 +158,23 @@ TEST(Mirror, AllThatSettledIsThereAfterAReset)
         c.settle();
         EXPECT_EQ(c.store()->lost + c.mirror.damaged + c.mirror.worn, 0u);
     }
+}
+
+TEST(Mirror, OnlyWhatWasEverWrittenIsReadBack)
+{
+    Unit unit;
+    unit.update({});
+    Computer c(unit);
+    c.update();
+    EXPECT_EQ(c.store()->mounted, 1u) << "nothing was";
+    c.put("a", Bytes(2 * MEMORY_DATA));
+    c.settle();
+    Computer after(unit);
+    after.update();
+    EXPECT_EQ(after.mirror.left, 3u);
+    after.update(3);
+    EXPECT_EQ(after.store()->mounted, 1u);
+    EXPECT_EQ(after.store()->free, pages - 3);
 }
 
 TEST(Mirror, AnOldRequestThatIsStillUnderWayIsNotTakenForANewOne)

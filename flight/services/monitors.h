@@ -2,37 +2,11 @@
 #ifndef FLIGHT_SERVICES_MONITORS_H
 #define FLIGHT_SERVICES_MONITORS_H
 
-#include "flight/command/command.h"
-#include "flight/exec/event.h"
 #include "flight/msg/event.h"
 #include "flight/msg/services.h"
+#include "flight/services/monitor.h"
 
 enum { MONITORS = 16 };
-
-/** What a monitor checks. */
-typedef enum MonitorKind {
-    MONITOR_NOTHING = 0,
-    MONITOR_LIMITS = 1,  ///< the number is in [low, high]
-    MONITOR_DELTA = 2,   ///< its change from writing to writing is
-    MONITOR_EXPECTED = 3 ///< it equals low
-} MonitorKind;
-
-/** A check of a number of an output. */
-typedef struct Monitor {
-    double low;       ///< [SI] of what is right
-    double high;      ///< [SI] of what is right
-    int64_t hold;     ///< [ns] >= 0: it is wrong for so long,
-    uint32_t count;   ///< [-] and at so many successive instants, before the monitor fires
-    MonitorKind kind; ///< [-] what is checked
-    uint32_t on;      ///< [-] in [0, 1]: 1: it is
-    uint32_t output;  ///< [-] place in the dictionary
-    uint32_t offset;  ///< [-] bytes from the output's beginning
-    uint32_t type;    ///< [-] in [0, 11]: FledgeType of the number
-    uint32_t n;       ///< [-] numbers in a row that are measured
-    uint32_t measure; ///< [-] in [0, 2]: ExecMeasure: the number, the norm, the largest magnitude
-    uint32_t list;    ///< [-] in [0, 15]: the sequence of stored commands that it starts; 0: none
-    uint32_t spare;
-} Monitor;
 
 /** What it says. */
 typedef enum MonitorsEventId {
@@ -41,21 +15,13 @@ typedef enum MonitorsEventId {
     MONITORS_BAD = 3    ///< low, monitor [-]: it names no number of an output
 } MonitorsEventId;
 
-/** What a monitor remembers. */
-typedef struct MonitorMemory {
-    ExecEvent event;
-    double last;       ///< [SI] the number of the last writing
-    uint32_t sequence; ///< [-] of it; 0: none yet
-    uint32_t wrong;    ///< [-] 1: what it checked last
-} MonitorMemory;
-
 /** Checks of outputs' numbers, which each start a sequence of stored commands if what they check stays wrong.
  *
  *  At each instant, after the commands of the ground, each monitor that is on looks at its output as the last instant
- *  left it, in doubles: limits of a number, of its change, or a value; a number that is none is wrong. It fires by the
- *  rules of events (flight/exec/event.h): when the check has been wrong for `hold` and at `count` instants, once, and
- *  again after it was right. It then says so in `event` and starts its sequence, by a command that is checked and
- *  reported as any.
+ *  left it, in doubles: limits of a number, of its change, a value, or bits; a number that is none is wrong. It fires
+ *  by the rules of events (flight/exec/event.h): when the check has been wrong for `hold` and at `count` instants,
+ *  once, and again after it was right. It then says so in `event` and starts its sequence, by a command that is checked
+ *  and reported as any.
  *  An output that was never written is not checked.
  *
  *  Monitors are parameters: commands write, read back and turn them on or off. */

@@ -205,6 +205,38 @@ TEST_F(Watch, AnExpectedValueOfAnyTypeAndAMeasure)
     EXPECT_EQ(sees(3.1), "23");
 }
 
+TEST_F(Watch, BitsOfAWholeNumber)
+{
+    monitor(0) = limits(0.0, 0.0, 1, offsetof(Output, word));
+    monitor(0).kind = MONITOR_BITS;
+    monitor(0).type = FLEDGE_U16;
+    monitor(0).bits = 0x8005;
+    monitor(1) = limits(0.0, 0.0, 2, offsetof(Output, mode));
+    monitor(1).kind = MONITOR_BITS;
+    monitor(1).type = FLEDGE_I32;
+    monitor(1).bits = 0x80000000;
+    mission_.output.word = 0x7FFA;
+    mission_.output.mode = 0x7FFFFFFF;
+    EXPECT_EQ(sees(0.0), "");
+    mission_.output.word = 0x0104;
+    EXPECT_EQ(sees(0.0), "1");
+    mission_.output.word = 0x8000;
+    mission_.output.mode = -0x7FFFFFFF;
+    EXPECT_EQ(sees(0.0), "2") << "the first was wrong all the time";
+    mission_.output.word = 2;
+    EXPECT_EQ(sees(0.0), "");
+    mission_.output.word = 1;
+    EXPECT_EQ(sees(0.0), "1");
+    for (const FledgeType type : {FLEDGE_F64, FLEDGE_F32, FLEDGE_U64, FLEDGE_ENUM}) {
+        monitor(2) = limits(0.0, 0.0, 3);
+        monitor(2).kind = MONITOR_BITS;
+        monitor(2).type = type;
+        monitor(2).bits = 1;
+        EXPECT_EQ(sees(std::nan("")), "");
+        EXPECT_EQ(shown().bad, 0b100u) << type;
+    }
+}
+
 TEST_F(Watch, OneThatIsOffForgetsAndOneThatNamesNoNumberIsSaidToBeBad)
 {
     monitor(0) = limits(0.0, 1.0, 1);

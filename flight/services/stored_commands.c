@@ -11,6 +11,7 @@ enum { CHOSEN = 10, ACTION = 12, CHOSEN_STEP = 12, CHECK = 14 }; /* and in the o
 enum { ROW = 16 };                                               /* [bytes] of a command in a report */
 
 #define NEVER INT64_MAX
+#define MARK 0x53430000u /* of what it stores in the non-volatile memory */
 
 static int has(uint32_t set, uint32_t list)
 {
@@ -33,9 +34,16 @@ static uint16_t crc_of(const StoredCommand *c)
 /* ---- what is due */
 
 /* Whether a command of a list comes before a time and step of it. */
-static int is_before(const StoredCommand *c, int64_t time, uint32_t step)
+static int is_before(const StoredCommand *c, int64_t time, int64_t step)
 {
     return c->time < time || (c->time == time && c->step < step);
+}
+
+/* Whether the non-volatile memory has that a command of list 0 is over, before it is executed. */
+static int is_kept(const StoredCommands *m, const StoredCommand *c)
+{
+    return c->list != 0u || m->par.slot == 0u || m->mem.waited >= (uint32_t)STORED_PATIENCE ||
+           is_before(c, m->mem.kept.time, m->mem.kept.step);
 }
 
 /* [ns] Of flight: when a command is due, as things stand. */
@@ -48,6 +56,9 @@ static int64_t due_at(const StoredCommands *m, const StoredCommand *c)
     if ((list->state & STORED_HELD) != 0u) {
         return NEVER;
     }
+    if (c->list == 0u && m->par.slot != 0u && is_before(c, m->mem.over.time, m->mem.over.step)) {
+        return NEVER;
+    }
     if (c->list == 0u) {
         return m->par.clocked != 0u && m->mem.known == 0u ? NEVER : tick_since(c->time, m->mem.ahead);
     }
@@ -55,14 +66,28 @@ static int64_t due_at(const StoredCommands *m, const StoredCommand *c)
                                                                                      : exec_later(list->begun, c->time);
 }
 
-/* The place of the command that is due first, and when; STORED_COMMANDS: none is. */
-static uint32_t first(const StoredCommands *m, int64_t *due)
+/* Whether another list asks for another mode when a command is due. */
+static int conflicts(const StoredCommands *m, const StoredCommand *c)
+{
+    const int64_t due = c->packet[6] == (uint8_t)COMMAND_MODE ? due_at(m, c) : NEVER;
+    for (uint32_t i = 0u; due < NEVER && i < STORED_COMMANDS; i++) {
+        const StoredCommand *other = &m->par.commands[i];
+        if (other->list != c->list && other->packet[6] == (uint8_t)COMMAND_MODE && due_at(m, other) == due &&
+            ccsds_get16(other->packet + CHOSEN) != ccsds_get16(c->packet + CHOSEN)) {
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* The place of the command that is due first, of those that may be executed or all, and when; STORED_COMMANDS: none. */
+static uint32_t first(const StoredCommands *m, int all, int64_t *due)
 {
     uint32_t found = STORED_COMMANDS;
     *due = NEVER;
     for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
         const StoredCommand *c = &m->par.commands[i];
-        const int64_t t = due_at(m, c);
+        const int64_t t = all || is_kept(m, c) ? due_at(m, c) : NEVER;
         const StoredCommand *best = &m->par.commands[found < STORED_COMMANDS ? found : i];
         if (t < *due || (t == *due && t < NEVER &&
                          (c->list < best->list || (c->list == best->list && is_before(c, best->time, best->step))))) {
@@ -109,7 +134,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
 {
     StoredCommands *m = module;
     int64_t due;
-    const uint32_t place = first(m, &due);
+    const uint32_t place = first(m, 0, &due);
     if (place == STORED_COMMANDS || due > context->t) {
         return 0u;
     }
@@ -132,6 +157,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     default: break;
     }
     if (c->list == 0u) {
+        m->mem.over = (StoredPlace){c->time, (int64_t)c->step + 1};
         memset(c, 0, sizeof *c);
     } else {
         m->mem.lists[c->list].time = c->time;
@@ -143,9 +169,10 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
 
 static int64_t next(const void *module)
 {
+    const StoredCommands *m = module;
     int64_t due;
-    (void)first(module, &due);
-    return due;
+    (void)first(m, 1, &due);
+    return m->par.clocked != 0u && m->mem.known == 0u ? 0 : due; /* 0: at each instant, for the clock may be known */
 }
 
 /* ---- its commands */
@@ -194,15 +221,20 @@ static CommandReason store(StoredCommands *m, const uint8_t *packet, int64_t t)
     if (place == STORED_COMMANDS) {
         return COMMAND_BUSY;
     }
-    StoredCommand *c = &m->par.commands[place];
     const uint32_t n = (uint32_t)ccsds_get16(packet + 4) + 7u - (uint32_t)COMMAND_STORED;
-    memset(c, 0, sizeof *c);
-    c->time = (int64_t)((uint64_t)ccsds_get32(packet + TIME) << 32 | ccsds_get32(packet + TIME + 4));
-    c->list = list;
-    c->step = step;
-    c->size = (uint16_t)n;
-    c->crc = ccsds_get16(packet + CRC);
-    memcpy(c->packet, packet + COMMAND_STORED, n);
+    StoredCommand c = {.time = (int64_t)((uint64_t)ccsds_get32(packet + TIME) << 32 | ccsds_get32(packet + TIME + 4)),
+                       .list = list,
+                       .step = step,
+                       .size = (uint16_t)n,
+                       .crc = ccsds_get16(packet + CRC)};
+    memcpy(c.packet, packet + COMMAND_STORED, n);
+    if (conflicts(m, &c)) {
+        return COMMAND_CONFLICT;
+    }
+    m->par.commands[place] = c;
+    if (list == 0u && is_before(&c, m->mem.over.time, m->mem.over.step)) {
+        m->mem.over = m->mem.kept = (StoredPlace){c.time, step};
+    }
     end_lists(m, t);
     return COMMAND_OK;
 }
@@ -267,7 +299,14 @@ static CommandReason start(StoredCommands *m, uint32_t i, uint16_t crc, int64_t 
     if (has(m->par.inhibited, i)) {
         return COMMAND_INHIBITED;
     }
+    const StoredList before = *list;
     *list = (StoredList){t, 0, 0, 0u, STORED_RUNS};
+    for (uint32_t k = 0u; k < STORED_COMMANDS; k++) {
+        if (m->par.commands[k].list == i && conflicts(m, &m->par.commands[k])) {
+            *list = before;
+            return COMMAND_CONFLICT;
+        }
+    }
     say(m, t, STORED_COMMANDS_STARTED, EVENT_INFO, i, 0u, 0.0);
     return COMMAND_OK;
 }
@@ -327,12 +366,79 @@ static CommandReason execute(const CommandContext *context, void *module, const 
 const CommandService stored_commands_service = {
     .first = COMMAND_STORE, .n = 4u, .check = check, .execute = execute, .take = take, .next = next};
 
+/* ---- non-volatile memory */
+
+static void put_place(uint32_t *words, StoredPlace place)
+{
+    words[0] = (uint32_t)((uint64_t)place.time >> 32);
+    words[1] = (uint32_t)place.time;
+    words[2] = (uint32_t)place.step;
+}
+
+static StoredPlace get_place(const uint32_t *words)
+{
+    return (StoredPlace){(int64_t)((uint64_t)words[0] << 32 | words[1]), words[2]};
+}
+
+/* What was executed before leaves the store, whatever brought it back. */
+static void drop_over(StoredCommands *m, int64_t t)
+{
+    uint32_t n = 0u;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        StoredCommand *c = &m->par.commands[i];
+        if (c->size > 0u && c->list == 0u && is_before(c, m->mem.over.time, m->mem.over.step)) {
+            memset(c, 0, sizeof *c);
+            n++;
+        }
+    }
+    if (n > 0u) {
+        say(m, t, STORED_COMMANDS_OVER, EVENT_INFO, n, 0u, 0.0);
+    }
+}
+
+/* Let the memory have all that is due, of list 0. */
+static void keep(StoredCommands *m, int64_t t)
+{
+    NvmPacket *request = &m->out.request;
+    const NvmPacket *reply = &m->in.reply;
+    const NvmCode done = nvm_answered(request, reply, m->par.slot, t);
+    m->mem.waited += m->mem.waited < (uint32_t)STORED_PATIENCE;
+    if (done == NVM_NOTHING || reply->refused != 0u) {
+        return;
+    }
+    m->mem.waited = 0u;
+    if (done == NVM_STORE) {
+        m->mem.kept = m->mem.asked;
+    } else if (m->mem.restored == 0u && nvm_has(reply->data, MARK) > 0) {
+        m->mem.over = m->mem.kept = get_place(reply->data);
+    }
+    m->mem.restored = 1u;
+    drop_over(m, t);
+    m->mem.asked = m->mem.kept;
+    for (uint32_t i = 0u; i < STORED_COMMANDS; i++) {
+        const StoredCommand *c = &m->par.commands[i];
+        if (c->list == 0u && due_at(m, c) <= t && !is_before(c, m->mem.asked.time, m->mem.asked.step)) {
+            m->mem.asked = (StoredPlace){c->time, (int64_t)c->step + 1};
+        }
+    }
+    if (m->mem.asked.time != m->mem.kept.time || m->mem.asked.step != m->mem.kept.step) {
+        memset(request->data, 0, sizeof request->data);
+        put_place(request->data, m->mem.asked);
+        nvm_store(request, MARK);
+    }
+}
+
 /* ---- the module */
 
 void stored_commands_reset(StoredCommands *m)
 {
+    const StoredPlace over = m->mem.over, kept = m->mem.kept;
+    const uint32_t restored = m->mem.restored;
     memset(&m->out, 0, sizeof m->out);
     memset(&m->mem, 0, sizeof m->mem);
+    m->mem.over = over;
+    m->mem.kept = kept;
+    m->mem.restored = restored;
 }
 
 void stored_commands_update(StoredCommands *m, Tick t)
@@ -343,7 +449,10 @@ void stored_commands_update(StoredCommands *m, Tick t)
         m->mem.ahead = tick_since(m->in.clock.time, m->in.clock.head.t);
         m->mem.known = 1u;
     }
-    (void)first(m, &due);
+    if (m->par.slot != 0u) {
+        keep(m, t.t);
+    }
+    (void)first(m, 1, &due);
     s->next = due == NEVER ? -1 : due;
     s->running = s->held = s->stored = 0u;
     for (uint32_t i = 0u; i < STORED_LISTS; i++) {

@@ -56,7 +56,8 @@ const CommandTable table = {
     .reset = [](void *m, int64_t) { stored_commands_reset(&static_cast<Mission *>(m)->stored); },
     .telemetry = nullptr,
     .procedures = nullptr,
-    .services = &services};
+    .services = &services,
+    .may_enter = nullptr};
 
 Bytes big(uint64_t value, int n)
 {
@@ -197,9 +198,17 @@ TEST_F(Stored, TheOrderOfWhatIsDueAtOnceIsTimeThenListThenStep)
         send(store(static_cast<uint16_t>(list), static_cast<uint16_t>(step), time, mode(name)));
     }
     send(store(2, 0, 50, mode('c')));
-    EXPECT_EQ(send(control(LIST_START, 2), 0), COMMAND_OK);
+    send(store(3, 0, 51, mode('b')));
+    send(store(4, 0, 49, mode('f')));
+    EXPECT_EQ(send(control(LIST_START, 2), 0), COMMAND_CONFLICT);
+    EXPECT_EQ(send(control(LIST_START, 4), 1), COMMAND_CONFLICT) << "one of two at that time has another mode";
+    EXPECT_EQ(send(control(LIST_START, 2), 1), COMMAND_OK);
+    EXPECT_EQ(send(control(LIST_START, 3), 0), COMMAND_CONFLICT);
+    EXPECT_EQ(send(store(0, 7, 51, mode('d')), 1), COMMAND_CONFLICT);
+    EXPECT_EQ(send(store(0, 7, 51, mode('c')), 1), COMMAND_OK) << "the same mode";
     accept(mode('z')); // of the ground, which goes first
     EXPECT_EQ(at(60), "zaefc");
+    EXPECT_EQ(at(61), "c");
     for (int i = 0; i < 6; i++) {
         send(store(0, static_cast<uint16_t>(i), 100, mode(static_cast<char>('a' + i))), 61);
     }
@@ -444,6 +453,101 @@ TEST_F(Stored, WhereTheClockJumpsEachCommandIsExecutedAtMostOnce)
     EXPECT_EQ(shown().stored, 1u);
 }
 
+/// Stored commands with a non-volatile memory, and a table that brings all of them back after a reset of the computer.
+class Kept : public Stored {
+protected:
+    Kept() { mission_.stored.par.slot = 1; }
+
+    /// Instants up to t, each with an answer of the memory to what was asked `delay_` instants before.
+    std::string until(int64_t t)
+    {
+        std::string done;
+        for (; now_ < t; now_++) {
+            const NvmPacket &request = mission_.stored.out.request;
+            if (request.code != NVM_NOTHING && request.number != reply_.number && late_++ >= delay_) {
+                late_ = 0;
+                reply_.number = request.number;
+                if (request.code == NVM_STORE) {
+                    std::copy_n(request.data, NVM_WORDS, slot_);
+                }
+                std::copy_n(slot_, NVM_WORDS, reply_.data);
+            }
+            reply_.head.quality = QUALITY_GOOD;
+            mission_.stored.in.reply = reply_;
+            done += at(now_);
+        }
+        return done;
+    }
+
+    /// The parameters come back some instants after the start.
+    void reset_computer(int64_t down, int64_t loads)
+    {
+        const auto par = mission_.stored.par;
+        now_ += down;
+        mission_.stored = {};
+        mission_.stored.par.slot = 1;
+        mission_.log.clear();
+        command_begin(&state_);
+        EXPECT_EQ(until(now_ + loads), "");
+        mission_.stored.par = par;
+    }
+
+    NvmPacket reply_{};
+    uint32_t slot_[NVM_WORDS] = {};
+    int delay_ = 2, late_ = 0;
+    int64_t now_ = 0;
+};
+
+TEST_F(Kept, WhatATableBringsBackIsExecutedOnce)
+{
+    for (const int64_t loads : {0, 1, 5, 30}) { // sooner and later than the memory answers
+        mission_.stored = {};
+        mission_.stored.par.slot = 1;
+        std::fill(std::begin(slot_), std::end(slot_), 0);
+        reply_ = {};
+        now_ = 0;
+        for (const auto &[time, name] :
+             std::vector<std::pair<int64_t, char>>{{100, 'a'}, {100, 'b'}, {150, 'c'}, {190, 'd'}, {300, 'e'}}) {
+            EXPECT_EQ(accept(store(0, static_cast<uint16_t>(name - 'a'), time, mode(name))), COMMAND_OK);
+        }
+        EXPECT_EQ(until(101), "");
+        EXPECT_EQ(until(110), "ab") << "once the memory has them";
+        EXPECT_EQ(until(160), "c");
+        reset_computer(50, loads);
+        for (const auto &[time, name] : std::vector<std::pair<int64_t, char>>{{100, 'a'}, {100, 'b'}, {150, 'c'}}) {
+            const Bytes again = store(0, static_cast<uint16_t>(name - 'a'), time, mode(name));
+            StoredCommand &c = mission_.stored.par.commands[10 + name - 'a'];
+            c.time = time;
+            c.list = 0;
+            c.step = static_cast<uint16_t>(name - 'a');
+            c.size = static_cast<uint16_t>(again.size() - COMMAND_STORED);
+            c.crc = static_cast<uint16_t>(again[10] << 8 | again[11]);
+            std::copy(again.begin() + COMMAND_STORED, again.end(), c.packet);
+        }
+        EXPECT_EQ(until(290), "d") << "it came due while the computer was down; " << loads;
+        EXPECT_EQ(until(400), "e");
+        EXPECT_EQ(mission_.stored.out.event.count, 1u) << "OVER";
+    }
+}
+
+TEST_F(Kept, WhatTheGroundStoresForAnEarlierTimeIsNotOver)
+{
+    EXPECT_EQ(accept(store(0, 0, 100, mode('a'))), COMMAND_OK);
+    EXPECT_EQ(until(120), "a");
+    EXPECT_EQ(accept(store(0, 7, 50, mode('b'))), COMMAND_OK);
+    EXPECT_EQ(until(130), "b");
+}
+
+TEST_F(Kept, AMemoryThatDoesNotAnswerIsNotWaitedFor)
+{
+    delay_ = 1000;
+    EXPECT_EQ(accept(store(0, 0, 5, mode('a'))), COMMAND_OK);
+    EXPECT_EQ(accept(store(3, 0, 0, mode('s'))), COMMAND_OK);
+    EXPECT_EQ(accept(control(LIST_START, 3)), COMMAND_OK);
+    EXPECT_EQ(until(8), "s") << "a sequence has nothing to wait for";
+    EXPECT_EQ(until(12), "a");
+}
+
 TEST_F(Stored, WithoutTheServiceItsCommandsAreRefused)
 {
     CommandTable without = table;
@@ -466,22 +570,42 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
     std::vector<Entry> entries;
     std::vector<int64_t> begun(4, -1), held(4, -1);
     std::vector<std::pair<int64_t, int>> done(4, {0, 0});
-    int executed = 0;
+    const auto due = [&](const Entry &e) -> int64_t { // -1: not as things stand
+        const auto i = static_cast<size_t>(e.list);
+        const bool waits = held[i] >= 0 || (i > 0 && (begun[i] < 0 || std::pair{e.time, e.step} < done[i]));
+        return waits ? -1 : i > 0 ? begun[i] + e.time : e.time;
+    };
+    const auto conflicts = [&](const Entry &e) {
+        return due(e) >= 0 && std::any_of(entries.begin(), entries.end(), [&](const Entry &o) {
+                   return o.list != e.list && o.name != e.name && due(o) == due(e);
+               });
+    };
+    int executed = 0, refused = 0;
     for (int64_t t = 1; t < 4000; t++) {
         const int list = below(4), step = below(6);
+        bool refuse = false;
         if (below(4) == 0) {
             const Entry e{list, step, list == 0 ? t + 1 + below(30) : below(30), static_cast<char>('a' + below(26))};
             const auto same = [&](const Entry &o) { return o.list == e.list && o.step == e.step; };
-            std::erase_if(entries, same);
-            entries.push_back(e);
+            refuse = conflicts(e);
+            if (!refuse) {
+                std::erase_if(entries, same);
+                entries.push_back(e);
+            }
             accept(store(static_cast<uint16_t>(e.list), static_cast<uint16_t>(e.step), e.time, mode(e.name)));
         } else if (below(3) == 0 && list > 0) {
             accept(control(LIST_START, static_cast<uint16_t>(list)));
             const auto has = [&](const Entry &o) { return o.list == list; };
+            const auto before = std::tuple{begun[list], held[list], done[list]};
             if (begun[list] < 0 && std::any_of(entries.begin(), entries.end(), has)) {
                 begun[list] = t;
                 held[list] = -1;
                 done[list] = {0, 0};
+                refuse =
+                    std::any_of(entries.begin(), entries.end(), [&](const Entry &e) { return has(e) && conflicts(e); });
+                if (refuse) {
+                    std::tie(begun[list], held[list], done[list]) = before;
+                }
             }
         } else if (below(4) == 0) {
             const bool hold = held[list] < 0;
@@ -510,12 +634,8 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
             const Entry *best = nullptr;
             std::tuple<int64_t, int, int64_t, int> order;
             for (const Entry &e : entries) {
-                const auto i = static_cast<size_t>(e.list);
-                if (held[i] >= 0 || (i > 0 && (begun[i] < 0 || std::pair{e.time, e.step} < done[i]))) {
-                    continue;
-                }
-                const std::tuple one{i > 0 ? begun[i] + e.time : e.time, e.list, e.time, e.step};
-                if (std::get<0>(one) <= t && (!best || one < order)) {
+                const std::tuple one{due(e), e.list, e.time, e.step};
+                if (due(e) >= 0 && due(e) <= t && (!best || one < order)) {
                     best = &e;
                     order = one;
                 }
@@ -532,10 +652,14 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
             }
             end_lists();
         }
+        reports_.clear();
         ASSERT_EQ(at(t), expected) << t;
+        ASSERT_EQ(!own().empty() && own().back().reason == COMMAND_CONFLICT, refuse) << t;
+        refused += refuse;
         executed += static_cast<int>(expected.size());
     }
     EXPECT_GT(executed, 500);
+    EXPECT_GT(refused, 20);
 }
 
 } // namespace

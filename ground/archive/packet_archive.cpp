@@ -47,7 +47,7 @@ struct PacketArchive::File {
     std::string name;
     std::uint32_t session = 0;
     std::int64_t period = 0;
-    FileSink sink{.fd = -1, .error = 0, .part = {}};
+    FileSink sink{.fd = -1, .error = 0, .marked = {}, .part = {}};
     McapWriter writer{};
     McapSchema schema_memory{};
     std::vector<McapChannel> channel_memory;

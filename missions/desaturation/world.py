@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth: a low orbit in a dipole field that turns with the Earth; wheels that begin with momentum."""
 from fledge import Orbit, world
-from fledge.units import N, T, deg, kg, km, m, ms, rad, s
+from fledge.units import N, T, deg, kg, km, m, minute, ms, rad, s
 
 from .flight import RCS, RODS
 
@@ -20,15 +20,17 @@ def build(w, f):
         sigma_BN=[0.24, 0.01, -0.02], omega_BN_B=[0, 0, 0.001] * rad / s)
 
     w.nav    = world.Navigation()
+    w.gps    = world.GpsReceiver(position_noise=[2] * 3 * m, velocity_noise=[0.03] * 3 * m / s, wander=[5] * 3 * m,
+                                 wander_time=10 * minute)
     w.tam    = world.Magnetometer(noise=[(3e-8 * T)**2 * s] * 3, bias=[5e-8, -3e-8, 2e-8] * T)
 
     w.connect(
-        w.craft.state    >> [w.nav.truth, w.field.truth, w.tam.truth],
+        w.craft.state    >> [w.nav.truth, w.gps.truth, w.field.truth, w.tam.truth],
         w.field.field    >> w.tam.field,
 
         # what flight sees
         w.nav.attitude   >> f.tracking.attitude,
-        w.nav.orbit      >> f.guidance.orbit,
+        w.gps.orbit      >> f.guidance.orbit,
         w.wheels.speeds  >> [f.control.speeds, f.surplus.speeds, f.excess.speeds],
         w.tam.measured   >> f.magnetic.field,
 
@@ -38,4 +40,4 @@ def build(w, f):
         f.firing.times     >> w.rcs.times,
     )
     w.integrator = world.RK4()
-    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav, w.field, w.tam])
+    w.task("dynamics", every=100 * ms, run=[w.craft, w.nav, w.gps, w.field, w.tam])

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mission as numbers: what the units do, what a reset takes away and what it leaves, and that all of it is the same
-through the registers of a board, on every target."""
+through the registers of four boards, on every target."""
+
+import struct
 
 import numpy as np
 import pytest
 
 import fledge
-from fledge import cli
+from fledge import cli, export
 from fledge.archive import Archive
 from fledge.archive.compare import compare
+from fledge.attitude import mrp_to_dcm
 from fledge.targets import TARGETS, build
 from fledge.units import minute, s
 
-BOARD = build.ROOT / "missions/flatsat/board.toml"
+BOARDS = build.ROOT / "missions/flatsat/boards"
 DOWN = 63.5     # [s] the first instant of flight after the reset at 60.3 s, seen at 60.5 s, and 3 s
 
 
@@ -28,8 +31,8 @@ def flown():
     sim = fledge.load("flatsat")
     f, w = sim.flight, sim.world
     log = sim.record(w.craft.state, w.wheels.speeds, w.driver.torques, w.clock.reading, w.power.telemetry,
-                     w.adc_a.counts, w.adc_b.counts, f.tracking.error, f.motor.command, f.drive.drive, f.speeds.speeds,
-                     f.time.time, f.boot.boot, every=0.5 * s)
+                     w.css.currents, w.adc_a.counts, w.adc_b.counts, f.tracking.error, f.motor.command, f.drive.drive,
+                     f.speeds.speeds, f.time.time, f.boot.boot, every=0.5 * s)
     sim.run(7 * minute)
     return sim, log
 
@@ -78,13 +81,14 @@ def test_the_clock_is_caught_up_after_the_reset(flown):
     assert log["boot.boot.boots"][log.time == 60] == 1 and log["boot.boot.boots"][-1] == 2
 
 
-def test_converters_differ_by_their_counts_alone_until_the_fault(flown):
+def test_each_converter_reads_its_pyramid_until_the_fault(flown):
     sim, log = flown
-    a = 2e-6 * log["adc_a.counts.counts"]
-    b = -1e-5 + 2.5e-6 * log["adc_b.counts.counts"].astype(float)
+    a, b, currents = log["adc_a.counts.counts"], log["adc_b.counts.counts"], log["css.currents.current"]
+    read = np.hstack([2e-6 * a[:, :4], -1e-5 + 2.5e-6 * b[:, :4].astype(float)])
     sound = log.time < 6 * 60
-    assert np.abs(a - b)[sound].max() < 1e-6 + 1.25e-6 + 10e-6     # half a count each, and noise
-    assert (log["adc_a.counts.counts"][~sound][:, 7] == 4095).all()
+    assert np.abs(read - currents)[sound].max() < 1.25e-6 + 5e-6     # half a count, and noise
+    assert currents[:, :4].max() > 1e-3 and currents[:, 4:].max() > 1e-3
+    assert (a[~sound][:, 3] == 4095).all() and not a[:, 4:].any() and not b[:, 4:].any()
 
 
 def test_a_snapshot_within_the_outage_goes_on_as_the_run_did():
@@ -110,14 +114,51 @@ def folder(tmp_path_factory):
 
 
 def everywhere():
-    names = ["linux", "cfs", *(name for name in ("leon3",) if name in TARGETS)]
-    return ",".join(name for name in names if not TARGETS[name].missing())
+    return ",".join(name for name in ("linux", "sparc64", "cfs", "leon3", "leon3-cfs") if not TARGETS[name].missing())
+
+
+def test_every_lane_of_the_four_boards_carries_something_at_its_own_addresses():
+    mission = export.read(fledge.load("flatsat"))
+    boards = export.board.read(mission, export.board.texts_of([BOARDS]))
+    assert [board.name for board in boards] == ["io_board_a", "io_board_b", "single_board_computer",
+                                                "solid_state_recorder"]
+    assert all(lane.carries or all(field.carries for field in lane.fields) and lane.fields
+               for board in boards for lane in board.lanes)
+    assert len({board.level for board in boards} - {0}) == 4
+    documents = export.emit_board(mission, [BOARDS])
+    for board in boards:
+        text = documents[f"{board.name}.md"]
+        for lane in board.lanes:
+            assert f"| {lane.address:#06x} | {lane.name} |" in text
+            assert all(f"| {field.name} |" in text and field.doc in text for field in lane.fields)
+
+
+@pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
+def test_on_the_leon3_the_boards_lie_at_their_bases_and_their_interrupts_come(folder):
+    from fledge import emulator
+
+    computer = emulator.load("flatsat", registers=[BOARDS], folder=folder / "computer")
+    boards = export.board.read(export.read(fledge.load("flatsat")), export.board.texts_of([BOARDS]))
+    computer.sim.run(10 * s)
+    for board in boards:
+        counters = struct.unpack(f">{2 * len(board.lines)}I",
+                                 computer.peek(board.base + board.interrupts, 8 * len(board.lines)))
+        raised = dict(zip(board.lines, counters[::2]))
+        assert counters[1::2] == counters[::2], "handled as often as raised"
+        assert raised.pop("tick", 22) == 22 and raised.pop("command", 0) == 0
+        of_lines = [lane.interrupt for lane in board.lanes for _ in range(lane.count)]
+        assert raised == {line: 21 * of_lines.count(line) for line in raised}
+    io_board_a = boards[0]
+    drive = next(lane for lane in io_board_a.lanes if lane.name == "wheel_drive")
+    found = struct.unpack(">4I", computer.peek(io_board_a.base + drive.address, 16))
+    counts = [int(count) & 0xFFFF for count in computer.flight.drive.drive.counts[:4]]
+    assert [word & 0xFFFF for word in found] == counts and any(counts)
 
 
 def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(folder, capsys):
     """With files that the recorder keeps over it, and the ground's packets."""
     on = everywhere()
-    assert cli.main(["fly", "flatsat", "kept", "--on", on, "--board", str(BOARD), "--out", str(folder)]) == 0, \
+    assert cli.main(["fly", "flatsat", "kept", "--on", on, "--board", str(BOARDS), "--out", str(folder)]) == 0, \
         capsys.readouterr()
     desktop = Archive(folder / "desktop.mcap")
     outputs = [topic for topic in desktop.topics if topic.startswith("/flight/")]
@@ -132,10 +173,12 @@ def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(f
         assert {figures.get(key, "0") for key in ("refused", "corrupt", "saturated", "skipped", "outside_refused",
                                                   "outside_corrupt", "outside_saturated", "lost", "missed")} == {"0"}
         assert figures.get("resets", "1") == "1", "the processor itself was reset"
+        # Those of four boards at each tick since the reset, but the first one, before which the program starts.
+        assert figures.get("board_interrupts", "452") == str(4 * (241 - 127 - 1)), name
 
 
 def test_a_target_judged_by_its_own_outputs_recovers_from_its_watchdog(folder, capsys):
-    assert cli.main(["fly", "flatsat", "silent", "--on", "linux", "--board", str(BOARD), "--out", str(folder)]) == 0
+    assert cli.main(["fly", "flatsat", "silent", "--on", "linux", "--board", str(BOARDS), "--out", str(folder)]) == 0
     assert "passed   desktop, linux" in capsys.readouterr().out
 
 
@@ -143,3 +186,16 @@ def test_flight_as_a_program_of_its_own_is_reset_too(folder, capsys):
     assert cli.main(["fly", "flatsat", "--for", "70s", "--on", "flight=desktop", "--out", str(folder)]) == 0
     rows = capsys.readouterr().out.splitlines()[2:4]
     assert rows[0].split()[1:3] == rows[1].split()[1:3] == ["135", rows[0].split()[2]]
+
+
+@pytest.mark.parametrize("kind, faulty, suspects", [("HIGH", 2, 0), ("BABBLE", 2, 0), ("LOW", 0, 3)])
+def test_a_converter_that_fails_while_the_computer_is_down(kind, faulty, suspects):
+    """It is named after the start, and the Sun kept; if it is dark then, geometry does not tell which one fails."""
+    sim = fledge.load("flatsat")
+    sim.world.adc_a.faults, sim.world.adc_b.faults = [], [{"kind": kind, "begin": 61 * s}]
+    f = sim.flight
+    sim.run(2 * minute)
+    assert f.sun.status.faulty == faulty and f.sun.status.suspects == suspects
+    sun = mrp_to_dcm(sim.world.craft.state.sigma_BN) @ np.array(sim.world.css.s_N)
+    assert np.linalg.norm(f.sun.heading.s_B - sun) < 0.02
+    assert f.sun.heading.head.quality == (3 if faulty else 2)

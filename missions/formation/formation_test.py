@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.archive.compare import compare
+from fledge.attitude import mrp_to_dcm
 from fledge.cosim import crossing_wires
 from fledge.targets import TARGETS, loop
 from fledge.units import minute, s
@@ -70,6 +72,24 @@ def test_without_the_radio_the_deputy_holds_what_it_heard_last():
     assert base.reference.head.quality == 2 and base.reference.head.t == before
 
 
+@pytest.mark.parametrize("scenario", ["commanded", "sensed"])
+def test_several_deputies_fly_what_one_flies(scenario):
+    sim = fledge.load("formation", deputies=3)
+    sim.plots = False
+    sim.scenarios[scenario]()
+    roll = sim.process("chief_guidance").roll.state
+    assert roll.heard == 0b111 and roll.lost == 0 and list(roll.age[:4]) == [1, 1, 1, 0]
+    assert sim.process("deputy2").roll.state.heard == 0b101      # a deputy does not hear itself
+    with pytest.raises(fledge.SetupError, match="the scenario changes is of one deputy"):
+        sim.clone().scenarios["changes"]()
+
+
+@pytest.mark.parametrize("wrong", [0, 9, 1.5, "two"])
+def test_a_number_that_is_no_formation_is_refused(wrong):
+    with pytest.raises(fledge.SetupError, match="deputies(: expected .* from 1 to 8;| is a number, as 1;) found"):
+        fledge.load("formation", deputies=wrong)
+
+
 def test_a_dead_camera_leaves_the_deputy_what_it_saw_last():
     sim = fledge.load("formation")
     deputy, camera = sim.process("deputy"), sim.process("deputy_world").camera
@@ -83,6 +103,129 @@ def test_a_dead_camera_leaves_the_deputy_what_it_saw_last():
     camera.n_faults = 0
     sim.run(1 * minute)
     assert deputy.base.reference.head.quality == 3 and deputy.base.reference.head.t == 420e9
+
+
+# --- as programs -----------------------------------------------------------------------------------
+
+def up(folder, file, *words, timeout=240):
+    done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", str(file), *words], cwd=folder,
+                          capture_output=True, text=True, timeout=timeout, env=loop.environment())
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def flown_in_one(path, scenario, **parameters):
+    """The record of `fledge run`."""
+    assert cli.main(["run", "formation", scenario, "--no-plots", "--out", str(path),
+                     *(word for name, value in parameters.items() for word in ("--set", f"{name}={value}"))]) == 0
+    return Archive(path / "run.mcap")
+
+
+HERE = Path(__file__).parent
+
+
+def test_the_programs_of_the_thesis_fly_what_one_program_flies(tmp_path, capsys):
+    file = HERE / "formation.toml"
+    if TARGETS["aarch64"].missing():
+        file = tmp_path / "formation.toml"
+        file.write_text((HERE / "formation.toml").read_text().replace("aarch64", "linux"))
+    said = up(tmp_path, file, "--report")
+    assert said.startswith("formation: 5 nodes, 6000 s\n") and said.endswith("\n  passed\n")
+    run = tmp_path / "runs/formation"
+    judged, one = Archive(run / "report/run.mcap"), flown_in_one(tmp_path / "one", "commanded")
+    assert len(one.topics) == 10 and compare(one, judged) == []
+    assert {file.name for file in (run / "report").glob("*.png")} == {
+        "formation_deputy_commanded.png", "formation_deputy_commanded_plane.png"}
+
+    # And sensed, for two minutes, by what each program has recorded.
+    up(tmp_path, file, "sensed", "--until", "2min")
+    one = flown_in_one(tmp_path / "one", "sensed")
+    for name in ("deputy_world", "chief_world", "chief"):
+        apart = Archive(run / f"{name}.mcap")
+        assert apart.topics and compare(one, apart, apart.topics, times=lambda t: t <= 120 * 10**9) == []
+
+
+def momentum_misfit(record, name, after):
+    """[N m s] How far the angular momentum is from constant in N, by a fit of what the wheels hold in B."""
+    late = record.time(f"{name}_world.craft.state") > after
+    state = record[f"{name}_world.craft.state"][late]
+    BN = mrp_to_dcm(state["sigma_BN"])
+    h_N = np.einsum("nji,nj->ni", BN, state["omega_BN_B"] * [700, 700, 800]).ravel()
+    unknown = np.concatenate([np.swapaxes(BN, 1, 2), -np.broadcast_to(np.eye(3), BN.shape)], axis=2).reshape(-1, 6)
+    return np.abs(unknown @ np.linalg.lstsq(unknown, -h_N, rcond=None)[0] + h_N).max()
+
+
+def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
+    """As fleet.toml, with three deputies."""
+    text = (HERE / "fleet.toml").read_text()
+    for old, new in (("deputies = 8", "deputies = 3"), ("deputy3", "deputy2"), ("deputy6", "deputy3")):
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "fleet.toml").write_text(text)
+    said = up(tmp_path, "fleet.toml", "--report")
+    assert "deputy2 is killed at 3300 s, as the file says" in said and said.endswith("\n  passed\n")
+    judged, one = (Archive(tmp_path / "runs/fleet/report/run.mcap"),
+                   flown_in_one(tmp_path / "one", "commanded", deputies=3))
+
+    def same(topic, until=1e9):
+        early = one.time(topic) <= until
+        return (one.raw[topic][early].tobytes() == judged.raw[topic][judged.time(topic) <= until].tobytes())
+
+    # Those who are neither fly as in a run in which all is well; so does the lost one, before that.
+    for topic in one.topics:
+        if topic.split("/")[1] in ("chief", "chief_world", "deputy1_world") or \
+                topic.startswith("/deputy1/") and "roll" not in topic:
+            assert same(topic), topic
+    for topic in ("/deputy2_world/craft/state", "/deputy2/scan/reference", "/deputy2/motor/command"):
+        assert same(topic, until=3300) and not same(topic)
+    # Then its wheels get no more torque, so that nothing changes its momentum.
+    assert momentum_misfit(judged, "deputy2", after=3301) < 1e-12
+    assert momentum_misfit(judged, "deputy1", after=3301) > 0.1
+
+    # What the others see of the two: nothing of the late one for ten minutes, nothing of the lost one from then on.
+    for who, own in (("chief_guidance", 0), ("deputy1", 1), ("deputy3", 4)):
+        t, roll = judged.time(f"{who}.roll.state"), judged[f"{who}.roll.state"]
+        written = roll["head"]["quality"] > 0
+        for begin, end, heard, lost in ((5, 600, 0b011, 0), (605, 3301, 0b111, 0), (3302, 6601, 0b101, 0b010)):
+            now = roll[(t >= begin) & (t < end) & written]
+            if len(now):
+                assert set(now["heard"]) == {heard & ~own} and set(now["lost"]) == {lost}
+        assert roll["age"][-1][1] == 3300
+    assert not (roll["head"]["quality"][t <= 600]).any() and written[t > 600].all()
+
+
+@pytest.mark.parametrize("policy, seen", [("drop", 12), ("hold", 14), ("restart", None)])
+def test_what_the_chief_sees_of_a_lost_deputy_is_declared(policy, seen, tmp_path):
+    """Nothing from its next second on; its last message, until the wire calls it stale; or no loss. Each time."""
+    (tmp_path / "two.toml").write_text(f'''
+mission = "formation"
+parameters = {{ deputies = 2 }}
+until = 20
+exchange = true
+[[node]]
+process = "deputy1"
+killed = 10
+on_loss = "{policy}"
+[[node]]
+process = "deputy2"
+joins = 5
+''')
+    up(tmp_path, "two.toml")
+    record = Archive(tmp_path / "runs/two/chief_guidance.mcap")
+    t, roll = record.time("roll.state"), record["roll.state"]
+    assert [next((when for when, bits in zip(t, roll["lost"]) if bits >> i & 1), None) for i in (0, 1)] == [seen, None]
+    assert next(when for when, bits in zip(t, roll["heard"]) if bits & 2) == 7      # its first second, a second later
+    assert t[-1] == 20 and list(roll["age"][-1][:2]) == [10 if seen else 1, 1]
+    up(tmp_path, "two.toml", "--out", "again")
+    assert compare(*(Archive(tmp_path / folder / "exchange.mcap") for folder in ("runs/two", "again"))) == []
+
+
+def test_a_report_is_of_a_whole_mission(tmp_path):
+    (tmp_path / "part.toml").write_text('mission = "formation"\nuntil = 60\n')
+    done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", "part.toml", "--report"], cwd=tmp_path,
+                          capture_output=True, text=True, env=loop.environment())
+    assert (done.returncode, done.stderr) == (2, "fledge: part.toml: a report is of a whole scenario, 6000 s; the run "
+                                              "ends at 60 s\n")
 
 
 # --- on targets ------------------------------------------------------------------------------------

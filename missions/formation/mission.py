@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A chief points at the planet; a deputy scans about where the chief points. Three flight computers, two worlds."""
+"""A chief points at the planet; deputies scan about where the chief points. Each spacecraft has a world."""
+from fledge import SetupError
 from fledge.units import deg
 
-from . import chief, deputy, truth
+from . import chief, deputy, roll, truth
 
 
-def build(sim):
+def build(sim, deputies=1):
+    if not isinstance(deputies, int) or not 1 <= deputies <= 8:
+        raise SetupError(f"deputies: expected a whole number from 1 to 8; found {deputies!r}")
+    names = ["deputy"] if deputies == 1 else [f"deputy{i + 1}" for i in range(deputies)]
+
     # In this order they run at equal times.
-    chief_world, deputy_world = sim.add_world("chief_world"), sim.add_world("deputy_world")
-    guidance, control, other = sim.add_flight("chief_guidance"), sim.add_flight("chief"), sim.add_flight("deputy")
+    chief_world, worlds = sim.add_world("chief_world"), [sim.add_world(f"{name}_world") for name in names]
+    guidance, control = sim.add_flight("chief_guidance"), sim.add_flight("chief")
+    others = [sim.add_flight(name) for name in names]
     chief.build_guidance(guidance)
     chief.build_control(control, guidance)
-    deputy.build(other, guidance)
     truth.build(chief_world, control, guidance.wheels, f=270 * deg,
                 orbits=[guidance.nadir.orbit, guidance.beacon.orbit])
-    truth.build(deputy_world, other, other.wheels, f=269.5 * deg, orbits=[other.look.orbit])
-    truth.see(deputy_world, chief_world, other)
+    for i, (w, f) in enumerate(zip(worlds, others)):
+        deputy.build(f, guidance)
+        truth.build(w, f, f.wheels, f=(269.5 - 0.5 * i) * deg, orbits=[f.look.orbit])
+        truth.see(w, chief_world, f)
+    if deputies > 1:
+        roll.build(guidance, others, worlds)

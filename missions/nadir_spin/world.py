@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth: an elliptic orbit through periapsis at Mars, a rigid body, four wheels, perfect navigation."""
-from fledge import Orbit, world
+from fledge import Orbit, flight as fsw, world
 from fledge.units import N, deg, kg, km, m, ms, rad, s
 
 MARS = world.MARS.with_mu(4.2828314e13 * m**3 / s**2)    # as in the thesis
 
 
 def build(w, f):
-    # The wheels are those that flight believes in, at rest.
-    w.wheels = world.ReactionWheels(axes_B=f.wheels.axes_B, J=f.wheels.J, u_max=0.2 * N * m)
+    # The wheels are what flight believes them to be, at rest.
+    w.wheels = world.ReactionWheels(axes_B=fsw.PYRAMID, J=0.1591549 * kg * m**2, u_max=0.2 * N * m)
 
     # Table 2.1: in the plane of N's equator, a quarter turn before periapsis.
     w.craft  = world.Spacecraft(

@@ -3,9 +3,8 @@
 from fledge import flight as fsw
 from fledge.units import A, N, deg, kg, m, mA, rad, s
 
-# Two pyramids of four sensors, about b3 and -b3. Two converters read each sensor.
-SUN_SENSORS = dict(axes_B=[[x, y, z] for z in (1, -1) for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))],
-                   current=5 * mA)
+# Two pyramids of four sensors, about b3 and -b3, each with a converter. The Sun on b1 lights two of each.
+SUN_SENSORS = dict(axes_B=fsw.SUN_PYRAMIDS, current=[5] * 8 * mA)
 SCALES, OFFSETS = [2e-6, 2.5e-6] * A, [0, -1e-5] * A
 FAST, SLOW = 1 * deg / s, 0.1 * deg / s
 
@@ -16,7 +15,7 @@ def build(f):
 
     # The direction to the Sun: least squares of what the sensors see, and a filter with the gyros, which goes on in the
     # shadow.
-    f.sun      = fsw.SunDirection(**SUN_SENSORS, scale=SCALES, offset=OFFSETS, dark=0.1, differ=0.05, persistence=10)
+    f.sun      = fsw.SunPyramids(**SUN_SENSORS, scale=SCALES, offset=OFFSETS, dark=0.1, differ=0.02, persistence=20)
     f.line     = fsw.SunLine(noise=0.01, length=0.02, rate_noise=1e-8 * rad**2 / s, walk=1e-14 * rad**2 / s**3,
                              rate_std=1e-3 * rad / s, gate=5, good=2 * deg, hold=5 * s, persistence=100)
 

@@ -21,9 +21,9 @@ def safe(sim):
     assert off[late].max() < np.radians(3), f"the panels are {np.degrees(off[late].max()):.3g} deg off the Sun"
     assert abs(rate[log.time > 240] - np.radians(0.1)).max() < np.radians(0.05), "it does not spin as it should"
 
-    # The converter of which a channel stays at its end is out of use ten updates later.
-    faulty = log.time[log["sun.status.faulty"] == 1]
-    assert len(faulty) and 0 < faulty[0] - 480 < 10, "the failed converter is in use"
+    # The sensor of A whose channel stays at its end is out of use twenty updates later, and nothing else.
+    faulty, unused = log["sun.status.faulty"], log["sun.status.unused"]
+    assert not faulty[log.time < 480].any() and (faulty[log.time > 491] == 1).all() and (unused[-1] == 1 << 3)
 
 
 def blind(sim):

@@ -15,11 +15,11 @@ def build(w, f):
         sigma_BN=[0.3, -0.4, 0.2], omega_BN_B=[2, -3, 1.5] * deg / s)
     w.light  = world.Sunlight(sun=world.SUN, shadows=[world.EARTH], sky=sky)
 
-    # From 8 minutes on one channel of A stays at its end.
+    # A converter for each pyramid. From 8 minutes on one channel of A stays at its end.
     w.css    = world.CoarseSunSensors(**SUN_SENSORS)
-    w.adc_a  = world.SunSensorConverter(n=8, bits=12, scale=SCALES[0], offset=OFFSETS[0], noise=1e-5 * A,
+    w.adc_a  = world.SunSensorConverter(n=4, bits=12, scale=SCALES[0], offset=OFFSETS[0], noise=1e-5 * A,
                                         faults=[{"kind": "HIGH", "channels": 1 << 3, "begin": 8 * minute}])
-    w.adc_b  = world.SunSensorConverter(n=8, bits=12, scale=SCALES[1], offset=OFFSETS[1], noise=1e-5 * A)
+    w.adc_b  = world.SunSensorConverter(n=4, first=4, bits=12, scale=SCALES[1], offset=OFFSETS[1], noise=1e-5 * A)
     w.gyro   = world.Gyro(noise=[(0.15 * deg)**2 / hour] * 3, bias=[0.02, -0.01, 0.015] * deg / s)
 
     w.connect(

@@ -47,7 +47,8 @@ def _of_port(records, port):
         if port.type == MODE:
             yield Happening(t, process, "mode", row["name"].decode(), "")
         elif row["kind"] == EVENT:
-            yield Happening(t, process, "event", row["name"].decode(), row["cause"].decode())
+            dropped = "; its mode was refused" if row["reason"] == Reason.GUARDED else ""
+            yield Happening(t, process, "event", row["name"].decode(), row["cause"].decode() + dropped)
         elif row["kind"] == RESET:
             yield Happening(t, process, "reset", "computer", f"for the {row['index']}. time")
         else:

@@ -45,6 +45,7 @@ LARGEST = 1e100                          # of a parameter
 STORED_MAX = 112                         # [bytes] of a command that is stored on board
 NAME_MAX = 127                           # [bytes] of a file's name on board
 CHOICES = 16                             # numbers of a report of housekeeping
+UNIT_STATES = ["off", "primary", "redundant", "faulted"]     # UnitState, from 1
 LISTS = 16                               # of stored commands: 0 has those of absolute times, the others are sequences
 
 
@@ -77,6 +78,7 @@ class Code(IntEnum):
     TABLE_DUMP = 24
     CHECK = 25
     EVENTS = 26
+    UNIT = 27
 
 
 class Action(IntEnum):
@@ -128,6 +130,9 @@ class Reason(IntEnum):
     INHIBITED = 19
     FULL = 20
     ROLE = 21
+    LAST = 22
+    GUARDED = 23
+    CONFLICT = 24
 
 
 WHY = {
@@ -146,7 +151,10 @@ WHY = {
     Reason.SEQUENCE: "it came before, or a later one did", Reason.LATE: "it was stored and came due too long ago",
     Reason.INHIBITED: "its list is inhibited",
     Reason.FULL: "the store of files is full, or too many files are under way",
-    Reason.ROLE: "whose key protected its frame may not give it"}
+    Reason.ROLE: "whose key protected its frame may not give it",
+    Reason.LAST: "it would leave no unit of its kind in use",
+    Reason.GUARDED: "the mode's condition does not hold",
+    Reason.CONFLICT: "another list asks for another mode at the same time"}
 
 
 class Kind(IntEnum):
@@ -175,7 +183,8 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.PDU: ["bytes"], Code.FILE_SEND: ["version", "class", "bytes"],
     Code.FILE_CONTROL: ["version", "file_action", "own", "transaction"], Code.FILE_REMOVE: ["version", "zero", "bytes"],
     Code.TABLE_LOAD: ["version", "module", "bytes"], Code.TABLE_DUMP: ["version", "module", "bytes"],
-    Code.CHECK: ["version", "module"], Code.EVENTS: ["version"]}
+    Code.CHECK: ["version", "module"], Code.EVENTS: ["version"],
+    Code.UNIT: ["version", "unit", "state", "even"]}
 NAMED = (Code.FILE_SEND, Code.FILE_REMOVE, Code.TABLE_LOAD, Code.TABLE_DUMP)     # their bytes are a name
 
 
@@ -265,6 +274,8 @@ class Dictionary:
     outputs: list[Output]
     order: str = "big"          # of telemetry's numbers; "little": on the software bus of cFS on such a machine
     frames: Frames | None = None    # what its links carry instead of packets
+    #: mode -> when it may be entered, in words, of those that may not always
+    guards: dict[str, str] = with_default(default_factory=dict)
     #: by the CRC of its choices, what the packets of a report of housekeeping have: learn()
     choices: dict[int, list[Choice]] = with_default(default_factory=dict, compare=False, repr=False)
 
@@ -414,6 +425,8 @@ class Dictionary:
                 rule = rules[report.detail]
                 why += f": {self.blocks[block].path}.{rule.name}" + (
                     f" must be {rule.text}" if report.reason == Reason.RULE else "")
+        if report.reason == Reason.GUARDED and report.code == Code.MODE and packet:
+            why += f": {self.modes[block]} is entered only {self.guards.get(self.modes[block], '')}"
         if report.code == Code.FILE_SEND and report.reason == Reason.FAILED:
             why += f": CFDP ended it by its condition {report.detail}"
         return f"{what}, {when}: {why}"
@@ -429,7 +442,7 @@ class Dictionary:
                                "reports": self.telemetry + REPORTS, "texts": self.texts,
                                "kinds": {k.name.lower(): int(k) for k in Kind}, "order": self.order},
                  **({"frames": asdict(self.frames)} if self.frames else {}),
-                 "modes": self.modes, "events": self.events,
+                 "modes": self.modes, **({"guards": self.guards} if self.guards else {}), "events": self.events,
                  "modules": [_plain(b) for b in self.blocks], "outputs": [_plain(o) for o in self.outputs]}
         return json.dumps(whole, indent=1) + "\n"
 
@@ -453,6 +466,7 @@ class Dictionary:
             for row in whole["outputs"]]
         found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
                     whole["events"], blocks, outputs, whole["telemetry"]["order"])
+        found.guards = whole.get("guards", {})
         if frames := whole.get("frames"):
             frames["keys"] = tuple(frames["keys"])
             found.frames = Frames(**frames)
@@ -485,6 +499,10 @@ def _place(items, names, name, what, where):
         raise SetupError(f"{where} has no {what} '{name}'{did_you_mean(name, names)} it has "
                          + listed(names, none="none"))
     return names.index(name), items[names.index(name)]
+
+
+def _unit_state(state):
+    return 1 + _place(UNIT_STATES, UNIT_STATES, state, "state", "a unit")[0]
 
 
 def _parts(head, size):
@@ -624,9 +642,11 @@ class Packets:
 
     def mode(self, mode: Any) -> bytes:
         """Request a mode, by its name or handle."""
+        return self.packet(Code.MODE, packing.pack(">H", self._mode(mode)))
+
+    def _mode(self, mode):
         modes = self.dictionary.modes
-        place, _ = _place(modes, modes, getattr(mode, "name", mode), "mode", self.dictionary.name)
-        return self.packet(Code.MODE, packing.pack(">H", place))
+        return _place(modes, modes, getattr(mode, "name", mode), "mode", self.dictionary.name)[0]
 
     def arm(self, event: Any, on: bool = True) -> bytes:
         """Arm an event, by its name or handle, or disarm it."""
@@ -745,30 +765,65 @@ class Packets:
         """Ask for what a list has: stored() reads the data of the report."""
         return self.packet(Code.LIST, packing.pack(">H", number))
 
-    def monitor(self, place: int, number: str = "", *, on: bool = True, low: float | None = None,
-                high: float | None = None, equals: float | None = None, change: bool = False, measure: str = "",
-                hold: int = 0, count: int = 0, starts: int = 0) -> bytes:
+    def monitor(self, place: int, number: str = "", **check: Any) -> bytes:
         """Write a monitor (flight/services/monitors.h), or turn it off by on=False alone.
 
         number: "flight.tracking.error.sigma_BR[2]" or, with the measure "norm" or "max_abs", all numbers of a field.
-        It is right from low to high, or where it equals a number; with change, its change from writing to writing is.
+        It is right from low to high, where it equals a number, or, with bits, where none of the bits of that mask is
+        set in a whole number of up to 32 bits; with change, its change from writing to writing is.
         hold [ns], count: how long, and at how many instants, it is wrong before the monitor fires. starts: a list.
         """
-        self._row("Monitors", "monitors", place)
-        if equals is not None and (low is not None or high is not None or change):
-            raise SetupError("a monitor has either equals, or low and high")
-        values: dict[str, Any] = {}
+        return self._write_row("Monitors", "monitors", place, self._check(number, **check))
+
+    def _check(self, number: str, *, on: bool = True, low: float | None = None, high: float | None = None,
+               equals: float | None = None, bits: int | None = None, change: bool = False, measure: str = "",
+               hold: int = 0, count: int = 0, starts: int = 0) -> dict[str, Any]:
+        """The values of a Monitor."""
+        if (low is not None or high is not None or change) + (equals is not None) + (bits is not None) > 1:
+            raise SetupError("a monitor has either equals, or bits, or low and high")
+        values: dict[str, Any] = dict.fromkeys(("output", "type", "offset", "n", "measure"), 0) | {"bits": bits or 0}
         if number:
             output, field, offset, n = self.dictionary.number(number, measure)
-            values = {"output": output, "type": NUMBERS.index(field.type), "offset": offset, "n": n,
-                      "measure": ["", "norm", "max_abs"].index(measure)}
+            if bits is not None:
+                width = 0 if field.type not in ("i8", "u8", "i16", "u16", "i32",
+                                                "u32") or measure else int(field.type[1:])
+                if not width:
+                    raise SetupError(f"{number}: bits are of one whole number of up to 32 bits, not of "
+                                     + (f"its {measure}" if measure else f"{field.type}"))
+                if not isinstance(bits, int) or not 0 < bits < 1 << width:
+                    raise SetupError(f"{number} is a {field.type}: expected bits from 1 to {hex((1 << width) - 1)}; "
+                                     f"found {bits!r}")
+            values |= {"output": output, "type": NUMBERS.index(field.type), "offset": offset, "n": n,
+                       "measure": ["", "norm", "max_abs"].index(measure)}
         elif on:
             raise SetupError("a monitor that is on needs a number")
-        kind = 0 if not number else 3 if equals is not None else 2 if change else 1
-        values |= {"kind": kind, "on": int(on), "hold": hold, "count": count, "list": starts,
-                   "low": equals if equals is not None else -LARGEST if low is None else low,
-                   "high": LARGEST if high is None else high}
-        return self._write_row("Monitors", "monitors", place, values)
+        kind = 0 if not number else 4 if bits is not None else 3 if equals is not None else 2 if change else 1
+        return values | {"kind": kind, "on": int(on), "hold": hold, "count": count, "list": starts,
+                         "low": equals if equals is not None else -LARGEST if low is None else low,
+                         "high": LARGEST if high is None else high}
+
+    def rule(self, place: int, number: str = "", *, unit: int | None = None, becomes: str = "", mode: Any = None,
+             limit: int = 0, **check: Any) -> bytes:
+        """Write a rule of the fault protection (flight/services/fault_protection.h), or turn it off by on=False alone.
+
+        number, check: as of a monitor. What follows where it stays wrong: a unit becomes something ("faulted", "off",
+        "primary", "redundant"), a mode is requested, a list started; at most `limit` times, 0: always.
+        """
+        if becomes and unit is None:
+            raise SetupError(f"a rule by which a unit becomes {becomes} has a unit")
+        return self._write_row("FaultProtection", "rules", place, {
+            "check": self._check(number, **check), "unit": 0 if unit is None else 1 + unit,
+            "becomes": _unit_state(becomes) if becomes else 0, "mode": 0 if mode is None else 1 + self._mode(mode),
+            "limit": limit})
+
+    def unit(self, unit: int, state: str, even: bool = False) -> bytes:
+        """Set the state of a unit (flight/services/fault_protection.h): "off", "primary", "redundant", "faulted".
+        Flight refuses it where no unit of the kind would stay in use; even: it does not."""
+        return self.packet(Code.UNIT, packing.pack(">HHH", unit, _unit_state(state), bool(even)))
+
+    def clear_fault(self, unit: int | None = None) -> bytes:
+        """Clear the fault of a unit, or of all, and what counts against the rules that accuse it."""
+        return self.packet(Code.UNIT, packing.pack(">HHH", ALL if unit is None else unit, 0, 0))
 
     def events(self) -> bytes:
         """Ask for what the log of events has (flight/services/event_log.h), to be sent again."""
@@ -967,10 +1022,16 @@ class Report(NamedTuple):
     data: bytes                 # read back, big-endian
     stored_on: int | None = None    # the list of a stored command
     monitor: int | None = None      # which has started a list
+    rule: int | None = None         # of the fault protection, which has started a list or requested a mode
 
     @property
     def good(self) -> bool:
         return self.reason == Reason.OK
+
+    @property
+    def own(self) -> bool:
+        """Whether flight had the command itself."""
+        return (self.stored_on, self.monitor, self.rule) != (None, None, None)
 
     @property
     def executed(self) -> bool:
@@ -993,9 +1054,11 @@ class Report(NamedTuple):
         return f"<{name} {self.sequence}{where} {what}{why}, t = {self.t / 1e9:g} s>"
 
 
-def origins(number: int) -> tuple[int | None, int | None]:
-    """(list, monitor) of the member `from` of a CommandReport."""
-    return (None, number - 32) if number >= 32 else (number - 1 if number else None, None)
+def origins(number: int) -> tuple[int | None, int | None, int | None]:
+    """(list, monitor, rule) of the member `from` of a CommandReport."""
+    kinds = [(1, 32), (32, 48), (48, 80)]
+    stored_on, monitor, rule = (number - low if low <= number < high else None for low, high in kinds)
+    return stored_on, monitor, rule
 
 
 class Stored(NamedTuple):

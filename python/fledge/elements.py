@@ -2,11 +2,10 @@
 """The types of a field's elements, as in flight/exec/element.h."""
 
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class Element:
+class Element(NamedTuple):
     code: str       # of the module struct
     ctype: str      # in C
 

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 from fledge.display import shown_by_pyplot
 from fledge.activity import modes
 from fledge.errors import SetupError
-from fledge.series import GOOD, NONE
+from fledge.series import GOOD, NONE, Series
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fledge.series import Records, Series
+    from fledge.series import Records
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
@@ -104,12 +104,13 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 # --- drawing ---------------------------------------------------------------------------------------
 
-def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | None = None, columns: int = 1,
-         units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
+def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles: Sequence[str] | None = None,
+         columns: int = 1, units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
          size: tuple[float, float] | None = None) -> Figure:
     """Plot fields against time; returns a matplotlib Figure.
 
-    panels: for each panel the name of a field, or a list of names that share it
+    panels: for each panel the name of a field, or a list of names that share it; a fledge.series.Series of computed
+    values stands for a name, as replace(source.series("error.sigma_BR"), key="off", name="off", values=...)
     titles: of the panels; default: the port and the meaning of the field
     columns: the number of panels side by side
     units: field name -> unit of the axis, as in {"euler.angles": "deg", "error.omega_BR_B": "deg/s"}
@@ -122,7 +123,8 @@ def plot(source: Records, *panels: str | Sequence[str], titles: Sequence[str] | 
 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
-    groups = [[source.series(key) for key in ([p] if isinstance(p, str) else p)] for p in panels]
+    groups = [[one if isinstance(one, Series) else source.series(one)
+               for one in ([p] if isinstance(p, (str, Series)) else p)] for p in panels]
     chosen = _chosen_units([one for group in groups for one in group], units or {})
     rows = -(-len(groups) // columns)
     with matplotlib.style.context(STYLE):

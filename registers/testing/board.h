@@ -74,6 +74,7 @@ public:
                   -1,
                   32,
                   8,
+                  0,
                   static_cast<std::uint32_t>(lanes_.size()),
                   lanes_.data(),
                   slave ? &slave_ : nullptr};

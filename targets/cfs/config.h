@@ -17,13 +17,13 @@
 #define POCKET_PIPES 16u
 #endif
 #ifndef POCKET_PIPE_DEPTH
-#define POCKET_PIPE_DEPTH 64u ///< the largest
+#define POCKET_PIPE_DEPTH 256u ///< the largest
 #endif
 #ifndef POCKET_ROUTES
-#define POCKET_ROUTES 128u ///< subscriptions
+#define POCKET_ROUTES 256u ///< subscriptions
 #endif
 #ifndef POCKET_SENT
-#define POCKET_SENT 128u ///< message ids with a sequence counter
+#define POCKET_SENT 256u ///< message ids with a sequence counter
 #endif
 #ifndef POCKET_MESSAGES
 #define POCKET_MESSAGES 64u ///< in all pipes together
@@ -33,13 +33,13 @@
 #endif
 
 #ifndef POCKET_TABLES
-#define POCKET_TABLES 48u
+#define POCKET_TABLES 96u
 #endif
 #ifndef POCKET_TABLE_MAX
 #define POCKET_TABLE_MAX 4096u ///< [bytes] of one table
 #endif
 #ifndef POCKET_TABLE_BYTES
-#define POCKET_TABLE_BYTES 32768u ///< [bytes] of all tables
+#define POCKET_TABLE_BYTES 65536u ///< [bytes] of all tables
 #endif
 #ifndef POCKET_LOADS
 #define POCKET_LOADS 4u ///< at the same time

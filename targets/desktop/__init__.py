@@ -37,7 +37,9 @@ class Desktop(Target):
     def fly(self, job: Job, timeout: float = 60.0) -> dict[str, Flown]:
         from time import process_time
 
+        from fledge import commands
         from fledge.archive import Archive
+        from fledge.files import write_files
         from fledge.targets import flown
 
         sim = job.begun()
@@ -46,6 +48,7 @@ class Desktop(Target):
             sim.record(*(getattr(getattr(flight, one), port) for one, port in
                          (m.path.split(".")[1:] for m in part.mission.outputs)), every=part.step() / 1e9)
             flight.commands.script(part.script)     # what comes before the first run, too, as a target has it
+            flight.commands.take_units()
         record = flown.new_record(job.folder, self.name)
         sim.archive(record, mission=sim.name, target="desktop")
         start = process_time()
@@ -56,6 +59,8 @@ class Desktop(Target):
         spent = process_time() - start
         with Archive(record) as archive:
             for part in job.parts:
+                units = sim.process(part.process).commands.take_units()
+                write_files({part.telemetry(self.name).name: commands.script(units)}, part.folder)
                 times = archive.time_ns(part.outputs[0])
                 for start, end in sim.process(part.process).outages:
                     times = times[(times < start) | (times >= end)]

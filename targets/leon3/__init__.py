@@ -46,8 +46,10 @@ class Leon3(Target):
 
     def command(self, built: Path, record: str) -> list[str]:
         tables = built.parent.parent / f"tables/{built.name}.so"
+        # What a debugger, a trace or a profile has seen is in no snapshot.
+        tools = self.tools or ["--snapshots", "{snapshots}"]
         return [str(build.native("fledge_leon3", "emulator/tools")), str(self.board), str(built.resolve()), "--tables",
-                str(tables.resolve()), "--registers", "{registers}", "--record", record, *self.tools]
+                str(tables.resolve()), "--registers", "{registers}", "--record", record, *tools]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, "sparc64-linux-gnu-size")

@@ -11,14 +11,21 @@
 #define APB_SIZE 8u
 #define ENTRIES 64u
 
-enum { GAISLER = 1, APB_BRIDGE = 0x006, APBUART = 0x00C, IRQMP = 0x00D, GPTIMER = 0x011 };
+enum { GAISLER = 1, APB_BRIDGE = 0x006, APBUART = 0x00C, IRQMP = 0x00D, GPTIMER = 0x011, GRSPW2 = 0x029 };
 
 enum { UART_DATA = 0, UART_STATUS = 4, UART_CONTROL = 8, UART_EMPTY = 1 << 2, UART_ENABLE = 3 };
+enum { LINK_CONTROL = 0, LINK_STATUS = 4, LINK_DMA = 0x20, LINK_DESCRIPTOR = 0x28 };
+enum { LINK_DISABLE = 1, LINK_START = 2, LINK_RUNS = 5 };
+enum { DMA_TRANSMIT = 1, PACKET_ENABLE = 1 << 12, PACKET_WRAP = 1 << 13 };
+enum { LINK_LOOKS = 10000 }; /* a millisecond: a link with another end needs some 20 us to start */
 
 extern const uint32_t leon3_registers[]; /* of the linker: where the registers are without plug and play */
 
 Leon3Devices leon3;
 int leon3_console_off;
+
+/* The only one of the SpaceWire link's table: flags, header, size, address. */
+static volatile uint32_t descriptor[4] __attribute__((aligned(1024)));
 
 /* ---- plug and play */
 
@@ -35,6 +42,8 @@ static void find_on_apb(uint32_t bridge)
         if (is(entry, GAISLER, APBUART)) {
             leon3.console = leon3.console != 0u ? leon3.console : address;
             leon3.link = address;
+        } else if (is(entry, GAISLER, GRSPW2) && leon3.spacewire == 0u) {
+            leon3.spacewire = address;
         } else if (is(entry, GAISLER, IRQMP)) {
             leon3.interrupts = address;
         } else if (is(entry, GAISLER, GPTIMER) && leon3.timers == 0u) {
@@ -42,6 +51,19 @@ static void find_on_apb(uint32_t bridge)
             leon3.timer_line = entry & 0x1Fu;
         }
     }
+}
+
+/* The link runs if there is something at its other end. */
+static int start_link(uint32_t link)
+{
+    leon3_store(link + LINK_CONTROL, (leon3_load(link + LINK_CONTROL) & ~(uint32_t)LINK_DISABLE) | LINK_START);
+    for (int i = 0; i < LINK_LOOKS; i++) {
+        if ((leon3_load(link + LINK_STATUS) >> 21 & 7u) == LINK_RUNS) {
+            leon3_store(link + LINK_DESCRIPTOR, (uint32_t)(uintptr_t)descriptor);
+            return 1;
+        }
+    }
+    return 0;
 }
 
 void leon3_find_devices(void)
@@ -63,17 +85,39 @@ void leon3_find_devices(void)
         leon3_store(leon3.link + UART_CONTROL, leon3_load(leon3.link + UART_CONTROL) | UART_ENABLE);
         leon3_store(leon3.console + UART_CONTROL, leon3_load(leon3.console + UART_CONTROL) | UART_ENABLE);
     }
+    if (leon3.spacewire != 0u && start_link(leon3.spacewire)) {
+        leon3.link = leon3.spacewire;
+    }
 }
 
-/* ---- the console */
+/* ---- the console, and records */
 
-void leon3_send(uint32_t uart, const void *bytes, size_t n)
+/* The link takes the bytes from memory by itself. */
+static void send_packet(const void *bytes, size_t n)
+{
+    descriptor[2] = (uint32_t)n;
+    descriptor[3] = (uint32_t)(uintptr_t)bytes;
+    descriptor[0] = PACKET_ENABLE | PACKET_WRAP;
+    __asm__ volatile("" : : : "memory");
+    leon3_store(leon3.spacewire + LINK_DMA, DMA_TRANSMIT);
+    while ((descriptor[0] & PACKET_ENABLE) != 0u) {
+    }
+}
+
+void leon3_send(uint32_t device, const void *bytes, size_t n)
 {
     const uint8_t *p = bytes;
-    while (uart != 0u && n-- != 0u) {
-        while ((leon3_load(uart + UART_STATUS) & UART_EMPTY) == 0u) {
+    if (device == 0u || n == 0u) {
+        return;
+    }
+    if (device == leon3.spacewire) {
+        send_packet(bytes, n);
+        return;
+    }
+    while (n-- != 0u) {
+        while ((leon3_load(device + UART_STATUS) & UART_EMPTY) == 0u) {
         }
-        leon3_store(uart + UART_DATA, *p++);
+        leon3_store(device + UART_DATA, *p++);
     }
 }
 

@@ -17,17 +17,19 @@
 /** The addresses of devices; 0: the board has none. */
 typedef struct Leon3Devices {
     uint32_t console;        ///< the first APBUART
-    uint32_t link;           ///< the last APBUART, for records; it is the console if there is only one
+    uint32_t link;           ///< for records: the SpaceWire link, if it runs, else the last APBUART, or the console
+    uint32_t spacewire;      ///< the first GRSPW2
     uint32_t interrupts;     ///< IRQMP
     uint32_t timers;         ///< GPTIMER
     uint32_t timer_line;     ///< its first interrupt
     uint32_t registers;      ///< the register space
     uint32_t registers_line; ///< the interrupt of a tick; 0: the processor must look by itself
+    uint32_t heard;          ///< interrupts of the boards of the register space, taken so far
 } Leon3Devices;
 
 extern Leon3Devices leon3;
 
-/** Find them, and enable both UARTs. */
+/** Find them, enable both UARTs, and start the SpaceWire link. */
 void leon3_find_devices(void);
 
 static inline uint32_t leon3_load(uint32_t address)
@@ -74,8 +76,8 @@ void leon3_watch(void);
 /** [ns] since the start; to a microsecond. */
 int64_t leon3_now(void);
 
-/** Send bytes through an APBUART. */
-void leon3_send(uint32_t uart, const void *bytes, size_t n);
+/** Send bytes through an APBUART, or as a packet through the SpaceWire link. */
+void leon3_send(uint32_t device, const void *bytes, size_t n);
 /** Text and numbers on the console. It is silent while leon3_console_off: if it shares its UART with a record. */
 void leon3_say(const char *text);
 void leon3_say_number(uint32_t value);

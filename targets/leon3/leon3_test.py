@@ -117,13 +117,29 @@ def test_a_board_without_the_room_is_reported(tmp_path, monkeypatch, capsys):
 
 def test_a_flight_is_refused_by_a_board_without_registers(tmp_path):
     job = Job("nadir_spin", folder=tmp_path, duration=10.0)
-    target = Leon3()
+    target = Leon3(["--figures"])   # so that no node needs to give it a socket for snapshots
     target.board = build.ROOT / "emulator/boards/leon3_generic.toml"
     command = target.command(target.build(job.parts[0]), "record.mcap")
     job.parts[0].tables()
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 1 and "--record needs a second device of the kind `apbuart`" in done.stderr
+    assert done.returncode == 1
+    assert "--record needs a device of the kind `grspw2`, or a second one of `apbuart`" in done.stderr
     assert not (tmp_path / "record.mcap").exists()
+
+
+def test_a_uart_sends_the_record_of_a_board_without_spacewire(tmp_path, monkeypatch, capsys):
+    """Byte by byte, and the same bytes as packets."""
+    sent = []
+    text = boards.BOARD.read_text()
+    for one in (text, text.replace('"grspw2"', '"report"')):
+        (tmp_path / "board.toml").write_text(one)
+        monkeypatch.setattr(TARGETS["leon3"], "board", tmp_path / "board.toml")
+        assert cli.main(["fly", "nadir_spin", "--for", "10s", "--on", "leon3", "--out", str(tmp_path)]) == 0
+        instructions = int(re.search(r"flight: instructions (\d+)", (tmp_path / "leon3.log").read_text())[1])
+        sent.append((instructions, (tmp_path / "leon3.mcap").read_bytes()))
+    capsys.readouterr()
+    (by_link, packets), (by_uart, record) = sent
+    assert packets == record and by_link < by_uart
 
 
 @pytest.mark.parametrize("name, program", [("leon3", b"fledge_leon3"), ("leon3-qemu", b"qemu-system-sparc")])

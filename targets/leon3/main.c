@@ -9,9 +9,7 @@
 #define TARGET "leon3"
 #endif
 
-enum { BOARDS_MAX = 4 };
-
-static RegisterWindow windows[BOARDS_MAX];
+static RegisterWindow windows[MISSION_BOARDS_MAX];
 static MissionIoCounts counts;
 
 static void say_line(const char *text)
@@ -34,7 +32,7 @@ static void say_mark(uint32_t tick, MissionHeap heap)
 int main(void)
 {
     Tick tick;
-    if (fledge_mission.io->n_boards > BOARDS_MAX) {
+    if (fledge_mission.io->n_boards > MISSION_BOARDS_MAX) {
         leon3_say("the mission has more than 4 register boards\n");
         return 1;
     }
@@ -48,6 +46,7 @@ int main(void)
     }
     const MissionHeap begun = fledge_mission.heap != NULL ? fledge_mission.heap() : (MissionHeap){0u, 0u};
     leon3_place_windows(fledge_mission.io, windows);
+    leon3_hear_boards(fledge_mission.io);
     const RegisterWindow *clock = &windows[mission_io_clock(fledge_mission.io)];
     uint32_t ticks = 0u;
     leon3_watch();

@@ -71,6 +71,7 @@ int recorder_end(const MissionIoCounts *counts)
     leon3_say_figure("corrupt", counts->corrupt);
     leon3_say_figure("saturated", counts->saturated);
     leon3_say_figure("skipped", counts->skipped);
+    leon3_say_figure("board_interrupts", leon3.heard);
     leon3_say_figure("program_bytes", leon3_program_size());
     leon3_say_figure("data_bytes", leon3_data_size());
     leon3_say_figure("ram_bytes", leon3_ram_used());

@@ -24,6 +24,7 @@ bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
 {
     (void)stop;
     leon3_place_windows(fledge_mission.io, windows);
+    leon3_hear_boards(fledge_mission.io);
     return true;
 }
 

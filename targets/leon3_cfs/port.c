@@ -12,7 +12,7 @@
 
 #include <string.h>
 
-enum { STACK = 24576, FILES = 16, OPEN = POCKET_FILES, PATH = 64, LARGEST = 8192 };
+enum { STACK = 24576, FILES = 96, WRITTEN = 16, OPEN = POCKET_FILES, PATH = 64, LARGEST = 8192 };
 
 /* ---- tasks */
 
@@ -160,8 +160,13 @@ static struct {
     char path[PATH]; ///< "": there is none
     const uint8 *bytes;
     size_t size;
-    uint8 own[LARGEST]; ///< of files that are written here
+    uint8 *own; ///< of a file that is written here: its room; else NULL
 } files[FILES];
+
+static struct {
+    uint8 bytes[LARGEST];
+    int taken;
+} rooms[WRITTEN];
 
 static struct {
     int32 file; ///< its index + 1; 0: not open
@@ -179,24 +184,35 @@ static int32 find(const char *path)
     return -1;
 }
 
-static int32 add(const char *path)
+void port_add_file(const char *path, const uint8 *bytes, size_t n)
 {
     const int32 i = find("");
     if (i >= 0) {
         (void)strcpy(files[i].path, path);
-        files[i].bytes = files[i].own;
-        files[i].size = 0;
-    }
-    return i;
-}
-
-void port_add_file(const char *path, const uint8 *bytes, size_t n)
-{
-    const int32 i = add(path);
-    if (i >= 0) {
         files[i].bytes = bytes;
         files[i].size = n;
     }
+}
+
+/* Give a file room of its own, with its content. Returns 0 if there is none. */
+static int make_writable(int32 i)
+{
+    for (uint32 k = 0; k < WRITTEN && files[i].own == NULL && files[i].size <= LARGEST; k++) {
+        if (!rooms[k].taken) {
+            rooms[k].taken = 1;
+            files[i].own = rooms[k].bytes;
+            memcpy(files[i].own, files[i].bytes, files[i].size);
+            files[i].bytes = files[i].own;
+        }
+    }
+    return files[i].own != NULL;
+}
+
+static int32 add(const char *path)
+{
+    static const uint8 nothing[1];
+    port_add_file(path, nothing, 0);
+    return find(path);
 }
 
 static int is_path(const char *path)
@@ -213,12 +229,8 @@ int32 port_file_open(const char *path, int access, int create, int truncate)
     if (i < 0 && create) {
         i = add(path);
     }
-    if (i >= 0 && access != OS_READ_ONLY && files[i].bytes != files[i].own) {
-        if (files[i].size > LARGEST) {
-            return -1;
-        }
-        memcpy(files[i].own, files[i].bytes, files[i].size);
-        files[i].bytes = files[i].own;
+    if (i >= 0 && access != OS_READ_ONLY && !make_writable(i)) {
+        return -1;
     }
     for (int32 k = 0; i >= 0 && k < OPEN; k++) {
         if (opened[k].file == 0) {
@@ -293,6 +305,10 @@ int32 port_file_remove(const char *path)
             return -1;
         }
     }
+    for (uint32 k = 0; k < WRITTEN; k++) {
+        rooms[k].taken = rooms[k].taken && files[i].own != rooms[k].bytes;
+    }
+    files[i].own = NULL;
     files[i].path[0] = '\0';
     return 0;
 }

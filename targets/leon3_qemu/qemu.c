@@ -6,6 +6,7 @@
  * Both the record and the console of the guest come through its only UART, one behind the other: the record first. Exit
  * codes: 0 flown to the end, 1 something failed, 2 wrong arguments. */
 #define _GNU_SOURCE /* memfd_create */
+#include "registers/plug_and_play.h"
 #include "registers/shared_file.h"
 #include "targets/mission_host.h"
 
@@ -21,13 +22,13 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { BOARDS_MAX = 4, MIB = 1 << 20 };
+enum { MIB = 1 << 20 };
 #define POLL_NS 250000000 /* how often the program looks for signals while it waits */
 #define TRIES 4000        /* looks at the guest's answer between two looks at QEMU itself */
 
 static volatile sig_atomic_t stopped;
 static RegisterFile file;
-static RegisterWindow outside[BOARDS_MAX], guest[BOARDS_MAX];
+static RegisterWindow outside[MISSION_BOARDS_MAX], guest[MISSION_BOARDS_MAX];
 static uint8_t *ram;
 static size_t ram_size;
 static pid_t qemu;
@@ -55,14 +56,18 @@ static int64_t now(void)
 
 /* ---- the boards, in the file and in the RAM of the guest */
 
-static void place_windows(void)
+/* Returns 0 if a board does not lie within the last MiB of the RAM. */
+static int place_windows(void)
 {
     const MissionIo *io = fledge_mission.io;
     for (uint32_t i = 0u; i < io->n_boards; i++) {
-        /* One behind the other, at the same distances as in the file. */
-        const ptrdiff_t at = (const volatile uint8_t *)outside[i].words - (const volatile uint8_t *)outside[0].words;
+        const uint64_t at = register_bus_offset(io->boards, io->n_boards, io->boards[i]);
+        if (at + io->boards[i]->size > MIB) {
+            return 0;
+        }
         guest[i] = register_window(io->boards[i], (volatile uint32_t *)(void *)(ram + ram_size - MIB + at));
     }
+    return 1;
 }
 
 /* All words but those of the clock, from one side to the other. */
@@ -212,7 +217,7 @@ int main(int argc, char **argv)
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
     (void)snprintf(serial, sizeof serial, "%s.part", argv[3]);
-    if (io->n_boards > BOARDS_MAX) {
+    if (io->n_boards > MISSION_BOARDS_MAX) {
         return fail("boards", "there are more than 4");
     }
     const RegisterFileStatus attached = register_file_attach(&file, argv[4], io->boards, io->n_boards, outside);
@@ -221,8 +226,7 @@ int main(int argc, char **argv)
     }
     int result = start(argv[1], serial);
     if (result == 0) {
-        place_windows();
-        result = fly(clock);
+        result = place_windows() ? fly(clock) : fail("boards", "they need more than 1 MiB from the lowest base on");
         if (qemu > 0) {
             (void)kill(qemu, SIGKILL);
             (void)waitpid(qemu, NULL, 0);

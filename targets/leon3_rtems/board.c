@@ -47,6 +47,20 @@ static void tick_has_come(void *unused)
     (void)rtems_event_send(flight, TICK);
 }
 
+static void (*of_level[16])(void);
+
+static void board_interrupts(void *level)
+{
+    of_level[(uintptr_t)level]();
+}
+
+void leon3_on_interrupt(uint32_t level, void (*handler)(void))
+{
+    of_level[level] = handler;
+    leon3_expect(rtems_interrupt_handler_install(level, "board", RTEMS_INTERRUPT_UNIQUE, board_interrupts,
+                                                 (void *)(uintptr_t)level));
+}
+
 void leon3_begin_flight(void)
 {
     const int first = flight == 0u;

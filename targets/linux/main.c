@@ -27,7 +27,7 @@
 #define SECOND INT64_C(1000000000)
 #define POLL_NS (SECOND / 4) /* how often the program checks for signals while it waits */
 
-enum { BOARDS_MAX = 4, MARKS_MAX = 32, FLOWN = 0, FAILED = 1, CALLED_WRONGLY = 2 };
+enum { MARKS_MAX = 32, FLOWN = 0, FAILED = 1, CALLED_WRONGLY = 2 };
 
 typedef struct Options {
     const char *registers; ///< the file, or NULL
@@ -55,7 +55,7 @@ typedef struct HeapMarks {
 
 typedef struct Runner {
     RegisterFile file;
-    RegisterWindow windows[BOARDS_MAX];
+    RegisterWindow windows[MISSION_BOARDS_MAX];
     MissionIoCounts counts;
     FileSink sink;
     MissionRecord record;
@@ -174,7 +174,7 @@ static int attach(const Options *o)
 {
     const MissionIo *io = fledge_mission.io;
     RegisterFileStatus status;
-    if (io->n_boards > BOARDS_MAX) {
+    if (io->n_boards > MISSION_BOARDS_MAX) {
         return complain("boards", "there are more than 4");
     }
     if (o->registers == NULL) {

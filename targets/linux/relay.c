@@ -11,10 +11,10 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { BOARDS_MAX = 4, LINE_MAX_BYTES = 2 * COMMAND_MAX + 2, PATIENCE = 500 /* turns */, TURN_MS = 20 };
+enum { LINE_MAX_BYTES = 2 * COMMAND_MAX + 2, PATIENCE = 500 /* turns */, TURN_MS = 20 };
 
 static RegisterFile file;
-static RegisterWindow windows[BOARDS_MAX];
+static RegisterWindow windows[MISSION_BOARDS_MAX];
 static MissionIoCounts counts;
 
 static int complain(const char *what)
@@ -84,7 +84,7 @@ int main(int argc, char **argv)
     if (argc != 2) {
         return complain("usage: relay REGISTERS");
     }
-    if (io->n_boards > BOARDS_MAX ||
+    if (io->n_boards > MISSION_BOARDS_MAX ||
         register_file_create(&file, argv[1], io->boards, io->n_boards, windows) != REGISTER_FILE_OK) {
         return complain("the register file cannot be made");
     }

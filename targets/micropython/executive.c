@@ -413,6 +413,15 @@ static int holds(const ExecutiveCondition *condition)
     return (int)(results_after(0u, condition) & 1u);
 }
 
+int executive_admits(const ExecutiveMode *mode)
+{
+    int admits = mode->n_after == 0u;
+    for (uint16_t i = 0u; executive.current != NULL && i < mode->n_after; i++) {
+        admits |= strcmp(mode->after[i], executive.current->name) == 0;
+    }
+    return admits && (mode->when == NULL || holds(mode->when));
+}
+
 static int sets(const ExecutiveEvent *event, uint16_t place)
 {
     const ExecutiveSetting *setting = event->settings;
@@ -430,7 +439,8 @@ static void look_at(ExecutiveEvent *event, int64_t t)
     if (!exec_fires(&event->state, held, again, event->hold, event->count, event->once, t)) {
         return;
     }
-    if (event->enter != NULL) {
+    event->state.refused = event->enter != NULL && !executive_admits(event->enter);
+    if (event->enter != NULL && !event->state.refused) {
         executive.asked = event->enter;
     }
     for (const ExecutiveArm *arm = event->arms; arm != NULL; arm = arm->next) {
@@ -482,15 +492,27 @@ int64_t executive_next(void)
     return t;
 }
 
-void executive_enter(uint16_t mode)
+static ExecutiveMode *mode_at(uint16_t mode)
 {
     ExecutiveMode *one = executive.modes;
     for (; one != NULL && mode > 0u; mode--) {
         one = one->next;
     }
+    return one;
+}
+
+void executive_enter(uint16_t mode)
+{
+    ExecutiveMode *one = mode_at(mode);
     if (one != NULL) {
         executive_ask(one);
     }
+}
+
+int executive_may_enter(uint16_t mode)
+{
+    const ExecutiveMode *one = mode_at(mode);
+    return one == NULL || executive_admits(one);
 }
 
 void executive_ask(ExecutiveMode *mode)
@@ -535,7 +557,7 @@ void executive_arm(uint16_t event, int on)
 
 const ExecEvent *executive_event(uint16_t event)
 {
-    static const ExecEvent none = {-1, -1, 0, 0};
+    static const ExecEvent none = {-1, -1, 0, 0, 0, 0};
     const ExecutiveEvent *one = event_at(event);
     return one != NULL ? &one->state : &none;
 }
@@ -703,13 +725,13 @@ static void put_operand(const ExecutiveOperand *o)
     }
 }
 
-static void describe_condition(Sink sink, const char *word, const ExecutiveEvent *event, const ExecutiveCondition *c)
+static void describe_condition(Sink sink, const char *word, const char *name, const ExecutiveCondition *c)
 {
     static const char *const relations[] = {"<", "<=", ">", ">=", "==", "!="};
     static const char *const joins[] = {"", "&", "|", "~"};
     if (c->join == EXEC_COMPARE) {
         start(word);
-        put_word(event->name);
+        put_word(name);
         put_operand(&c->of.operands[0]);
         put_word(relations[c->relation]);
         put_operand(&c->of.operands[1]);
@@ -717,9 +739,9 @@ static void describe_condition(Sink sink, const char *word, const ExecutiveEvent
         return;
     }
     for (int i = 0; i < (c->join == EXEC_INVERSE ? 1 : 2); i++) {
-        describe_condition(sink, word, event, c->of.parts[i]);
+        describe_condition(sink, word, name, c->of.parts[i]);
     }
-    two_words(sink, word, event->name, joins[c->join]);
+    two_words(sink, word, name, joins[c->join]);
 }
 
 static void describe_event(Sink sink, const ExecutiveEvent *event)
@@ -750,9 +772,9 @@ static void describe_event(Sink sink, const ExecutiveEvent *event)
             sink(line.text);
         }
     }
-    describe_condition(sink, "when", event, event->when);
+    describe_condition(sink, "when", event->name, event->when);
     if (event->until != NULL) {
-        describe_condition(sink, "until", event, event->until);
+        describe_condition(sink, "until", event->name, event->until);
     }
 }
 
@@ -778,6 +800,12 @@ void executive_describe(void (*sink)(const char *text))
         sink(line.text);
         for (uint16_t i = 0u; i < mode->n; i++) {
             two_words(sink, "activates", mode->name, mode->tasks[i]->name);
+        }
+        for (uint16_t i = 0u; i < mode->n_after; i++) {
+            two_words(sink, "follows", mode->name, mode->after[i]);
+        }
+        if (mode->when != NULL) {
+            describe_condition(sink, "guards", mode->name, mode->when);
         }
     }
     if (executive.initial != NULL) {

@@ -28,6 +28,7 @@ void executive_restart(int64_t t);
 int64_t executive_next(void);
 void executive_tick(int64_t t);
 void executive_enter(uint16_t mode);
+int executive_may_enter(uint16_t mode);
 uint16_t executive_mode(void);
 void executive_publish(uint16_t block, int64_t t);
 void executive_arm(uint16_t event, int on);
@@ -46,6 +47,8 @@ void *executive_parameters(uint16_t block);
  *     runs TASK MODULE
  *     mode NAME
  *     activates MODE TASK
+ *     follows MODE MODE             the first is entered only in the second, or others of its lines; none: in all
+ *     guards MODE PART              the condition on which it is entered, as `when`
  *     start MODE                    the mode to begin in
  *     event NAME HOLD COUNT ONCE ARMED      [ns], whole number, 1 or 0, 1 or 0
  *     looks EVENT MODE              a mode in which it looks; none: in all
@@ -103,13 +106,6 @@ typedef struct ExecutiveTask {
     const uint16_t *run; ///< places, in order
 } ExecutiveTask;
 
-typedef struct ExecutiveMode {
-    struct ExecutiveMode *next;
-    const char *name;
-    uint16_t n;
-    ExecutiveTask **tasks;
-} ExecutiveMode;
-
 /** A number of a field, or a constant. */
 typedef struct ExecutiveOperand {
     union {
@@ -133,6 +129,15 @@ typedef struct ExecutiveCondition {
         const struct ExecutiveCondition *parts[2]; ///< one for EXEC_INVERSE
     } of;
 } ExecutiveCondition;
+
+typedef struct ExecutiveMode {
+    struct ExecutiveMode *next;
+    const char *name;
+    uint16_t n, n_after;
+    ExecutiveTask **tasks;
+    const char **after;             ///< the modes in which alone it is entered, perhaps ones that come later; none: all
+    const ExecutiveCondition *when; ///< on which it is entered; NULL: always
+} ExecutiveMode;
 
 struct ExecutiveEvent;
 
@@ -213,6 +218,9 @@ ExecutiveEvent *executive_find_event(const char *name);
 
 /** The script has set a parameter of a place while flight runs: configuration is published at the next instant. */
 void executive_changed(uint16_t place);
+
+/** Whether a mode may be entered now. */
+int executive_admits(const ExecutiveMode *mode);
 
 /** Request a mode from the next instant on. */
 void executive_ask(ExecutiveMode *mode);

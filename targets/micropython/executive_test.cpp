@@ -243,6 +243,8 @@ ExecutiveOperand element(std::size_t offset)
     return o;
 }
 
+std::vector<std::string> described;
+
 /// What a script composes: constant >> first and second >> third in the task fast, which always runs; the task slow of
 /// second in the mode work.
 struct Composition {
@@ -251,7 +253,7 @@ struct Composition {
     ExecutiveTask *working[1] = {&slow};
     ExecutiveMode idle{}, work{};
     ExecutiveWire wires[2]{};
-    ExecutiveCondition high{}, low{}, either{};
+    ExecutiveCondition high{}, low{}, either{}, inverse{};
     ExecutiveEvent settled{}, late{};
     ExecutiveArm arm{};
     ExecutiveSetting setting{};
@@ -398,6 +400,40 @@ TEST_F(Composed, EntersAModeAtTheNextTickAndResetsWhatBecomesActive)
     EXPECT_EQ(executive_next(), 30);
 }
 
+TEST_F(Composed, AnEventDoesNotEnterAModeWhoseConditionDoesNotHold)
+{
+    static const char *others[] = {"work"};
+    made = std::make_unique<Composition>();
+    made->settled.once = 0;
+    made->idle.n_after = 1;
+    made->idle.after = others;
+    made->work.when = &made->inverse;
+    made->inverse.join = EXEC_INVERSE;
+    made->inverse.of.parts[0] = &made->high;
+    executive_init();
+    EXPECT_FALSE(executive_may_enter(0)) << "it is in it";
+    EXPECT_TRUE(executive_may_enter(1));
+    for (const double x : {2.0, 2.0, 2.0}) { // high holds
+        tick(x);
+    }
+    EXPECT_EQ(made->settled.state.fired_at, 10);
+    EXPECT_EQ(made->settled.state.refused, 1);
+    EXPECT_EQ(executive_mode(), 0);
+    EXPECT_FALSE(executive_may_enter(1));
+    for (const double x : {0.0, -20.0, -20.0, -20.0}) { // low holds
+        tick(x);
+    }
+    EXPECT_EQ(made->settled.state.refused, 0);
+    EXPECT_EQ(executive_mode(), 1);
+    EXPECT_TRUE(executive_may_enter(0));
+    described.clear();
+    executive_describe([](const char *text) { described.emplace_back(text); });
+    for (const char *line :
+         {"follows idle work", "guards work third+40:element > 0x4027000000000000", "guards work ~"}) {
+        EXPECT_EQ(std::count(described.begin(), described.end(), line), 1) << line;
+    }
+}
+
 TEST_F(Composed, RunsTasksOfHigherPriorityFirst)
 {
     made->slow.rate.offset = 0;
@@ -532,8 +568,6 @@ TEST_F(Composed, ItsOwnFunctionsReplaceThoseOfAType)
     EXPECT_EQ(counts[0], 12);
     EXPECT_EQ(counts[1], 1);
 }
-
-std::vector<std::string> described;
 
 TEST_F(Composed, DescribesWhatWasComposed)
 {

@@ -171,7 +171,9 @@ static mp_obj_t flight_enter(mp_obj_t self, mp_obj_t mode)
         mp_print_str(error, fledge_script.n_modes ? "" : "none");
         objects_raise();
     }
-    (void)command_enter(&apart->context, (uint16_t)i);
+    if (command_enter(&apart->context, (uint16_t)i) != COMMAND_OK) {
+        objects_refuse("mode %s.%s: its condition does not hold", fledge_script.process, name);
+    }
     return mp_const_none;
 }
 static MP_DEFINE_CONST_FUN_OBJ_2(flight_enter_object, flight_enter);

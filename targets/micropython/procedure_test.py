@@ -38,6 +38,7 @@ def build(f):
     f.task("control", every=1 * s, run=[f.control])
     f.mode("rest", ["guide"])
     f.mode("science", ["guide", "control"])
+    f.mode("locked", [], when=f.watch(f.control.torque).torque_B.norm() > 9, after="science")
     f.start_in("rest")
 '''
 WORLD = '''
@@ -182,6 +183,7 @@ KILLED = {
     "an unknown name": ("f.control.KK = 3", 2, "flight.control has no attribute 'KK'"),
     "an unknown module": ("f.contrl.K = 3", 2, "flight has no 'contrl' here"),
     "an unknown mode": ("f.enter('sciense')", 2, "flight has no mode 'sciense'; it has rest, science"),
+    "a mode's condition": ("f.enter('locked')", 2, "mode flight.locked: its condition does not hold"),
     "an output": ("f.control.torque.torque_B = [1, 2, 3]", 2, "is in an output"),
     "an input": ("f.control.error.sigma_BR[0] = 1", 0, "flight.control.error is no parameter"),
     "a bound": ("f.control.K = -3.0", 2, "flight.control.K must be"),

@@ -426,10 +426,18 @@ static void handle_attr(mp_obj_t self, qstr attr, mp_obj_t *dest)
 
 static MP_DEFINE_CONST_OBJ_TYPE(task_type, MP_QSTR_Task, MP_TYPE_FLAG_NONE, attr, handle_attr, print, handle_print);
 
+static mp_obj_t ask(ExecutiveMode *mode)
+{
+    if (!executive_admits(mode)) {
+        objects_refuse("mode %s.%s: its condition does not hold", PROCESS, mode->name);
+    }
+    executive_ask(mode);
+    return mp_const_none;
+}
+
 static mp_obj_t mode_enter(mp_obj_t self)
 {
-    executive_ask(&((ModeHandle *)MP_OBJ_TO_PTR(self))->mode);
-    return mp_const_none;
+    return ask(&((ModeHandle *)MP_OBJ_TO_PTR(self))->mode);
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(mode_enter_obj, mode_enter);
 
@@ -739,17 +747,31 @@ static mp_obj_t process_task(size_t n, const mp_obj_t *args, mp_map_t *keywords)
 }
 static MP_DEFINE_CONST_FUN_OBJ_KW(process_task_obj, 1, process_task);
 
+static const ExecutiveCondition *condition_of(mp_obj_t value, const char *what, const char *key)
+{
+    if (!mp_obj_is_type(value, &condition_type)) {
+        const mp_print_t *print = objects_error();
+        mp_printf(print, "%s: %s takes a condition, as in watch(port).field < 1; found ", what, key);
+        objects_print_found(print, value);
+        objects_raise();
+    }
+    return &((Condition *)MP_OBJ_TO_PTR(value))->condition;
+}
+
 static mp_obj_t process_mode(size_t n_arguments, const mp_obj_t *args, mp_map_t *keywords)
 {
     static const mp_arg_t allowed[] = {
         {MP_QSTR_name, MP_ARG_REQUIRED | MP_ARG_OBJ, {.u_int = 0}},
         {MP_QSTR_tasks, MP_ARG_REQUIRED | MP_ARG_OBJ, {.u_int = 0}},
+        {MP_QSTR_when, MP_ARG_KW_ONLY | MP_ARG_OBJ, {.u_rom_obj = MP_ROM_NONE}},
+        {MP_QSTR_after, MP_ARG_KW_ONLY | MP_ARG_OBJ, {.u_rom_obj = MP_ROM_NONE}},
     };
     mp_arg_val_t given[MP_ARRAY_SIZE(allowed)];
     mp_arg_parse_all(n_arguments - 1u, args + 1, keywords, MP_ARRAY_SIZE(allowed), allowed, given);
     const char *name = new_name(given[0].u_obj, "mode");
-    size_t n;
+    size_t n, n_after;
     mp_obj_t *items;
+    const mp_obj_t *after;
     mp_obj_get_array(given[1].u_obj, &n, &items);
     ModeHandle *handle = mp_obj_malloc(ModeHandle, &mode_type);
     handle->handle.name = given[0].u_obj;
@@ -763,6 +785,15 @@ static mp_obj_t process_mode(size_t n_arguments, const mp_obj_t *args, mp_map_t 
         if (handle->mode.tasks[i] == NULL) {
             refuse_name(what.text, "names the task", task, executive.tasks);
         }
+    }
+    if (given[2].u_obj != mp_const_none) {
+        handle->mode.when = condition_of(given[2].u_obj, what.text, "when");
+    }
+    several(&given[3].u_obj, &n_after, &after);
+    handle->mode.n_after = (uint16_t)n_after;
+    handle->mode.after = m_new(const char *, n_after);
+    for (size_t i = 0u; i < n_after; i++) {
+        handle->mode.after[i] = name_of(after[i], &mode_type, what.text);
     }
     executive_add_mode(&handle->mode);
     return MP_OBJ_FROM_PTR(handle);
@@ -791,8 +822,7 @@ static MP_DEFINE_CONST_FUN_OBJ_2(process_start_in_obj, process_start_in);
 static mp_obj_t process_enter(mp_obj_t self, mp_obj_t mode)
 {
     (void)self;
-    executive_ask(mode_of(mode, "enter:", "there is no mode"));
-    return mp_const_none;
+    return ask(mode_of(mode, "enter:", "there is no mode"));
 }
 static MP_DEFINE_CONST_FUN_OBJ_2(process_enter_obj, process_enter);
 
@@ -809,17 +839,6 @@ static mp_obj_t process_watch(mp_obj_t port)
 }
 static MP_DEFINE_CONST_FUN_OBJ_1(process_watch_obj, process_watch);
 static MP_DEFINE_CONST_STATICMETHOD_OBJ(process_watch_static, MP_ROM_PTR(&process_watch_obj));
-
-static const ExecutiveCondition *condition_of(mp_obj_t value, const char *what, const char *key)
-{
-    if (!mp_obj_is_type(value, &condition_type)) {
-        const mp_print_t *print = objects_error();
-        mp_printf(print, "%s: %s takes a condition, as in watch(port).field < 1; found ", what, key);
-        objects_print_found(print, value);
-        objects_raise();
-    }
-    return &((Condition *)MP_OBJ_TO_PTR(value))->condition;
-}
 
 /* Link the events that it arms or disarms, at the end. */
 static void add_arms(ExecutiveEvent *event, const mp_obj_t *given, uint8_t on, const char *what)

@@ -43,7 +43,7 @@ typedef struct ControlMomentGyros {
         double rate_max[WHEELS_MAX];    ///< [rad/s] count n, >= 0: limit of a gimbal's rate; 0: none
         double lag[WHEELS_MAX];         ///< [s]     count n, >= 0: of a gimbal's rate; 0: an update
         double Omega[WHEELS_MAX];       ///< [rad/s] count n, initial: speeds of the wheels
-        double angle[WHEELS_MAX];       ///< [rad]   count n, initial: angles of the gimbals
+        double angle[WHEELS_MAX];       ///< [rad]   count n, in [-1e6, 1e6], initial: angles of the gimbals
         double rate[WHEELS_MAX];        ///< [rad/s] count n, initial: rates of the gimbals
         Fault faults[FAULTS_MAX];       ///< count n_faults: planned
     } par;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace fledge::world {
 
@@ -27,12 +28,24 @@ double no_faster(double u, double rate, double limit, double rest, double per_ra
     return sign * std::clamp(sign * u, 0.0, std::max(sign * rest + per_rate * (limit - sign * rate), 0.0));
 }
 
-void add(auto &to, double k, const Vec3 &a)
+void add(Mat3 &to, double k, const Vec3 &a)
 {
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             to.m[i][j] += k * a.v[i] * a.v[j];
         }
+    }
+}
+
+Vec3 column(const double (&a)[3][WHEELS_MAX], std::size_t i)
+{
+    return vec3(a[0][i], a[1][i], a[2][i]);
+}
+
+void put_column(double (&to)[3][WHEELS_MAX], std::size_t i, const Vec3 &a)
+{
+    for (std::size_t j = 0; j < 3; j++) {
+        to[j][i] = a.v[j];
     }
 }
 
@@ -55,7 +68,6 @@ void ControlMomentGyrosModel::prepare(const sim::Setup &setup)
             throw sim::SetupError(element("spin_axes_B", i) +
                                   ": the wheel's axis must be across the gimbal's; found it along it");
         }
-        zero_[i] = {vec_unit(vec_cross(t, g)), vec_unit(t), g};
         const auto within = [&](const char *field, double x, const char *limit, double most) {
             if (most > 0.0 && std::abs(x) > most) {
                 throw sim::SetupError(element(field, i) + ": the initial value must be within " + limit + ", " +
@@ -69,40 +81,70 @@ void ControlMomentGyrosModel::prepare(const sim::Setup &setup)
 
 void ControlMomentGyrosModel::refresh()
 {
-    check_faults(name_, {interface_.par.faults, interface_.par.n_faults}, channels, false);
+    const auto &par = interface_.par;
+    check_faults(name_, {par.faults, par.n_faults}, channels, false);
+    state_.again = 1.0;
+    Fours &all = state_.gyros = {};
+    for (std::size_t i = 0; i < par.n; i++) {
+        const Vec3 g = vec_unit(par.gimbal_axes_B[i]), t = vec_unit(vec_cross(g, vec_unit(par.spin_axes_B[i])));
+        put_column(all.g, i, g);
+        put_column(all.t, i, t);
+        put_column(all.s, i, vec_cross(t, g));
+        all.J[i] = par.J[i];
+        all.J_inverse[i] = 1.0 / par.J[i];
+        all.J_g[i] = par.J_g[i];
+        all.J_g_inverse[i] = 1.0 / par.J_g[i];
+        all.J_s[i] = par.J_s[i];
+        all.J_t[i] = par.J_t[i];
+        all.all_ways.add_spread(par.J_t[i], g);
+    }
 }
 
 void ControlMomentGyrosModel::add_hidden_inertia(Mat3 &inertia) const
 {
     for (std::size_t i = 0; i < n_; i++) {
-        add(inertia, interface_.par.J[i], axes(i, interface_.par.angle[i]).s);
-        add(inertia, interface_.par.J_g[i], zero_[i].g);
+        add(inertia, interface_.par.J[i], axis(i, interface_.par.angle[i]));
+        add(inertia, interface_.par.J_g[i], column(state_.gyros.g, i));
     }
 }
 
-ControlMomentGyrosModel::Axes ControlMomentGyrosModel::axes(std::size_t i, double angle) const
+/// Of the wheel.
+Vec3 ControlMomentGyrosModel::axis(std::size_t i, double angle) const
 {
     double sine, cosine;
     fm_sincos(angle, &sine, &cosine);
-    const auto &[s, t, g] = zero_[i];
-    return {vec_add(vec_scale(cosine, s), vec_scale(sine, t)), vec_sub(vec_scale(cosine, t), vec_scale(sine, s)), g};
+    return vec_add(vec_scale(cosine, column(state_.gyros.s, i)), vec_scale(sine, column(state_.gyros.t, i)));
 }
 
-ControlMomentGyrosModel::Gyro ControlMomentGyrosModel::gyro(std::size_t i, const double *x, const Axes &axes,
-                                                            const Vec3 &omega) const
+/// The gyros i to i + 3.
+LANES_INLINE ControlMomentGyrosModel::Four ControlMomentGyrosModel::four(std::size_t i, const double *x,
+                                                                         const Vec3 &omega) const
 {
-    const auto &par = interface_.par;
-    Gyro now{x[i],
-             x[padded_ + i],
-             x[2 * padded_ + i],
-             vec_dot(axes.s, omega),
-             vec_dot(axes.t, omega),
-             vec_dot(axes.g, omega),
-             0.0,
-             0.0};
-    now.rate = now.p / par.J_g[i] - now.omega_g;
-    now.gyration = (now.h + (par.J_s[i] - par.J_t[i]) * now.omega_s) * now.omega_t;
+    const Fours &all = state_.gyros;
+    const Quad3 rate = quads(omega), s0 = quads(all.s, i), t0 = quads(all.t, i);
+    Quad sine, cosine;
+    sincos(quad_at(x + 2 * padded_ + i), sine, cosine);
+    Four now;
+    now.s = cosine * s0 + sine * t0;
+    now.t = cosine * t0 - sine * s0;
+    now.h = quad_at(x + i);
+    now.p = quad_at(x + padded_ + i);
+    now.omega_s = dot(now.s, rate);
+    now.omega_t = dot(now.t, rate);
+    now.rate = now.p * quad_at(all.J_g_inverse + i) - dot(quads(all.g, i), rate);
+    now.gyration = (now.h + (quad_at(all.J_s + i) - quad_at(all.J_t + i)) * now.omega_s) * now.omega_t;
     return now;
+}
+
+/// [N m] of the gimbals' motors. For a rate, they also carry the gyration.
+LANES_INLINE Quad ControlMomentGyrosModel::gimbal_torque(std::size_t i, const Four &now) const
+{
+    const Motors &motors = state_.motors;
+    const Quad most = quad_at(motors.most + i), servo = quad_at(motors.servo + i);
+    const Quad rate = quad_at(motors.wanted + i) - now.rate;
+    const Quad asked = quad_at(motors.gimbal + i) + quad_at(motors.per_lag + i) * rate - servo * now.gyration;
+    const Quad below = asked < most ? asked : most;
+    return below > -most ? below : -most;
 }
 
 std::vector<StateName> ControlMomentGyrosModel::names() const
@@ -119,11 +161,11 @@ void ControlMomentGyrosModel::start(const Vec3 &omega, double *x)
 {
     const auto &par = interface_.par;
     state_ = {};
+    refresh();
     state_.faults.reset(seeded_);
     for (std::size_t i = 0; i < n_; i++) {
-        const Axes at = axes(i, par.angle[i]);
-        x[i] = par.J[i] * (vec_dot(at.s, omega) + par.Omega[i]);
-        x[padded_ + i] = par.J_g[i] * (vec_dot(at.g, omega) + par.rate[i]);
+        x[i] = par.J[i] * (vec_dot(axis(i, par.angle[i]), omega) + par.Omega[i]);
+        x[padded_ + i] = par.J_g[i] * (vec_dot(column(state_.gyros.g, i), omega) + par.rate[i]);
         x[2 * padded_ + i] = par.angle[i];
     }
     interface_.out = {};
@@ -143,102 +185,142 @@ bool ControlMomentGyrosModel::latch(const double *x, const BodyRate &rate, doubl
     const auto &[command, rates, torques, injected] = interface_.in;
     const auto &par = interface_.par;
     const auto acts = [&](Head head) { return dt > 0.0 && head_written(head); };
-    bool changed = false;
-    for (std::size_t i = 0; i < n_; i++) {
-        Motors &motors = state_.motors[i];
-        const Motors before = motors;
-        const double asked = acts(command.head) ? command.u[i] : 0.0;
-        const double torque = acts(torques.head) ? torques.u[i] : 0.0;
-        motors.servo = acts(rates.head);
-        motors.lag = par.lag[i] > 0.0 ? par.lag[i] : dt;
-        motors.wheel = limited(asked, par.u_max[i]);
-        motors.gimbal =
-            motors.servo != 0.0 ? limited(rates.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
-        if (dt > 0.0 && state_.faults.any()) {
-            fail(of_wheels + i, motors.wheel, par.u_max[i]);
-            fail(of_gimbals + i, motors.gimbal, motors.servo != 0.0 ? par.rate_max[i] : par.torque_max[i]);
+    const bool faulty = dt > 0.0 && state_.faults.any(), servo = acts(rates.head);
+    Asked &asked = state_.asked;
+    bool same = !faulty && state_.again == 0.0 && asked.dt == dt && (asked.servo != 0.0) == servo;
+    const auto ask = [&](double *held, bool is_asked, const double *from) {
+        for (std::size_t b = 0; b < padded_; b += sim::state_block) {
+            const Quad now = is_asked ? quad_at(from + b) : Quad{};
+            const auto differ = now != quad_at(held + b);
+            same &= !(differ[0] | differ[1] | differ[2] | differ[3]);
+            put_quad(held + b, now);
         }
-        if (motors.wheel != 0.0 || motors.gimbal != 0.0) {
-            const Axes at = axes(i, x[2 * padded_ + i]);
-            const Gyro now = gyro(i, x, at, rate.omega);
-            const double spin_up = vec_dot(at.s, rate.domega) + now.rate * now.omega_t;
-            motors.wheel = no_faster(motors.wheel, now.h / par.J[i] - now.omega_s, par.Omega_max[i], par.J[i] * spin_up,
-                                     par.J[i] / dt);
-            if (motors.servo == 0.0) {
-                motors.gimbal = no_faster(motors.gimbal, now.rate, par.rate_max[i],
-                                          par.J_g[i] * vec_dot(at.g, rate.domega) - now.gyration, par.J_g[i] / dt);
+    };
+    ask(asked.wheel, acts(command.head), command.u);
+    ask(asked.rate, servo, rates.rate);
+    ask(asked.torque, acts(torques.head), torques.u);
+    if (same) {
+        return false;
+    }
+    asked.dt = dt;
+    asked.servo = servo ? 1.0 : 0.0;
+    state_.again = faulty ? 1.0 : 0.0;
+    const Motors before = state_.motors;
+    Motors &motors = state_.motors = {};
+    bool look_first = true;
+    Seen now{};
+    for (std::size_t i = 0; i < n_; i++) {
+        const double torque = asked.torque[i];
+        double wheel = limited(asked.wheel[i], par.u_max[i]);
+        double gimbal = servo ? limited(asked.rate[i], par.rate_max[i]) : limited(torque, par.torque_max[i]);
+        if (faulty) {
+            fail(of_wheels + i, wheel, par.u_max[i]);
+            fail(of_gimbals + i, gimbal, servo ? par.rate_max[i] : par.torque_max[i]);
+        }
+        const bool fast = par.Omega_max[i] > 0.0 && wheel != 0.0;
+        if (fast || (!servo && par.rate_max[i] > 0.0 && gimbal != 0.0)) {
+            if (look_first) {
+                sim::in_registers<&ControlMomentGyrosModel::look>(*this, x, rate, now);
+                look_first = false;
+                state_.again = 1.0;
+            }
+            wheel = no_faster(wheel, now.Omega[i], par.Omega_max[i],
+                              par.J[i] * (now.domega_s[i] + now.rate[i] * now.omega_t[i]), par.J[i] / dt);
+            if (!servo) {
+                gimbal = no_faster(gimbal, now.rate[i], par.rate_max[i], par.J_g[i] * now.domega_g[i] - now.gyration[i],
+                                   par.J_g[i] / dt);
             }
         }
-        motors.limited = std::abs(motors.wheel - asked) > 1e-9 * std::abs(asked) ||
-                         (motors.servo == 0.0 && std::abs(motors.gimbal - torque) > 1e-9 * std::abs(torque));
-        changed |= before.wheel != motors.wheel || before.gimbal != motors.gimbal || before.servo != motors.servo ||
-                   before.lag != motors.lag;
+        if (std::abs(wheel - asked.wheel[i]) > 1e-9 * std::abs(asked.wheel[i]) ||
+            (!servo && std::abs(gimbal - torque) > 1e-9 * std::abs(torque))) {
+            motors.limited = 1.0;
+        }
+        motors.wheel[i] = wheel;
+        (servo ? motors.wanted : motors.gimbal)[i] = gimbal;
+        if (servo) {
+            motors.servo[i] = 1.0;
+            motors.per_lag[i] = par.J_g[i] / (par.lag[i] > 0.0 ? par.lag[i] : dt);
+        }
+        motors.most[i] = servo && par.torque_max[i] > 0.0 ? par.torque_max[i] : HUGE_VAL;
     }
-    return changed;
+    return std::memcmp(&motors, &before, sizeof motors) != 0;
 }
 
-/// [N m] of the gimbal's motor. For a rate, it also carries the gyration.
-double ControlMomentGyrosModel::gimbal_torque(std::size_t i, const Gyro &gyro) const
+LANES_INLINE void ControlMomentGyrosModel::look(const double *x, const BodyRate &rate, Seen &seen) const
 {
-    const auto &par = interface_.par;
-    if (state_.motors[i].servo == 0.0) {
-        return state_.motors[i].gimbal;
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        const Four now = four(i, x, rate.omega);
+        put_quad(seen.Omega + i, now.h * quad_at(state_.gyros.J_inverse + i) - now.omega_s);
+        put_quad(seen.rate + i, now.rate);
+        put_quad(seen.gyration + i, now.gyration);
+        put_quad(seen.omega_t + i, now.omega_t);
+        put_quad(seen.domega_s + i, dot(now.s, quads(rate.domega)));
+        put_quad(seen.domega_g + i, dot(quads(state_.gyros.g, i), quads(rate.domega)));
     }
-    const double wanted = par.J_g[i] * (state_.motors[i].gimbal - gyro.rate) / state_.motors[i].lag - gyro.gyration;
-    return limited(wanted, par.torque_max[i]);
 }
 
-void ControlMomentGyrosModel::couple(const double *x, const Motion &, Loads &, Whole &whole)
+void ControlMomentGyrosModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
 {
-    const auto &par = interface_.par;
-    for (std::size_t i = 0; i < n_; i++) {
-        now_[i] = axes(i, x[2 * padded_ + i]);
-        add(whole.inertia, par.J_s[i], now_[i].s);
-        add(whole.inertia, par.J_t[i], now_[i].t);
-    }
+    sim::in_registers<&ControlMomentGyrosModel::couple_in_lanes>(*this, x, motion, loads, whole);
 }
 
-void ControlMomentGyrosModel::derive(const double *x, const Motion &motion, double *dx, Loads &loads) const
+LANES_INLINE void ControlMomentGyrosModel::couple_in_lanes(const double *x, const Motion &motion, Loads &loads,
+                                                           Whole &whole)
 {
-    const auto &par = interface_.par;
-    std::fill(dx, dx + 3 * padded_, 0.0);
-    for (std::size_t i = 0; i < n_; i++) {
-        const auto &[s, t, g] = now_[i];
-        const Gyro now = gyro(i, x, now_[i], motion.omega);
-        const double u = state_.motors[i].wheel, dp = gimbal_torque(i, now) + now.gyration;
-        const double turning = now.rate * (par.J_s[i] - par.J_t[i]);
-        dx[i] = u;
-        dx[padded_ + i] = dp;
-        dx[2 * padded_ + i] = now.rate;
-        loads.momentum = vec_add(loads.momentum, vec_add(vec_scale(now.h, s), vec_scale(now.p, g)));
-        loads.torque = vec_sub(
-            loads.torque, vec_add(vec_scale(u + turning * now.omega_t, s),
-                                  vec_add(vec_scale(now.h * now.rate + turning * now.omega_s, t), vec_scale(dp, g))));
+    symmetric(state_.gyros.all_ways).add_to(whole.inertia);
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        const Four now = four(i, x, motion.omega);
+        const Quad J_st = quad_at(state_.gyros.J_s + i) - quad_at(state_.gyros.J_t + i);
+        const Quad u = quad_at(state_.motors.wheel + i), v = gimbal_torque(i, now), dp = v + now.gyration;
+        const Quad turning = now.rate * J_st;
+        const Quad3 g = quads(state_.gyros.g, i);
+        product(J_st * now.s, now.s).add_to(whole.inertia);
+        put(loads.momentum, quad(loads.momentum) + sums(now.h * now.s + now.p * g));
+        put(loads.torque, quad(loads.torque) - sums((u + turning * now.omega_t) * now.s +
+                                                    (now.h * now.rate + turning * now.omega_s) * now.t + dp * g));
+        Quad(&to)[3] = acting_[i / sim::state_block];
+        to[0] = u;
+        to[1] = dp;
+        to[2] = now.rate;
+        put_quad(seen_.rate + i, now.rate);
+        put_quad(seen_.torque + i, v);
+        put_quad(seen_.omega_s + i, now.omega_s);
     }
 }
 
-void ControlMomentGyrosModel::publish(sim::Ns t, const double *x, const Vec3 &omega)
+void ControlMomentGyrosModel::accelerate(const double *, const Vec3 &, const Vec3 &, double *dx) const
+{
+    sim::in_registers<&ControlMomentGyrosModel::accelerate_in_lanes>(*this, dx);
+}
+
+LANES_INLINE void ControlMomentGyrosModel::accelerate_in_lanes(double *dx) const
+{
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        for (std::size_t k = 0; k < 3; k++) {
+            put_quad(dx + k * padded_ + i, acting_[i / sim::state_block][k]);
+        }
+    }
+}
+
+void ControlMomentGyrosModel::publish(sim::Ns t, const double *x, const Vec3 &)
 {
     auto &[speeds, gimbals, applied, gimbals_applied] = interface_.out;
     const auto &par = interface_.par;
     const bool faulty = state_.faults.begin(t, par.n_faults, par.faults, interface_.in.injected);
-    bool saturated = false;
     bool speeds_speak = !faulty, angles_speak = !faulty;
     for (std::size_t i = 0; i < n_; i++) {
-        const Gyro now = gyro(i, x, axes(i, x[2 * padded_ + i]), omega);
-        speeds.Omega[i] = now.h / par.J[i] - now.omega_s;
-        gimbals.angle[i] = now.angle;
-        gimbals.rate[i] = now.rate;
+        speeds.Omega[i] = x[i] * state_.gyros.J_inverse[i] - seen_.omega_s[i];
+        gimbals.angle[i] = x[2 * padded_ + i];
+        gimbals.rate[i] = seen_.rate[i];
         if (faulty) {
             const double most = par.Omega_max[i] > 0.0 ? par.Omega_max[i] : unlimited;
             speeds_speak |= state_.faults.apply(of_speeds + i, {&speeds.Omega[i], 1}, -most, most);
             angles_speak |= state_.faults.apply(of_angles + i, {&gimbals.angle[i], 1});
         }
-        applied.u[i] = state_.motors[i].wheel;
-        gimbals_applied.u[i] = gimbal_torque(i, now);
-        saturated |= state_.motors[i].limited != 0.0;
+        applied.u[i] = state_.motors.wheel[i];
+        gimbals_applied.u[i] = seen_.torque[i];
     }
-    interface_.mem.saturated += saturated;
+    interface_.mem.saturated += state_.motors.limited != 0.0;
     speeds.head = speeds_speak ? head_next(speeds.head, t, QUALITY_GOOD) : head_held(speeds.head);
     gimbals.head = angles_speak ? head_next(gimbals.head, t, QUALITY_GOOD) : head_held(gimbals.head);
     for (Head *head : {&applied.head, &gimbals_applied.head}) {

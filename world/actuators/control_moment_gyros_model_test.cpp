@@ -280,6 +280,24 @@ TEST(ControlMomentGyros, MotorsHoldTheirLimitsAgainstTheBodysMotion)
     e.fly(second, 10 * ms, [&] { ASSERT_NEAR(e.speed(), 500.0, 5e-5); });
 }
 
+TEST(ControlMomentGyros, FlyTheSameBitsInNarrowRegisters)
+{
+    const auto ends = in_all_registers([] {
+        Craft c;
+        c.add_set();
+        c.method = sim::make_rk4();
+        c.i.in.rates.head.quality = QUALITY_GOOD;
+        c.i.in.rates.rate[0] = 0.1;
+        c.i.par.lag[0] = c.i.par.lag[1] = c.i.par.lag[2] = 1.0;
+        c.prepare();
+        c.fly(10 * second, 100 * ms);
+        return c.states();
+    });
+    for (const auto &end : ends) {
+        EXPECT_EQ(end, ends[0]);
+    }
+}
+
 TEST(ControlMomentGyros, TakeFaults)
 {
     Craft c;

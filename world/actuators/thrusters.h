@@ -5,6 +5,7 @@
 #include "flight/msg/avionics.h"
 #include "flight/msg/valves.h"
 #include "world/msg/fault.h"
+#include "world/msg/power.h"
 #include "world/msg/propulsion.h"
 
 /** How the propellant in a tank lies. */
@@ -21,6 +22,7 @@ typedef enum TankShape {
  *  together; then thrust ends at once. Without tanks the mass is constant, and isp only says how much would flow.
  *  One that is mounted on a panel of the attribute `panels`, counted from 1, turns with it; r_TB_B and axes_B are for
  *  theta = 0. Its propellant crosses the hinge at hinge_B.
+ *  A latch valve without power shuts them all, those too whose own valve is stuck.
  *  The channels of its faults are the thrusts for which the valves are open, from 0 to F.
  *  Assumptions: isp does not depend on the thrust; propellant flows straight from its tank to its thruster, without a
  *  momentum of its own where valves open and close; it does not slosh. */
@@ -29,6 +31,7 @@ typedef struct Thrusters {
         ThrusterTimes times;   ///< optional: when each is open
         ThrusterValves valves; ///< optional: which are open
         FaultSet injected;     ///< optional: faults, besides the planned ones
+        LoadSupply power;      ///< optional: of the latch valve in front of them all; without it that is open
     } in;
     struct {
         ThrusterOutput output;
@@ -51,8 +54,8 @@ typedef struct Thrusters {
         double fill[TANKS_MAX];     ///< [-]  count n_tanks, in [0, 1]: for TANK_SETTLES, part of the tank at the start
         Vec3 down_B[TANKS_MAX];     ///< [-]  count n_tanks: for TANK_SETTLES, where the propellant settles
         uint32_t n_faults;          ///< [-]  in [0, 4]: number of planned faults
-        uint32_t spare;
-        Fault faults[FAULTS_MAX];      ///< count n_faults: planned
+        uint32_t load;              ///< [-]  in [0, 31]: the latch valve's load in the power unit
+        Fault faults[FAULTS_MAX];   ///< count n_faults: planned
         uint32_t panel[THRUSTERS_MAX]; ///< [-] count n, in [0, 8], initial: of `panels`, that it is mounted on; 0: none
     } par;
     struct {

@@ -25,21 +25,8 @@ Vec3 swing(const Vec3 &r, const Vec3 &a)
     return vec_sub(vec_scale(vec_norm2(r), a), vec_scale(vec_dot(r, a), r));
 }
 
-/// An inertia with one value about the unit vector g and another one across it.
-Mat3 inertia_of(double axial, double across, const Vec3 &g)
-{
-    Mat3 all{};
-    for (int i = 0; i < 3; i++) {
-        all.m[i][i] = across;
-        for (int j = 0; j < 3; j++) {
-            all.m[i][j] += (axial - across) * g.v[i] * g.v[j];
-        }
-    }
-    return all;
-}
-
 /// x^(2/3), the same bits everywhere.
-double two_thirds(double x)
+double power_two_thirds(double x)
 {
     return x > 0.0 ? fm_exp(2.0 / 3.0 * fm_log(x)) : 0.0;
 }
@@ -63,7 +50,7 @@ void ThrustersModel::prepare(const sim::Setup &setup)
             throw sim::SetupError(where + " must be > 0 s where tanks feed the thrusters, found 0 s");
         }
     }
-    total_ = 0.0;
+    shrinks_ = std::any_of(par.shape, par.shape + par.n_tanks, [](auto shape) { return shape == TANK_SHRINKS; });
     for (std::size_t j = 0; j < par.n_tanks; j++) {
         const std::string tank = "[" + std::to_string(j) + "]";
         if (par.shape[j] == TANK_SETTLES && !(par.fill[j] > 0.0 && vec_norm(par.down_B[j]) > 0.0)) {
@@ -73,13 +60,37 @@ void ThrustersModel::prepare(const sim::Setup &setup)
                                        : "fill" + tank + " is 0: how full is the tank") +
                                   "?");
         }
-        total_ += par.propellant[j];
     }
 }
 
 void ThrustersModel::refresh()
 {
-    check_faults(name_, {interface_.par.faults, interface_.par.n_faults}, THRUSTERS_MAX, true);
+    const auto &par = interface_.par;
+    check_faults(name_, {par.faults, par.n_faults}, THRUSTERS_MAX, true);
+    state_.is_new = 1;
+    total_ = 0.0;
+    for (std::size_t j = 0; j < par.n_tanks; j++) {
+        total_ += par.propellant[j];
+    }
+    per_total_ = 1.0 / total_;
+    round_ = {};
+    for (std::size_t j = 0; j < par.n_tanks; j++) {
+        if (par.shape[j] == TANK_SETTLES) {
+            continue;
+        }
+        const double m = par.propellant[j], share = m / total_, R2 = par.radius[j] * par.radius[j];
+        const Vec3 &r = par.r_KB_B[j], moment = vec_scale(m, r), source = vec_scale(share, r);
+        round_.mass[0] += m;
+        for (int i = 0; i < 3; i++) {
+            round_.mass[i + 1] += moment.v[i];
+            round_.source[i] += source.v[i];
+        }
+        round_.inertia.add_spread(m, r);
+        round_.leaving.add_spread(share, r);
+        const bool shrinks = par.shape[j] == TANK_SHRINKS;
+        round_.ball[shrinks] += 0.4 * m * R2;
+        round_.ball_leaving[shrinks] += (shrinks ? 2.0 / 3.0 : 0.4) * share * R2;
+    }
 }
 
 bool ThrustersModel::mounted() const
@@ -99,6 +110,7 @@ void ThrustersModel::start(const Vec3 &, double *)
         }
     }
     state_ = {};
+    state_.is_new = 1;
     state_.dry = never;
     state_.faults.reset(seeded_);
     interface_.out = {};
@@ -107,16 +119,22 @@ void ThrustersModel::start(const Vec3 &, double *)
 
 bool ThrustersModel::latch(const double *, const BodyRate &, double dt)
 {
-    const auto &[times, valves, injected] = interface_.in;
+    const auto &[times, valves, injected, power] = interface_.in;
     const bool timed = head_written(times.head), switched = dt > 0.0 && head_written(valves.head);
+    const std::uint32_t has_power = supplied(&power, interface_.par.load) ? 1 : 0;
+    bool same = has_power == state_.has_power;
+    state_.has_power = has_power;
     for (std::size_t i = 0; i < interface_.par.n; i++) {
         Valve &valve = state_.valves[i];
-        const Ns on = timed ? times.on[i] : 0;
-        valve.is_switched = switched && valves.open[i] != 0;
+        const Ns on = timed ? times.on[i] : 0, off = timed ? times.off[i] : 0;
+        const std::uint32_t is_switched = switched && valves.open[i] != 0;
         valve.is_new = on != valve.on;
+        same &= on == valve.on && off == valve.off && is_switched == valve.is_switched;
+        valve.is_switched = is_switched;
         valve.on = on;
-        valve.off = timed ? times.off[i] : 0;
+        valve.off = off;
     }
+    state_.is_new |= !same;
     return false;
 }
 
@@ -134,34 +152,57 @@ double ThrustersModel::level(const Valve &valve, Ns t) const
 /// The part of the propellant that is left.
 double ThrustersModel::left(double tau) const
 {
-    return std::max(1.0 - (state_.used + burnt(tau)) / total_, 0.0);
+    return std::max(1.0 - (state_.used + burnt(tau)) * per_total_, 0.0);
+}
+
+/// part^(2/3): within a stretch that is a short series about its beginning.
+double ThrustersModel::two_thirds(double part) const
+{
+    const double x = part * state_.per_begun - 1.0;
+    return fm_abs(x) < 1e-4 ? state_.begun_two_thirds * (1.0 + x * (2.0 / 3.0 + x * (-1.0 / 9.0 + x * (4.0 / 81.0))))
+                            : power_two_thirds(part);
 }
 
 bool ThrustersModel::stretch(Ns t, Ns &end)
 {
     const auto &par = interface_.par;
-    move(t);
-    if (state_.faults.begin(t, par.n_faults, par.faults, interface_.in.injected)) {
-        for (std::size_t k = 0; k < par.n_faults; k++) {
-            for (const Ns edge : {par.faults[k].begin, exec_later(par.faults[k].begin, par.faults[k].lasts)}) {
-                end = edge > t ? std::min(end, edge) : end;
-            }
-        }
-    }
+    const bool faulty = state_.faults.begin(t, par.n_faults, par.faults, interface_.in.injected);
     bool changed = false;
-    for (std::size_t i = 0; i < par.n; i++) {
-        changed |= command(i, t, end);
+    if (faulty || state_.is_new || t >= state_.next || t == state_.dry) {
+        changed = begin(t, faulty);
+    } else if (shrinks_ && state_.begun - left(since(t)) > 5e-5 * state_.begun) {
+        move(t); // so that its series stays short
     }
-    if (changed) {
-        take_loads();
-    }
+    end = std::min(end, state_.next);
     state_.dry = never;
     const double rest = total_ - state_.used;
     if (state_.acts && total_ > 0.0 && burnt(since(end)) >= rest) {
         const double flow = state_.flow.at;
         const double tau = 2.0 * rest / (flow + std::sqrt(flow * flow + 2.0 * state_.flow.rate * rest));
-        end = state_.dry = t + std::clamp<Ns>(static_cast<Ns>(std::ceil(tau * 1e9)), 1, end - t);
+        end = state_.dry = std::clamp<Ns>(exec_later(state_.begin, static_cast<Ns>(std::ceil(tau * 1e9))), t + 1, end);
     }
+    return changed;
+}
+
+/// A stretch begins: find what each valve does, and when one changes next. Returns whether a thrust jumps or bends.
+bool ThrustersModel::begin(Ns t, bool faulty)
+{
+    const auto &par = interface_.par;
+    move(t);
+    state_.next = never;
+    for (std::size_t k = 0; faulty && k < par.n_faults; k++) {
+        for (const Ns edge : {par.faults[k].begin, exec_later(par.faults[k].begin, par.faults[k].lasts)}) {
+            state_.next = edge > t ? std::min(state_.next, edge) : state_.next;
+        }
+    }
+    bool changed = false;
+    for (std::size_t i = 0; i < par.n; i++) {
+        changed |= command(i, t, state_.next);
+    }
+    if (changed) {
+        take_loads();
+    }
+    state_.is_new = faulty; // one that ends may have come with a message
     return changed;
 }
 
@@ -178,12 +219,21 @@ void ThrustersModel::move(Ns t)
     for (LinearVector *linear : {&state_.force, &state_.torque, &state_.moment}) {
         linear->at = linear->after(tau);
     }
+    for (int i = 0; i < 3; i++) {
+        state_.spread.along[i] += tau * state_.spread_rate.along[i];
+        state_.spread.across[i] += tau * state_.spread_rate.across[i];
+    }
     state_.flow.at = state_.flow.after(tau);
     if (t == state_.dry) {
         state_.used = total_;
         state_.empty = 1;
     }
     state_.begin = t;
+    if (shrinks_) {
+        state_.begun = left(0.0);
+        state_.per_begun = 1.0 / state_.begun; // infinite where nothing is left
+        state_.begun_two_thirds = power_two_thirds(state_.begun);
+    }
 }
 
 /// What a valve does from t on, and until when at most; whether its thrust jumps or bends.
@@ -214,7 +264,7 @@ bool ThrustersModel::command(std::size_t i, Ns t, Ns &end)
     }
     double goal = valve.open ? par.F[i] : 0.0;
     state_.faults.apply(i, {&goal, 1}, 0.0, par.F[i]);
-    valve.goal = state_.empty ? 0.0 : std::clamp(goal / par.F[i], 0.0, 1.0);
+    valve.goal = state_.empty || !state_.has_power ? 0.0 : std::clamp(goal / par.F[i], 0.0, 1.0);
     const Ns ramp = valve.goal > valve.level ? par.rise[i] : par.fall[i];
     const Ns takes = std::llround(std::abs(valve.goal - valve.level) * static_cast<double>(ramp));
     if (takes == 0 || state_.empty) {
@@ -233,6 +283,7 @@ void ThrustersModel::take_loads()
 {
     const auto &par = interface_.par;
     state_.force = state_.torque = state_.moment = {};
+    state_.spread = state_.spread_rate = {};
     state_.flow = {};
     state_.acts = 0;
     for (std::size_t i = 0; i < par.n; i++) {
@@ -251,6 +302,8 @@ void ThrustersModel::take_loads()
         state_.force.add(valve.level, valve.slope, force);
         state_.torque.add(valve.level, valve.slope, vec_cross(par.r_TB_B[i], force));
         state_.moment.add(valve.level, valve.slope, vec_scale(flow, par.r_TB_B[i]));
+        state_.spread.add_spread(valve.level * flow, par.r_TB_B[i]);
+        state_.spread_rate.add_spread(valve.slope * flow, par.r_TB_B[i]);
     }
 }
 
@@ -258,17 +311,51 @@ void ThrustersModel::couple(const double *, const Motion &motion, Loads &, Whole
 {
     const auto &par = interface_.par;
     const double tau = since(motion.start) + motion.tau;
-    riding_ = {};
-    for (std::size_t i = 0; i < par.n; i++) {
-        if (par.panel[i] > 0 && acts(i)) {
-            ride(i, tau, motion.omega, whole);
+    if (panels_) {
+        riding_ = {};
+        for (std::size_t i = 0; i < par.n; i++) {
+            if (par.panel[i] > 0 && acts(i)) {
+                ride(i, tau, motion.omega, whole);
+            }
         }
     }
-    const double part = left(tau);
-    for (std::size_t j = 0; j < par.n_tanks; j++) {
-        const Fuel &fuel = fuel_[j] = this->fuel(j, part);
-        whole.add(fuel.mass, fuel.center, inertia_of(fuel.axial, fuel.across, fuel.down));
+    if (par.n_tanks > 0) {
+        sim::in_registers<&ThrustersModel::fill>(*this, left(tau), whole);
     }
+}
+
+/// Add the tanks, of which this part of the propellant is left.
+LANES_INLINE void ThrustersModel::fill(double part, Whole &whole)
+{
+    const double shrunk = shrinks_ ? two_thirds(part) : 0.0;
+    const auto ball = [&](const double(&sizes)[2]) {
+        const double size = sizes[0] + shrunk * sizes[1];
+        return SymmetricQuads{{size, size, size, 0.0}, {}};
+    };
+    Quad mass = part * quad_at(round_.mass), source = quad_at(round_.source);
+    SymmetricQuads inertia = part * (symmetric(round_.inertia) + ball(round_.ball));
+    SymmetricQuads leaving = symmetric(round_.leaving) + ball(round_.ball_leaving);
+    for (std::size_t j = 0; j < interface_.par.n_tanks; j++) {
+        if (interface_.par.shape[j] != TANK_SETTLES) {
+            continue;
+        }
+        const Fuel fuel = settled(j, part);
+        const double share = interface_.par.propellant[j] / total_;
+        const Quad center = quad(fuel.center), down = quad(fuel.down), from = quad(fuel.source);
+        const auto about = [&](double axial, double across, Quad r) {
+            const double round = across + dot(r, r);
+            return SymmetricQuads{{round, round, round, 0.0}, {}} + (axial - across) * product(down, down) -
+                   product(r, r);
+        };
+        mass += fuel.mass * Quad{1.0, center[0], center[1], center[2]};
+        inertia = inertia + fuel.mass * about(fuel.axial, fuel.across, center);
+        source += share * from;
+        leaving = leaving + share * about(fuel.axial_rate, fuel.across_rate, from);
+    }
+    add_at(&whole.mass, mass);
+    inertia.add_to(whole.inertia);
+    put_quad(source_, source);
+    leaving.put(leaving_);
 }
 
 /// What a thruster on a panel does, with its propellant.
@@ -292,17 +379,12 @@ void ThrustersModel::ride(std::size_t i, double tau, const Vec3 &omega, Whole &w
     riding_.angular = vec_add(riding_.angular, vec_scale(flow, vec_cross(hinge.at, r)));
 }
 
-/// A tank of which this part of the propellant is left.
-ThrustersModel::Fuel ThrustersModel::fuel(std::size_t j, double part) const
+/// A tank with a liquid on one side, of which this part of the propellant is left.
+ThrustersModel::Fuel ThrustersModel::settled(std::size_t j, double part) const
 {
     const auto &par = interface_.par;
     const double m = part * par.propellant[j], R = par.radius[j];
     const Vec3 &r = par.r_KB_B[j];
-    if (par.shape[j] != TANK_SETTLES) {
-        const double r2 = R * R * (par.shape[j] == TANK_SHRINKS ? two_thirds(part) : 1.0);
-        const double rate = par.shape[j] == TANK_SHRINKS ? 2.0 / 3.0 * r2 : 0.4 * r2;
-        return {m, 0.4 * m * r2, 0.4 * m * r2, r, r, {}, rate, rate};
-    }
     // A segment of a sphere of radius 1, from its surface at z to its pole at 1 on the side of `down`; its volume is
     // pi / 3 (1 - z)^2 (2 + z) = 4 pi / 3 v, a cubic equation with the solution z = -2 cos(phi).
     const double v = part * par.fill[j];
@@ -312,53 +394,51 @@ ThrustersModel::Fuel ThrustersModel::fuel(std::size_t j, double part) const
     // Integrals over the segment of (1 - z^2)^2 and of z^2 (1 - z^2), per (1 - z)^2 (2 + z) / 3.
     const double axial = 0.1 * d * (8.0 + 9.0 * z + 3.0 * z * z) / (2.0 + z);
     const double depth = 0.2 * (2.0 + 4.0 * z + 6.0 * z * z + 3.0 * z * z * z) / (2.0 + z);
-    const double mR2 = m * R * R, disc = R * R * (1.0 - z * z);
+    const double R2 = R * R, disc = R2 * (1.0 - z * z);
     const Vec3 down = vec_unit(par.down_B[j]);
     const auto along = [&](double x) { return vec_add(r, vec_scale(R * x, down)); };
-    return {m,          mR2 * axial, mR2 * (0.5 * axial + depth - center * center), along(center), along(z), down,
+    return {m,          R2 * axial, R2 * (0.5 * axial + depth - center * center), along(center), along(z), down,
             0.5 * disc, 0.25 * disc};
 }
 
 void ThrustersModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
 {
-    if (!state_.acts) {
-        return;
+    if (state_.acts) {
+        sim::in_registers<&ThrustersModel::thrust>(*this, motion, loads);
     }
+}
+
+LANES_INLINE void ThrustersModel::thrust(const Motion &motion, Loads &loads) const
+{
     const double tau = since(motion.start) + motion.tau;
-    Vec3 force = vec_add(state_.force.after(tau), riding_.force);
-    Vec3 torque = vec_add(state_.torque.after(tau), riding_.torque);
-    if (total_ > 0.0) {
-        const auto &par = interface_.par;
-        const Vec3 &omega = motion.omega;
-        const Vec3 fixed = state_.moment.after(tau), Q = vec_add(fixed, riding_.moment);
-        const double flow = state_.flow.after(tau);
-        Vec3 source{}; // the mean of the points from which propellant flows, by how much
-        for (std::size_t j = 0; j < par.n_tanks; j++) {
-            const Fuel &fuel = fuel_[j];
-            const double share = par.propellant[j] / total_;
-            const Vec3 leaving =
-                vec_add(vec_scale(fuel.across_rate, omega),
-                        vec_scale((fuel.axial_rate - fuel.across_rate) * vec_dot(fuel.down, omega), fuel.down));
-            source = vec_add(source, vec_scale(share, fuel.source));
-            torque = vec_add(torque, vec_scale(flow * share, vec_add(swing(fuel.source, omega), leaving)));
-        }
-        for (std::size_t i = 0; i < par.n; i++) {
-            if (par.panel[i] > 0) {
-                continue;
-            }
-            const Valve &valve = state_.valves[i];
-            const double of_thruster = par.F[i] * per_thrust(i) * (valve.level + tau * valve.slope);
-            torque = vec_sub(torque, vec_scale(of_thruster, swing(par.r_TB_B[i], omega)));
-        }
-        const Vec3 taken = vec_scale(flow, source);
-        loads.mass_rate -= flow;
-        loads.moment_rate = vec_sub(loads.moment_rate, taken);
-        force = vec_sub(force, vec_scale(2.0, vec_cross(omega, vec_sub(Q, taken))));
-        const Vec3 straight = vec_cross(source, vec_add(fixed, riding_.crossing));
-        torque = vec_sub(torque, vec_cross(omega, vec_add(straight, riding_.angular)));
+    const auto after = [tau](const LinearVector &a) { return quad(a.at) + tau * quad(a.rate); };
+    Quad force = after(state_.force), torque = after(state_.torque);
+    if (panels_) {
+        force += quad(riding_.force);
+        torque += quad(riding_.torque);
     }
-    loads.force_B = vec_add(loads.force_B, force);
-    loads.torque = vec_add(loads.torque, vec_sub(torque, vec_cross(motion.r_CB_B, force)));
+    if (total_ > 0.0) {
+        const Quad omega = quad(motion.omega), source = quad_at(source_);
+        const double flow = state_.flow.after(tau);
+        Quad moment = after(state_.moment), crossing = moment;
+        const SymmetricQuads spread = symmetric(state_.spread) + tau * symmetric(state_.spread_rate);
+        torque += (flow * symmetric(leaving_) - spread).times(omega);
+        if (panels_) {
+            moment += quad(riding_.moment);
+            crossing += quad(riding_.crossing);
+        }
+        const Quad taken = flow * source;
+        Quad pipes = cross(source, crossing);
+        if (panels_) {
+            pipes += quad(riding_.angular);
+        }
+        loads.mass_rate -= flow;
+        put(loads.moment_rate, quad(loads.moment_rate) - taken);
+        force -= 2.0 * cross(omega, moment - taken);
+        torque -= cross(omega, pipes);
+    }
+    put(loads.force_B, quad(loads.force_B) + force);
+    put(loads.torque, quad(loads.torque) + torque - cross(quad(motion.r_CB_B), force));
 }
 
 void ThrustersModel::publish(Ns t, const double *, const Vec3 &)

@@ -25,6 +25,7 @@
 #include "world/asks.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/hinged_panels_model.h"
+#include "world/dynamics/lanes.h"
 #include "world/faults.h"
 
 #include <string>
@@ -47,6 +48,7 @@ public:
     std::size_t states() const override { return 0; }
     bool pushes() const override { return true; }
     bool couples() const override { return interface_.par.n_tanks > 0 || mounted(); }
+    bool is_free() const override { return false; }
     const Effector *carrier() const override { return mounted() ? panels_ : nullptr; }
     bool switches() const override { return true; }
     void start(const Vec3 &omega, double *x) override;
@@ -84,7 +86,15 @@ private:
             rate = vec_add(rate, vec_scale(slope, a));
         }
     };
-    /// What is in a tank, and what leaves it: it comes from a point, with an inertia per mass about that. Inertias have
+    /// What is in the tanks that hold balls, per part of the propellant that is left, and what leaves them, per mass.
+    /// The inertias of balls that shrink go with part^(2/3) as well.
+    struct Round {
+        double mass[4];                  ///< [kg, kg m] with its moment about B's origin
+        double source[4];                ///< [m] the mean of the points from which propellant flows
+        Symmetric inertia, leaving;      ///< [kg m^2, m^2] of points
+        double ball[2], ball_leaving[2]; ///< [kg m^2, m^2] of balls of constant radius; of those that shrink
+    };
+    /// What is in a tank, and what leaves it: it comes from a point, with an inertia about that. Inertias per mass have
     /// one value about `down`, the other one across it.
     struct Fuel {
         double mass, axial, across;
@@ -100,25 +110,36 @@ private:
     };
     struct State {
         sim::Ns begin; ///< of the stretch
-        sim::Ns dry;   ///< when the tanks are empty, if that ends the stretch
+        sim::Ns dry;   ///< when the tanks are empty, if that ends the step
+        sim::Ns next;  ///< when a valve or a fault changes next, which ends the stretch
         Valve valves[THRUSTERS_MAX];
-        LinearVector force, torque; ///< about B's origin
-        LinearVector moment;        ///< [kg m/s] of the flow
-        Linear flow;                ///< [kg/s]
-        double used;                ///< [kg] until the stretch begins
-        std::uint32_t acts;         ///< 1: some thruster gives thrust
-        std::uint32_t empty;        ///< 1: the tanks are
+        LinearVector force, torque;    ///< about B's origin
+        LinearVector moment;           ///< [kg m/s] of the flow
+        Symmetric spread, spread_rate; ///< [kg m^2/s] of the flow: sum mu_k (r_k . r_k - r_k r_k), and its rate
+        Linear flow;                   ///< [kg/s]
+        double begun;                  ///< the part of the propellant with which the stretch begins
+        double per_begun;              ///< 1 over that
+        double begun_two_thirds;       ///< that to the power of 2/3
+        double used;                   ///< [kg] until the stretch begins
+        std::uint32_t acts;            ///< 1: some thruster gives thrust
+        std::uint32_t empty;           ///< 1: the tanks are
+        std::uint32_t has_power;       ///< 1: the latch valve has
+        std::uint32_t is_new;          ///< 1: valves may change although `next` has not come
         Faults<THRUSTERS_MAX> faults;
     };
 
     bool mounted() const;
+    bool begin(sim::Ns t, bool faulty);
+    void thrust(const Motion &motion, Loads &loads) const;
     bool acts(std::size_t i) const { return state_.valves[i].level != 0.0 || state_.valves[i].slope != 0.0; }
+    void fill(double part, Whole &whole);
     void ride(std::size_t i, double tau, const Vec3 &omega, Whole &whole);
     double since(sim::Ns t) const { return tick_seconds(t - state_.begin); }
     double burnt(double tau) const { return tau * (state_.flow.at + 0.5 * tau * state_.flow.rate); }
     double left(double tau) const;
+    double two_thirds(double part) const;
     double level(const Valve &valve, sim::Ns t) const;
-    Fuel fuel(std::size_t j, double part) const;
+    Fuel settled(std::size_t j, double part) const;
     double per_thrust(std::size_t i) const;
     void move(sim::Ns t);
     bool command(std::size_t i, sim::Ns t, sim::Ns &end);
@@ -126,10 +147,14 @@ private:
 
     Thrusters &interface_;
     std::string name_;
-    sim::Random seeded_;     ///< the stream as each run begins it
-    double total_ = 0.0;     ///< [kg] propellant at the beginning
-    Fuel fuel_[TANKS_MAX]{}; ///< of the last couple()
-    Riding riding_{};        ///< of the last couple()
+    sim::Random seeded_; ///< the stream as each run begins it
+    double total_ = 0.0; ///< [kg] propellant at the beginning
+    double per_total_ = 0.0;
+    bool shrinks_ = false; ///< whether a tank has the shape TANK_SHRINKS
+    Round round_{};
+    double source_[4]{};  ///< [m] of the last couple(): where propellant leaves all tanks, on average
+    Symmetric leaving_{}; ///< [m^2] of the last couple(): what takes inertia away per mass that leaves
+    Riding riding_{};     ///< of the last couple()
     HingedPanelsModel *panels_ = nullptr;
     State state_{};
 };

@@ -195,39 +195,46 @@ TEST(Thrusters, ABurnThatComesLateKeepsItsDuration)
     EXPECT_NEAR(c.impulse(), 0.3 + 10.0 * (0.640 + 0.07 - 0.6), 1e-12);
 }
 
-TEST(Thrusters, EachBurnOfThePropulsionCardIsFlownWhole)
+TEST(Thrusters, ThroughAPropulsionCardTheyFlyTheSameBits)
 {
+    // Pulses that begin at their commands, some of which go on, and that the card hands over before the step.
     std::mt19937 random(2);
-    for (const bool card_first : {true, false}) {
-        Craft c;
-        c.add_thruster(origin, {1, 0, 0}, 10.0);
-        c.prepare();
-        PropulsionCard card{};
-        PropulsionCardModel model(card);
-        card.par.n = 1;
-        card.in.burn.armed = 1;
-        model.reset(0);
-        Ns asked = 0;
-        for (int k = 1; k < 400; k++) {
-            if (k % 7 == 0 && k < 380) {
-                card.in.burn.number++;
-                card.in.burn.start = c.t + static_cast<Ns>(random() % 200) * ms;
-                card.in.burn.duration = 1 * ms + static_cast<Ns>(random() % 300) * ms;
-                asked += card.in.burn.duration;
-            }
-            const auto update = [&] { model.update({k * 100 * ms, 100 * ms}); };
-            if (card_first) {
-                update();
-            }
-            c.i.in.times = card.out.thrusters;
-            c.step(100 * ms);
-            if (!card_first) {
-                update();
-            }
-        }
-        EXPECT_EQ(card.out.state.refused, 0u);
-        EXPECT_NEAR(c.impulse(), 10.0 * seconds(asked), 1e-9 * c.impulse());
+    Craft with, without;
+    PropulsionCard card{};
+    PropulsionCardModel model(card);
+    card.par.n = 1;
+    card.in.command.armed = 1;
+    card.in.command.head.quality = QUALITY_GOOD;
+    model.prepare({"world.card", 1, nullptr});
+    model.reset(0);
+    for (Craft *c : {&with, &without}) {
+        c->add_thruster({0, 0.5, 0}, {1, 0, 0}, 10.0, 220.0);
+        c->add_tank({0, 0, -0.2}, 20.0);
+        c->i.par.rise[0] = c->i.par.fall[0] = 5 * ms;
+        c->prepare();
     }
+    Ns on = 0, off = 0;
+    for (int k = 0; k < 400; k++) {
+        if (k % 3 == 0) {
+            const Ns w = static_cast<Ns>(random() % 301) * ms;
+            on = off == with.t ? on : with.t;
+            off = with.t + w;
+            without.burn(0, on, off);
+            card.in.command.number++;
+            card.in.command.start[0] = on;
+            card.in.command.duration[0] = off - on;
+        }
+        model.update({with.t + 100 * ms, 100 * ms});
+        with.i.in.times = card.out.thrusters;
+        card.in.thrust = with.i.out.output;
+        with.step(100 * ms);
+        without.step(100 * ms);
+        ASSERT_EQ(std::memcmp(&with.craft_interface.out.state, &without.craft_interface.out.state, sizeof(CraftState)),
+                  0)
+            << k;
+    }
+    EXPECT_EQ(card.out.state.refused, 0u);
+    EXPECT_GT(with.impulse(), 100.0);
 }
 
 TEST(Thrusters, AForceBesideTheCentreTurnsTheBody)
@@ -578,6 +585,31 @@ TEST(Thrusters, GoOnFromTheirMemoryBitForBit)
     EXPECT_GT(a.impulse(), 10.0);
 }
 
+TEST(Thrusters, FlyTheSameBitsInNarrowRegisters)
+{
+    for (const TankShape shape : {TANK_FILLED, TANK_SHRINKS, TANK_SETTLES}) {
+        const auto ends = in_all_registers([&] {
+            Craft c;
+            c.craft_interface.par.omega_BN_B = vec3(0.1, -0.2, 0.3);
+            c.add_thruster({0.3, 0, -1}, {0, 0.1, 1}, 20.0, 220.0);
+            c.add_thruster({0, 0.2, -1}, {0.1, 0, 1}, 30.0, 300.0);
+            c.add_tank({0.1, 0, 0.4}, 30.0, 0.3, shape);
+            c.add_tank({0, 0.1, -0.2}, 10.0, 0.2);
+            c.i.par.fill[0] = 0.8;
+            c.i.par.down_B[0] = vec3(0, 0.1, -1);
+            c.i.par.rise[0] = c.i.par.fall[1] = 300 * ms;
+            c.prepare();
+            c.burn(0, second, 8 * second);
+            c.burn(1, 2 * second, 9 * second);
+            c.fly(10 * second, 100 * ms);
+            return c.states();
+        });
+        for (const auto &end : ends) {
+            EXPECT_EQ(end, ends[0]) << shape;
+        }
+    }
+}
+
 TEST(Thrusters, TakeFaults)
 {
     Craft c;
@@ -610,6 +642,30 @@ TEST(Thrusters, TakeFaults)
     EXPECT_NEAR(c.v()[0], before, 1e-15);
     c.i.par.faults[0].channels = 1u << 8;
     EXPECT_NE(message_of([&] { c.model.refresh(); }).find("world.thrusters.faults[0].channels"), std::string::npos);
+}
+
+TEST(Thrusters, ALatchValveWithoutPowerShutsThemAllAlsoOneThatIsStuckOpen)
+{
+    Craft c;
+    for (int k = 0; k < 2; k++) {
+        c.add_thruster(origin, {1, 0, 0}, 10.0);
+    }
+    c.i.par.fall[0] = 40 * ms;
+    c.i.par.n_faults = 1;
+    c.i.par.faults[0] = {FAULT_HIGH, 1, 0.0, 0, 0};
+    c.i.par.load = 5;
+    c.prepare();
+    c.open(1, true);
+    c.i.in.power.head.quality = QUALITY_GOOD;
+    c.i.in.power.on = 1u << 5;
+    c.fly(second, 100 * ms);
+    c.i.in.power.on = ~(1u << 5);
+    c.fly(second, 100 * ms);
+    EXPECT_NEAR(c.impulse(0), 10.0 * (1 + 0.02), 1e-9);
+    EXPECT_NEAR(c.impulse(1), 10.0, 1e-9);
+    c.i.in.power.on = 1u << 5;
+    c.fly(second, 100 * ms);
+    EXPECT_NEAR(c.impulse(1), 20.0, 1e-9);
 }
 
 TEST(Thrusters, SetUpIsChecked)

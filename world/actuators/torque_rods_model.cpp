@@ -20,12 +20,17 @@ void TorqueRodsModel::refresh()
     const auto &par = interface_.par;
     const bool limited = std::all_of(par.m_max, par.m_max + par.n, [](double most) { return most > 0.0; });
     check_faults(name_, {par.faults, par.n_faults}, RODS_MAX, limited);
+    state_.again = 1;
+    for (std::size_t i = 0; i < par.n; i++) {
+        axes_B_[i] = vec_unit(par.axes_B[i]);
+    }
 }
 
 void TorqueRodsModel::start(const Vec3 &, double *)
 {
     field_.check(name_, "field");
     state_ = {};
+    state_.again = 1;
     state_.faults.reset(seeded_);
     interface_.out = {};
     interface_.mem = {};
@@ -45,29 +50,51 @@ bool TorqueRodsModel::stretch(sim::Ns t, sim::Ns &)
     state_.is_new = 0;
     const auto &[command, injected] = interface_.in;
     const auto &par = interface_.par;
-    const Vec3 before = state_.dipole_B;
-    state_.dipole_B = {};
-    state_.faults.begin(t, par.n_faults, par.faults, injected);
-    bool saturated = false;
+    const bool commanded = head_written(command.head);
+    bool same = !state_.faults.begin(t, par.n_faults, par.faults, injected) && state_.again == 0;
     for (std::size_t i = 0; i < par.n; i++) {
-        const double most = par.m_max[i] > 0.0 ? par.m_max[i] : unlimited;
-        const double asked = head_written(command.head) ? command.dipole[i] : 0.0;
+        const double asked = commanded ? command.dipole[i] : 0.0;
+        same &= asked == state_.asked[i];
+        state_.asked[i] = asked;
+    }
+    const Vec3 before = state_.dipole_B;
+    if (!same) {
+        apply();
+    }
+    interface_.mem.saturated += state_.saturated;
+    return vec_norm2(vec_sub(state_.dipole_B, before)) != 0.0;
+}
+
+/// The faults and limits of what is asked.
+void TorqueRodsModel::apply()
+{
+    const auto &par = interface_.par;
+    state_.again = state_.faults.any();
+    state_.dipole_B = {};
+    state_.saturated = 0;
+    for (std::size_t i = 0; i < par.n; i++) {
+        const double most = par.m_max[i] > 0.0 ? par.m_max[i] : unlimited, asked = state_.asked[i];
         double m = std::clamp(asked, -most, most);
-        saturated |= std::abs(m - asked) > 1e-9 * std::abs(asked); // what flight has scaled may exceed it by rounding
+        state_.saturated |= std::abs(m - asked) > 1e-9 * std::abs(asked); // flight's scaling may exceed it by rounding
         state_.faults.apply(i, {&m, 1}, -most, most);
         m = std::clamp(m, -most, most);
         interface_.out.applied.dipole[i] = m;
-        state_.dipole_B = vec_add(state_.dipole_B, vec_scale(m, vec_unit(par.axes_B[i])));
+        state_.dipole_B = vec_add(state_.dipole_B, vec_scale(m, axes_B_[i]));
     }
-    interface_.mem.saturated += saturated;
-    return vec_norm2(vec_sub(state_.dipole_B, before)) != 0.0;
 }
 
 void TorqueRodsModel::derive(const double *, const Motion &motion, double *, Loads &loads) const
 {
-    const Vec3 B_N = vec(field_->at(motion.start, motion.tau, view(motion.r_BN_N)));
-    torque_ = vec_cross(state_.dipole_B, mat_vec(motion.C_BN, B_N));
-    loads.torque = vec_add(loads.torque, torque_);
+    const Eigen::Vector3d B_N = field_->at(motion.start, motion.tau, view(motion.r_BN_N));
+    sim::in_registers<&TorqueRodsModel::turn>(*this, B_N.x(), B_N.y(), B_N.z(), motion.sigma_BN, loads);
+}
+
+/// Add the torque in the field x, y, z.
+LANES_INLINE void TorqueRodsModel::turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const
+{
+    const Quad torque = cross(quad(state_.dipole_B), Attitude(quad(sigma_BN)).to_B(Quad{x, y, z, 0.0}));
+    put(torque_, torque);
+    put(loads.torque, quad(loads.torque) + torque);
 }
 
 void TorqueRodsModel::publish(sim::Ns t, const double *, const Vec3 &)

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "world/actuators/torque_rods.h"
-#include "world/dynamics/effector.h"
+#include "world/dynamics/lanes.h"
 #include "world/environment/magnetism_model.h"
 #include "world/faults.h"
 
@@ -26,6 +26,7 @@ public:
 
     std::size_t states() const override { return 0; }
     bool pushes() const override { return true; }
+    unsigned needs() const override { return needs_place; }
     bool switches() const override { return true; }
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *x, const BodyRate &rate, double dt) override;
@@ -38,14 +39,21 @@ public:
 private:
     struct State {
         Vec3 dipole_B;
-        std::uint64_t is_new; ///< 1: an update begins
+        double asked[RODS_MAX];  ///< in the last update
+        std::uint32_t is_new;    ///< 1: an update begins
+        std::uint32_t again;     ///< 1: the dipole may change although the commands do not
+        std::uint64_t saturated; ///< 1: a limit reduces a dipole
         Faults<RODS_MAX> faults;
     };
+
+    void apply();
+    void turn(double x, double y, double z, const Vec3 &sigma_BN, Loads &loads) const;
 
     TorqueRods &interface_;
     std::string name_;
     sim::Random seeded_;
     Asked<MagnetismModel> field_;
+    Vec3 axes_B_[RODS_MAX]{}; ///< of length 1
     State state_{};
     mutable Vec3 torque_{}; ///< of the last derive(), for the output
 };

@@ -134,6 +134,26 @@ TEST(TorqueRods, DipolesAreLimitedAndOffWithoutACommand)
     EXPECT_EQ(c.i.mem.saturated, 1u);
 }
 
+TEST(TorqueRods, FlyTheSameBitsInNarrowRegisters)
+{
+    const auto ends = in_all_registers([] {
+        Craft c;
+        c.add({1, 0.2, 0}, 100.0);
+        c.add({0, 1, -0.3}, 100.0);
+        c.craft_interface.par.sigma_BN = vec3(0.1, 0.2, -0.3);
+        c.craft_interface.par.omega_BN_B = vec3(0.1, -0.2, 0.3);
+        c.i.in.command.head.quality = QUALITY_GOOD;
+        c.i.in.command.dipole[0] = 50.0;
+        c.i.in.command.dipole[1] = -70.0;
+        c.prepare();
+        c.fly(10 * second, 100 * ms);
+        return c.states();
+    });
+    for (const auto &end : ends) {
+        EXPECT_EQ(end, ends[0]);
+    }
+}
+
 TEST(TorqueRods, TakeFaults)
 {
     Craft c;

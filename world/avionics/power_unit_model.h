@@ -1,22 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The behaviour behind world/avionics/power_unit.h. All of its state is in the interface.
+// The behaviour behind world/avionics/power_unit.h.
 #pragma once
 
-#include "sim/model.h"
 #include "world/avionics/power_unit.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class PowerUnitModel final : public sim::Model {
+class PowerUnitModel final : public Sensor<PowerUnit, SWITCH_CARDS + 1> {
 public:
-    explicit PowerUnitModel(PowerUnit &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &setup) override;
+    using Sensor::Sensor;
     void reset(sim::Ns t) override;
     void update(Tick tick) override;
 
 private:
-    PowerUnit &interface_;
+    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

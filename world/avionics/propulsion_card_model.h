@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// The behaviour behind world/avionics/propulsion_card.h. All of its state is in the interface.
+// The behaviour behind world/avionics/propulsion_card.h.
 #pragma once
 
-#include "sim/model.h"
 #include "world/avionics/propulsion_card.h"
+#include "world/sensors/sensor.h"
 
 namespace fledge::world {
 
-class PropulsionCardModel final : public sim::Model {
+class PropulsionCardModel final : public Sensor<PropulsionCard, THRUSTERS_MAX + 1> {
 public:
-    explicit PropulsionCardModel(PropulsionCard &interface) : interface_(interface) {}
-
-    void prepare(const sim::Setup &setup) override;
+    using Sensor::Sensor;
     void reset(sim::Ns t) override;
     void update(Tick tick) override;
 
 private:
-    PropulsionCard &interface_;
+    bool limited() const override { return true; }
+    void command(std::size_t i, Tick tick);
+    void shut(std::size_t i, Tick tick);
+    void report();
 };
 
 } // namespace fledge::world

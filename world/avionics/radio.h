@@ -3,6 +3,7 @@
 #define WORLD_AVIONICS_RADIO_H
 
 #include "world/msg/craft.h"
+#include "world/msg/power.h"
 #include "world/msg/radio.h"
 
 /** How bits are coded. All are modulated by BPSK or QPSK, and Eb is the energy of a bit of data. */
@@ -24,6 +25,7 @@ typedef enum RadioCode {
 typedef struct Radio {
     struct {
         CraftState truth;
+        LoadSupply power; ///< optional: without it the radio is on
     } in;
     struct {
         RadioLink down; ///< spacecraft to station
@@ -52,9 +54,11 @@ typedef struct Radio {
         uint32_t down_room;      ///< [-] <= 268435456: bytes that may wait or be on the way, 32 more for each unit;
                                  ///< 0: 65536
         uint32_t up_room;        ///< [-] <= 268435456: the same
-        double station_beam;     ///< [rad] >= 0, <= 3.141592653589793: width of the station's antenna at half power
-        double station_noise;    ///< [K] >= 0, <= 1e9: temperature of its system without the Sun
-        double sun_brightness;   ///< [K] >= 0, <= 1e9: the Sun's at the frequency of the downlink
+        uint32_t load;           ///< [-] in [0, 31]: the radio's load in the power unit
+        uint32_t spare;
+        double station_beam;   ///< [rad] >= 0, <= 3.141592653589793: width of the station's antenna at half power
+        double station_noise;  ///< [K] >= 0, <= 1e9: temperature of its system without the Sun
+        double sun_brightness; ///< [K] >= 0, <= 1e9: the Sun's at the frequency of the downlink
     } par;
 } Radio;
 

@@ -171,7 +171,8 @@ RadioLink RadioModel::link(Ns t, bool up, Head last) const
                     decibels(boltzmann);
     out.eb_n0_dB = out.c_n0_dBHz - decibels(up ? par.up_rate : par.down_rate);
     out.bit_error_rate = bit_error_rate(up ? par.up_code : par.down_code, ratio(out.eb_n0_dB));
-    out.state = out.elevation < station_->mask()                                  ? RADIO_LOW
+    out.state = !supplied(&interface_.in.power, par.load)                         ? RADIO_OFF
+                : out.elevation < station_->mask()                                ? RADIO_LOW
                 : hidden                                                          ? RADIO_HIDDEN
                 : out.eb_n0_dB < (up ? par.up_required_dB : par.down_required_dB) ? RADIO_WEAK
                                                                                   : RADIO_LOCKED;

@@ -31,7 +31,8 @@ public:
 
     void send_down(sim::Ns t, sim::Unit unit) override { send(state().down, interface_.par.down_rate, t, unit); }
     void send_up(sim::Ns t, sim::Unit unit) override { send(state().up, interface_.par.up_rate, t, unit); }
-    sim::Ns next_down() const override { return next(state().down); }
+    double down_rate() const override { return interface_.par.down_rate; }
+    double up_rate() const override { return interface_.par.up_rate; }
     sim::Ns next_up() const override { return next(state().up); }
     void receive(sim::Ns t, const std::function<void(sim::Unit)> &unit) override;
     std::vector<sim::Packet> take(sim::Ns t) override;

@@ -3,6 +3,7 @@
 #define WORLD_AVIONICS_RECORDER_H
 
 #include "flight/msg/avionics.h"
+#include "world/msg/power.h"
 
 #define RECORDER_PAGES 1024
 #define RECORDER_WORDS 32 ///< of a page, each of 8 bytes
@@ -34,7 +35,7 @@ typedef struct RecorderFault {
 typedef struct Recorder {
     struct {
         RecorderRequest request; ///< optional: without it the memory stays as it is
-        PowerTelemetry power;    ///< optional: without it the recorder is on
+        LoadSupply power;        ///< optional: without it the recorder is on
     } in;
     struct {
         RecorderReply reply;
@@ -42,7 +43,7 @@ typedef struct Recorder {
     } out;
     struct {
         uint32_t pages;     ///< [-] required, in [1, 1024]: of the memory
-        uint32_t load;      ///< [-] in [0, 7]: the recorder's load in the power unit
+        uint32_t load;      ///< [-] in [0, 31]: the recorder's load in the power unit
         int64_t write_time; ///< [ns] >= 0: to write a page
         int64_t read_time;  ///< [ns] >= 0: to read a page
         double upsets;      ///< [1/s] >= 0, <= 1e6: how many bits of the memory flip in a second, on average
@@ -59,7 +60,7 @@ typedef struct Recorder {
         uint32_t serving;                              ///< [-] RecorderCode of it; 0: none
         uint32_t number;                               ///< [-] of it
         uint32_t page;                                 ///< [-] of it
-        uint32_t spare;
+        uint32_t used;                                 ///< [-] pages up to the last one that was ever written
     } mem;
 } Recorder;
 

@@ -100,6 +100,7 @@ void RecorderModel::write(std::uint32_t words)
         mem.code[mem.page][i] = code_of(mem.data + 8 * i);
     }
     mem.writes[mem.page]++;
+    mem.used = std::max(mem.used, mem.page + 1);
 }
 
 /// Set right what can be, and put the page out.
@@ -164,7 +165,7 @@ void RecorderModel::update(Tick tick)
 
     upset(tick);
     const bool writes = mem.serving == RECORDER_WRITE && mem.page < par.pages && !worn(mem.page, tick.t);
-    if (head_written(power.head) && (power.on >> par.load & 1u) == 0) {
+    if (!supplied(&power, par.load)) {
         if (writes) {
             const auto lasted = static_cast<double>(std::min(tick_since(tick.t, mem.begun), par.write_time));
             write(static_cast<std::uint32_t>(RECORDER_WORDS * lasted / static_cast<double>(par.write_time)));
@@ -197,6 +198,7 @@ void RecorderModel::update(Tick tick)
     }
     state.busy = mem.serving != RECORDER_NOTHING;
     reply.pages = par.pages;
+    reply.used = mem.used;
     reply.head = head_next(reply.head, tick.t, QUALITY_GOOD);
     state.head = head_next(state.head, tick.t, QUALITY_GOOD);
 }

@@ -72,13 +72,14 @@ TEST(Recorder, WhatIsWrittenComesBackAndEachRequestIsServedOnce)
     std::mt19937 random(1);
     Bench b;
     std::map<std::uint32_t, Page> memory;
-    std::uint32_t written = 0, read = 0, refused = 0;
+    std::uint32_t written = 0, read = 0, refused = 0, used = 0;
     for (int k = 0; k < 1000; k++) {
         const std::uint32_t page = random() % 10;
         if (random() % 2) {
             const Page data = any_page(random);
             EXPECT_EQ(b.ask(RECORDER_WRITE, page, data).answer, page < 9 ? RECORDER_DONE : RECORDER_REFUSED);
             written += page < 9;
+            used = page < 9 ? std::max(used, page + 1) : used;
             memory[page] = data;
         } else {
             const RecorderReply reply = b.ask(RECORDER_READ, page);
@@ -90,6 +91,7 @@ TEST(Recorder, WhatIsWrittenComesBackAndEachRequestIsServedOnce)
         refused += page >= 9;
         EXPECT_EQ(b.r.out.reply.number, b.r.in.request.number);
         EXPECT_EQ(b.r.out.reply.page, page);
+        EXPECT_EQ(b.r.out.reply.used, used);
         for (unsigned n = random() % 3; n-- > 0;) {
             b.step();
         }

@@ -9,12 +9,18 @@ namespace fledge::world {
 
 void SolarArrayModel::update(Tick tick)
 {
-    const auto &[truth, light] = interface_.in;
+    const auto &[truth, light, angles] = interface_.in;
     const auto &par = interface_.par;
     const Vec3 s_B = mat_vec(mrp_to_dcm(truth.sigma_BN), light.s_N);
     double area = 0.0; // that the Sun sees
     for (std::uint32_t i = 0; i < par.n; i++) {
-        area += par.areas[i] * std::max(vec_dot(vec_unit(par.normals_B[i]), s_B), 0.0);
+        Vec3 normal = vec_unit(par.normals_B[i]);
+        if (head_written(angles.head) && vec_norm2(par.axes_B[i]) > 0.0) {
+            // A DCM turns frames: the panel turns the other way.
+            const Vec3 turn = vec_scale(angles.theta[i], vec_unit(par.axes_B[i]));
+            normal = mat_transpose_vec(mrp_to_dcm(mrp_turn(turn)), normal);
+        }
+        area += par.areas[i] * std::max(vec_dot(normal, s_B), 0.0);
     }
     ArrayPower &out = interface_.out.array;
     out = {head_next(out.head, tick.t, quality_min(quality_through(truth.head), quality_through(light.head))),

@@ -39,4 +39,25 @@ TEST(SolarArray, GivesWhatItsLitPanelsConvert)
     EXPECT_EQ(i.out.array.head.quality, QUALITY_DEGRADED);
 }
 
+TEST(SolarArray, APanelIsTurnedAboutItsAxis)
+{
+    SolarArray i{};
+    SolarArrayModel model{i};
+    i.par.n = 2;
+    i.par.normals_B[0] = i.par.normals_B[1] = vec3(0, 0, 1);
+    i.par.axes_B[1] = vec3(0, 3, 0);
+    i.par.areas[0] = 0.1;
+    i.par.areas[1] = 2.0;
+    i.par.efficiency = 1.0;
+    i.in.truth.head.quality = i.in.light.head.quality = QUALITY_GOOD;
+    i.in.light.irradiance = 1.0;
+    i.in.angles.head.quality = QUALITY_GOOD;
+    i.in.light.s_N = vec3(std::sin(0.4), 0, std::cos(0.4));
+    for (double angle = -7.0; angle < 7.0; angle += 0.1) { // about +y, z turns towards x
+        i.in.angles.theta[0] = i.in.angles.theta[1] = angle;
+        model.update({0, 0});
+        EXPECT_NEAR(i.out.array.power, 0.1 * std::cos(0.4) + 2.0 * std::max(std::cos(angle - 0.4), 0.0), 1e-12);
+    }
+}
+
 } // namespace

@@ -13,6 +13,7 @@ public:
     void update(Tick tick) override;
 
 private:
+    void check() const override;
     bool limited() const override { return true; }
 };
 

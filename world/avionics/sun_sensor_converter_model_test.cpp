@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <set>
 
@@ -56,6 +57,25 @@ TEST(SunSensorConverter, ACountIsTheNearestToItsCurrent)
     c.i.in.currents.current[4] = 1.0;
     EXPECT_EQ(c.read()[3], 0);
     EXPECT_EQ(c.read()[4], 4095);
+}
+
+TEST(SunSensorConverter, ItReadsTheSensorsFromItsFirstOneOn)
+{
+    Converter c;
+    const auto all = c.read();
+    c.i.par.n = 4;
+    c.i.par.first = 4;
+    c.begin(1);
+    const auto half = c.read();
+    EXPECT_TRUE(std::equal(half.begin(), half.begin() + 4, all.begin() + 4));
+    EXPECT_TRUE(std::all_of(half.begin() + 4, half.end(), [](std::uint16_t count) { return count == 0; }));
+    c.i.par.first = 5;
+    try {
+        c.begin(1);
+        FAIL() << "there is no ninth sensor";
+    } catch (const fledge::sim::SetupError &e) {
+        EXPECT_STREQ(e.what(), "world.adc has 4 channels from sensor 5 on, but there are 8 sensors");
+    }
 }
 
 TEST(SunSensorConverter, FaultsHaveTheirTimesAndTheirChannels)

@@ -4,6 +4,7 @@
 
 #include "flight/msg/avionics.h"
 #include "world/msg/fault.h"
+#include "world/msg/power.h"
 
 /** The drive electronics of reaction wheels: counts become volts, volts become motor torques, and tachometers count.
  *  With the volts V, the speed Omega, resistance R, and the constants k of the torque and e of the back-EMF, a motor
@@ -18,6 +19,7 @@ typedef struct WheelConverter {
         WheelDrive drive; ///< optional: without it the motors are off
         WheelSpeeds speeds;
         FaultSet injected; ///< optional: faults, besides the planned ones
+        LoadSupply power;  ///< optional: without it the converter is on
     } in;
     struct {
         WheelCommand torques;
@@ -35,6 +37,8 @@ typedef struct WheelConverter {
         uint32_t n_faults;        ///< [-] in [0, 4]: number of planned faults
         int64_t window;           ///< [ns] required, > 0: in which a tachometer counts
         Fault faults[FAULTS_MAX]; ///< count n_faults: planned
+        uint32_t load;            ///< [-] in [0, 31]: the converter's load in the power unit
+        uint32_t spare;
     } par;
     struct {
         double turned[WHEELS_MAX];  ///< [rad] since the reset

@@ -9,12 +9,12 @@ namespace fledge::world {
 
 void WheelConverterModel::update(Tick tick)
 {
-    const auto &[drive, speeds, injected] = interface_.in;
+    const auto &[drive, speeds, injected, power] = interface_.in;
     const auto &par = interface_.par;
     auto &mem = interface_.mem;
     auto &[torques, tachometers] = interface_.out;
 
-    const bool driven = head_written(drive.head);
+    const bool on = powered(), driven = on && head_written(drive.head);
     const std::int32_t end = std::int32_t{1} << (par.bits - 1);
     bool limited = false, speaks = false;
     Faults<2 *WHEELS_MAX> &faults = state_.faults;
@@ -29,7 +29,7 @@ void WheelConverterModel::update(Tick tick)
         const double strongest = par.current_max > 0.0 ? par.torque_constant * par.current_max : unlimited;
         double torque = par.torque_constant * current;
         faults.apply(i, {&torque, 1}, -strongest, strongest);
-        torques.u[i] = std::clamp(torque, -strongest, strongest);
+        torques.u[i] = on ? std::clamp(torque, -strongest, strongest) : 0.0;
         mem.turned[i] += speeds.Omega[i] * tick_seconds(tick.dt);
     }
     mem.saturated += limited;
@@ -45,7 +45,7 @@ void WheelConverterModel::update(Tick tick)
                 static_cast<std::int32_t>(std::clamp(std::round(counts), -2147483647.0, 2147483647.0));
             mem.passed[i] = passed;
         }
-        tachometers.head = head_of_reading(tachometers.head, tick.t, quality_through(speeds.head), speaks);
+        tachometers.head = head_of_reading(tachometers.head, tick.t, quality_through(speeds.head), speaks && on);
     }
 }
 

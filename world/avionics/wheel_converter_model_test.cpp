@@ -99,6 +99,23 @@ TEST(WheelConverter, WithoutADriveTheMotorsAreOff)
     EXPECT_EQ(c.i.mem.saturated, 0u);
 }
 
+TEST(WheelConverter, WithoutPowerItDrivesAndCountsNothing)
+{
+    Converter c;
+    c.i.par.load = 31;
+    c.i.in.drive.counts[0] = 1000;
+    c.i.in.power.head.quality = QUALITY_GOOD;
+    c.i.in.power.on = 0x7FFFFFFF;
+    const std::uint32_t sequence = c.i.out.tachometers.head.sequence;
+    c.step(500 * ms);
+    EXPECT_EQ(c.i.out.torques.u[0], 0.0);
+    EXPECT_EQ(c.i.out.tachometers.head.sequence, sequence);
+    c.i.in.power.on = 0x80000000;
+    c.step(500 * ms);
+    EXPECT_GT(c.i.out.torques.u[0], 0.0);
+    EXPECT_EQ(c.i.out.tachometers.head.sequence, sequence + 1);
+}
+
 TEST(WheelConverter, TachometersCountEachMarkOnceInItsDirection)
 {
     // Over any motion the windows' counts add up to the whole marks of the angle turned.

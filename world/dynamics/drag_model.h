@@ -25,6 +25,7 @@ public:
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
     bool pushes() const override { return true; }
+    unsigned needs() const override { return needs_place | needs_attitude; }
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
     void copy_setup(const sim::Model &original,
                     const std::function<sim::Model *(const sim::Model *)> &counterpart) override;

@@ -46,14 +46,15 @@ struct Loads {
 struct Motion {
     sim::Ns start; ///< [ns]    when the step began
     double tau;    ///< [s]     since then
-    Vec3 r_BN_N;   ///< [m]     of B's origin, which is C unless the craft has an offset or coupled parts
-    Vec3 v_BN_N;   ///< [m/s]
+    Vec3 r_BN_N; ///< [m]     of B's origin, which is C unless the craft has an offset or coupled parts; only if a part
+                 ///<         needs it
+    Vec3 v_BN_N; ///< [m/s]   the same
     Vec3 sigma_BN; ///< [-]
     Vec3 omega;    ///< [rad/s] of B relative to N, B components
-    Mat3 C_BN;     ///< only if a part pushes
+    Mat3 C_BN;     ///< only if a part needs it
     double mass;   ///< [kg]    of all
     Vec3 r_CB_B;   ///< [m]     the centre of mass relative to B's origin, B components
-    Mat3 I_C_B;    ///< [kg m^2] of all about C, B components, wheels included; only if a part pushes
+    Mat3 I_C_B;    ///< [kg m^2] of all about C, B components, wheels included; only if a part needs it
 };
 
 /// A degree of freedom of a coupled part, the coordinate q: how it moves mass with the body at rest, and what acts on
@@ -71,16 +72,47 @@ struct Freedom {
     }
 };
 
-/// How the mass properties of a part change with its coordinate q.
-struct Change {
-    Vec3 push;          ///< d(push)/dq
-    Vec3 turn;          ///< d(turn)/dq
-    Vec3 inertia_omega; ///< d(inertia about B's origin)/dq omega
-};
-
 /// A matrix whose rows fill registers of four; the fourth elements are 0.
 struct alignas(32) Rows {
     double m[3][4];
+};
+
+/// A symmetric matrix; the fourth elements are 0.
+struct Symmetric {
+    double along[4];  ///< xx, yy, zz
+    double across[4]; ///< yz, zx, xy
+
+    /// k a a
+    void add(double k, const Vec3 &a)
+    {
+        for (int i = 0; i < 3; i++) {
+            along[i] += k * a.v[i] * a.v[i];
+            across[i] += k * a.v[(i + 1) % 3] * a.v[(i + 2) % 3];
+        }
+    }
+
+    /// k (r.r - r r)
+    void add_spread(double k, const Vec3 &r)
+    {
+        add(-k, r);
+        for (int i = 0; i < 3; i++) {
+            along[i] += k * vec_norm2(r);
+        }
+    }
+
+    void add(const Mat3 &a)
+    {
+        for (int i = 0; i < 3; i++) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            along[i] += a.m[i][i];
+            across[i] += 0.5 * (a.m[j][k] + a.m[k][j]);
+        }
+    }
+
+    Mat3 matrix() const
+    {
+        return {{{along[0], across[2], across[1]}, {across[2], along[1], across[0]}, {across[1], across[0], along[2]}}};
+    }
 };
 
 /// The equations of the whole craft about B's origin, to which the coupled parts add. B components.
@@ -88,15 +120,14 @@ struct alignas(32) Rows {
 ///   [ mass     -[moment]x ] [ a      ]   [ force  ]
 ///   [ [moment]x  inertia  ] [ domega ] = [ torque ]   less what the degrees of freedom take,
 ///
-/// where a is the acceleration of B's origin less gravity. The craft itself adds the terms of omega alone,
-/// omega x (omega x moment) and omega x (inertia omega); the parts those with the rates of their coordinates.
+/// where a is the acceleration of B's origin less gravity. The craft itself adds omega x (omega x moment + 2 drift) and
+/// omega x (inertia omega + momentum); the parts the other terms with the rates of their coordinates.
 struct alignas(32) Whole {
-    static constexpr std::size_t matrix = 52; ///< numbers from `mass` to `angular`: all that is in the matrix
-
-    double mass;                 ///< [kg]
-    Vec3 moment;                 ///< [kg m]   sum dm r
-    Rows inertia;                ///< [kg m^2] sum dm (r.r - r r), with what I_B leaves out of it left out
-    Rows linear, cross, angular; ///< what the degrees of freedom take from the three blocks of the matrix
+    double mass;               ///< [kg]
+    Vec3 moment;               ///< [kg m]   sum dm r
+    Symmetric inertia;         ///< [kg m^2] sum dm (r.r - r r), with what I_B leaves out of it left out
+    Symmetric linear, angular; ///< what the degrees of freedom take from the three blocks of the matrix
+    Rows cross;
     Vec3 drift;  ///< [kg m/s] the rate of `moment` as B sees it, from masses that move (sum of dq Freedom::push)
     Vec3 force;  ///< [N]      what moving masses exert on the body, less the terms of all accelerations
     Vec3 torque; ///< [N m]    and its torque about B's origin
@@ -112,14 +143,9 @@ struct alignas(32) Whole {
         torque = vec_add(torque, vec_cross(r, f));
     }
 
-    /// A degree of freedom that now has the rate dq.
-    void free(const Freedom &q, double dq);
-
-    /// The same, with the terms of omega and dq that follow from how the masses change with q. Adds to q.force.
-    void free(Freedom &q, double dq, const Vec3 &omega, const Change &change);
+    /// A degree of freedom.
+    void free(const Freedom &q);
 };
-
-static_assert(offsetof(Whole, drift) == Whole::matrix * sizeof(double));
 
 /// The rotation of the body. B components.
 struct BodyRate {
@@ -141,6 +167,15 @@ inline void add_names(std::vector<StateName> &names, std::size_t at, const char 
         names.push_back({at + i, std::string(array) + "[" + std::to_string(i) + "]", unit});
     }
 }
+
+/// Balanced wheels whose torques are constant over a step: derive() adds the momenta x times axis and the reaction, and
+/// dx is the torque.
+struct Rotors {
+    std::size_t n;           ///< a multiple of state_block
+    const double (*axis)[4]; ///< unit vectors, B components
+    const double *torque;    ///< [N m] on each wheel
+    const Vec3 *reaction;    ///< [N m] on the body, B components
+};
 
 /// All that latch() computes and derive() uses belongs to memory(): where latch() finds no change after a snapshot was
 /// restored, the spacecraft uses the derivatives that it computed before the snapshot.
@@ -170,8 +205,17 @@ public:
         (void)x, (void)motion, (void)dx, (void)loads;
     }
 
-    /// Whether it adds forces, which need the craft's mass, or uses C_BN or I_C_B of the Motion. It is constant.
+    /// All that derive() does until the next latch(), if it is no more than this; else null.
+    virtual const Rotors *rotors() const { return nullptr; }
+
+    /// Whether it adds forces, which need the craft's mass, or uses more than start, tau and omega of the Motion. It
+    /// is constant.
     virtual bool pushes() const { return false; }
+
+    /// What it uses of the Motion, besides: the inertia I_C_B, the place and velocity of B's origin, or C_BN. Such a
+    /// part pushes. It is constant.
+    enum Needs : unsigned { needs_nothing = 0, needs_inertia = 1, needs_place = 2, needs_attitude = 4 };
+    virtual unsigned needs() const { return needs_nothing; }
 
     /// Add to `inertia` [kg m^2] what I_B leaves out but the craft has (a wheel's about its axis).
     virtual void add_hidden_inertia(Mat3 &inertia) const { (void)inertia; }
@@ -180,8 +224,11 @@ public:
     /// derive() and accelerate() after them, and needs its mass. The part's states belong to accelerate().
     virtual bool couples() const { return false; }
 
+    /// Whether a coupled part has degrees of freedom (Whole::free). It is constant, and valid before prepare().
+    virtual bool is_free() const { return couples(); }
+
     /// Add the masses that it carries, its degrees of freedom and its loads; all terms but those of the accelerations,
-    /// and of omega alone. Of the motion only start, tau, sigma_BN, omega and C_BN are known. What it computes here it
+    /// and of omega alone. Of the motion only start, tau, sigma_BN and omega are known. What it computes here it
     /// may keep for accelerate(), which follows at the same x.
     virtual void couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
     {
@@ -245,48 +292,28 @@ inline void Whole::add(double m, const Vec3 &r)
 {
     mass += m;
     moment = vec_add(moment, vec_scale(m, r));
-    const double r2 = vec_norm2(r);
-    for (int i = 0; i < 3; i++) {
-        inertia.m[i][i] += m * r2;
-        for (int j = 0; j < 3; j++) {
-            inertia.m[i][j] -= m * r.v[i] * r.v[j];
-        }
-    }
+    inertia.add_spread(m, r);
 }
 
 inline void Whole::add(double m, const Vec3 &r, const Mat3 &about_center)
 {
     add(m, r);
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            inertia.m[i][j] += about_center.m[i][j];
-        }
-    }
+    inertia.add(about_center);
 }
 
-inline void Whole::free(const Freedom &q, double dq)
+inline void Whole::free(const Freedom &q)
 {
-    const Vec3 push = vec_scale(1.0 / q.inertia, q.push), turn = vec_scale(1.0 / q.inertia, q.turn);
+    const double per = 1.0 / q.inertia;
+    const Vec3 push = vec_scale(per, q.push);
+    linear.add(per, q.push);
+    angular.add(per, q.turn);
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
-            linear.m[i][j] += push.v[i] * q.push.v[j];
             cross.m[i][j] += push.v[i] * q.turn.v[j];
-            angular.m[i][j] += turn.v[i] * q.turn.v[j];
         }
     }
     force = vec_sub(force, vec_scale(q.force, push));
-    torque = vec_sub(torque, vec_scale(q.force, turn));
-    drift = vec_add(drift, vec_scale(dq, q.push));
-}
-
-inline void Whole::free(Freedom &q, double dq, const Vec3 &omega, const Change &change)
-{
-    const Vec3 pushed = vec_add(vec_scale(2.0, vec_cross(omega, q.push)), vec_scale(dq, change.push));
-    const Vec3 turned = vec_add(vec_add(change.inertia_omega, vec_cross(omega, q.turn)), vec_scale(dq, change.turn));
-    force = vec_sub(force, vec_scale(dq, pushed));
-    torque = vec_sub(torque, vec_scale(dq, turned));
-    q.force += 0.5 * vec_dot(omega, change.inertia_omega);
-    free(q, dq);
+    torque = vec_sub(torque, vec_scale(q.force * per, q.turn));
 }
 
 } // namespace fledge::world

@@ -22,7 +22,7 @@ void FuelSloshModel::refresh()
             lines_.turn[j][i] = turn.v[j];
         }
         lines_.all.mass += par.mass[i];
-        lines_.all.free({vec_scale(par.mass[i], axis), vec_scale(par.mass[i], turn), par.mass[i], 0.0}, 0.0);
+        lines_.all.free({vec_scale(par.mass[i], axis), vec_scale(par.mass[i], turn), par.mass[i], 0.0});
         lines_.mass[i] = par.mass[i];
         lines_.stiffness[i] = par.stiffness[i] / par.mass[i];
         lines_.damping[i] = par.damping[i] / par.mass[i];
@@ -47,36 +47,38 @@ void FuelSloshModel::start(const Vec3 &, double *x)
     interface_.out = {};
 }
 
-void FuelSloshModel::couple(const double *x, const Motion &motion, Loads &, Whole &whole)
+void FuelSloshModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
 {
-    sim::in_registers<&FuelSloshModel::couple_in_lanes>(*this, x, motion.omega, whole);
+    sim::in_registers<&FuelSloshModel::couple_in_lanes>(*this, x, motion.omega, loads, whole);
 }
 
-LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &rate, Whole &whole)
+LANES_INLINE void FuelSloshModel::couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole)
 {
     // push = m p, turn = m r x p, inertia = m
     const Quad3 omega = quads(rate);
-    const Quad omegas = quad(rate);
     whole.mass += lines_.all.mass;
-    add_to(whole.linear, lines_.all.linear);
-    add_to(whole.cross, lines_.all.cross);
-    add_to(whole.angular, lines_.all.angular);
+    symmetric(lines_.all.linear).add_to(whole.linear);
+    symmetric(lines_.all.angular).add_to(whole.angular);
+    for (int i = 0; i < 3; i++) {
+        add_at(whole.cross.m[i], quad_at(lines_.all.cross.m[i]));
+    }
     for (std::size_t i = 0; i < n_; i += sim::state_block) {
         const Quad m = quad_at(lines_.mass + i), rho = quad_at(x + i), drho = quad_at(x + rates_ + i);
         const Quad3 p = quads(lines_.axis, i), r = quads(lines_.place, i) + rho * p, turn = quads(lines_.turn, i);
-        const Quad round = m * dot(r, r), none{};
-        const QuadSymmetric inertia = QuadSymmetric{round, none, none, round, none, round} - square(m, r);
+        const Quad3 mr = m * r, round{mr.x * r.x, mr.y * r.y, mr.z * r.z};
+        const QuadSymmetric inertia{round.y + round.z, -mr.x * r.y, -mr.x * r.z,
+                                    round.x + round.z, -mr.y * r.z, round.x + round.y};
         // d(r.r - r r)/drho omega
         const Quad3 bends = (2.0 * dot(r, p)) * omega - dot(r, omega) * p - dot(p, omega) * r;
         const Quad force = 0.5 * dot(omega, bends) - quad_at(lines_.stiffness + i) * rho -
                            quad_at(lines_.damping + i) * drho; // per mass
-        add_at(&whole.mass, sums(Quad{}, m * r.x, m * r.y, m * r.z));
+        add_at(&whole.mass, sums(Quad{}, mr.x, mr.y, mr.z));
         inertia.add_to(whole.inertia);
-        const Quad drift = sums((m * drho) * p);
-        put(whole.drift, quad(whole.drift) + drift);
-        put(whole.force, quad(whole.force) - sums((m * force) * p) - 2.0 * cross(omegas, drift));
-        put(whole.torque, quad(whole.torque) - sums((m * force) * turn + (m * drho) * bends) -
-                              cross(omegas, sums((m * drho) * turn)));
+        const Quad mdrho = m * drho, mforce = m * force;
+        put(whole.drift, quad(whole.drift) + sums(mdrho * p));
+        put(whole.force, quad(whole.force) - sums(mforce * p));
+        put(whole.torque, quad(whole.torque) - sums(mforce * turn + mdrho * bends));
+        put(loads.momentum, quad(loads.momentum) + sums(mdrho * turn));
         force_[i / sim::state_block] = force;
     }
 }

@@ -44,7 +44,7 @@ private:
     Lines lines_{};
     Quad force_[SLOSH_MAX / sim::state_block]{}; ///< from couple() to accelerate(): per mass
 
-    void couple_in_lanes(const double *x, const Vec3 &rate, Whole &whole);
+    void couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole);
     void accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const;
 };
 

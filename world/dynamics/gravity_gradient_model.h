@@ -21,6 +21,7 @@ public:
     bool latch(const double *, const BodyRate &, double) override { return false; }
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
     bool pushes() const override { return true; }
+    unsigned needs() const override { return needs_inertia | needs_place | needs_attitude; }
     void publish(sim::Ns t, const double *x, const Vec3 &omega) override;
 
 private:

@@ -30,15 +30,6 @@ Matrix3d mixed(const Vector3d &a, const Vector3d &b)
     return 2.0 * a.dot(b) * Matrix3d::Identity() - a * b.transpose() - b * a.transpose();
 }
 
-void add(Rows &to, const Matrix3d &a)
-{
-    for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) {
-            to.m[i][j] += a(i, j);
-        }
-    }
-}
-
 } // namespace
 
 void HingedPanelsModel::prepare(const sim::Setup &setup)
@@ -72,32 +63,18 @@ HingedPanelsModel::Panel HingedPanelsModel::panel(std::size_t i) const
                                  C * I * S.transpose() + S * I * C};
     Panel panel{};
     panel.J = g.dot(I * g);
-    panel.constant.mass = m;
-    Whole *const of[5] = {&panel.constant, panel.terms, panel.terms + 1, panel.terms + 2, panel.terms + 3};
-    Vector3d turn[3];
+    panel.per_J = 1.0 / panel.J;
+    panel.moment[0][0] = m;
     for (int k = 0; k < 5; k++) {
-        add(of[k]->inertia, inertia[k]);
+        panel.inertia[k].add(mat(inertia[k]));
     }
     for (int k = 0; k < 3; k++) {
-        of[k]->moment = vec(b[k]);
-        turn[k] = around[k] * g + h.cross(push[k]);
-        std::copy(turn[k].begin(), turn[k].end(), panel.turn[k]);
+        const Vector3d turn = around[k] * g + h.cross(push[k]);
+        std::copy(b[k].begin(), b[k].end(), panel.moment[k] + 1);
+        std::copy(turn.begin(), turn.end(), panel.turn[k]);
     }
     std::copy(push[1].begin(), push[1].end(), panel.push[0]);
     std::copy(push[2].begin(), push[2].end(), panel.push[1]);
-    // The products of two sums a_0 + a_1 cos + a_2 sin, where sin^2 = 1 - cos^2.
-    const auto take = [&](Whole &to, int j, int k, double factor) {
-        add(to.linear, factor * push[j] * push[k].transpose());
-        add(to.cross, factor * push[j] * turn[k].transpose());
-        add(to.angular, factor * turn[j] * turn[k].transpose());
-    };
-    constexpr int place[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 0}};
-    for (int j = 0; j < 3; j++) {
-        for (int k = 0; k < 3; k++) {
-            take(*of[place[j][k]], j, k, 1.0 / panel.J);
-        }
-    }
-    take(*of[3], 2, 2, -1.0 / panel.J);
     return panel;
 }
 
@@ -133,17 +110,18 @@ bool HingedPanelsModel::latch(const double *, const BodyRate &, double dt)
     return changed;
 }
 
-void HingedPanelsModel::couple(const double *x, const Motion &motion, Loads &, Whole &whole)
+void HingedPanelsModel::couple(const double *x, const Motion &motion, Loads &loads, Whole &whole)
 {
-    sim::in_registers<&HingedPanelsModel::couple_in_lanes>(*this, x, motion.omega, whole);
+    sim::in_registers<&HingedPanelsModel::couple_in_lanes>(*this, x, motion.omega, loads, whole);
 }
 
-LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3 &rate, Whole &whole)
+LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole)
 {
     x_ = x;
     const auto &par = interface_.par;
     const Quad omega = quad(rate);
     Quad sines{}, cosines{}, force = quad(whole.force), torque = quad(whole.torque), drift = quad(whole.drift);
+    Quad momentum = quad(loads.momentum);
     for (std::size_t i = 0; i < n_; i++) {
         if (i % 4 == 0) {
             sincos(quad_at(x + i), sines, cosines);
@@ -151,33 +129,37 @@ LANES_INLINE void HingedPanelsModel::couple_in_lanes(const double *x, const Vec3
         const Panel &p = panels_[i];
         const double theta = x[i], dtheta = x[rates_ + i];
         const double s = sines[i % 4], c = cosines[i % 4], c2 = c * c, s2 = s * c;
-        for (std::size_t k = 0; k < Whole::matrix; k += 4) {
-            const auto of = [k](const Whole &term) { return quad_at(&term.mass + k); };
-            add_at(&whole.mass + k, of(p.constant) + (c * of(p.terms[0]) + s * of(p.terms[1])) +
-                                        (c2 * of(p.terms[2]) + s2 * of(p.terms[3])));
-        }
-        const auto bent = [&](int j) {
-            const auto of = [&](int term) { return quad_at(p.terms[term].inertia.m[j]); };
-            return (c * of(1) - s * of(0)) + ((2.0 * c2 - 1.0) * of(3) - 2.0 * s2 * of(2));
-        };
-        const Quad bends = combine(bent(0), bent(1), bent(2), rate.v); // d(inertia)/dtheta omega
+        const SymmetricQuads first[2] = {symmetric(p.inertia[1]), symmetric(p.inertia[2])};
+        const SymmetricQuads second[2] = {symmetric(p.inertia[3]), symmetric(p.inertia[4])};
+        const SymmetricQuads bent =
+            (c * first[1] - s * first[0]) + ((2.0 * c2 - 1.0) * second[1] - 2.0 * s2 * second[0]);
+        const Quad bends = bent.times(omega); // d(inertia)/dtheta omega
         const Quad by_c = quad_at(p.push[0]), by_s = quad_at(p.push[1]), push = c * by_c + s * by_s;
         const Quad turn_c = quad_at(p.turn[1]), turn_s = quad_at(p.turn[2]);
-        const Quad turn = quad_at(p.turn[0]) + c * turn_c + s * turn_s;
+        const Quad turn = quad_at(p.turn[0]) + (c * turn_c + s * turn_s);
+        const Quad push_per = p.per_J * push, turn_per = p.per_J * turn;
+        add_at(&whole.mass, quad_at(p.moment[0]) + (c * quad_at(p.moment[1]) + s * quad_at(p.moment[2])));
+        (symmetric(p.inertia[0]) + (c * first[0] + s * first[1]) + (c2 * second[0] + s2 * second[1]))
+            .add_to(whole.inertia);
+        product(push, push_per).add_to(whole.linear);
+        product(turn, turn_per).add_to(whole.angular);
+        for (int k = 0; k < 3; k++) {
+            add_at(whole.cross.m[k], push_per[k] * turn);
+        }
         const double acting =
             p.u - par.stiffness[i] * (theta - p.rest) - par.damping[i] * dtheta + 0.5 * dot(omega, bends);
-        const double per = acting / p.J;
-        force -= per * push + dtheta * (2.0 * cross(omega, push) + dtheta * (c * by_s - s * by_c));
-        torque -= per * turn + dtheta * (bends + cross(omega, turn) + dtheta * (c * turn_s - s * turn_c));
+        force -= acting * push_per + (dtheta * dtheta) * (c * by_s - s * by_c);
+        torque -= acting * turn_per + dtheta * (bends + dtheta * (c * turn_s - s * turn_c));
         drift += dtheta * push;
-        put(now_[i].push, push);
-        put(now_[i].turn, turn);
-        now_[i].inertia = p.J;
-        now_[i].force = acting;
+        momentum += dtheta * turn;
+        put_quad(now_[i].push, push);
+        put_quad(now_[i].turn, turn);
+        forces_[i] = acting;
     }
     put(whole.force, force);
     put(whole.torque, torque);
     put(whole.drift, drift);
+    put(loads.momentum, momentum);
 }
 
 HingedPanelsModel::Hinge HingedPanelsModel::hinge(std::size_t i) const
@@ -189,17 +171,31 @@ HingedPanelsModel::Hinge HingedPanelsModel::hinge(std::size_t i) const
 
 void HingedPanelsModel::drive(std::size_t i, double torque, Whole &whole)
 {
-    Freedom &q = now_[i];
-    q.force += torque;
-    whole.force = vec_sub(whole.force, vec_scale(torque / q.inertia, q.push));
-    whole.torque = vec_sub(whole.torque, vec_scale(torque / q.inertia, q.turn));
+    const Acting &q = now_[i];
+    forces_[i] += torque;
+    const double per = torque * panels_[i].per_J;
+    whole.force = vec_sub(whole.force, vec_scale(per, vec3(q.push[0], q.push[1], q.push[2])));
+    whole.torque = vec_sub(whole.torque, vec_scale(per, vec3(q.turn[0], q.turn[1], q.turn[2])));
 }
 
 void HingedPanelsModel::accelerate(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const
 {
-    for (std::size_t i = 0; i < n_; i++) {
-        dx[i] = x[rates_ + i];
-        dx[rates_ + i] = now_[i].acceleration(a, domega);
+    sim::in_registers<&HingedPanelsModel::accelerate_in_lanes>(*this, x, a, domega, dx);
+}
+
+LANES_INLINE void HingedPanelsModel::accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega,
+                                                         double *dx) const
+{
+    const Quad linear = quad(a), angular = quad(domega);
+    for (std::size_t i = 0; i < n_; i += sim::state_block) {
+        const auto taken = [&](std::size_t k) __attribute__((always_inline))
+        {
+            return quad_at(now_[i + k].push) * linear + quad_at(now_[i + k].turn) * angular;
+        };
+        const Panel *p = panels_ + i;
+        const Quad per_J{p[0].per_J, p[1].per_J, p[2].per_J, p[3].per_J};
+        put_quad(dx + i, quad_at(x + rates_ + i));
+        put_quad(dx + rates_ + i, (quad_at(forces_ + i) - sums(taken(0), taken(1), taken(2), taken(3))) * per_J);
     }
 }
 

@@ -55,23 +55,30 @@ public:
 private:
     /// The coefficients of the harmonics, and what drives the panel.
     struct Panel {
-        Whole constant, terms[4]; ///< the latter of cos, sin, cos^2, sin cos
-        double push[2][4];        ///< [kg m]   of cos, sin
-        double turn[3][4];        ///< [kg m^2] constant, of cos, sin
-        double J;                 ///< [kg m^2] about the hinge
-        double rest;              ///< [rad]
-        double u;                 ///< [N m]
+        double moment[3][4];  ///< [kg, kg m] mass and moment: constant, of cos, sin
+        Symmetric inertia[5]; ///< [kg m^2] constant, of cos, sin, cos^2, sin cos
+        double push[2][4];    ///< [kg m]   of cos, sin
+        double turn[3][4];    ///< [kg m^2] constant, of cos, sin
+        double J, per_J;      ///< [kg m^2] about the hinge, and its inverse
+        double rest;          ///< [rad]
+        double u;             ///< [N m]
     };
     Panel panel(std::size_t i) const;
 
-    void couple_in_lanes(const double *x, const Vec3 &rate, Whole &whole);
+    void couple_in_lanes(const double *x, const Vec3 &rate, Loads &loads, Whole &whole);
+    void accelerate_in_lanes(const double *x, const Vec3 &a, const Vec3 &domega, double *dx) const;
 
     HingedPanels &interface_;
     bool changed_ = true;           ///< parameters, since the last latch()
     std::size_t n_ = 0, rates_ = 0; ///< where the rates begin
     Panel panels_[PANELS_MAX]{};
     const double *x_ = nullptr; ///< of the last couple()
-    Freedom now_[PANELS_MAX]{}; ///< from couple() to accelerate()
+    /// From couple() to accelerate(), as a Freedom; 0 beyond the last panel.
+    struct alignas(32) Acting {
+        double push[4], turn[4];
+    };
+    Acting now_[PANELS_MAX]{};
+    double forces_[PANELS_MAX]{};
 };
 
 } // namespace fledge::world

@@ -64,9 +64,17 @@ LANES_INLINE double dot(Quad a, Quad b)
     return p[0] + p[1] + p[2];
 }
 
+LANES_INLINE Quad yzx(Quad a)
+{
+    return __builtin_shufflevector(a, a, 1, 2, 0, 3);
+}
+LANES_INLINE Quad zxy(Quad a)
+{
+    return __builtin_shufflevector(a, a, 2, 0, 1, 3);
+}
+
 LANES_INLINE Quad cross(Quad a, Quad b)
 {
-    const auto yzx = [](Quad v) { return __builtin_shufflevector(v, v, 1, 2, 0, 3); };
     return yzx(a * yzx(b) - yzx(a) * b);
 }
 
@@ -79,6 +87,30 @@ LANES_INLINE Quad combine(Quad a, Quad b, Quad c, const double *x)
 {
     return a * x[0] + b * x[1] + c * x[2];
 }
+
+/// The attitude of the MRP sigma_BN, for few vectors: without its matrix.
+struct Attitude {
+    Quad sigma{};
+    double across = 0.0, along = 0.0;
+
+    Attitude() = default;
+    LANES_INLINE explicit Attitude(Quad sigma_BN) : sigma(sigma_BN)
+    {
+        const double s2 = dot(sigma, sigma), per = 1.0 / ((1.0 + s2) * (1.0 + s2));
+        across = 4.0 * (1.0 - s2) * per;
+        along = 8.0 * per;
+    }
+
+    LANES_INLINE Quad to_B(Quad a) const { return turned(a, -across); }
+    LANES_INLINE Quad to_N(Quad a) const { return turned(a, across); }
+
+private:
+    LANES_INLINE Quad turned(Quad a, double by) const
+    {
+        const Quad b = cross(sigma, a);
+        return a + (by * b + along * cross(sigma, b));
+    }
+};
 
 /// The product of the transposed matrix with the vector x.
 template <class Vector> LANES_INLINE Quad transposed_times(const Rows &a, Vector x)
@@ -97,6 +129,49 @@ inline Rows transposed(const Mat3 &a)
     return rows;
 }
 
+LANES_INLINE void add_at(double *at, Quad a)
+{
+    put_quad(at, quad_at(at) + a);
+}
+
+/// A symmetric matrix: xx, yy, zz, and yz, zx, xy.
+struct SymmetricQuads {
+    Quad along, across;
+
+    LANES_INLINE Quad times(Quad a) const { return along * a + (zxy(across) * yzx(a) + yzx(across) * zxy(a)); }
+    LANES_INLINE void add_to(Symmetric &to) const
+    {
+        add_at(to.along, along);
+        add_at(to.across, across);
+    }
+    LANES_INLINE void put(Symmetric &to) const
+    {
+        put_quad(to.along, along);
+        put_quad(to.across, across);
+    }
+};
+LANES_INLINE SymmetricQuads symmetric(const Symmetric &a)
+{
+    return {quad_at(a.along), quad_at(a.across)};
+}
+LANES_INLINE SymmetricQuads operator+(const SymmetricQuads &a, const SymmetricQuads &b)
+{
+    return {a.along + b.along, a.across + b.across};
+}
+LANES_INLINE SymmetricQuads operator-(const SymmetricQuads &a, const SymmetricQuads &b)
+{
+    return {a.along - b.along, a.across - b.across};
+}
+LANES_INLINE SymmetricQuads operator*(double s, const SymmetricQuads &a)
+{
+    return {s * a.along, s * a.across};
+}
+/// a b, where that is symmetric.
+LANES_INLINE SymmetricQuads product(Quad a, Quad b)
+{
+    return {a * b, yzx(a) * zxy(b)};
+}
+
 // Of four parts at a time:
 
 /// The sums of four.
@@ -105,18 +180,6 @@ LANES_INLINE Quad sums(Quad a, Quad b, Quad c, Quad d)
     const Quad ab = __builtin_shufflevector(a, b, 0, 4, 2, 6) + __builtin_shufflevector(a, b, 1, 5, 3, 7);
     const Quad cd = __builtin_shufflevector(c, d, 0, 4, 2, 6) + __builtin_shufflevector(c, d, 1, 5, 3, 7);
     return __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
-}
-
-LANES_INLINE void add_at(double *at, Quad a)
-{
-    put_quad(at, quad_at(at) + a);
-}
-
-LANES_INLINE void add_to(Rows &to, const Rows &a)
-{
-    for (int i = 0; i < 3; i++) {
-        add_at(to.m[i], quad_at(a.m[i]));
-    }
 }
 
 /// Four vectors.
@@ -167,12 +230,10 @@ struct QuadSymmetric {
         return {xx * a.x + xy * a.y + xz * a.z, xy * a.x + yy * a.y + yz * a.z, xz * a.x + yz * a.y + zz * a.z};
     }
 
-    LANES_INLINE void add_to(Rows &to) const
+    LANES_INLINE void add_to(Symmetric &to) const
     {
-        const Quad zero{};
-        add_at(to.m[0], sums(xx, xy, xz, zero));
-        add_at(to.m[1], sums(xy, yy, yz, zero));
-        add_at(to.m[2], sums(xz, yz, zz, zero));
+        add_at(to.along, sums(xx, yy, zz, Quad{}));
+        add_at(to.across, sums(yz, xz, xy, Quad{}));
     }
 };
 LANES_INLINE QuadSymmetric operator+(const QuadSymmetric &a, const QuadSymmetric &b)
@@ -187,17 +248,10 @@ LANES_INLINE QuadSymmetric operator*(const Quad &s, const QuadSymmetric &a)
 {
     return {s * a.xx, s * a.xy, s * a.xz, s * a.yy, s * a.yz, s * a.zz};
 }
-/// s a a
-LANES_INLINE QuadSymmetric square(const Quad &s, const Quad3 &a)
+/// a b, where that is symmetric.
+LANES_INLINE QuadSymmetric product(const Quad3 &a, const Quad3 &b)
 {
-    const Quad3 b = s * a;
-    return {b.x * a.x, b.x * a.y, b.x * a.z, b.y * a.y, b.y * a.z, b.z * a.z};
-}
-/// a b + b a
-LANES_INLINE QuadSymmetric both(const Quad3 &a, const Quad3 &b)
-{
-    return {2.0 * a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x,
-            2.0 * a.y * b.y, a.y * b.z + a.z * b.y, 2.0 * a.z * b.z};
+    return {a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z};
 }
 /// The matrices i to i + 3 of those whose elements xx, xy, xz, yy, yz, zz are apart.
 template <std::size_t n> LANES_INLINE QuadSymmetric symmetric(const double (&a)[6][n], std::size_t i)

@@ -50,7 +50,7 @@ void ReactionWheelsModel::prepare(const sim::Setup &setup)
     seeded_ = sim::Random(setup.seed, setup.name);
     check();
     n_ = par.n;
-    padded_ = sim::padded(n_);
+    padded_ = rotors_.n = sim::padded(n_);
     imbalanced_ = imbalanced();
     coupled_ = couples();
     for (std::size_t i = 0; i < n_; i++) {
@@ -300,24 +300,22 @@ LANES_INLINE void ReactionWheelsModel::couple_in_lanes(const double *x, const Mo
         const Turned now = turned(i, x);
         const Quad3 &u = now.u, &sigma = now.sigma, &delta = now.delta, g = quads(wheels_.g, i);
         const Quad h = quad_at(x + i), by_J = quad_at(wheels_.J_inverse + i), Omega = h * by_J - dot(g, omega);
-        const Quad3 turn = g + by_J * delta, push = by_J * sigma;
         const QuadSymmetric in[2] = {symmetric(wheels_.inertia[0], i), symmetric(wheels_.inertia[1], i)};
         const Quad3 bends = (now.cosine * in[1] - now.sine * in[0]).times(omega); // d(inertia)/dtheta omega
+        (now.cosine * in[0] + now.sine * in[1]).add_to(whole.inertia);
         const Quad force =
             quad_at(wheels_.torque + i) - quad_at(wheels_.viscosity + i) * Omega + 0.5 * dot(omega, bends);
+        const Quad3 turn = g + by_J * delta, push = by_J * sigma;
         add_at(&whole.mass, sums(Quad{}, u.x, u.y, u.z));
-        (now.cosine * in[0] + now.sine * in[1]).add_to(whole.inertia);
-        square(by_J, sigma).add_to(whole.linear);
+        put(whole.drift, quad(whole.drift) + sums(Omega * sigma));
+        put(whole.force, quad(whole.force) + sums(Omega * Omega * u - force * push));
+        product(push, sigma).add_to(whole.linear);
+        put(whole.torque, quad(whole.torque) + sums(Omega * (Omega * now.d - bends) - force * turn));
+        put(loads.momentum, quad(loads.momentum) + sums(h * g + Omega * delta));
         add_at(whole.cross.m[0], sums(sigma.x * turn));
         add_at(whole.cross.m[1], sums(sigma.y * turn));
         add_at(whole.cross.m[2], sums(sigma.z * turn));
-        (both(g, delta) + square(by_J, delta)).add_to(whole.angular);
-        const Quad drift = sums(Omega * sigma), omegas = quad(motion.omega);
-        put(whole.drift, quad(whole.drift) + drift);
-        put(whole.force, quad(whole.force) + sums(Omega * Omega * u - force * push) - 2.0 * cross(omegas, drift));
-        put(whole.torque, quad(whole.torque) + sums(Omega * (Omega * now.d - bends) - force * turn) -
-                              cross(omegas, sums(Omega * delta)));
-        put(loads.momentum, quad(loads.momentum) + sums(h * g));
+        (product(delta, turn) + product(g, delta)).add_to(whole.angular);
         acting_[i / state_block] = {force, Omega, sigma, delta};
     }
 }

@@ -51,6 +51,7 @@ public:
     void start(const Vec3 &omega, double *x) override;
     bool latch(const double *x, const BodyRate &rate, double dt) override;
     void derive(const double *x, const Motion &motion, double *dx, Loads &loads) const override;
+    const Rotors *rotors() const override { return imbalanced_ || wheels_.viscous > 0.0 ? nullptr : &rotors_; }
     bool pushes() const override { return imbalanced() && interface_.par.jitter; }
     void add_hidden_inertia(Mat3 &inertia) const override;
     bool couples() const override { return imbalanced() && !interface_.par.jitter; }
@@ -119,6 +120,7 @@ private:
     std::size_t n_ = 0, padded_ = 0;
     bool imbalanced_ = false, coupled_ = false;
     Wheels wheels_{};
+    Rotors rotors_{0, wheels_.axis, wheels_.torque, &wheels_.reaction};
     // From couple() to accelerate().
     struct Acting {
         Quad force, rate;

@@ -65,7 +65,9 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
         whole.add(m, r);
         const Vec3 coriolis = vec_scale(2.0 * m, vec_cross(omega, v));
         const Vec3 inward = vec_scale(m * l * vec_norm2(dn), n);
-        whole.push_at(vec_sub(inward, coriolis), r);
+        whole.push_at(inward, r);
+        whole.torque = vec_sub(whole.torque, vec_cross(r, coriolis));
+        whole.drift = vec_add(whole.drift, vec_scale(m, v));
         const Vec3 centripetal = vec_scale(m, vec_cross(omega, vec_cross(omega, r)));
         const Vec3 force = vec_neg(vec_add(vec_add(coriolis, centripetal), vec_scale(par.damping[i], v)));
         across_[i][0] = perpendicular(n);
@@ -73,7 +75,7 @@ void SloshPendulumModel::couple(const double *x, const Motion &motion, Loads &, 
         for (int k = 0; k < 2; k++) {
             const Vec3 along = vec_scale(m * l, across_[i][k]);
             now_[i][k] = {along, vec_cross(r, along), m * l * l, l * vec_dot(across_[i][k], force)};
-            whole.free(now_[i][k], vec_dot(across_[i][k], dn));
+            whole.free(now_[i][k]);
         }
     }
 }

@@ -15,7 +15,7 @@
 
 namespace fledge::world {
 
-using sim::Ns;
+using sim::Ns, sim::state_block;
 
 namespace {
 
@@ -73,75 +73,78 @@ std::string text(const Vec3 &a)
     return line += "]";
 }
 
-/// The rate of the MRP sigma at the angular rate omega.
-LANES_INLINE Quad mrp_rate(Quad sigma, Quad omega)
-{
-    const Quad bend = (1.0 - dot(sigma, sigma)) * omega + 2.0 * dot(sigma, omega) * sigma;
-    return 0.25 * (bend + 2.0 * cross(sigma, omega));
-}
-
-/// What inverts the symmetric matrix with the rows a, b, c: its adjugate, and one over its determinant.
+/// What inverts a symmetric matrix.
 struct Adjugate {
-    Quad x, y, z;
-    double per_determinant;
+    SymmetricQuads adjugate;
+    double determinant;
 
-    LANES_INLINE Adjugate(Quad a, Quad b, Quad c)
-        : x(cross(b, c)), y(cross(c, a)), z(cross(a, b)), per_determinant(1.0 / dot(a, x))
+    LANES_INLINE explicit Adjugate(const SymmetricQuads &a)
+        : adjugate{yzx(a.along) * zxy(a.along) - a.across * a.across,
+                   yzx(a.across) * zxy(a.across) - a.along * a.across}
     {
+        const Quad along = a.along * adjugate.along, across = a.across * adjugate.across;
+        determinant = along[0] + (across[1] + across[2]);
     }
 };
 
 /// What solves the equations of a Whole.
 struct Accelerations {
     Quad a, domega;
-    Rows linear, angular; ///< what is left of mass and inertia
+    SymmetricQuads linear, angular; ///< what is left of mass and of inertia, the latter times a positive number
 
     LANES_INLINE explicit Accelerations(const Whole &w)
     {
-        const double *b = w.moment.v;
-        const auto row = [](const Rows &from, int i) { return quad_at(from.m[i]); };
-        const Quad c[3] = {Quad{0.0, b[2], -b[1], 0.0} - row(w.cross, 0), Quad{-b[2], 0.0, b[0], 0.0} - row(w.cross, 1),
-                           Quad{b[1], -b[0], 0.0, 0.0} - row(w.cross, 2)};
-        const Quad l[3] = {Quad{w.mass, 0.0, 0.0, 0.0} - row(w.linear, 0),
-                           Quad{0.0, w.mass, 0.0, 0.0} - row(w.linear, 1),
-                           Quad{0.0, 0.0, w.mass, 0.0} - row(w.linear, 2)};
-        const Adjugate p(l[0], l[1], l[2]);
-        const double per = p.per_determinant;
-        // with the determinant's factor, so that the division need not wait
-        const Quad r[3] = {combine(c[0], c[1], c[2], p.x), combine(c[0], c[1], c[2], p.y),
-                           combine(c[0], c[1], c[2], p.z)};
-        Quad left[3];
-        for (int i = 0; i < 3; i++) {
-            const Quad taken = r[0] * c[0][i] + r[1] * c[1][i] + r[2] * c[2][i];
-            left[i] = row(w.inertia, i) - row(w.angular, i) - per * taken;
-            put_quad(linear.m[i], l[i]);
-            put_quad(angular.m[i], left[i]);
-        }
-        const Quad torque = quad(w.torque) - per * combine(r[0], r[1], r[2], w.force.v);
-        const Adjugate q(left[0], left[1], left[2]);
-        domega = q.per_determinant * combine(q.x, q.y, q.z, torque);
-        a = per * (combine(p.x, p.y, p.z, w.force.v) - sums(r[0] * domega, r[1] * domega, r[2] * domega, Quad{}));
+        const Quad b = quad(w.moment);
+        const auto row = [&](int i) { return quad_at(w.cross.m[i]); };
+        const Quad c[3] = {Quad{0.0, 1.0, -1.0, 0.0} * __builtin_shufflevector(b, b, 3, 2, 1, 3) - row(0),
+                           Quad{-1.0, 0.0, 1.0, 0.0} * __builtin_shufflevector(b, b, 2, 3, 0, 3) - row(1),
+                           Quad{1.0, -1.0, 0.0, 0.0} * __builtin_shufflevector(b, b, 1, 0, 3, 3) - row(2)};
+        linear = {Quad{w.mass, w.mass, w.mass, 0.0} - quad_at(w.linear.along), -quad_at(w.linear.across)};
+        const Adjugate p(linear);
+        // with the determinant as a factor, so that the second matrix need not wait for its inverse
+        const Quad along = p.adjugate.along, across = p.adjugate.across, force = quad(w.force);
+        const Quad r[3] = {c[0] * along[0] + c[1] * across[2] + c[2] * across[1],
+                           c[0] * across[2] + c[1] * along[1] + c[2] * across[0],
+                           c[0] * across[1] + c[1] * across[0] + c[2] * along[2]};
+        const SymmetricQuads taken = product(r[0], c[0]) + product(r[1], c[1]) + product(r[2], c[2]);
+        angular = p.determinant * (symmetric(w.inertia) - symmetric(w.angular)) - taken;
+        const Quad torque = p.determinant * quad(w.torque) - combine(r[0], r[1], r[2], w.force.v);
+        const Adjugate q(angular);
+        domega = 1.0 / q.determinant * q.adjugate.times(torque);
+        a = 1.0 / p.determinant * (p.adjugate.times(force) - sums(r[0] * domega, r[1] * domega, r[2] * domega, Quad{}));
     }
 
     bool possible() const { return positive(linear) && positive(angular); }
 
-    static bool positive(const Rows &a)
+    static bool positive(const SymmetricQuads &a)
     {
-        const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> rows(a.m[0]);
-        return Eigen::LLT<Eigen::Matrix3d>(rows.leftCols<3>()).info() == Eigen::Success;
+        Symmetric all;
+        a.put(all);
+        const Mat3 matrix = all.matrix();
+        return Eigen::LLT<Eigen::Matrix3d>(view(matrix)).info() == Eigen::Success;
     }
 };
+
+/// The same without degrees of freedom. With the moment b of the mass M, the inertia about the centre of mass is what
+/// the angular acceleration meets: I - (b.b - b b) / M.
+LANES_INLINE void rigid_accelerations(const Whole &w, double per_mass, Quad &a, Quad &domega)
+{
+    const Quad b = quad(w.moment), force = quad(w.force);
+    const double b2 = dot(b, b);
+    const SymmetricQuads spread = SymmetricQuads{{b2, b2, b2, 0.0}, {}} - product(b, b);
+    const Adjugate q(w.mass * symmetric(w.inertia) - spread); // with the mass as a factor, so that no division waits
+    const Quad torque = w.mass * quad(w.torque) - cross(b, force);
+    domega = 1.0 / q.determinant * q.adjugate.times(torque);
+    a = per_mass * (force + cross(b, domega));
+}
 
 /// The inertia of all about C, with what I_B leaves out.
 Mat3 inertia_about(const Whole &whole, const Vec3 &c, const Mat3 &hidden)
 {
-    Whole central = whole;
-    central.add(-whole.mass, c, hidden);
-    Mat3 inertia;
-    for (int i = 0; i < 3; i++) {
-        std::copy(central.inertia.m[i], central.inertia.m[i] + 3, inertia.m[i]);
-    }
-    return inertia;
+    Symmetric inertia = whole.inertia;
+    inertia.add_spread(-whole.mass, c);
+    inertia.add(hidden);
+    return inertia.matrix();
 }
 
 } // namespace
@@ -160,7 +163,9 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
 {
     name_ = setup.name;
     n_ = own_states;
-    parts_push_ = coupled_ = false;
+    parts_push_ = coupled_ = free_ = false;
+    needs_ = 0;
+    whole_ = {};
     switching_.clear();
     std::stable_partition(parts_.begin(), parts_.end(), [](const Part &part) { return !part.effector->carrier(); });
     for (Part &part : parts_) {
@@ -171,6 +176,8 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
         n_ += part.effector->states();
         part.couples = part.effector->couples();
         parts_push_ |= part.effector->pushes();
+        free_ |= part.effector->is_free();
+        needs_ |= part.effector->needs();
         coupled_ |= part.couples;
         if (part.effector->switches()) {
             switching_.push_back(part.effector);
@@ -195,6 +202,7 @@ void SpacecraftModel::prepare(const sim::Setup &setup)
     }
     integrator_ = setup.integrator->fresh();
     integrator_->resize(n_);
+    rk4_ = integrator_->is_rk4() && parts_.size() <= 1;
     const std::size_t carried = sim::padded(integrator_->carried());
     memory_.assign(n_ + carried + n_ + held_size, 0.0);
     x_ = memory_.data();
@@ -261,8 +269,6 @@ void SpacecraftModel::begin()
     Loads loads{};
     motion.sigma_BN = get(x_, at_sigma);
     motion.omega = get(x_, at_omega);
-    motion.C_BN = mrp_to_dcm(motion.sigma_BN);
-    motion.r_CB_B = center_;
     if (coupled_) {
         couple(x_, motion, loads);
         if (!Accelerations(whole_).possible()) {
@@ -270,20 +276,88 @@ void SpacecraftModel::begin()
                                           "those of the hub with its wheels, and of a size that suits the parts");
         }
     }
-    const Offset c = offset(motion);
-    put(x_, at_r, vec_add(get(x_, at_r), c.r));
-    put(x_, at_v, vec_add(get(x_, at_v), c.v));
+    const Offset c = offset(Attitude(quad_at(x_ + at_sigma)), quad_at(x_ + at_omega));
+    add_at(x_ + at_r, c.r);
+    add_at(x_ + at_v, c.v);
 }
 
 void SpacecraftModel::update(Tick tick)
 {
-    if (latch(tick)) {
+    const bool changed = latch(tick);
+    if (changed) {
         derive(tick.t - tick.dt, 0.0, x_, dx_);
     }
     if (tick.dt > 0) {
         advance(tick);
     }
-    publish(tick.t);
+    if (tick.dt > 0 && is_plain()) {
+        put_out(tick.t);
+    } else {
+        publish(tick.t);
+    }
+}
+
+/// Whether it is rigid, with no more than four balanced wheels, and takes steps of Runge and Kutta.
+bool SpacecraftModel::is_plain() const
+{
+    return rk4_ && simple_ && (parts_.empty() || (rotors_ && rotors_->n == state_block));
+}
+
+/// One step, and the derivatives at its end.
+template <class Wheels> LANES_INLINE void SpacecraftModel::step_rigid(Ns dt)
+{
+    using Craft = RigidCraft<Wheels>;
+    using State = typename Craft::State;
+    const auto load = [](const double *from) __attribute__((always_inline))
+    {
+        State x;
+        x.r = quad_at(from + at_r);
+        x.v = quad_at(from + at_v);
+        x.sigma = quad_at(from + at_sigma);
+        x.omega = quad_at(from + at_omega);
+        if constexpr (Craft::has_wheels) {
+            x.h = quad_at(from + own_states);
+        }
+        return x;
+    };
+    const auto store = [](double *to, const State &x) __attribute__((always_inline))
+    {
+        put_quad(to + at_r, x.r);
+        put_quad(to + at_v, x.v);
+        put_quad(to + at_sigma, x.sigma);
+        put_quad(to + at_omega, x.omega);
+        if constexpr (Craft::has_wheels) {
+            put_quad(to + own_states, x.h);
+        }
+    };
+    Craft craft;
+    for (int i = 0; i < 3; i++) {
+        craft.inertia[i] = quad_at(I_transposed_.m[i]);
+        craft.inverse[i] = quad_at(I_inverse_.m[i]);
+    }
+    craft.torque = quad_at(held_ + at_torque_B);
+    if constexpr (Craft::has_wheels) {
+        craft.torque += quad(*rotors_->reaction);
+        craft.motor = quad_at(rotors_->torque);
+        for (std::size_t i = 0; i < state_block; i++) {
+            craft.axis[i] = quad_at(rotors_->axis[i]);
+        }
+    }
+    const auto gravity = [this](double tau, Quad r) __attribute__((always_inline))
+    {
+        return gravity_at(from_, tau, r);
+    };
+    State x = craft.step(load(x_), load(dx_), tick_seconds(dt), gravity);
+    if (dot(x.sigma, x.sigma) > 1.0) {
+        x.sigma = quad(mrp_shadow(vec(x.sigma)));
+    }
+    store(x_, x);
+    store(dx_, craft.rates(x, gravity_at(from_ + dt, 0.0, x.r)));
+}
+
+LANES_INLINE void SpacecraftModel::advance_plain(Ns dt)
+{
+    rotors_ ? step_rigid<Quad>(dt) : step_rigid<None>(dt);
 }
 
 /// Take what the inputs give for tick.dt; nothing if that is 0. Returns whether this changes the
@@ -295,6 +369,7 @@ bool SpacecraftModel::latch(Tick tick)
     for (const Part &part : parts_) {
         changed |= part.effector->latch(x_ + part.at, rate, tick_seconds(tick.dt));
     }
+    rotors_ = rk4_ && !parts_.empty() ? parts_.front().effector->rotors() : nullptr;
     return changed;
 }
 
@@ -338,7 +413,9 @@ void SpacecraftModel::advance(Tick tick)
     from_v_ = get(x_, at_v);
     begun_ = false;
     try {
-        if (switching_.empty()) {
+        if (is_plain()) {
+            sim::in_registers<&SpacecraftModel::advance_plain>(*this, tick.dt);
+        } else if (switching_.empty()) {
             integrator_->advance(*this, from_, tick.dt, x_, dx_);
         } else {
             advance_by_stretches(tick.t);
@@ -416,9 +493,8 @@ void SpacecraftModel::derive(Ns start, double tau, const double *x, double *dx)
     }
 }
 
-LANES_INLINE Quad SpacecraftModel::gravity_at(Ns start, double tau, const double *at)
+LANES_INLINE Quad SpacecraftModel::gravity_at(Ns start, double tau, Quad r)
 {
-    const Quad r = quad_at(at);
     if (central_mu_ > 0.0) {
         const double r2 = dot(r, r);
         return -central_mu_ / (r2 * r2) * fm_sqrt(r2) * r;
@@ -430,7 +506,7 @@ LANES_INLINE void SpacecraftModel::derive_simple(Ns start, double tau, const dou
 {
     const Quad sigma = quad_at(x + at_sigma), omega = quad_at(x + at_omega);
     put_quad(dx + at_r, quad_at(x + at_v));
-    put_quad(dx + at_v, gravity_at(start, tau, x + at_r));
+    put_quad(dx + at_v, gravity_at(start, tau, quad_at(x + at_r)));
     put_quad(dx + at_sigma, mrp_rate(sigma, omega));
     Quad momentum = transposed_times(I_transposed_, x + at_omega), torque = quad_at(held_ + at_torque_B);
     if (!parts_.empty()) {
@@ -453,7 +529,7 @@ LANES_INLINE void SpacecraftModel::derive_simple(Ns start, double tau, const dou
 LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const double *x, double *dx)
 {
     const Quad v = quad_at(x + at_v), sigma = quad_at(x + at_sigma), omega = quad_at(x + at_omega);
-    const Quad gravity = gravity_at(start, tau, x + at_r);
+    const Quad gravity = gravity_at(start, tau, quad_at(x + at_r));
     put_quad(dx + at_r, v);
     put_quad(dx + at_v, gravity);
     put_quad(dx + at_sigma, mrp_rate(sigma, omega));
@@ -466,7 +542,7 @@ LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const dou
     put(motion.sigma_BN, sigma);
     put(motion.omega, omega);
     motion.mass = interface_.par.mass;
-    motion.r_CB_B = center_;
+    put(motion.r_CB_B, quad(center_));
     // One by one, as in couple().
     Loads loads;
     put(loads.momentum, Quad{});
@@ -475,22 +551,24 @@ LANES_INLINE void SpacecraftModel::derive_pushed(Ns start, double tau, const dou
     put(loads.torque, quad_at(held_ + at_torque_B));
     put(loads.force_N, quad_at(held_ + at_force_N));
     put(loads.force_B, quad_at(held_ + at_force_B));
-    if (pushed_) {
+    if ((needs_ & Effector::needs_attitude) != 0) {
         motion.C_BN = mrp_to_dcm(motion.sigma_BN);
-        motion.I_C_B = I_C_;
     }
     if (coupled_) {
         return solve(x, motion, loads, dx);
     }
-    if (offset_) {
-        place_origin(motion);
+    if ((needs_ & Effector::needs_inertia) != 0) {
+        motion.I_C_B = I_C_;
+    }
+    if (offset_ && (needs_ & Effector::needs_place) != 0) {
+        place_origin(Attitude(sigma), motion);
     }
     put(loads.momentum, transposed_times(I_transposed_, x + at_omega));
     for (const Part &part : parts_) {
         part.effector->derive(x + part.at, motion, dx + part.at, loads);
     }
-    const Vec3 force = vec_add(loads.force_N, mat_transpose_vec(motion.C_BN, loads.force_B));
-    put_quad(dx + at_v, gravity + 1.0 / interface_.par.mass * quad(force));
+    const Quad force = quad(loads.force_N) + Attitude(sigma).to_N(quad(loads.force_B));
+    put_quad(dx + at_v, gravity + 1.0 / interface_.par.mass * force);
     put_quad(dx + at_omega, transposed_times(I_inverse_, quad(loads.torque) - cross(omega, quad(loads.momentum))));
 }
 
@@ -504,10 +582,13 @@ LANES_INLINE void SpacecraftModel::couple(const double *x, Motion &motion, Loads
 {
     // One by one: to copy it as a whole, the compiler takes an instruction that is slow to start.
     put_quad(&whole_.mass, quad_at(&hub_.mass));
-    for (int i = 0; i < 3; i++) {
-        put_quad(whole_.inertia.m[i], quad_at(hub_.inertia.m[i]));
-        for (Rows *rows : {&whole_.linear, &whole_.cross, &whole_.angular}) {
-            put_quad(rows->m[i], Quad{});
+    symmetric(hub_.inertia).put(whole_.inertia);
+    if (free_) {
+        for (Symmetric *block : {&whole_.linear, &whole_.angular}) {
+            SymmetricQuads{}.put(*block);
+        }
+        for (auto &row : whole_.cross.m) {
+            put_quad(row, Quad{});
         }
     }
     put(whole_.drift, Quad{});
@@ -518,34 +599,49 @@ LANES_INLINE void SpacecraftModel::couple(const double *x, Motion &motion, Loads
             part.effector->couple(x + part.at, motion, loads, whole_);
         }
     }
-    motion.mass = whole_.mass;
-    motion.r_CB_B = vec_scale(1.0 / whole_.mass, whole_.moment);
 }
 
 /// The derivatives with coupled parts. `motion` has the motion of C in place of the origin's.
 LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads &loads, double *dx)
 {
     couple(x, motion, loads);
-    const Quad omega = quad_at(x + at_omega), c = quad(motion.r_CB_B);
+    const double per_mass = 1.0 / whole_.mass;
+    const Quad omega = quad_at(x + at_omega), c = per_mass * quad(whole_.moment);
+    motion.mass = whole_.mass;
+    put(motion.r_CB_B, c);
+    Attitude attitude;
     if (pushed_) {
+        attitude = Attitude(quad_at(x + at_sigma));
+    }
+    if ((needs_ & Effector::needs_inertia) != 0) {
         motion.I_C_B = inertia_about(whole_, motion.r_CB_B, I_hidden_);
-        place_origin(motion);
+    }
+    if ((needs_ & Effector::needs_place) != 0) {
+        place_origin(attitude, motion);
     }
     for (const Part &part : parts_) {
         part.effector->derive(x + part.at, motion, dx + part.at, loads);
     }
     Quad force{};
     if (pushed_) {
-        force = quad(loads.force_B) + quad(mat_vec(motion.C_BN, loads.force_N));
+        force = quad(loads.force_B) + attitude.to_B(quad(loads.force_N));
         put(loads.torque, quad(loads.torque) + cross(c, force));
     }
-    const Quad momentum = transposed_times(whole_.inertia, x + at_omega) + quad(loads.momentum);
-    put(whole_.force, quad(whole_.force) + force - cross(omega, cross(omega, quad(whole_.moment))));
+    const Quad momentum = symmetric(whole_.inertia).times(omega) + quad(loads.momentum);
+    const Quad drift = quad(whole_.drift);
+    put(whole_.force, quad(whole_.force) + force - cross(omega, cross(omega, quad(whole_.moment)) + 2.0 * drift));
     put(whole_.torque, quad(whole_.torque) + quad(loads.torque) - cross(omega, momentum));
-    const Accelerations found(whole_);
-    put(a_, found.a);
-    put_quad(dx + at_omega, found.domega);
-    const Vec3 domega = vec(found.domega);
+    Quad a, angular;
+    if (free_) {
+        const Accelerations found(whole_);
+        a = found.a;
+        angular = found.domega;
+    } else {
+        rigid_accelerations(whole_, per_mass, a, angular);
+    }
+    put(a_, a);
+    put_quad(dx + at_omega, angular);
+    const Vec3 domega = vec(angular);
     for (const Part &part : parts_) {
         if (part.couples) {
             part.effector->accelerate(x + part.at, a_, domega, dx + part.at);
@@ -553,29 +649,31 @@ LANES_INLINE void SpacecraftModel::solve(const double *x, Motion &motion, Loads 
     }
     if (pushed_) {
         // As masses change, C moves in B without momentum.
-        const Quad shift = 1.0 / motion.mass * (quad(loads.moment_rate) - loads.mass_rate * c);
-        const Quad lost = loads.mass_rate / motion.mass * quad(whole_.drift);
-        const Quad gained = 1.0 / motion.mass * (force - lost) + cross(omega, shift);
-        add_at(dx + at_r, quad(mat_transpose_vec(motion.C_BN, vec(shift))));
-        add_at(dx + at_v, quad(mat_transpose_vec(motion.C_BN, vec(gained))));
+        const Quad shift = per_mass * (quad(loads.moment_rate) - loads.mass_rate * c);
+        const Quad lost = loads.mass_rate * per_mass * drift;
+        const Quad gained = per_mass * (force - lost) + cross(omega, shift);
+        add_at(dx + at_r, attitude.to_N(shift));
+        add_at(dx + at_v, attitude.to_N(gained));
     }
 }
 
-SpacecraftModel::Offset SpacecraftModel::offset(const Motion &motion) const
+LANES_INLINE SpacecraftModel::Offset SpacecraftModel::offset(const Attitude &attitude, Quad omega) const
 {
-    Vec3 v = vec_cross(motion.omega, motion.r_CB_B);
+    const double per_mass = coupled_ ? 1.0 / whole_.mass : 0.0;
+    const Quad c = coupled_ ? per_mass * quad(whole_.moment) : quad(center_);
+    Quad v = cross(omega, c);
     if (coupled_) {
-        v = vec_add(v, vec_scale(1.0 / whole_.mass, whole_.drift));
+        v += per_mass * quad(whole_.drift);
     }
-    return {mat_transpose_vec(motion.C_BN, motion.r_CB_B), mat_transpose_vec(motion.C_BN, v)};
+    return {attitude.to_N(c), attitude.to_N(v)};
 }
 
 /// From the motion of C to that of B's origin.
-void SpacecraftModel::place_origin(Motion &motion) const
+LANES_INLINE void SpacecraftModel::place_origin(const Attitude &attitude, Motion &motion) const
 {
-    const Offset c = offset(motion);
-    motion.r_BN_N = vec_sub(motion.r_BN_N, c.r);
-    motion.v_BN_N = vec_sub(motion.v_BN_N, c.v);
+    const Offset c = offset(attitude, quad(motion.omega));
+    put(motion.r_BN_N, quad(motion.r_BN_N) - c.r);
+    put(motion.v_BN_N, quad(motion.v_BN_N) - c.v);
 }
 
 void SpacecraftModel::normalize(double *x)
@@ -601,6 +699,11 @@ void SpacecraftModel::normalize_parts(double *x) const
 void SpacecraftModel::publish(Ns t)
 {
     derive(t, 0.0, x_, dx_);
+    put_out(t);
+}
+
+void SpacecraftModel::put_out(Ns t)
+{
     CraftState &state = interface_.out.state;
     state.head = head_next(state.head, t, QUALITY_GOOD);
     state.r_BN_N = state.r_CN_N = get(x_, at_r);
@@ -612,7 +715,7 @@ void SpacecraftModel::publish(Ns t)
     // Where gravity alone accelerates, it is known already.
     state.g_CN_N = simple_ ? state.a_BN_N : gravity_;
     if (offset_) {
-        publish_origin();
+        sim::in_registers<&SpacecraftModel::publish_origin>(*this);
     }
     for (const Part &part : parts_) {
         part.effector->publish(t, x_ + part.at, state.omega_BN_B);
@@ -620,31 +723,21 @@ void SpacecraftModel::publish(Ns t)
 }
 
 /// The origin's motion, where it is not that of C.
-void SpacecraftModel::publish_origin()
+LANES_INLINE void SpacecraftModel::publish_origin()
 {
     CraftState &state = interface_.out.state;
-    Motion motion{state.head.t,
-                  0.0,
-                  state.r_CN_N,
-                  state.v_CN_N,
-                  state.sigma_BN,
-                  state.omega_BN_B,
-                  mrp_to_dcm(state.sigma_BN),
-                  0.0,
-                  center_,
-                  {}};
+    const Attitude attitude(quad_at(x_ + at_sigma));
+    const Quad omega = quad_at(x_ + at_omega);
     if (coupled_) {
-        motion.r_CB_B = vec_scale(1.0 / whole_.mass, whole_.moment);
-        state.a_BN_N = vec_add(gravity_, mat_transpose_vec(motion.C_BN, a_));
+        put(state.a_BN_N, quad(gravity_) + attitude.to_N(quad(a_)));
         state.v_CN_N = get(dx_, at_r);
     } else {
-        const Vec3 &omega = state.omega_BN_B;
-        const Vec3 a = vec_add(vec_cross(state.domega_BN_B, center_), vec_cross(omega, vec_cross(omega, center_)));
-        state.a_BN_N = vec_sub(state.a_BN_N, mat_transpose_vec(motion.C_BN, a));
+        const Quad c = quad(center_), a = cross(quad_at(dx_ + at_omega), c) + cross(omega, cross(omega, c));
+        put(state.a_BN_N, quad_at(dx_ + at_v) - attitude.to_N(a));
     }
-    place_origin(motion);
-    state.r_BN_N = motion.r_BN_N;
-    state.v_BN_N = motion.v_BN_N;
+    const Offset c = offset(attitude, omega);
+    put(state.r_BN_N, quad_at(x_ + at_r) - c.r);
+    put(state.v_BN_N, quad_at(x_ + at_v) - c.v);
 }
 
 std::vector<sim::Model *> SpacecraftModel::parts() const

@@ -16,6 +16,7 @@
 #include "sim/model.h"
 #include "world/dynamics/effector.h"
 #include "world/dynamics/lanes.h"
+#include "world/dynamics/rigid_step.h"
 #include "world/dynamics/spacecraft.h"
 #include "world/environment/attraction.h"
 #include "world/environment/sky_user.h"
@@ -73,7 +74,7 @@ private:
 
     /// Position and velocity of C relative to B's origin, N components.
     struct Offset {
-        Vec3 r, v;
+        Quad r, v;
     };
     void begin();
     void couple(const double *x, Motion &motion, Loads &loads);
@@ -82,19 +83,23 @@ private:
     /// The same with them.
     void derive_pushed(sim::Ns start, double tau, const double *x, double *dx);
     void solve(const double *x, Motion &motion, Loads &loads, double *dx);
-    Quad gravity_at(sim::Ns start, double tau, const double *r);
-    Offset offset(const Motion &motion) const;
-    void place_origin(Motion &motion) const;
+    Quad gravity_at(sim::Ns start, double tau, Quad r);
+    Offset offset(const Attitude &attitude, Quad omega) const;
+    void place_origin(const Attitude &attitude, Motion &motion) const;
     void publish_origin();
 
     bool latch(Tick tick);
     bool latch_external(Tick tick);
     void advance(Tick tick);
     [[gnu::noinline]] void advance_by_stretches(sim::Ns until);
+    bool is_plain() const;
+    void advance_plain(sim::Ns dt);
+    template <class Wheels> void step_rigid(sim::Ns dt);
     bool clear_of_center(double h) const;
     void end_step(sim::Ns start, double tau, const double *x);
     void take_inertia();
     void publish(sim::Ns t);
+    void put_out(sim::Ns t);
     std::string last_good_state() const;
 
     struct Part {
@@ -129,9 +134,13 @@ private:
     std::vector<double> memory_;
     std::size_t n_ = 0;
     double *x_ = nullptr, *dx_ = nullptr, *held_ = nullptr;
-    bool parts_push_ = false; ///< whether some part adds forces
-    bool pushed_ = false;     ///< whether there is a force
-    bool simple_ = false;     ///< whether there is none, and no coupled part
+    bool parts_push_ = false;        ///< whether some part adds forces
+    bool free_ = false;              ///< whether some part has degrees of freedom
+    unsigned needs_ = 0;             ///< what some part needs of the motion
+    bool pushed_ = false;            ///< whether there is a force
+    bool simple_ = false;            ///< whether there is none, and no coupled part
+    bool rk4_ = false;               ///< whether its steps are those of Runge and Kutta, and it has one part at most
+    const Rotors *rotors_ = nullptr; ///< of that part, in this update
 
     // For the check that the craft stays outside of all bodies.
     double central_surface_ = 0.0, central_arc_ = 0.0; ///< of the only gravity body, as central_mu_

@@ -438,6 +438,61 @@ TEST(Spacecraft, GoesOnFromItsMemoryBitForBit)
     }
 }
 
+/// A part that does nothing, with which a craft takes the general way of its steps.
+class Idle final : public Effector {
+public:
+    void prepare(const sim::Setup &) override {}
+    std::size_t states() const override { return 0; }
+    void start(const Vec3 &, double *) override {}
+    bool latch(const double *, const BodyRate &, double) override { return false; }
+    void publish(Ns, const double *, const Vec3 &) override {}
+};
+
+TEST(Spacecraft, AStepInRegistersHasTheBitsOfTheGeneralWay)
+{
+    const int wide = sim::wide;
+    for (unsigned choice = 0; choice < 48; choice++) {
+        const unsigned wheels = choice % 3 + (choice % 3 ? 2 : 0); // 0, 3 or 4
+        Flyer flyers[2];
+        Idle idle;
+        for (Flyer &f : flyers) {
+            sim::wide = (choice & 16) == 0 ? wide : 0;
+            f.set_inertia(skew_inertia() / 100.0);
+            f.craft_interface.par.mass = 10.0;
+            f.craft_interface.par.r_BN_N = vec3(10.0, 0.0, 2.0);
+            f.craft_interface.par.v_BN_N = vec3(0.0, 9.0, 1.0);
+            f.craft_interface.par.omega_BN_B = vec3(0.3, -0.5, 1.4); // through the shadow set
+            f.craft_interface.par.center_B = choice & 4 ? vec3(0.1, 0.0, -0.2) : Vec3{};
+            for (unsigned i = 0; i < wheels; i++) {
+                f.add_wheel({1.0, 0.3 * i, -0.2}, 0.1, 30.0 - 20.0 * i);
+                f.wheel_interface.par.friction[i] = 0.01;
+            }
+            for (unsigned i = 0; i < (choice & 8 ? 2 : 1); i++) {
+                GravityBody body = mars();
+                body.name += std::to_string(i);
+                body.mu = 1e3;
+                f.craft.add_gravity(body);
+            }
+            if (&f == &flyers[1]) {
+                f.craft.attach(idle);
+            }
+            f.prepare();
+            for (int i = 0; i < 100; i++) {
+                if (i % 10 == 5) {
+                    f.push().torque_B = vec3(0.1 * i, -0.2, 0.3);
+                    f.command(0, 0.01 * (i - 50));
+                }
+                f.step(i % 7 == 6 ? 30 * ms : 100 * ms);
+            }
+        }
+        sim::wide = wide;
+        const auto &[plain, general] = flyers;
+        EXPECT_EQ(bytes_of(flyers[0].craft.memory()), bytes_of(flyers[1].craft.memory())) << choice;
+        EXPECT_EQ(std::memcmp(&plain.craft_interface.out, &general.craft_interface.out, sizeof(CraftState)), 0);
+        EXPECT_EQ(bytes_of(flyers[0].wheels.memory()), bytes_of(flyers[1].wheels.memory()));
+    }
+}
+
 TEST(Spacecraft, TakesOverPartsAndGravityOfAnother)
 {
     Flyer f;

@@ -89,7 +89,7 @@ void EnvironmentModel::add_body(const GravityBody &body)
 
 void EnvironmentModel::refresh()
 {
-    tau_ = std::numeric_limits<double>::quiet_NaN();
+    tau_ = turned_ = std::numeric_limits<double>::quiet_NaN();
     version_++;
 }
 
@@ -199,20 +199,21 @@ Vector3d EnvironmentModel::v_PN_N(std::size_t body, Ns start, double tau) const
 
 const BodyAttitude &EnvironmentModel::attitude(Ns start, double tau) const
 {
-    if (start == start_ && tau == tau_) {
-        return attitude_;
-    }
-    if (orientation_) {
+    if (!orientation_) {
+        const double rate = spin(), angle = rate * (tick_seconds(start) + tau);
+        if (angle != turned_) {
+            double s, c;
+            fm_sincos(angle, &s, &c);
+            attitude_.dcm_PN << c * dcm_QN_.row(0) + s * dcm_QN_.row(1), c * dcm_QN_.row(1) - s * dcm_QN_.row(0),
+                dcm_QN_.row(2);
+            attitude_.omega_PN_P = Vector3d(0.0, 0.0, rate);
+            turned_ = angle;
+        }
+    } else if (start != start_ || tau != tau_) {
         attitude_ = orientation_->at(sky_->epoch_at(start), tau);
-    } else {
-        double s, c;
-        fm_sincos(spin() * (tick_seconds(start) + tau), &s, &c);
-        Matrix3d turn;
-        turn << c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0;
-        attitude_ = {turn * dcm_QN_, Vector3d(0.0, 0.0, spin())};
+        start_ = start;
+        tau_ = tau;
     }
-    start_ = start;
-    tau_ = tau;
     return attitude_;
 }
 

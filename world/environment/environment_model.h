@@ -105,6 +105,7 @@ private:
     mutable BodyAttitude attitude_{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()};
     mutable sim::Ns start_ = 0;
     mutable double tau_ = std::numeric_limits<double>::quiet_NaN();
+    mutable double turned_ = std::numeric_limits<double>::quiet_NaN(); ///< [rad] without a sky
     sim::Ns covered_ = 0;
     std::uint64_t version_ = 1;
 };

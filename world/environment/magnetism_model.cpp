@@ -92,18 +92,17 @@ void MagnetismModel::ensure_data_until(Ns until)
 Vector3d MagnetismModel::at(Ns start, double tau, const Vector3d &r_BN_N) const
 {
     const Eigen::Matrix3d &dcm_PN = attitude(start, tau).dcm_PN;
-    const Vector3d r_P = dcm_PN * (r_BN_N - r_PN_N(0, start, tau));
-    if (r_P.isZero(0.0)) {
+    const Vector3d r = r_BN_N - r_PN_N(0, start, tau);
+    const double r2 = r.squaredNorm();
+    if (r2 == 0.0) {
         throw sim::RunError(name() + ": the field is asked for in the centre of " + bodies()[0].name +
                             ", where it has no value; where is the spacecraft?");
     }
     if (model_) {
-        return dcm_PN.transpose() * model_->field(r_P, year(start));
+        return dcm_PN.transpose() * model_->field(dcm_PN * r, year(start));
     }
-    const Vector3d m = view(interface_.par.dipole_P);
-    const double r = r_P.norm();
-    const Vector3d u = r_P / r;
-    return dcm_PN.transpose() * ((3.0 * m.dot(u) * u - m) / (r * r * r));
+    const Vector3d m = dcm_PN.transpose() * view(interface_.par.dipole_P);
+    return 1.0 / (r2 * std::sqrt(r2)) * (3.0 * m.dot(r) / r2 * r - m);
 }
 
 void MagnetismModel::publish(Ns t)

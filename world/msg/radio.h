@@ -11,7 +11,8 @@ typedef enum RadioState {
     RADIO_LOCKED = 1,
     RADIO_LOW = 2,    ///< the spacecraft is below the station's mask
     RADIO_HIDDEN = 3, ///< a body hides it
-    RADIO_WEAK = 4    ///< Eb/N0 is too low
+    RADIO_WEAK = 4,   ///< Eb/N0 is too low
+    RADIO_OFF = 5     ///< the radio has no power
 } RadioState;
 
 /** One direction of a radio link, for the bits that leave the spacecraft now, or that reach it now. */

@@ -44,6 +44,19 @@ TEST(StarTracker, WithoutErrorsItGivesTheTruth)
     EXPECT_EQ(s.out().head.quality, QUALITY_GOOD);
 }
 
+TEST(StarTracker, WithoutPowerItIsSilent)
+{
+    Tracker s;
+    s.i.par.load = 9;
+    s.begin();
+    EXPECT_TRUE(s.fresh()) << "where no supply is wired";
+    s.i.in.power.head.quality = QUALITY_GOOD;
+    s.i.in.power.on = ~(1u << 9);
+    EXPECT_FALSE(s.fresh());
+    s.i.in.power.on = 1u << 9;
+    EXPECT_TRUE(s.fresh());
+}
+
 TEST(StarTracker, NoiseIsThatOfItsDensityAcrossAndAboutTheBoresight)
 {
     for (const Ns dt : {100 * ms, second}) {

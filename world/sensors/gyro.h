@@ -5,6 +5,7 @@
 #include "flight/msg/sensors.h"
 #include "world/msg/craft.h"
 #include "world/msg/fault.h"
+#include "world/msg/power.h"
 
 /** Three gyros at right angles: the angular rate with the errors of world/sensors/triad.h.
  *  The densities are the squares of what data sheets give: an angle random walk of 0.15 deg/sqrt(h) is
@@ -14,20 +15,21 @@ typedef struct Gyro {
     struct {
         CraftState truth;
         FaultSet injected; ///< optional: faults, besides the planned ones
+        LoadSupply power;  ///< optional: without it the gyro is on
     } in;
     struct {
         GyroRate rate;
     } out;
     struct {
-        Vec3 noise;        ///< [rad^2/s]   >= 0, assumed: density of the white noise
-        Vec3 walk;         ///< [rad^2/s^3] >= 0: density of the white noise whose integral the bias is
-        Vec3 bias;         ///< [rad/s]     the bias at the beginning
-        Vec3 scale;        ///< [-]         relative errors of the scale factors
-        Vec3 misalignment; ///< [rad]       turn of the case, a rotation vector
-        double step;       ///< [rad/s]     >= 0: of the quantisation; 0: none
-        double limit;      ///< [rad/s]     >= 0, assumed: at which it saturates; 0: none
-        uint32_t n_faults; ///< [-]         in [0, 4]: number of planned faults
-        uint32_t spare;
+        Vec3 noise;               ///< [rad^2/s]   >= 0, assumed: density of the white noise
+        Vec3 walk;                ///< [rad^2/s^3] >= 0: density of the white noise whose integral the bias is
+        Vec3 bias;                ///< [rad/s]     the bias at the beginning
+        Vec3 scale;               ///< [-]         relative errors of the scale factors
+        Vec3 misalignment;        ///< [rad]       turn of the case, a rotation vector
+        double step;              ///< [rad/s]     >= 0: of the quantisation; 0: none
+        double limit;             ///< [rad/s]     >= 0, assumed: at which it saturates; 0: none
+        uint32_t n_faults;        ///< [-]         in [0, 4]: number of planned faults
+        uint32_t load;            ///< [-]         in [0, 31]: the gyro's load in the power unit
         Fault faults[FAULTS_MAX]; ///< count n_faults: planned; the channels are the axes
     } par;
     struct {

@@ -22,15 +22,28 @@ Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)
     return sum;
 }
 
+void NavigationModel::prepare(const sim::Setup &setup)
+{
+    Sensor::prepare(setup);
+    bias_turn_ = mrp_turn(interface_.par.attitude_bias);
+}
+
+void NavigationModel::refresh()
+{
+    Sensor::refresh();
+    bias_turn_ = mrp_turn(interface_.par.attitude_bias);
+}
+
 void NavigationModel::update(Tick tick)
 {
     const auto &par = interface_.par;
-    Vec3 turn = par.attitude_bias, rate = par.rate_bias;
+    Vec3 turn = par.attitude_bias, mrp = bias_turn_, rate = par.rate_bias;
     Vec3 position = par.position_bias, velocity = par.velocity_bias;
     if (!(is_zero(par.attitude_noise) && is_zero(par.rate_noise) && is_zero(par.position_noise) &&
           is_zero(par.velocity_noise))) {
         // All twelve are drawn, so switching one noise off leaves the others as they were.
         turn = error(par.attitude_bias, par.attitude_noise);
+        mrp = mrp_turn(turn);
         rate = error(par.rate_bias, par.rate_noise);
         position = error(par.position_bias, par.position_noise);
         velocity = error(par.velocity_bias, par.velocity_noise);
@@ -39,11 +52,11 @@ void NavigationModel::update(Tick tick)
     if (begin_faults(tick.t)) {
         update_faultily(tick.t, turn, rate, position, velocity);
     } else {
-        write(tick.t, turn, rate, position, velocity);
+        write(tick.t, mrp, rate, position, velocity);
     }
 }
 
-inline void NavigationModel::write(sim::Ns t, const Vec3 &turn, const Vec3 &rate, const Vec3 &position,
+inline void NavigationModel::write(sim::Ns t, const Vec3 &mrp, const Vec3 &rate, const Vec3 &position,
                                    const Vec3 &velocity)
 {
     const CraftState &truth = interface_.in.truth;
@@ -52,7 +65,7 @@ inline void NavigationModel::write(sim::Ns t, const Vec3 &turn, const Vec3 &rate
 
     const Quality quality = quality_through(truth.head);
     attitude.head = head_next(attitude.head, t, quality);
-    attitude.sigma_BN = is_zero(turn) ? truth.sigma_BN : mrp_compose(mrp_turn(turn), truth.sigma_BN);
+    attitude.sigma_BN = is_zero(mrp) ? truth.sigma_BN : mrp_compose(mrp, truth.sigma_BN);
     attitude.omega_BN_B = vec_add(truth.omega_BN_B, rate);
 
     orbit.head = head_next(orbit.head, t, quality);
@@ -68,7 +81,7 @@ void NavigationModel::update_faultily(sim::Ns t, Vec3 turn, const Vec3 &rate, co
     auto &out = interface_.out;
     const auto before = out;
     faults.add(0, turn.v);
-    write(t, turn, rate, position, velocity);
+    write(t, mrp_turn(turn), rate, position, velocity);
 
     bool oriented = faults.replace(0, out.attitude.sigma_BN.v, -1.0, 1.0);
     oriented |= faults.apply(3, out.attitude.omega_BN_B.v);

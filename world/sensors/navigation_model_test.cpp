@@ -99,6 +99,7 @@ TEST(Navigation, BiasesAddAndTurn)
     EXPECT_EQ(nav.nav_interface.out.orbit.v_BN_N.v[0], 100.0 + 0.1);
 
     nav.nav_interface.par.attitude_bias = vec3(1e-9, 0, -2e-9); // and as small as that
+    nav.model.refresh();
     nav.step();
     EXPECT_LT((nav.turn() - view(nav.nav_interface.par.attitude_bias)).norm(), 1e-15);
 }

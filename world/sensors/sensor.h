@@ -7,6 +7,7 @@
 #include "sim/model.h"
 #include "sim/random.h"
 #include "world/faults.h"
+#include "world/msg/power.h"
 
 #include <algorithm>
 #include <string>
@@ -99,6 +100,23 @@ protected:
     bool begin_faults(sim::Ns t)
     {
         return state_.faults.begin(t, interface_.par.n_faults, interface_.par.faults, interface_.in.injected);
+    }
+
+    /// Whether its load of the input `power` has power, where it has such an input.
+    bool powered() const
+    {
+        if constexpr (requires { interface_.in.power; }) {
+            return supplied(&interface_.in.power, interface_.par.load);
+        }
+        return true;
+    }
+
+    /// Of a channel that is 1 while a unit works: whether it does.
+    bool works(std::size_t channel)
+    {
+        double x = 1.0;
+        state_.faults.apply(channel, {&x, 1}, 0.0, 1.0);
+        return x >= 0.5;
     }
 
     double normal() { return state_.random.normal(); }

@@ -89,7 +89,8 @@ void StarTrackerModel::update(Tick tick)
             reading.P_B.m[i][j] = (i == j ? across : 0.0) + (about - across) * boresight_S.v[i] * boresight_S.v[j];
         }
     }
-    state_.readings.publish(reading, speaks && interface_.mem.blind == 0, par.latency, tick.t, interface_.out.attitude);
+    const bool sees = speaks && powered() && interface_.mem.blind == 0;
+    state_.readings.publish(reading, sees, par.latency, tick.t, interface_.out.attitude);
 }
 
 } // namespace fledge::world

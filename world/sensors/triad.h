@@ -19,7 +19,7 @@ public:
 protected:
     bool limited() const override { return this->interface_.par.limit > 0.0; }
 
-    /// Make of x what the sensors read. Returns whether they speak.
+    /// Make of x what the sensors read. Returns whether they speak; without power they do not.
     bool read(Tick tick, Vec3 &x)
     {
         const auto &par = this->interface_.par;
@@ -42,7 +42,7 @@ protected:
             y = std::clamp(par.step > 0.0 ? par.step * std::round(y / par.step) : y, -most, most);
         }
         mem.saturated += cut;
-        return speaks;
+        return speaks && this->powered();
     }
 };
 

@@ -10,9 +10,11 @@
 #include <Eigen/Dense>
 
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace fledge::world::testing {
 
@@ -21,6 +23,18 @@ using Eigen::Vector3d;
 using sim::Ns;
 
 inline constexpr Ns ms = 1'000'000, second = 1000 * ms;
+
+/// What `fly` returns in narrow registers, and in those of each kind that the processor has.
+template <class Fly> auto in_all_registers(const Fly &fly)
+{
+    const int widest = sim::wide;
+    std::vector<decltype(fly())> results;
+    for (sim::wide = 0; sim::wide <= widest; sim::wide++) {
+        results.push_back(fly());
+    }
+    sim::wide = widest;
+    return results;
+}
 
 struct Flyer {
     Spacecraft craft_interface{};
@@ -66,6 +80,15 @@ struct Flyer {
         }
         craft.prepare({"world.craft", 1, method.get()});
         reset();
+    }
+
+    /// The states and rates of the craft and its parts.
+    std::vector<double> states()
+    {
+        const auto memory = craft.memory();
+        std::vector<double> all(memory.size() / sizeof(double));
+        std::memcpy(all.data(), memory.data(), memory.size());
+        return all;
     }
 
     void reset()

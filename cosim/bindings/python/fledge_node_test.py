@@ -93,7 +93,7 @@ class Controller:
         self.address = self.process.stdout.readline().removeprefix("listening at ").strip()
 
     def wait_for(self, **states):
-        """Until these nodes are so: "joining", "running" (and have stepped)."""
+        """Until these nodes are so: "greeted" (not yet on its own socket), "joining", "running" (has stepped)."""
         for line in self._status:
             nodes = {node["name"]: node for node in json.loads(line).get("nodes", [])}
             if nodes and all(nodes[name]["state"] == state and (state != "running" or nodes[name]["ticks"] > 0)

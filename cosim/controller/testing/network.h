@@ -459,6 +459,8 @@ struct Bench {
 
     void act()
     {
+        while (controller.play()) {
+        }
         for (Action &a : controller.take_actions()) {
             if (auto *send = std::get_if<action::Send>(&a)) {
                 sent += !std::holds_alternative<Save>(send->frame.message); // a snapshot may come later
@@ -480,6 +482,7 @@ struct Bench {
                     const Exchange::Topic &topic = exchange.topics.at(record.channel);
                     EXPECT_EQ(topic.writer, wrote->node < specs.size() ? specs[wrote->node].name : "ground");
                     written[topic.name].emplace_back(record.t, word_of(record.payload));
+                    counts[topic.name].push_back(record.count);
                     const bool some_node_went =
                         std::any_of(controller.changes().begin(), controller.changes().end(), [](const Change &c) {
                             return c.what == Change::given_up || c.what == Change::left;
@@ -489,6 +492,10 @@ struct Bench {
                     }
                 }
                 settled = std::max(settled, wrote->settled);
+            } else if (auto *snapshots = std::get_if<action::Kept>(&a)) {
+                EXPECT_TRUE(kept.empty() || kept.rbegin()->first < snapshots->t);
+                settled = std::max(settled, snapshots->t);
+                kept[snapshots->t] = snapshots->snapshots;
             } else if (auto *done = std::get_if<action::Done>(&a)) {
                 EXPECT_FALSE(outcome);
                 outcome = done->reason;
@@ -601,6 +608,8 @@ struct Bench {
     bool sleeping = false;              ///< a test sets it to false after each event except replies
     Exchange exchange;
     std::map<std::string, std::vector<std::pair<Ns, std::uint64_t>>> written; ///< writes, by topic
+    std::map<std::string, std::vector<std::uint32_t>> counts;                 ///< of these
+    std::map<Ns, std::vector<NodeSnapshot>> kept;
     Ns settled = -1;
 };
 

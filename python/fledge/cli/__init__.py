@@ -249,10 +249,15 @@ def plot(options: argparse.Namespace) -> int:
 
 def view(options: argparse.Namespace) -> int:
     from fledge import scene
+    import fledge.scene.film
     import fledge.scene.foxglove
 
     archive = open_run(options.run)
-    if options.foxglove:
+    if options.film:
+        begin, end = (parse_duration(text, name) if text else None for text, name in
+                      ((options.begin, "--from"), (options.end, "--to")))
+        path = scene.film.write(scene.of(archive), options.film, options.look, begin, end, options.frames)
+    elif options.foxglove:
         path = scene.foxglove.write(scene.of(archive), archive.path,
                                     options.out or archive.path.with_suffix(SCENE))
     else:
@@ -404,7 +409,7 @@ def parser() -> argparse.ArgumentParser:
     add_update_limit(one)
 
     from fledge.cli import (compare, control_room, export, flips, fly, ground, keys, montecarlo, node, packets,
-                            profile, prompt, replay, up)
+                            profile, prompt, replay, rewind, up)
 
     node.add_parameters(one)
     node.add(command)
@@ -419,6 +424,7 @@ def parser() -> argparse.ArgumentParser:
     packets.add(command)
     keys.add(command)
     up.add(command)
+    rewind.add(command)
     ground.add(command)
     control_room.add(command)
 
@@ -449,9 +455,16 @@ def parser() -> argparse.ArgumentParser:
 
     one = command("view", view, "show a record in 3-D, as one page for any browser", "view earth_imager")
     one.add_argument("run", metavar="RUN", help=WHAT)
-    one.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
-                     "Foxglove's 3-D panel, in place of a page")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
+                      "Foxglove's 3-D panel, in place of a page")
+    kind.add_argument("--film", metavar="FILE.webp", help="write a film in place of a page")
     one.add_argument("--out", metavar="FILE", help=f"default: view.html, or run{SCENE}, beside the record")
+    one.add_argument("--look", default="", metavar="TEXT", help="of a film: what follows # in the page's address")
+    one.add_argument("--from", dest="begin", metavar="TIME", help="of a film: its first frame (90s, 1h23m)")
+    one.add_argument("--to", dest="end", metavar="TIME", help="of a film: its last frame")
+    one.add_argument("--frames", type=int, default=180, metavar="N",
+                     help="of a film, 12.5 a second; default: %(default)s")
 
     one = command("convert", convert, "write a record as CSV or HDF5, or say what it holds",
                   "convert nadir_spin --csv --out tables")

@@ -30,9 +30,12 @@ def number(what: str = "a number") -> Callable[[str], float]:
 
 
 def parse_duration(text: str, option: str = "--for") -> float:
-    """Seconds of "90", "90s", "10min", "2.5 h"."""
+    """Seconds of "90", "90s", "10min", "2.5 h", "1h23m"."""
     import re
 
+    parts = re.fullmatch(r"\s*(?:(\d+)\s*h)?\s*(?:(\d+)\s*m(?:in)?)?\s*(?:([0-9.]+)\s*s)?\s*", text)
+    if parts and sum(part is not None for part in parts.groups()) > 1:
+        text = str(sum(float(part or 0) * unit for part, unit in zip(parts.groups(), (3600, 60, 1))))
     match = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", text)
     factors = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "minute": 60.0, "h": 3600.0, "hour": 3600.0, "d": 86400.0,
                "day": 86400.0}

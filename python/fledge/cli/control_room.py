@@ -49,6 +49,8 @@ def add(command: Callable) -> None:
                    "default: 0")
     a.add_argument("--pace", type=number(), default=0.0, metavar="X", help="of a simulated mission: X simulated "
                    "seconds per second; default: as fast as possible")
+    a.add_argument("--radio", metavar="world.RADIO", help="of a simulated mission: by which packets pass; default: "
+                   "straight to flight and back")
     a.add_argument("--yes", action="store_true", help="answer the script's questions with yes")
     a.add_argument("--out", metavar="DIR", help="for script.html and script.jsonl; default: a new folder in "
                    "runs/scripts")
@@ -156,7 +158,7 @@ def _craft(options, kind):
 
         set_up(sim, chosen(sim, scenario)[1])
     sim.pace = options.pace
-    return ground.connect(sim, process=options.process, kind=kind)
+    return ground.connect(sim, process=options.process, radio=options.radio, kind=kind)
 
 
 def _show(entry):

@@ -31,8 +31,9 @@ def add(command: Callable) -> None:
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--process", metavar="NAME", help="the flight process; default: the only one, or of xtce all")
     one.add_argument("--tasks", metavar="NAMES", help="export only these tasks, as in gnc,telemetry; default: all")
-    one.add_argument("--board", nargs="*", metavar="FILE", help="also write the board through which "
-                     "the messages pass, and its tables; without FILE: a board that carries each message whole")
+    one.add_argument("--board", nargs="*", action="extend", metavar="FILE", help="also write the boards through which "
+                     "the messages pass, and their tables: files, or folders of *.toml; without FILE: a board that "
+                     "carries each message whole")
     one.add_argument("--outputs", metavar="PATHS", help="further outputs that the board carries, besides "
                      "those that the world reads, as in flight.tracking.error,flight.spin.euler; all: every output")
     one.add_argument("--app", metavar="NAME", help="cfs: the app's name, as in nav; its C is called NAV_...")
@@ -140,6 +141,7 @@ def export_micropython(options: argparse.Namespace) -> int:
     from fledge import export as exports
     from fledge.cli.console import say
     from fledge.errors import Failure
+    from fledge.mission.folder import without_preset
     from fledge.targets import table
     from fledge.targets.micropython import program
     from fledge.targets.micropython.export import compose
@@ -151,7 +153,8 @@ def export_micropython(options: argparse.Namespace) -> int:
     sim = fledge.load(options.mission, **given_parameters(options))
     mission = exports.read(sim, options.process)
     folder = Path(options.out) if options.out else Path("runs") / mission.folder / "micropython"
-    composed = compose(sim, mission, boards=options.board or ())
+    fresh = without_preset(options.mission, **given_parameters(options))
+    composed = compose(fresh, mission, exports.read(fresh, options.process), options.board or ())
     built = program.export(composed, sim.process(mission.process), folder, options.development)
     for path in sorted(folder.glob("c/*")):
         say(f"  wrote  {path}")

@@ -40,8 +40,9 @@ def add(command: Callable) -> None:
                      "the desktop's code")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--board", nargs="+", default=[], metavar="FILE", help="boards that the messages pass, as "
-                     "in docs/export.md; default: one that carries them whole. PROCESS=FILE: of that flight process")
+    one.add_argument("--board", nargs="+", action="extend", default=[], metavar="FILE", help="boards that the messages "
+                     "pass, as in docs/export.md: files, or folders of *.toml; default: one that carries them whole. "
+                     "PROCESS=FILE: of that flight process")
     one.add_argument("--within", action="append", default=[], type=_bound, metavar="FIELD=BOUND", help="with words "
                      "that round: the largest difference of a field from the desktop's, as in "
                      "tracking.error.sigma_BR=1e-4")
@@ -241,7 +242,7 @@ def _chosen(text):
 
 
 def _boards(words):
-    """Process -> its files, of the words FILE and PROCESS=FILE."""
+    """Process -> its files and folders, of the words FILE and PROCESS=FILE."""
     found: dict[str, list[str]] = {}
     for word in words:
         process, _, file = word.rpartition("=")
@@ -267,6 +268,7 @@ def _fly(options, job, runs, bounds, lacking):
     first: dict[str, tuple[str, Archive]] = {}      # process -> the first target through boards, and its record
     archives: dict[Path, Archive] = {}
     records: dict[str, dict[str, Archive]] = {}
+    bits: dict[tuple[str, Part], str] = {}          # (run, process) -> a hash of its outputs
     code = 1
     flights: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
 
@@ -315,6 +317,9 @@ def _fly(options, job, runs, bounds, lacking):
             else:
                 found = compare(desktop, archive, part.compared(desktop, archive), times=part.is_instant)
                 text, problem = (str(found[0]), "differs from the desktop") if found else ("none", "")
+            bits[name, part] = digest(archive, part.outputs, part.is_instant)
+            if on and bits[name, part] == bits["desktop", part] and (other := part.unequal_telemetry(place)):
+                text, problem = f"{text}; {other}", problem or "telemetry differs from the desktop's"
             refusals = part.refusals(one.reports or (part.reports(place) if on else ()))
             told += [f"refused  {title}: {refusal}" for refusal, _ in refusals]
             if on:
@@ -323,7 +328,7 @@ def _fly(options, job, runs, bounds, lacking):
                 problem = problem or "a command was refused"
             if problem:
                 wrong[name].append(f"{part.process} {problem}" if len(job.parts) > 1 else problem)
-            rows.append((title, one, digest(archive, part.outputs, part.is_instant), text))
+            rows.append((title, one, bits[name, part], text))
     for line in [*table.lines(rows), *table.scripts(rows)]:
         say("  " + line)
     if archives:

@@ -59,6 +59,8 @@ def add(command: Callable) -> None:
     one.add_argument("process", help="the flight process, whose target has queues of commands and telemetry")
     one.add_argument("address", metavar="ADDRESS", help="as of `fledge command`: where commands come from, and where "
                      "telemetry goes")
+    one.add_argument("--radio", metavar="world.RADIO", help="by which packets pass; default: straight to flight and "
+                     "back")
 
 
 # --- command ---------------------------------------------------------------------------------------
@@ -185,7 +187,7 @@ def link(options: argparse.Namespace) -> int:
     forever = 1 << 62
     counts = {"commands": 0, "telemetry": 0}
     problems: list[str] = []
-    with open_link(options.address) as outside, Onlooker(options.process) as flight:
+    with open_link(options.address) as outside, Onlooker(options.process, radio=options.radio) as flight:
         say(f"{options.process} is at {options.address}")
 
         def down() -> None:

@@ -7,12 +7,14 @@ import shlex
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, trace
+from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from fledge.archive import Archive
+    from fledge.cosim.up.description import Plan
     from fledge.mission.simulation import Simulation
     from fledge.targets import Job
 
@@ -42,7 +44,6 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     TARGET_run beside the records."""
     import fledge
     from fledge.commands import read_script
-    from fledge.report import Outcome, Report
     from fledge.targets.playback import stand_in
 
     sim = fledge.load(job.asked, job.seed, **job.parameters)
@@ -50,16 +51,26 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     packets = {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
                if one.telemetry(target).exists()}
     stand_in(sim, records, exchange, packets)
-    function = sim.mission.scenarios[job.scenario]
     if not options.report:
         sim.plots = False
-        return attempt(options, sim, function)[0] or ""
-    folder = job.folder / f"{target}_run"
+        return attempt(options, sim, sim.mission.scenarios[job.scenario])[0] or ""
+    return reported(options, sim, job.scenario, f"on {target}", job.folder / f"{target}_run", target=target)
+
+
+def reported(options: argparse.Namespace, sim: Simulation, scenario: str, where: str, folder: Path,
+             **metadata: str) -> str:
+    """Run a scenario, and write what `fledge run --report` writes into a folder. Returns what is wrong in words; "" if
+    its checks hold."""
+    import fledge
+    from fledge.report import Outcome, Report
+
+    assert sim.mission
+    function = sim.mission.scenarios[scenario]
     folder.mkdir(exist_ok=True)
     plots = sim.plots = Plots(folder)
-    report = Report(sim, f"{job.scenario}, on {target}", function)
-    sim.archive(folder / "run.mcap", mission=sim.name, scenario=job.scenario, target=target,
-                fledge=fledge.__version__, **sim.mission.metadata())
+    report = Report(sim, f"{scenario}, {where}", function)
+    sim.archive(folder / "run.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__, **metadata,
+                **sim.mission.metadata())
     problem, code = attempt(options, sim, function)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     page = report.write(folder / "report.html", Outcome(
@@ -67,3 +78,27 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
         plots.whole(), shlex.join(["./fledge", *options.words])))
     say(f"  report   {page}")
     return problem or ""
+
+
+def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
+    """(the mission, the name of its scenario) of a finished run of `fledge up --report`: what its flight computers put
+    out comes from their records; the world runs. Of a program that was lost, the record is what is left of it."""
+    import fledge
+    from fledge.archive import Archive
+    from fledge.cosim.up.missions import whole_mission
+    from fledge.mission.scenario import chosen
+    from fledge.targets.playback import stand_in
+
+    first = whole_mission(plan)
+    sim = fledge.load(str(first.mission), plan.seed, **first.parameters)
+    records = {}
+    for p in plan.nodes:
+        if p.flies:
+            place = folder / p.name / str(p.process) / str(p.target) if p.target else folder / p.name
+            kept = [file for file in (place.with_name(f"{place.name}.mcap{end}") for end in ("", ".part"))
+                    if file.exists()]
+            if not kept:
+                raise Failure(f"{place}.mcap, the record of {p.name}, is missing")
+            records[str(p.process)] = Archive(kept[0])
+    stand_in(sim, records, Archive(folder / "exchange.mcap"))
+    return sim, chosen(sim, first.scenario)[0]

@@ -6,11 +6,18 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 from fledge.files import build_folder
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.cosim.up.description import Plan
+    from fledge.cosim.up.rewind import Past
+    from fledge.cosim.up.table import Lines
 
 _MOST_RECORDS = 8   # in the list; of more only the sum is shown
 
@@ -32,7 +39,11 @@ def add(command: Callable) -> None:
     add_parameters(one)
     one.add_argument("--tcp", action="store_true", help="meet at a TCP port of this machine")
     one.add_argument("--exchange", action="store_true", help="record all messages between the nodes")
+    one.add_argument("--keep-every", metavar="DURATION", help="of simulated time: keep snapshots of all nodes, so that "
+                     "fledge rewind can go on from any instant")
     one.add_argument("--out", metavar="DIR", help="for logs and records; default: runs/NAME")
+    one.add_argument("--report", action="store_true", help="of a whole mission: then check by its scenario what the "
+                     "flight computers have put out, and write its plots and a page, into DIR/report")
     one.add_argument("--logs", action="store_true", help="show the output of the programs instead of the table")
     one.add_argument("--check", action="store_true", help="only check the file")
     one.set_defaults(needs=_needed)
@@ -57,31 +68,58 @@ def _needed(options):
 def up(options: argparse.Namespace) -> int:
     """Run the co-simulation; returns the exit code."""
     from fledge.cosim.up import description
-    from fledge.cosim.up.session import Session, StartError
-    from fledge.targets import TARGETS
 
     plan = _plan(options, description)
     if plan.until is None:
         raise Failure(f"{plan.file}: how long? write until = SECONDS, or give --until 10min")
+    if options.check:
+        say(f"{plan.file}: correct: {_programs(plan)}, {plan.until:g} s")
+        return 0
+    folder = Path(options.out) if options.out else Path("runs") / plan.simulation
+    if not options.report:
+        return fly(plan, folder, view_of(options))
+    from fledge.cli.judge import flown, reported
+    from fledge.cosim.up.missions import whole_mission
+
+    whole_mission(plan)
+    plan.report = True
+    fly(plan, folder, view_of(options))
+    sim, scenario = flown(plan, folder)
+    if problem := reported(options, sim, scenario, f"{plan.simulation} in {_programs(plan)}", folder / "report"):
+        raise Failure(f"{plan.simulation}, {scenario}: {problem}", 1)
+    say("  passed")
+    return 0
+
+
+def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
+    """Run a Plan, perhaps from the Past of another; returns the exit code."""
+    from fledge.cosim.up.rewind import RewindError, noted, past_of
+    from fledge.cosim.up.session import Session, StartError
+    from fledge.targets import TARGETS
+
     built = build_folder() / "cosim"
     for program in ("fledge_controller", "fledge_guard"):
         if not (built / program).exists():
             raise Failure(f"{program} is not built; ./fledge setup builds it")
-    if options.check:
-        say(f"{plan.file}: correct: {_programs(plan)}, {plan.until:g} s")
-        return 0
     TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host}, "up")
-    folder = Path(options.out) if options.out else Path("runs") / plan.simulation
-    view = _view(options)
     say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s" + (
         f"; warning: without keys, any program that reaches {plan.listening()} reads all messages and may take any "
         "part (fledge help keys)" if plan.beyond and not plan.keys else ""))
-    session = Session(plan, folder, view, built)
+    run = folder
     try:
-        outcome = session.run()
-        if any(row.ticks for row in outcome.progress.rows):
-            view.ends(outcome.progress)
-    except StartError as error:
+        while True:
+            session = Session(plan, folder, view, built, past)
+            outcome = session.run()
+            if any(row.ticks for row in outcome.progress.rows):
+                view.ends(outcome.progress)
+            if outcome.rewind is None:
+                break
+            past = past_of(folder, plan, noted(folder)[1], outcome.rewind, False)
+            new = run.with_name(f"{run.resolve().name}@{outcome.rewind:g}s")
+            folder = next(one for i in count(1) if not (one := new.with_name(f"{new.name}-{i}" if i > 1 else new.name)
+                                                        ).exists())
+            view.happens(f"{plan.simulation}: back to {outcome.rewind:g} s, in {folder}")
+    except (StartError, RewindError) as error:
         raise Failure(f"up: {error}") from None
     finally:
         view.close()
@@ -93,17 +131,17 @@ def _plan(options, description):
 
     given = Path(options.simulation)
     if given.suffix == ".toml" or given.is_file():
-        if options.scenario or options.parameters:
-            raise Failure(f"up: a scenario and --set are for a mission; in {given}, write `scenario` and `parameters` "
-                          "of a node")
         if not given.exists():
             raise Failure(f"up: there is no file {given}")
         from fledge.targets import TARGETS
 
         try:
-            plan = description.read(given, TARGETS)
+            plan = description.read(given, TARGETS, options.scenario)
         except description.SimError as error:
             raise Failure(f"up: the simulation cannot be started\n{error}") from None
+        if options.parameters or options.scenario and not plan.mission:
+            raise Failure(f"up: a scenario and --set are for a mission; in {given}, write `scenario` and `parameters` "
+                          "of a node" + ", or of the file's mission" * bool(plan.mission))
     else:
         from fledge.cli.node import given_parameters
         from fledge.cosim.up.missions import plan_of
@@ -120,6 +158,8 @@ def _plan(options, description):
     if options.tcp and not plan.address:
         plan.transport = "tcp"
     plan.exchange = plan.exchange or options.exchange
+    if options.keep_every is not None:
+        plan.keep_every = parse_duration(options.keep_every, "--keep-every")
     return plan
 
 
@@ -128,7 +168,7 @@ def _programs(plan):
     return counted(len(plan.nodes), "node") + (f" and {counted(others, 'asynchronous program')}" if others else "")
 
 
-def _view(options):
+def view_of(options):
     from fledge.cosim.up.table import Lines, Screen
 
     if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and not options.logs:

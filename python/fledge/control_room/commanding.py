@@ -123,8 +123,8 @@ class Commanding:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
         executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
         craft = self.craft
-        if craft.link is None:
-            raise SetupError(f"{craft.name}: the link is down, so nothing was sent: {craft.state}")
+        if craft.link is None or craft.silent:
+            raise SetupError(f"{craft.name}: {craft.silent}; so nothing was sent")
         row: dict[str, Any] = {"craft": craft.name, "t_ns": str(craft.now), "user": user, "name": name,
                                "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
         self.stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
@@ -204,10 +204,11 @@ class Commanding:
             if word == "completed":
                 row["data"] = sent.data.hex()
                 return True
-        if self.craft.now - int(row["t_ns"]) > WITHIN and not any(one["stage"] in (
+        within = WITHIN + round(2e9 * self.craft.settings.light_time)
+        if self.craft.now - int(row["t_ns"]) > within and not any(one["stage"] in (
                 "started", "progress", "failed") for one in row["stages"]):
-            self.stage(row, "failed", False, f"no report of its execution within {WITHIN / 1e9:g} s")
-        return self.craft.now - int(row["t_ns"]) > 60 * WITHIN
+            self.stage(row, "failed", False, f"no report of its execution within {within / 1e9:g} s")
+        return self.craft.now - int(row["t_ns"]) > 60 * within
 
     def _encoded(self, name: str, arguments: dict[str, Any]
                  ) -> tuple[dict[str, Any], dict[str, Any], bytes]:

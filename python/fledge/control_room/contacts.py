@@ -17,7 +17,7 @@ DAY = 86400.0           # [s] ahead
 STEP = 10.0             # [s] between the times at which passes are looked for; shorter ones may be missed
 AGAIN = 5.0             # [s] of real time from a prediction to the next
 SPEED_OF_LIGHT = 299792458.0
-STATES = ["silent", "locked", "below the mask", "hidden by a body", "too weak"]     # RadioState
+STATES = ["silent", "locked", "below the mask", "hidden by a body", "too weak", "off"]     # RadioState
 LINK = ("range", "light_time", "elevation", "eb_n0_dB", "bit_error_rate")
 TRAFFIC = ("bytes", "sent", "dropped", "lost", "received", "damaged", "waiting")
 

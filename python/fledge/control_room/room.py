@@ -27,7 +27,7 @@ class Room:
         self._numbers = 0
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of
-        self.steered = Steered(steering) if steering else None
+        self.steered: Steered | None = Steered(steering) if steering else None
         self.postgres: Any = None
         try:
             for one in settings.crafts:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import prod
 from threading import Lock
 from time import monotonic
@@ -113,7 +113,7 @@ class Feed:
         self._next = 0.0
         self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
         self._watched: Any = None                       # the link whose messages are heard
-        self._heard: dict[str, tuple[float, bytes]] = {}
+        self._heard: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
         self.said: dict[str, Port] = {}
         self._outputs: dict[str, Any] = {}
@@ -166,12 +166,17 @@ class Feed:
     def _true(self) -> Sample:
         """What the world does."""
         if not self._flown:
-            return dict(self._heard)
+            return self._packed(self._truth)
         t = float(self._simulation.state_time)
         if self._simulation.time_ns < 0:
             return {}
         return {name: (t, objects.memory(output)) for name, output in self._outputs.items()
                 if self._used is None or name in self._used}
+
+    def _packed(self, names: Iterable[str]) -> Sample:
+        """What was heard: packed only when it is sampled, for most messages are followed by others before."""
+        heard = dict(self._heard)       # at once, as the link's thread adds to it
+        return {name: (heard[name].t / 1e9, self._truth[name].packed(heard[name])) for name in names if name in heard}
 
     def _from_telemetry(self) -> Sample:
         """What flight last said, each with the time at which it did."""
@@ -226,7 +231,7 @@ class Feed:
         def hear(seen: Any) -> None:
             if (port := topics.get(seen.topic)) and seen.t >= 0 and (
                     self._used is None or port.name in self._used or port.type in RADIO):
-                self._heard[port.name] = (seen.t / 1e9, port.packed(seen))
+                self._heard[port.name] = seen
 
         link.watch(sorted(set(topics) & set(link.topics)), hear)
 
@@ -247,7 +252,7 @@ class Feed:
         import numpy as np
 
         ports = {name: port for name, port in (self._truth | self.said).items() if port.type in types}
-        found: Sample = dict(self._heard) | self._from_telemetry()
+        found = self._packed(ports) | self._from_telemetry()
         if self._flown and self._simulation.time_ns >= 0:
             t = float(self._simulation.state_time)
             found |= {name: (t, objects.memory(self._outputs[name])) for name in ports if name in self._outputs}

@@ -19,7 +19,7 @@ from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import serve
 from fledge.scene import bundle, page
-from fledge.scene.testing.browser import PROGRAM, Browser
+from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.scene.tracks import Turning
 

@@ -20,8 +20,8 @@ ASKED = 0.2         # [s] between two texts of a transfer's progress
 
 
 def _ground(craft: Spacecraft) -> Craft:
-    if craft.ground is None or craft.link is None:
-        raise SetupError(f"{craft.name}: the link is down: {craft.state}" if craft.dictionary else
+    if craft.ground is None or craft.silent:
+        raise SetupError(f"{craft.name}: {craft.silent}" if craft.dictionary else
                          f"{craft.name} is no mission of Fledge: its files, tables and stored commands are not known")
     return craft.ground
 
@@ -120,7 +120,7 @@ class Transfers:
         self._open.clear()
         self._listings.clear()
         if self.craft.ground and self.craft.ground.has_files:
-            self.craft.ground.files = Files(self.craft.ground, folder=self.folder)
+            self.craft.ground.files = self._entity(self.craft.ground)
             self._received = 0
 
     def _files(self) -> Files:
@@ -129,8 +129,12 @@ class Transfers:
             self.folder.mkdir(parents=True, exist_ok=True)
             for left in [*self.folder.glob(".way*"), *self.folder.glob(".up-*")]:
                 left.unlink()
-            ground.files = Files(ground, folder=self.folder)
+            ground.files = self._entity(ground)
         return ground.files
+
+    def _entity(self, ground: Craft) -> Files:
+        there_and_back = 2 * self.craft.settings.light_time
+        return Files(ground, folder=self.folder, timeout=10 + there_and_back, inactivity=600 + 2 * there_and_back)
 
     def _began(self, up: bool, name: str, size: int, one: Transfer | None) -> dict[str, Any]:
         row = {"up": up, "name": name, "done": 0 if one else size, "size": size, "text": "",

@@ -45,6 +45,7 @@ class CraftSettings:
     radio: str = ""             # of a mission that the server flies: the world's model by which packets pass
     keys: Path | None = None    # of a secured link
     role: int = 0
+    light_time: float = 0.0     # [s] to the spacecraft: all answers may take twice that longer
     derived: tuple[Derived, ...] = ()
 
 
@@ -123,6 +124,10 @@ class _Reader(Tables):
         speed = self.number(table, at, "speed", 1.0)
         if speed < 0:
             self.refuse((*at, "speed"), "`speed` is >= 0", f"it is {speed:g}", "0 is as fast as possible")
+        light_time = self.number(table, at, "light_time", 0.0)
+        if not 0 <= light_time <= 1e5:
+            self.refuse((*at, "light_time"), "`light_time` is of seconds, from 0 to 1e5", f"it is {light_time:g}",
+                        "it is 640 at Mars in February 2021")
         name = self.text(table, at, "name", Path(mission).name if mission else files[0].stem if files else "")
         if name and not NAME.fullmatch(name):
             self.refuse((*at, "name"), "a name is of letters, digits, `_`, `-` and `.`, up to 64",
@@ -133,7 +138,7 @@ class _Reader(Tables):
             name or "?", str(self.at / mission) if "/" in mission else mission, files,
             self.text(table, at, "process", "") or None, link, self.text(table, at, "root", "") or None, header,
             self.text(table, at, "scenario", ""), speed, self.text(table, at, "radio", ""),
-            self.at / keys if keys else None, self.integer(table, at, "role", 0, 3, 0) or 0,
+            self.at / keys if keys else None, self.integer(table, at, "role", 0, 3, 0) or 0, light_time,
             tuple(self.derived(self.table(table["derived"], (*at, "derived"), key), (*at, "derived", key), key)
                   for key in self.table(table, at, "derived")))
 

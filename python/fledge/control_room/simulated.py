@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import inf
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,10 @@ class Pace:
         self.paused = False
         self._end: int | None = None    # [ns] of steps
         self._anchor()
+
+    def repeats(self, heard: float = inf) -> str:
+        """As of Steered: it repeats no other run."""
+        return ""
 
     def until(self) -> int | None:
         """[ns] of simulated time up to which to fly; None: stand still for now."""
@@ -133,13 +138,28 @@ class Steered:
     def paused(self) -> bool:
         return bool(self._steering.state.get("paused"))
 
+    def repeats(self, heard: float = inf) -> str:
+        """Where the run goes on from an earlier one, and it has not come there yet or not been heard [s] so far: that,
+        in words."""
+        state = self._steering.state
+        t, past = min(float(state.get("t") or 0.0), heard), float(state.get("past") or 0.0)
+        return f"the run repeats an earlier one until {past:g} s" if 0 < past > t else ""
+
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
-        """pause, go or step. Raises SetupError."""
-        _check(action, seconds, speed)
+        """pause, go, step, or rewind to the instant `seconds`. Raises SetupError."""
+        t = float(self._steering.state.get("t") or 0.0)
+        _check("go" if action == "rewind" else action, seconds, speed)
+        if action == "rewind" and not self._steering.state.get("rewinds"):
+            raise SetupError("the run keeps no record to go back in: write keep_every = 60 into the co-simulation's "
+                             "file")
+        if action == "rewind" and not 0 <= seconds <= t:
+            raise SetupError(f"a run goes back to an instant from 0 s to {t:g} s; found {seconds:g} s")
         if speed is not None:
             self._steering.pace(float(speed))
         if action == "step":
-            self._steering.until(float(self._steering.state.get("t", 0.0)) + seconds)
+            self._steering.until(t + seconds)
+        elif action == "rewind":
+            self._steering.rewind(float(seconds))
         elif action == "pause":
             self._steering.pause()
         else:
@@ -151,7 +171,8 @@ class Steered:
         t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
         return {"state": "ended" if problem else "paused" if state.get("paused") else "running",
                 "speed": state.get("pace", 0.0), "real_speed": t / wall if wall > 0 else 0.0,
-                "t_ns": str(round(t * 1e9)), "text": problem}
+                "t_ns": str(round(t * 1e9)), "text": problem or self.repeats() or state.get("refused", ""),
+                "rewinds": bool(state.get("rewinds"))}
 
     def faults(self) -> list[dict[str, Any]]:
         return []

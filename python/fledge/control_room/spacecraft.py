@@ -62,7 +62,8 @@ class Spacecraft:
         self.dictionary: Dictionary | None = None
         self.simulation: Any = None
         self.run: Any = None            #: of one that the server flies: its Pace
-        self.control: Any = None        #: how its run is controlled: that, or Steered of a co-simulation
+        #: how its run is controlled: that, or Steered of a co-simulation
+        self.control: Any = room.steered if settings.link.startswith("cosim:") and not self.replayed else None
         self.mission_folder: Path | None = None
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
@@ -80,6 +81,8 @@ class Spacecraft:
         self._thread: Thread | None = None
         self._reasons: set[str] = set()
         self._retry = 0.0
+        self._opens = False     # the thread opens the link
+        self.probed = False     #: a script's packet has waited to hear which number flight expects
         self._changed: dict[Path, int] = {}     # when the files of the database did
         self._looked = self._published = 0.0
         self._prepare()
@@ -103,6 +106,14 @@ class Spacecraft:
         """utc, or simulated: ns since the run's start."""
         return "simulated" if self.run or self.settings.link.startswith("cosim:") else "utc"
 
+    @property
+    def silent(self) -> str:
+        """Why nothing can be sent now; empty: it can."""
+        if self.link is None:
+            return f"the link is down: {self.state}"
+        # Reports of what flight repeats must not be taken for answers to what is sent now.
+        return str(self.control.repeats(self.now / 1e9)) if self.control else ""
+
     # --- for all threads ---
 
     def start(self) -> None:
@@ -112,8 +123,10 @@ class Spacecraft:
     def close(self) -> None:
         """End in order."""
         self._over.set()
-        if self._thread:
-            self._thread.join(timeout=10)
+        end = time.monotonic() + 10
+        # It takes no packet while it opens the link, for which a run that is over lets it wait long.
+        while self._thread and self._thread.is_alive() and not self._opens and time.monotonic() < end:
+            self._thread.join(timeout=0.05)
         if self.ground:
             self.ground.__exit__()
         elif self.link:
@@ -322,8 +335,13 @@ class Spacecraft:
         while not self._over.is_set():
             try:
                 if self.link is None and time.monotonic() >= self._retry:
-                    self._open()
-                self._turn()
+                    self._opens = True
+                    try:
+                        self._open()
+                    finally:
+                        self._opens = False
+                if not self._over.is_set():
+                    self._turn()
             except OSError as error:
                 self._broke(error.strerror or str(error))
             except (SetupError, NoAnswer, Failure) as error:
@@ -349,7 +367,6 @@ class Spacecraft:
                 self.transfers.lost("the link broke")
         self.state = "up"
         if settings.link.startswith("cosim:"):
-            self.control = self.room.steered
             getattr(self.link, "link", self.link).wait = TURN / 1e9
         self.room.tell(self.name, "info", "link", f"the link is up: {settings.link or 'the server flies it'}")
         self.room.publish("craft", self.name, self.told())

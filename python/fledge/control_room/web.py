@@ -311,7 +311,9 @@ class Server:
             raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
         if not body.get("confirmed", False) and (why := craft.commanding.hazard(packet)):
             raise Hazardous(f"{why}; a script says confirmed=True in its command")
-        if not ground.in_step:      # so that a refusal of its number is the server's alone to mend
+        # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
+        if not ground.in_step and not craft.probed:
+            craft.probed = True
             await self._asked(craft, lambda: craft.commanding.release(
                 self._user(request), "noop", {}, ground.made("noop")))
             for _ in range(round(PATIENCE / 0.05)):
@@ -582,8 +584,11 @@ class Server:
                 self.room.tell(craft.name, "warning", "run", f"{self._user(request)} set {fault.get('path')} to "
                                f"{fault.get('value')}; it was {before}")
             if "action" in body or "speed" in body:
-                run.command(body.get("action", "pause" if run.paused else "go"), body.get("seconds", 1.0),
-                            body.get("speed"))
+                action, seconds = body.get("action", "pause" if run.paused else "go"), body.get("seconds", 1.0)
+                run.command(action, seconds, body.get("speed"))
+                if action == "rewind":
+                    self.room.tell(craft.name, "warning", "run", f"{self._user(request)} asked the run to go "
+                                   f"back to {seconds:g} s")
             told: dict[str, Any] = run.told("")
             self.room.publish("run", craft.name, told)
             return told | {"faults": run.faults()}

@@ -546,7 +546,8 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
                     server.kill()
                     while (message := await live.receive(PATIENCE)).type == WSMsgType.BINARY or (
                             message.type == WSMsgType.TEXT):
-                        times += [struct.unpack_from("<q", message.data, 16)[0]] * (message.type == WSMsgType.BINARY)
+                        if message.type == WSMsgType.BINARY:
+                            times.append(struct.unpack_from("<q", message.data, 16)[0])
                     return numbers, max(times)
 
         numbers, last = asyncio.run(look())

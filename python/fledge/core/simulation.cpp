@@ -11,6 +11,8 @@
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <array>
 #include <map>
 
 namespace py = pybind11;
@@ -166,8 +168,9 @@ std::shared_ptr<const sim::Messages> messages_of(std::string_view times, std::st
     auto made = std::make_shared<sim::Messages>();
     made->times.resize(times.size() / sizeof(Ns));
     made->bytes.resize(messages.size());
-    std::memcpy(made->times.data(), times.data(), made->times.size() * sizeof(Ns));
-    std::memcpy(made->bytes.data(), messages.data(), messages.size());
+    // Not memcpy: either may be empty, and memcpy takes no null pointer.
+    std::copy_n(times.data(), made->times.size() * sizeof(Ns), reinterpret_cast<char *>(made->times.data()));
+    std::copy_n(messages.data(), messages.size(), reinterpret_cast<char *>(made->bytes.data()));
     return made;
 }
 
@@ -176,6 +179,12 @@ void play(sim::Process &process, py::handle output, const py::bytes &times, cons
 {
     const sim::Port port = port_of(output);
     process.play(*port.instance, {port.field, messages_of(times, messages), sent, {}});
+}
+
+void play_executive(sim::Process &process, const std::array<py::bytes, 2> &modes,
+                    const std::array<py::bytes, 2> &happenings)
+{
+    process.play_executive(messages_of(modes[0], modes[1]), messages_of(happenings[0], happenings[1]));
 }
 
 void feed(sim::Simulation &simulation, py::handle input, const py::bytes &times, const py::bytes &messages, bool always,
@@ -469,8 +478,9 @@ void bind_process(py::module_ &m)
                  p.add_task({name, period, offset, priority, instances_of(run)});
              })
         .def("add_mode",
-             [](sim::Process &p, const std::string &name, std::vector<std::string> tasks) {
-                 p.add_mode({name, std::move(tasks)});
+             [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
+                std::vector<std::string> after) {
+                 p.add_mode({name, std::move(tasks), std::move(when), std::move(after)});
              })
         .def("add_event", add_event, py::keep_alive<0, 1>())
         .def("start_in", &sim::Process::start_in)
@@ -483,6 +493,7 @@ void bind_process(py::module_ &m)
                                })
         .def_property_readonly("outages", &sim::Process::outages)
         .def("play", play)
+        .def("play_executive", play_executive, "By (times, messages) of its modes, and of what happened.")
         .def("fly_by", &sim::Process::fly_by, "A function of the time [ns] flies in place of the process' modules.")
         .def("incoming", incoming, "The bytes of the message that is for an input at this instant.")
         .def("put_out", put_out, "Write the bytes of an output, as fly_by's function.")
@@ -508,8 +519,6 @@ void bind_process(py::module_ &m)
              })
         .def("take_from",
              [](sim::Process &p, py::handle carrier, Ns t) { return timed(p.carrier(*instance_of(carrier)).take(t)); })
-        .def("next_from",
-             [](sim::Process &p, py::handle carrier) { return p.carrier(*instance_of(carrier)).next_down(); })
         .def(
             "take_heard", [](sim::Process &p) { return timed(p.heard.take()); },
             "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
@@ -581,6 +590,14 @@ void bind_process(py::module_ &m)
                 return list_of(p.modes(), [](const sim::Mode &mode) { return py::make_tuple(mode.name, mode.tasks); });
             },
             "(name, names of its tasks) of each")
+        .def_property_readonly(
+            "guards",
+            [](const sim::Process &p) {
+                return list_of(p.modes(), [](const sim::Mode &mode) {
+                    return py::make_tuple(mode.guard(), mode.when, mode.after);
+                });
+            },
+            "(in words, the condition or None, the modes that it comes after) of each")
         .def_property_readonly("events", [](const py::object &self) {
             auto &process = self.cast<sim::Process &>();
             py::list list;
@@ -645,6 +662,20 @@ void bind_simulation(py::module_ &m)
             },
             "(to, source in words, stale_after) of each")
         .def("cross_process_dependencies", [](const sim::Simulation &s) { return s.cross_process_dependencies(); })
+        .def_property_readonly(
+            "carriers",
+            [](const sim::Simulation &s) {
+                std::vector<std::pair<std::string, std::string>> found;
+                for (const auto &process : s.processes()) {
+                    for (const auto &instance : process->instances()) {
+                        if (const auto *one = dynamic_cast<const sim::Carrier *>(instance->model())) {
+                            found.emplace_back(instance->path, one->serves());
+                        }
+                    }
+                }
+                return found;
+            },
+            "(path, the flight process) of each model that carries units of bytes for flight.")
         .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def("prepare", &sim::Simulation::prepare)

@@ -58,14 +58,29 @@ def split(simulation: Simulation, process: str, crossing: list[Crossing] | None 
     if crossing is None:
         crossing = checked_wires(simulation)
     reads = [wire for wire in crossing if wire.port.startswith(process + ".")]
+    carries = _carried(simulation, process)
     simulation.isolate(process)
-    return Node(simulation, process, reads)
+    return Node(simulation, process, reads, carries)
+
+
+def _carried(simulation, process):
+    """{the flight process: when it steps} of the radios of a process."""
+    order = [one.name for one in simulation.processes]
+    found = {}
+    for path, served in simulation.kernel.carriers:
+        if path.startswith(process + ".") and served in order:
+            if order.index(served) < order.index(process):
+                raise SetupError(f"{path} carries what {served} sends, which runs before {process}: add {process} to "
+                                 "the simulation first")
+            found[served] = [(task.period, task.offset) for task in simulation.process(served).tasks]
+    return found
 
 
 class Node:
     """A process of a mission, ready to take part in a run of many programs."""
 
-    def __init__(self, simulation: Simulation, process: str, reads: list[Crossing]) -> None:
+    def __init__(self, simulation: Simulation, process: str, reads: list[Crossing],
+                 carries: dict[str, list[tuple[int, int]]] | None = None) -> None:
         from fledge import _cosim
         from fledge.mission.simulation import report_crashes
 
@@ -74,6 +89,8 @@ class Node:
         self._core = _cosim.ProcessNode(simulation.kernel, process)
         for wire in reads:
             self._core.read(wire.topic, wire.port, wire.latency, wire.stale_after)
+        for flight, rates in (carries or {}).items():
+            self._core.carry(flight, rates)
 
     def serve(self, address: str | None = None, *, simulation: str | None = None, name: str | None = None,
               keys: Path | str | None = None, timeout: float = 60.0, delay: float = 0.0) -> str:

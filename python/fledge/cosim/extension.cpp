@@ -305,6 +305,15 @@ PYBIND11_MODULE(_cosim, m)
     py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
         .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
         .def("read", &ProcessNode::read_by_path)
+        .def("carry",
+             [](ProcessNode &node, const std::string &flight, const std::vector<std::pair<Ns, Ns>> &rates) {
+                 std::vector<fledge::cosim::Rate> all;
+                 all.reserve(rates.size());
+                 for (const auto &[period, offset] : rates) {
+                     all.push_back({period, offset});
+                 }
+                 node.carry(flight, std::move(all));
+             })
         .def("serve", serve);
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns, std::uint64_t,

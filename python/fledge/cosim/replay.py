@@ -48,6 +48,7 @@ class Exchange:
     known: the last instant up to which all is known [ns]: the end, or less where the run ended early,
         nodes joined or left, or the file is damaged
     limited: why `known` is not the end; "" if it is
+    changes: the times at which nodes joined or left [ns]
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -62,6 +63,8 @@ class Exchange:
         except (KeyError, ValueError) as error:
             raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
         try:
+            self.changes = [int(name.rpartition(" ")[2]) for name in self.archive.metadata
+                            if name.startswith("exchange after ")]
             self.known, self.limited = self._known()
         except ValueError as error:
             raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
@@ -84,15 +87,13 @@ class Exchange:
 
     def _known(self):
         limits = [(self.end, "")]
-        for name in self.archive.metadata:
-            if name.startswith("exchange after "):
-                t = int(name.rpartition(" ")[2])
-                limits.append((t, f"nodes joined or left at {t / 1e9:g} s"))
-        reason = self.archive.metadata.get("end", {}).get("reason")
+        limits += [(t, f"nodes joined or left at {t / 1e9:g} s") for t in self.changes]
+        end = self.archive.metadata.get("end", {})
+        reason = end.get("reason")
         if reason or not self.archive.complete or reason is None:
             why = f"the run ended early: {reason}" if reason else self.archive.problem or "the record has no end"
             last = [int(self.archive.time_ns(c.topic)[-1]) if c.count else -1 for c in self.archive.topics.values()]
-            limits.append((min(last, default=-1), why))
+            limits.append((int(end.get("settled", min(last, default=-1))), why))
         return min(limits)
 
     def part(self, node: str, until: int) -> tuple:

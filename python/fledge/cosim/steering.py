@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hand of a program of a co-simulation on the run: pause, go on, one step, another pace. `fledge up` gives it to an
-asynchronous program with `steers = true` in the file."""
+"""The hand of a program of a co-simulation on the run: pause, go on, one step, another pace, back in time. `fledge up`
+gives it to an asynchronous program with `steers = true` in the file."""
 from __future__ import annotations
 
 import json
@@ -13,7 +13,8 @@ STATE = ("phase", "t", "pace", "paused", "wall")
 
 class Steering:
     """The socket that `fledge up` made. state: the newest of the run: its phase, `t` [s], `pace` (0: as fast as
-    possible), whether it is `paused`, and `wall` [s] since its begin; {} until the first."""
+    possible), whether it is `paused`, `wall` [s] since its begin, whether it `rewinds`, its `past` [s]: until then it
+    repeats an earlier run, and why it `refused` the last rewind; {} until the first."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
@@ -49,6 +50,11 @@ class Steering:
     def pace(self, speed: float) -> None:
         """speed: simulated seconds per second; 0: as fast as possible."""
         self._say(f"pace {speed!r}")
+
+    def rewind(self, t: float) -> None:
+        """End this run, and let another one go on from its instant t [s], as `fledge rewind` does. All programs are
+        started again, this one too. The run has to be one that `rewinds`: it keeps a record of its messages."""
+        self._say(f"rewind {t!r}")
 
     def _say(self, line: str) -> None:
         self._end.send(line.encode())

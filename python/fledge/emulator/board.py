@@ -2,11 +2,13 @@
 """A computer on a board, which runs a program, alone or as the flight process of a simulation."""
 from __future__ import annotations
 
+import copy
 import functools
 import os
+import random
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -129,11 +131,12 @@ class Board:
 
     def snapshot(self) -> Any:
         """The whole state of the computer, and of the simulation that it flies in."""
-        return (self.core.snapshot(), self._link and self._link.save(), self.sim and self.sim.snapshot())
+        return (self.core.snapshot(), self._link and self._link.save(), self.sim and self.sim.snapshot(),
+                self.in_flight and copy.deepcopy(self.in_flight.links))
 
     def restore(self, snapshot: Any) -> None:
         """Go back, or on, to a snapshot of this computer."""
-        machine, link, sim = snapshot
+        machine, link, sim, links = snapshot
         if (sim is None) != (self.sim is None):
             raise SetupError("restore: this snapshot was taken " + ("without" if sim is None else "with")
                              + " the simulation")
@@ -141,6 +144,7 @@ class Board:
         if self.sim is not None:
             self._link.restore(link)
             self.sim.restore(sim)
+            self.in_flight.links = copy.deepcopy(links)
 
     def save(self, path: Path | str) -> None:
         """Write the state of the computer, without the simulation, into a file."""
@@ -162,6 +166,10 @@ class Board:
         """Invert bits of the word that the processor reads next from RAM as data, as on the bus."""
         self.core.flip_next_read(_whole(bits, 0, 2**32 - 1, "flip_next_read"))
 
+    def fail_next_read(self) -> None:
+        """The next word that the processor reads from RAM as data has an error of the bus: the read traps."""
+        self.core.fail_next_read()
+
     def interrupt(self, line: int) -> None:
         """Raise an interrupt, 1 to 15, that no device has raised."""
         self.core.raise_interrupt(_whole(line, 1, 15, "interrupt: a line"))
@@ -179,6 +187,34 @@ class Board:
     def lose_ticks(self, n: int) -> None:
         """In the loop: the next n ticks do not reach the processor."""
         self._link.lose_ticks(_whole(n, 0, 2**63, "lose_ticks"))
+
+    @property
+    def lanes(self) -> dict[str, tuple[int, int]]:
+        """In the loop: (address, bytes) of each lane of the boards, "io_board_a.tachometers"."""
+        return {name: (at, size) for name, at, size in self._link.registers()}
+
+    def stick_register(self, place: int | str, on: int = 0, off: int = 0) -> None:
+        """In the loop: from now on these bits of a register of a board are 1, or 0, for the program and in what it
+        writes; a reset does not mend it. place: an address of `lanes`, or the name of a lane, for its first word. One
+        register at a time; without bits it works again."""
+        lane = self.lanes.get(place) if isinstance(place, str) else None
+        at = lane[0] if lane else self.address(place)
+        self._link.stick(at, *(_whole(bits, 0, 2**32 - 1, "stick_register: bits") for bits in (on, off)))
+
+    def disturb(self, path: str, kind: str, begin: Any, end: Any, *, late: Any = 1, seed: int = 0) -> None:
+        """In the loop: from one time to another a message between world and computer, "world.adc_a.counts", is "LOST"
+        (the last one stands), "LATE" by that time [s] (the first ones are lost), or "GARBLED": one bit of each is
+        inverted, drawn by the seed."""
+        known = list(self.in_flight.paths.values())
+        if path not in known:
+            raise SetupError(f"disturb: no message '{path}' passes the registers{did_you_mean(path, known)} there are "
+                             + ", ".join(known))
+        if kind not in ("LOST", "LATE", "GARBLED"):
+            raise SetupError(f"disturb: a link is LOST, LATE or GARBLED; found {kind!r}")
+        first, last = time_ns(begin, "disturb: begin"), time_ns(end, "disturb: end")
+        if first >= last:
+            raise SetupError(f"disturb: the end must be after the begin; found {begin} and {end}")
+        self.in_flight.links[path] = _Disturbed(kind, first, last, time_ns(late, "disturb: late"), seed, [])
 
     # --- stops ---
 
@@ -280,6 +316,28 @@ class _Modules:
         return list(self._found)
 
 
+class _Disturbed(NamedTuple):
+    """A link with a fault; times [ns]."""
+    kind: str
+    begin: int
+    end: int
+    late: int
+    seed: int
+    waiting: list[tuple[int, bytes]]        # messages that are late
+
+    def passes(self, t: int, message: bytes) -> bytes | None:
+        """What comes out at an instant; None: nothing new."""
+        if not self.begin <= t < self.end:
+            return message
+        if self.kind == "GARBLED":
+            byte, bit = divmod(random.Random(f"{self.seed} {t}").randrange(8 * len(message)), 8)
+            return message[:byte] + bytes([message[byte] ^ 1 << bit]) + message[byte + 1:]
+        if self.kind == "LOST":
+            return None
+        self.waiting.append((t + self.late, message))
+        return self.waiting.pop(0)[1] if self.waiting[0][0] <= t else None
+
+
 class _Flight:
     """The exchange between a simulation and the computer that is one of its flight processes."""
 
@@ -289,10 +347,12 @@ class _Flight:
         self.answers = None             # with record(): (t [ns], what crossed the registers, None if no answer came)
         self.script = []                # (after [ns], packet) of commands, in the order of time
         self.telemetry = []             # (t [ns], packet)
+        self.links = {}                 # path of a message -> _Disturbed
         wires = {source: target for source, target, *_ in sim.wires if target.startswith(f"{process.name}.")}
         self.inputs, self.carried, self.inside = [], [], []
         mission = link.mission()        # its address in the computer
         places = {}
+        self.paths = {id: path for id, (path, *_) in enumerate(link.messages()) if link.carries(id)}
         for id, (path, offset, size, is_input) in enumerate(link.messages()):
             _, name, port = path.split(".")
             if is_input:
@@ -317,7 +377,9 @@ class _Flight:
         if self.sim.kernel.now < 0:
             self.tick(-1)
         for id, view in self.inputs:
-            link.put(id, self.kernel.incoming(view))
+            message = self.through(t, id, self.kernel.incoming(view))
+            if message is not None:
+                link.put(id, message)
         if link.is_down(t):
             return                      # what it put out stays
         for after, packet in self.script:
@@ -325,13 +387,20 @@ class _Flight:
                 link.send(packet)
         answered = self.tick(t)
         for id, view in self.carried:
-            self.kernel.put_out(view, self.link.take(id))
+            message = self.through(t, id, self.link.take(id))
+            if message is not None:
+                self.kernel.put_out(view, message)
         for address, size, order, view in self.inside:
             self.kernel.put_out(view, np.frombuffer(self.board.core.peek(address, size), np.uint8)[order].tobytes())
         self.telemetry += [(t, packet) for packet in link.receive()]
         if self.answers is not None:
             outputs = (objects.memory(view) for _, view in self.carried)
             self.answers.append((t, b"".join(outputs) if answered else None))
+
+    def through(self, t, id, message):
+        """What comes of a message through its link; None: nothing new."""
+        found = self.links and self.links.get(self.paths.get(id))
+        return found.passes(t, message) if found else message
 
     def tick(self, t):
         """Returns whether flight has answered; a world that records it goes on without an answer."""

@@ -183,6 +183,59 @@ def test_ticks_can_be_lost_and_interrupts_stick(board):
     assert answers[-1][1] is not None
 
 
+def test_a_read_that_fails_traps_and_the_watchdog_brings_flight_back(board):
+    board.sim.run(4)
+    answers = board.in_flight.record()
+    board.fail_next_read()
+    board.sim.run(12)
+    assert board.core.watchdog_resets == 1 and "trap 0x00000009 at" in board.console
+    assert answers[0][1] is None and answers[-1][1] is not None
+
+
+def test_a_register_that_is_stuck_is_so_until_it_works_again(board):
+    board.sim.run(4)
+    state, lane = board.snapshot(), "nadir_spin_board.nav_attitude"
+    assert board.lanes[lane][0] % 8 == 0 and set(board.lanes) > {lane, "nadir_spin_board.motor_command"}
+    seen, latest = [], board.lanes[lane][0] + 16       # which slot has the message
+    for place, off in ((lane, 0), (latest, 0xFFFFFFFF), (latest, 0), (lane, 0)):
+        board.restore(state)
+        board.stick_register(place, off=off)
+        answers = board.in_flight.record()
+        board.sim.run(2)
+        seen.append([answer for _, answer in answers])
+    assert seen[0] == seen[2] == seen[3] != seen[1]
+    with pytest.raises(fledge.SetupError, match="stick_register: bits must be a whole number from 0 to 4294967295; "
+                                                "found -1"):
+        board.stick_register(lane, on=-1)
+
+
+def test_a_link_loses_delays_and_garbles_messages(board):
+    board.sim.run(4)
+    state, path = board.snapshot(), "flight.motor.command"
+    command = board.sim.flight.motor.command
+
+    def flown(*fault, **more):
+        board.restore(state)
+        if fault:
+            board.disturb(path, fault[0], 4.6, 6.6, **more)
+        seen = []
+        for _ in range(6):
+            board.sim.run(0.5)
+            seen.append(objects.memory(command))
+        return seen
+
+    right, lost, late, garbled = flown(), flown("LOST"), flown("LATE", late=1), flown("GARBLED", seed=3)
+    assert lost[0] == right[0] and set(lost[:5]) == {right[0]} and lost[5] != right[0]
+    assert late[1:3] == [right[0]] * 2 and late[3] == right[1]
+    assert sum((a ^ b).bit_count() for a, b in zip(garbled[1], right[1])) == 1
+    assert flown("GARBLED", seed=3) == garbled != flown("GARBLED", seed=4) and flown() == right
+    for fault, message in ((("flight.motor.comand", "LOST", 1, 2), "no message 'flight.motor.comand' passes the regi"),
+                           ((path, "BROKEN", 1, 2), "a link is LOST, LATE or GARBLED; found 'BROKEN'"),
+                           ((path, "LOST", 2, 1), "the end must be after the begin; found 2 and 1")):
+        with pytest.raises(fledge.SetupError, match=message):
+            board.disturb(*fault)
+
+
 def begin_gdb(program, *commands):
     words = [word for one in commands for word in ("-ex", one)]
     return subprocess.Popen(["gdb-multiarch", "-q", "-nx", "-batch", *words, program], stdout=subprocess.PIPE,
@@ -308,6 +361,8 @@ def test_wrong_files_and_addresses_are_refused(board, tmp_path):
     refused(lambda: board.gdb("localhost"), r"gdb: expected \[ADDRESS:\]PORT")
     refused(lambda: board.trace(tmp_path / "none/trace"), "none/trace cannot be written")
     refused(lambda: board.flip("%q3", 1), "there is no register %q3; there are %g0")
+    for name in 2 * list(board.registers):      # and back
+        board.flip(name, 3)
     refused(lambda: board.flip(4, 8), "flip: a byte of memory has the bits 0 to 7; found 8")
     refused(lambda: board.flip("%l3", -1), "flip: a bit must be a whole number from 0 to 31; found -1")
     refused(lambda: board.flip(0x30000000, 1), "the board has no memory at 0x30000000")

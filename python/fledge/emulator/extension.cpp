@@ -11,6 +11,7 @@
 #include "emulator/report.h"
 #include "emulator/snapshot.h"
 #include "flight/msg/computer.h"
+#include "registers/lane.h"
 #include "registers/outside.h"
 #include "targets/mission_host.h"
 
@@ -234,6 +235,29 @@ public:
         return address;
     }
 
+    py::list registers() const
+    {
+        py::list rows;
+        for (const RegisterWindow &w : space_.windows()) {
+            for (const RegisterLane &lane : std::span(w.board->lanes, w.board->n_lanes)) {
+                const bool words = lane.form == REGISTER_WORD && !(lane.flags & REGISTER_QUEUED);
+                rows.append(py::make_tuple(std::string(w.board->name) + "." + lane.name, w.board->base + lane.address,
+                                           words ? 4 * lane.count : REGISTER_CONTROL_SIZE + lane.depth * lane.stride));
+            }
+        }
+        return rows;
+    }
+
+    /// A fault of the register at an address of the processor.
+    void stick(std::uint64_t address, std::uint32_t ones, std::uint32_t zeros)
+    {
+        std::uint64_t first = address;
+        for (const RegisterWindow &w : space_.windows()) {
+            first = std::min<std::uint64_t>(first, w.board->base);
+        }
+        space_.stick(static_cast<std::uint32_t>(address - first), ones, zeros);
+    }
+
     bool carries(std::uint32_t id) const { return mission_io_carries(host_.io, id) != 0; }
 
     void put(std::uint32_t id, const py::bytes &message)
@@ -351,7 +375,7 @@ private:
 py::dict registers_of(Computer &c)
 {
     py::dict found;
-    for (unsigned i = 0; i < register_count; i++) {
+    for (unsigned i = 0; i < named_registers; i++) {
         found[py::str("%" + register_name(i))] = get_register(c.machine.core().state, i);
     }
     return found;
@@ -495,6 +519,7 @@ PYBIND11_MODULE(_emulator, m)
                  c.planned = Computer::Plan{instruction, time, std::move(flips)};
              })
         .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
+        .def("fail_next_read", [](Computer &c) { c.machine.bus().fail_next_read(); })
         .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
         .def("stick_interrupts",
              [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
@@ -515,6 +540,8 @@ PYBIND11_MODULE(_emulator, m)
         .def(py::init<Computer &, const std::string &>(), py::keep_alive<1, 2>())
         .def("messages", &Link::messages, "(path, offset in the mission's memory, size, whether it is an input) by id")
         .def("mission", &Link::mission)
+        .def("registers", &Link::registers, "(board.lane, address, size in bytes) of all lanes")
+        .def("stick", &Link::stick)
         .def("carries", &Link::carries)
         .def("put", &Link::put)
         .def("take", &Link::take)

@@ -4,7 +4,8 @@ the messages and numbers in the lanes of any board, targets/mission_io.h.
 
 In a board's file, a snorkel or field names what it carries by its path: `carries = "world.nav.attitude"` of a message
 snorkel, `carries = "world.nav.attitude.sigma_BN"` of a field of words, of which the i-th holds the i-th number, or of a
-field of packets, which holds its `count` numbers in a row.
+field of packets, which holds its `count` numbers in a row. A packet without fields carries all numbers of a message, of
+a part of it, or of a list of parts.
 """
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import REPORT_LEAST, byte_runs
+from fledge.commands import REPORT_LEAST, byte_runs, leaves
 from fledge.elements import ELEMENTS
 from fledge.errors import listed
 from fledge.export import names
@@ -25,7 +26,7 @@ from fledge.export.read import ExportError, Message, Mission
 from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
-    from registers.description import Board
+    from registers.description import Board, Number
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 PACKETS = {"commands": "packets to flight, flight/command/command.h",
@@ -129,31 +130,53 @@ def _distinct(texts):
     return [name.strip("_") if name.rstrip("_") not in C | CPP else name + "2" for name in found.values()]
 
 
-def read(mission: Mission, texts: Iterable[tuple[Path | str, str]]) -> list[Board]:
+def texts_of(paths: Iterable[Path | str]) -> list[tuple[Path, str]]:
+    """(path, text) of the files of boards, and of those in folders. Raises ExportError, OSError."""
+    from registers.checked_toml import TomlError, text_of
+    from registers.description import files_of
+
+    try:
+        return [(path, text_of(path)) for path in files_of(paths)]
+    except TomlError as error:
+        raise ExportError(str(error)) from None
+
+
+def carried(mission: Mission, path: str) -> list[Number] | None:
+    """The numbers of a message or of a part of it, without its head and what only fills gaps; None: queues."""
+    from registers.description import Number
+
+    if path in PACKETS:
+        return None
+    messages = {m.path: m for m in (*mission.inputs, *mission.outputs)}
+    message = next((m for name, m in messages.items() if path == name or path.startswith(f"{name}.")), None)
+    if not message:
+        raise LookupError(f"there is no message {path} in {mission.title}; choose of "
+                          f"{', '.join((*messages, *PACKETS))}")
+    known = [(f"{message.path}.{name}", field) for name, field, _ in leaves(message.struct.fields)
+             if not field.spare and field.type != "char" and not name.startswith("head.")]
+    found = [(name, field) for name, field in known if name == path or name.startswith((f"{path}.", f"{path}["))]
+    if not found:
+        raise LookupError(f"{message.path} has no numbers {path}; it has {', '.join(name for name, _ in known)}")
+    return [Number(name, "i32" if field.type == "enum" else field.type, math.prod(field.shape), field.unit or "-",
+                   field.doc or ", ".join(f"{value}: {text}" for text, value in dict(field.enumerators).items()))
+            for name, field in found]
+
+
+def read(mission: Mission, texts: Iterable[tuple[Path, str]]) -> list[Board]:
     """The boards of (path, text) pairs, registers.description.Board each. Raises ExportError with all that is wrong."""
     from registers.checked_toml import TomlError
-    from registers.description import parse
+    from registers.description import parse_all
 
-    boards, wrong = [], []
-    for path, text in texts:
-        try:
-            boards.append(parse(text, Path(path)))
-        except TomlError as error:
-            wrong.append(str(error))
-    for i, board in enumerate(boards):
-        for other in boards[:i]:
-            if board.name == other.name:
-                wrong.append(f"{board.file}: two boards are called {board.name}; rename one")
-            elif board.base < other.base + other.size and other.base < board.base + board.size:
-                wrong.append(f"{board.file}: the board overlaps {other.file}; move its base")
-    if wrong:
-        raise ExportError("\n".join(wrong))
+    try:
+        boards = parse_all(texts, lambda path: carried(mission, path))
+    except TomlError as error:
+        raise ExportError(str(error)) from None
     clocks = [board for board in boards if board.clock is not None]
     if len(clocks) > 1:
-        raise ExportError(f"{clocks[1].file}: {clocks[0].file} has a [clock] already, which paces flight; write "
+        raise ExportError(f"{clocks[1].path}: {clocks[0].path} has a [clock] already, which paces flight; write "
                           "[slave_clock] here")
     if not clocks:
-        raise ExportError(f"{boards[0].file}: no board has a clock, which paces flight; give one of them a [clock]")
+        raise ExportError(f"{boards[0].path}: no board has a clock, which paces flight; give one of them a [clock]")
     return boards
 
 
@@ -180,7 +203,7 @@ class _Finder:
         self.found, self.wrong, self.taken, self.kinds = [], [], {}, {}
 
     def refuse(self, board, line, text):
-        self.wrong.append(f"{board.file}:{line}: {text}")
+        self.wrong.append(f"{board.path}:{line}: {text}")
 
     def snorkel(self, board, i, snorkel, lane, place):
         if snorkel.carries in PACKETS:
@@ -217,7 +240,7 @@ class _Finder:
         elif what in self.taken:
             self.refuse(board, snorkel.line, f"{what} pass already by {self.taken[what]}")
         else:
-            self.taken[what] = f"{board.file}:{snorkel.line}"
+            self.taken[what] = f"{board.path}:{snorkel.line}"
 
     def message(self, board, line, path, lane):
         """(id, message) of a path, if it passes in that direction."""
@@ -268,11 +291,11 @@ class _Finder:
         if first:
             self.refuse(board, line, f"{message.path} passes already by {first}")
             return False
-        taken.update(dict.fromkeys(places, f"{board.file}:{line}"))
+        taken.update(dict.fromkeys(places, f"{board.path}:{line}"))
         return True
 
     def complete(self, boards):
-        files = ", ".join(board.file for board in boards)
+        files = ", ".join(str(board.path) for board in boards)
         for message in (*self.mission.inputs, *self.mission.outputs):
             if message.path not in self.taken and message.direction != "inside" and not message.optional:
                 what = "reads" if message.direction == "in" else "puts out"
@@ -321,18 +344,14 @@ def emit_board(mission: Mission, files: Sequence[Path | str] = (), outputs: Sequ
                ) -> dict[str, str]:
     """File name -> text: the boards' headers, tables and documentation, and the table of messages in lanes.
 
-    files: of boards of the user. Without any, the mission's own, whose file is among the results; `outputs`
-    are paths of outputs that it carries besides what the world reads, or "all".
+    files: of boards of the user, or folders of them. Without any, the mission's own, whose file is among the results;
+    `outputs` are paths of outputs that it carries besides what the world reads, or "all".
     """
     from registers import emit_c, emit_markdown
-    from registers.checked_toml import TomlError, text_of
 
-    try:
-        texts = [(Path(file), text_of(Path(file))) for file in files]
-    except TomlError as error:
-        raise ExportError(str(error)) from None
+    texts = texts_of(files)
     own = {} if texts else {f"{board_name(mission)}.toml": toml(mission, outputs)}
-    boards = read(mission, texts or own.items())
+    boards = read(mission, texts or [(Path(name), text) for name, text in own.items()])
     found = lanes(mission, boards)
     for board in boards:
         own |= emit_c.emit(board) | emit_markdown.emit(board)

@@ -262,7 +262,7 @@ def test_what_is_no_message_is_as_if_never_written(tmp_path):
     (('unit    = "rad/s"\ncarries = "world.wheels', 'unit    = "deg/s"\ncarries = "world.wheels'),
      'world.wheels.speeds.Omega is in rad/s, the field in deg/s; write unit = "rad/s"'),
     (('carries = "world.wheels.speeds.head.quality"', 'carries = "world.wheels.speeds.Omega[3]"'),
-     "world.wheels.speeds passes already by converters.toml:39"),
+     "converters.toml:48: world.wheels.speeds passes already by "),
     (('carries = "world.wheels.speeds.head.quality"', 'carries = "world.wheels.speeds.head"'),
      "world.wheels.speeds.head is a struct; name one of its numbers: t, quality, sequence"),
     (('carries = "world.wheels.speeds.head.quality"', 'carries = "world.wheels.speeds"'), "is no number"),

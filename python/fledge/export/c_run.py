@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from fledge.export.c_condition import assignments, condition
+from fledge.export.c_condition import assignments, condition, statement
 from fledge.export.c_text import COLUMNS, doc, seconds, with_notes
 from fledge.export.c_values import integer
 
@@ -131,6 +131,28 @@ def modes(mission: Mission) -> Iterator[str]:
         yield function(f"static void enter_mode({struct} *m, int64_t t)", lines,
                        "What becomes active is reset, and runs on its own grid of times.")
     yield function(f"void {mission.name}_enter({struct} *m, {struct}Mode mode)", ["    m->mode.asked = mode;"])
+    yield from guards(mission)
+
+
+def in_modes(mission: Mission, names: list[str]) -> str:
+    """Whether one of these modes is in force."""
+    return " || ".join(f"m->mode.current == {mode(mission, one)}" for one in names)
+
+
+def guards(mission: Mission) -> Iterator[str]:
+    """Whether a mode may be entered."""
+    modules = {m.path: m for m in mission.modules}
+    for name, guard in mission.guards.items():
+        lines = statement("after", in_modes(mission, guard.after)) if guard.after else []
+        lines += condition("holds", guard.condition, modules, "after" if lines else "") if guard.condition else []
+        yield function(f"static int may_enter_{name}(const {mission.struct()} *m)",
+                       [*lines, f"    return {'holds' if guard.condition else 'after'};"],
+                       f"{mission.mode_titles[name]} is entered only {guard.text}")
+    if mission.guards:
+        lines = [line for name in mission.guards for line in (
+            f"    if (mode == {mode(mission, name)}) {{", f"        return may_enter_{name}(m);", "    }")]
+        yield function(f"int {mission.name}_may_enter(const {mission.struct()} *m, {mission.struct()}Mode mode)",
+                       [*lines, "    return 1;"])
 
 
 def call_broken(line: str) -> list[str]:
@@ -147,14 +169,18 @@ def call_broken(line: str) -> list[str]:
 def events(mission: Mission) -> Iterator[str]:
     modules = {m.path: m for m in mission.modules}
     for event in mission.events:
-        looks = (["    const int looks = " + " || ".join(f"m->mode.current == {mode(mission, m)}" for m in event.modes)
-                 + ";"] if event.modes else [])
+        looks = statement("looks", in_modes(mission, event.modes)) if event.modes else []
         again = condition("again", event.until, modules) if event.until else []
         lines = [*looks, *condition("holds", event.condition, modules, "looks" if looks else ""), *again]
         lines += call_broken(f"    if (!exec_fires(&m->event.{event.name}, holds, {'again' if again else '!holds'}, "
                              f"{integer(event.hold)}, {event.count}, {int(event.once)}, t)) {{")
         lines += ["        return;", "    }"]
-        lines += ([f"    m->mode.asked = {mode(mission, event.mode)};"] if event.mode else [])
+        enter = f"m->mode.asked = {mode(mission, event.mode)};"
+        if event.mode in mission.guards:
+            lines += [f"    m->event.{event.name}.refused = !may_enter_{event.mode}(m);",
+                      f"    if (m->event.{event.name}.refused == 0) {{", f"        {enter}", "    }"]
+        elif event.mode:
+            lines += [f"    {enter}"]
         lines += [f"    m->event.{name}.armed = {int(on)};" for name, on in event.arms]
         for module, offset, raw in event.settings:
             lines += assignments(module, offset, raw)

@@ -75,7 +75,8 @@ def modes(mission: Mission) -> str:
     for i, mode in enumerate(mission.modes):
         runs = [t.title for t in mission.tasks if t.modes is not None and mode in t.modes]
         rows.append((f"{c_run.mode(mission, mode)} = {i}" + ("," if i + 1 < len(mission.modes) else ""),
-                     f"{mission.mode_titles[mode]}: " + (", ".join(runs) or "no task of its own")))
+                     f"{mission.mode_titles[mode]}: " + (", ".join(runs) or "no task of its own")
+                     + (f"; only {mission.guards[mode].text}" if mode in mission.guards else "")))
     return "\n".join([*doc("The modes, and what runs in each. A task that no mode names runs in all."),
                       f"typedef enum {mission.struct()}Mode {{", *with_notes(rows, "    ", "///<", ""),
                       f"}} {mission.struct()}Mode;", ""])
@@ -158,6 +159,9 @@ def functions(mission: Mission) -> str:
     if mission.modes:
         found.append(("Ask for a mode; it takes effect at the next tick.",
                       f"void {name}_enter({struct} *m, {struct}Mode mode);"))
+    if mission.guards:
+        found.append((f"Whether a mode may be entered now: {name}_enter does not ask.",
+                      f"int {name}_may_enter(const {struct} *m, {struct}Mode mode);"))
     for module in mission.configuration:
         found.append((f"Publish {module.name} anew at t [ns], after its parameters were changed.",
                       f"void {name}_publish_{module.name}({struct} *m, int64_t t);"))
@@ -227,7 +231,8 @@ def set_up(mission: Mission) -> str:
     lines: list[str] = []
     for module in mission.changed:
         place = f"{memory(mission)}.{module.name}"
-        lines += ([""] if lines else []) + [f"    memset(&{place}, 0, sizeof {place});"]
+        lines += ([""] if lines else []) + [f"    memset(&{place}, 0, sizeof {place});",
+                                            f"    {module.function}_reset(&{place});"]
         found = list(settings(module.struct, module.memory, place, module.name))
         if found:
             lines += paragraph(f"{module.name}: {first_words(module.struct.doc)}", found)

@@ -20,6 +20,7 @@ def dictionary(mission: Mission, stream: int = COMMANDS, telemetry: int = TELEME
     modules = [(m.path, m.struct, m in mission.configuration) for m in mission.modules]
     found = Dictionary.of(mission.title, modules, [mission.mode_titles[m] for m in mission.modes],
                           [e.title for e in mission.events], stream, telemetry, order)
+    found.guards = {mission.mode_titles[mode]: guard.text for mode, guard in mission.guards.items()}
     if stream == COMMANDS:      # a software bus carries packets
         found.frames = next((frames for m in mission.modules if (frames := frames_of(m.struct, m.memory))), None)
     return found
@@ -84,7 +85,7 @@ def source(mission: Mission, found: Dictionary) -> str:
         ("n_events", f"{len(found.events)}u"), ("n_outputs", f"{n}u"), ("blocks", "blocks" if found.blocks else "0"),
         ("staged", "staged"), ("queue", "queue"), ("room", "sizeof queue"), ("parameters", "parameters"),
         ("enter", "enter"), ("publish", "publish"), ("arm", "arm"), ("reset", "reset"), ("telemetry", "telemetry"),
-        *[("procedures", "&script_procedures")] * composed,
+        *[("may_enter", "may_enter")] * bool(mission.guards), *[("procedures", "&script_procedures")] * composed,
         *[("services", f"&{name}_services")] * bool(mission.services))]
     return "\n".join([*lines, "};", ""])
 
@@ -95,7 +96,7 @@ def functions(mission: Mission, found: Dictionary) -> list[str]:
     memory = ([f"    return (uint8_t *)mission + {name}_parameters[block].offset;"] if found.blocks
               else ["    (void)block;", "    return mission;"])
     if mission.form == "micropython":
-        return executive(memory)
+        return executive(memory, bool(mission.guards))
     enter = ([f"    {name}_enter(mission, ({struct}Mode)mode);"] if mission.modes
              else ["    (void)mission;", "    (void)mode;"])
     mode = [f"    return (uint16_t)((const {struct} *)mission)->mode.current;"] if mission.modes else [
@@ -110,17 +111,20 @@ def functions(mission: Mission, found: Dictionary) -> list[str]:
         "    (void)mission;", "    (void)event;", "    (void)on;"]
     return [*function("static void *parameters(void *mission, uint16_t block)", memory),
             *function("static void enter(void *mission, uint16_t mode)", enter),
+            *(function("static int may_enter(void *mission, uint16_t mode)",
+                       [f"    return {name}_may_enter(mission, ({struct}Mode)mode);"]) if mission.guards else []),
             *function("static uint16_t mode(const void *mission)", mode),
             *function("static void publish(void *mission, uint16_t block, int64_t t)", publish),
             *function("static void arm(void *mission, uint16_t event, int on)", arm),
             *function("static void reset(void *mission, int64_t t)", [f"    {name}_restart(mission, t);"])]
 
 
-def executive(memory: list[str]) -> list[str]:
+def executive(memory: list[str], guarded: bool) -> list[str]:
     """The same for a mission that its script composes."""
     return [*function("static void *parameters(void *mission, uint16_t block)", memory),
             *(line for head, call in (
                 ("void enter(void *mission, uint16_t mode)", "executive_enter(mode)"),
+                *[("int may_enter(void *mission, uint16_t mode)", "return executive_may_enter(mode)")] * guarded,
                 ("uint16_t mode(const void *mission)", "return executive_mode()"),
                 ("void publish(void *mission, uint16_t block, int64_t t)", "executive_publish(block, t)"),
                 ("void arm(void *mission, uint16_t event, int on)", "executive_arm(event, on)"),

@@ -95,8 +95,9 @@ def executive(mission: Mission, first: int) -> list[str]:
         lines += ["    (void)mission;", *["    (void)i;"] * (not composed),
                   f"    return {'executive_event(i)' if composed else 'NULL'};"]
     else:
-        lines += [f"    const {struct} *m = mission;", "    const ExecEvent *const all[] = {",
-                  *(f"        &m->event.{one.name}," for one in mission.events), "    };", "    return all[i];"]
+        lines += ["    static const size_t places[] = {",
+                  *(f"        offsetof({struct}, event.{one.name})," for one in mission.events), "    };",
+                  "    return (const void *)((const uint8_t *)mission + places[i]);"]
     lines += ["}", "", "static const MissionExecutive mission_executive = {"]
     lines += [f"    .{key} = {value}," for key, value in (
         ("mode_topic", f'"{topic(mission.process)}/mode"'), ("activity_topic", f'"{topic(mission.process)}/activity"'),

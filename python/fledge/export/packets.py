@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, SEVERITIES, TURNS, WHY,
-                             Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, SEVERITIES, TURNS,
+                             UNIT_STATES, WHY, Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
@@ -148,7 +148,8 @@ def reports(mission: Mission, found: Dictionary) -> Packet:
         number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted; under "
                "way: percent; of a file that failed: CFDP's condition"),
         number("n", "u16", "bytes read back"),
-        number("from", "u16", "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 0: from elsewhere"),
+        number("from", "u16", "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 48: "
+               "rule 0 of the fault protection, and so on; 0: from elsewhere"),
         bits("spare", 16),
         Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n")]
     return Packet(f"{mission.process}.reports", "what was done with a command, and what was read back",
@@ -260,7 +261,8 @@ ABOUT = {
     Code.TABLE_LOAD: "let the parameters of a module become those of a file on board",
     Code.TABLE_DUMP: "write the parameters of a module to a file on board",
     Code.CHECK: "size and CRC of parameters: the report of the execution has them",
-    Code.EVENTS: "send again what the log of events has"}
+    Code.EVENTS: "send again what the log of events has",
+    Code.UNIT: "set the state of a unit of the spacecraft, or clear its fault"}
 
 
 def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
@@ -277,10 +279,11 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "output": {one.path: i for i, one in enumerate(found.outputs)}
         | {f"{process}.housekeeping": len(found.outputs), "all": ALL}, "on": {"off": 0, "on": 1},
         "action": lower(Action), "file_action": lower(FileAction), "own": {"ground": 0, "flight": 1},
-        "class": {"unacknowledged": 1, "acknowledged": 2}}
+        "class": {"unacknowledged": 1, "acknowledged": 2}, "even": {"refuse": 0, "even": 1},
+        "state": {"clear": 0} | {name: 1 + i for i, name in enumerate(UNIT_STATES)}}
     of_service = {code: "StoredCommands" for code in (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST)} | {
         code: "Files" for code in (Code.PDU, Code.FILE_CONTROL, *NAMED)} | {
-        Code.EVENTS: "EventLog"}
+        Code.EVENTS: "EventLog", Code.UNIT: "FaultProtection"}
     types = {one.type for one in mission.modules}
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
@@ -289,7 +292,9 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         there = of_service.get(code) in types or code not in of_service
         if code != Code.WRITE and there and all(of.get(name, True) for name in names):
             parent = header if "version" in ARGUMENTS[code] else plain
-            yield Command(f"{process}.{code.name.lower()}", ABOUT.get(code, ""),
+            about = ABOUT.get(code, "") + "".join(
+                f"; {mode} is entered only {guard}" for mode, guard in found.guards.items() if code == Code.MODE)
+            yield Command(f"{process}.{code.name.lower()}", about,
                           [one for name in names for one in argument(code, name, of.get(name, {}))], parent,
                           {"code": int(code)})
     write = f"{process}.write"
@@ -318,14 +323,19 @@ MEANINGS = {"crc": "CRC-16-CCITT of what was staged, or is to be stored or start
             "turns": "of its loops and calls in one instant", "length": "how many bytes",
             "slot": "where the procedure lies", "list": "0: absolute times; 1 to 15: a sequence; 65535: all",
             "own": "who began it", "transaction": "its number", "class": "of CFDP",
-            "step": "of the list; 65535: all", "time": "absolute, or since the start of the sequence"}
+            "unit": "its place; 65535: all", "state": "of the unit; clear: its fault, of all units too",
+            "even": "whether to refuse it where none of its kind would stay in use", "step": "of the list; 65535: all",
+            "time": "absolute, or since the start of the sequence"}
 LIMITS = {"zero": (0, 0, False, False), "every": (1, None, False, False), "turns": (1, None, False, False),
           "n": (1, DATA_MAX, False, False), "length": (1, None, False, False),
           "time": (0, None, False, False)}
 
 
-# Of the parameters of services: the store, which Code.STORE writes, and choices, for a report is defined whole.
-UNWRITTEN = {"StoredCommands": ["commands["], "Housekeeping": [".choices["]}
+# Of the parameters of services: the store, which Code.STORE writes; choices, for a report is defined whole; units and
+# what rules are, for they are tables.
+UNWRITTEN = {"StoredCommands": ["commands["], "Housekeeping": [".choices["], "FaultProtection": [
+    "units[", ".unit", ".becomes", ".mode", *(f".check.{name}" for name in (
+        "low", "high", "hold", "count", "kind", "output", "offset", "type", "n", "measure", "list", "bits"))]}
 
 
 def writes(module: Any, parent: str, place: int) -> Iterator[Command]:

@@ -52,8 +52,10 @@ def page(name: str, missions: Sequence[Mission], databases: Sequence[Database], 
                       f"{commands[0].fixed['module']}: code 3, one command for each row.", "",
                       *write_table(path, commands, ground)]
         if mission.modes:
-            lines += ["", f"## {process}: modes", "", *rows(("number", "mode"), (
-                (str(i), f"`{mission.mode_titles[one]}`") for i, one in enumerate(mission.modes)))]
+            lines += ["", f"## {process}: modes", "", *rows(("number", "mode", "is entered"), (
+                (str(i), f"`{mission.mode_titles[one]}`",
+                 text(f"only {mission.guards[one].text}" if one in mission.guards else "always"))
+                for i, one in enumerate(mission.modes)))]
         if mission.events:
             lines += ["", f"## {process}: events", "", *rows(("number", "event", "what happens"), (
                 (str(i), f"`{one.title}`", text(one.text)) for i, one in enumerate(mission.events)))]

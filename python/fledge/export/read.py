@@ -69,6 +69,13 @@ class Task:
 
 
 @dataclass
+class Guard:
+    text: str                        # when a mode may be entered, in words
+    condition: list                  # steps of an objects.Condition; none: it has none
+    after: list                      # C names of the modes in which alone it is entered; none: in all
+
+
+@dataclass
 class Event:
     name: str
     title: str
@@ -124,6 +131,7 @@ class Mission:
     form: str = "c"                  # c: with its functions; rtems: a thread for each task, too; micropython: composed
     changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
     place: Path | None = None        # the mission's folder; None: a program composed it
+    guards: dict[str, Guard] = field(default_factory=dict)  # C name of a mode -> when it may be entered, if not always
 
     @property
     def title(self) -> str:
@@ -315,6 +323,7 @@ class _Reader:
             place=sim.mission.folder if sim.mission else None)
         self.read_wires(mission)
         self.read_tasks(mission, mode_names)
+        self.read_guards(mission, mode_names)
         self.read_events(mission, mode_names)
         taken = [m.name for m in mission.inputs]
         ports = {f"{m.path}.{f.name}": (m, f) for m in modules for f in m.fields("out")}
@@ -349,6 +358,26 @@ class _Reader:
         chosen = [t[0] for t in self.chosen]
         mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
 
+    def read_guards(self, mission, mode_names):
+        modules = {m.path: m for m in mission.modules}
+        for mode, guard in self.flight.guards.items():
+            steps = guard.condition.steps if guard.condition is not None else []
+            paths = self.watched(f"mode {self.flight.name}.{mode}", steps, self.flight.declared_at(mode))
+            if paths <= modules.keys():
+                mission.guards[mode_names[mode]] = Guard(guard.text, steps, [mode_names[one] for one in guard.after])
+            else:
+                mission.left_out.append(f"the condition of the mode {mode}")
+
+    def watched(self, what, steps, declared_at):
+        """The paths of the modules that a condition looks at, which must be flight's own."""
+        paths = {one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path}
+        for path in sorted(paths):
+            if path.split(".")[0] != self.flight.name:
+                file, line = declared_at
+                raise ExportError(f"{file}, line {line}: {what} looks at {path}: flight cannot see into other "
+                                  "processes; watch an input of flight, as in watch(f.tracking.attitude)")
+        return paths
+
     def read_events(self, mission, mode_names):
         live = self.flight.events.values()
         naming = names.distinct([e.name for e in live])
@@ -357,13 +386,7 @@ class _Reader:
         for event in live:
             until[event.name] = event.until.steps if event.until is not None else []
             steps = [*event.condition.steps, *until[event.name]]
-            paths = [one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path]
-            for path in paths:
-                if path.split(".")[0] != self.flight.name:
-                    file, line = event.declared_at
-                    raise ExportError(f"{file}, line {line}: event {self.flight.name}.{event.name} looks at {path}: "
-                                      "flight cannot see into other processes; watch an input of flight, as in "
-                                      "watch(f.tracking.attitude)")
+            paths = self.watched(f"event {self.flight.name}.{event.name}", steps, event.declared_at)
             if {*paths, *(path for path, _, _ in event.settings)} <= modules.keys():
                 kept.append(event)
             else:

@@ -595,4 +595,4 @@ def test_stored_commands_are_commanded_alike(folder):
         given |= {"crc": crc} if name == "store" else {}
         assert reader.encode(f"flight_{name}", int.from_bytes(sent[2:4], "big") & 0x3FFF, **given) == sent, name
     assert [name for name in reader.commands if name.startswith("flight_write_stored_")] == [
-        f"flight_write_stored_{name}" for name in ("late", "clocked", "inhibited")]
+        f"flight_write_stored_{name}" for name in ("late", "clocked", "inhibited", "slot")]

@@ -26,7 +26,7 @@ from fledge.ground.links import Link, NoAnswer
 from fledge.ground.simulated import Simulated, flight_of
 
 __all__ = ["Craft", "Database", "Framed", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of",
-           "open_link", "packets"]
+           "open_link", "packets", "perform"]
 
 TYPE_CHECKING = False   # of `typing`
 if TYPE_CHECKING:
@@ -50,7 +50,8 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     dictionary: of an address or a Link: what the mission can be commanded; a Dictionary, a file MISSION_packets.json
     of an export, or the name or folder of a mission
     process: the name of the flight process, if the mission has several
-    radio: of a simulation, the world.Radio by which packets pass; None: they go straight to flight, and back
+    radio: of a simulation, the world.Radio by which packets pass, or its path "world.radio"; None: they go straight to
+    flight, and back
     sequence: of the first command; if flight has accepted later ones, the script counts on from those
     keys: the file of a secured link (`fledge keys link FILE`), role: the place of the role that commands; of a
     simulation keys is the file of its mission, unless another is given
@@ -80,6 +81,23 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
     elif found.frames and not isinstance(where, Framed):
         where = Framed(where, found.frames, keys, role)
     return kind(where, found, sequence)
+
+
+def perform(sim: Any, path: Path | str, radio: Any = None) -> None:
+    """Run a script with steps (docs/ground.md) in a simulation, in which it commands the one process that flies; the
+    operator says yes. A relative path is one in the mission's folder. radio: as of connect().
+
+    Raises SetupError if there is no such script, fledge.ground.script.CheckFailed if it does not pass.
+    """
+    from fledge.ground import script as scripts
+
+    path = Path(sim.mission.folder if sim.mission else "") / path
+    function = scripts.load(path)
+    with connect(sim, radio=radio, kind=scripts.Watched) as craft:
+        assert isinstance(craft, scripts.Watched)
+        script = scripts.Script(path, craft, lambda entry: None, lambda question: (True, "the scenario"))
+        if why := script.run(function)[0]:
+            raise scripts.CheckFailed(why)
 
 
 def _with(address: str, options: str) -> str:

@@ -8,6 +8,7 @@
     cosim:PROCESS                           a flight process of the co-simulation that `fledge up` runs; the run does
                                             not wait
     cosim:PROCESS?every=0.5                 the same as a node, which steps every 0.5 s of simulated time; the run waits
+    cosim:PROCESS?radio=world.radio         by a radio of the world; as a node with every=, the period of flight
     http://HOST:PORT/CRAFT, https://...     a spacecraft of a control room's server (fledge.ground.served)
 
 Without an ADDRESS, a port is open to this machine alone. A link of any kind may carry frames: `frames=68` of a
@@ -47,7 +48,7 @@ def link_of(address: str, accepts: Callable[[bytes], bool] | None = None, frames
         port = parts.port
     except ValueError as error:
         raise SetupError(f"{address}: {error}; {FORMS}") from None
-    known = {"udp": {"listen"}, "serial": {"baud"}, "cosim": {"every"}}.get(parts.scheme, set()) | {"frames"}
+    known = {"udp": {"listen"}, "serial": {"baud"}, "cosim": {"every", "radio"}}.get(parts.scheme, set()) | {"frames"}
     if "frames" in options:
         frames = Frames.parse(options.pop("frames"))
     known |= OF_FRAMES if frames else set()
@@ -91,8 +92,8 @@ def _link_of(address, parts, options, port, accepts, raw):
         return lambda: Streams.device(parts.path, baud, accepts, raw)
     if parts.scheme == "cosim" and parts.path:
         if "every" in options:
-            return lambda: Member(parts.path, options["every"], raw)
-        return lambda: Onlooker(parts.path, raw)
+            return lambda: Member(parts.path, options["every"], raw, options.get("radio"))
+        return lambda: Onlooker(parts.path, raw, options.get("radio"))
     raise SetupError(f"'{address}' is no address of a link; {FORMS}")
 
 

@@ -387,8 +387,8 @@ class Craft:
             next((one for one in reversed(self.sent) if one.answered(packet, good)), None)
 
     def _report(self, report: Report) -> None:
-        if report.stored_on is not None or report.monitor is not None:
-            return              # of a command that flight had itself
+        if report.own:
+            return
         if report.reason == Reason.SEQUENCE and not self.in_step and report.stage == Stage.ACCEPTED:
             behind = [one for one in self.sent if any(sequence_of(p) == report.sequence for p in one.packets)]
             if behind and report.code in Code._value2member_map_:
@@ -398,8 +398,8 @@ class Craft:
             if report.reason == Reason.ABSENT and self._files:
                 self._files.absent()
             return
-        self.in_step = self.in_step or report.good
-        next((one for one in reversed(self.sent) if one.take(report)), None)
+        ours = next((one for one in reversed(self.sent) if one.take(report)), None)
+        self.in_step = self.in_step or (report.good and ours is not None)      # other grounds' reports come here, too
 
     def _count_on(self, sequence: int) -> None:
         """Flight has accepted commands of another ground: send all again, behind those, and behind what it may have

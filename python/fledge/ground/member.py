@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate, takewhile
 from queue import Queue
+from struct import Struct
 from threading import Thread
 from typing import Any
 
@@ -17,6 +18,7 @@ from fledge.ground.links import Link, split
 from fledge.objects.si import time_ns
 
 PATIENCE = 60.0     # [s] without any message of the run
+UNIT = Struct(">qI")    # before each unit of cosim/node/units.h: its time [ns], its length
 
 
 def _bindings():
@@ -29,35 +31,57 @@ def _bindings():
     return fledge_node
 
 
-def _topics(process):
-    return f"/{process}/commands", f"/{process}/telemetry"
+def topics_of(process: str, radio: str | None = None) -> tuple[str, str]:
+    """Those by which the ground commands a flight process and hears it: its queues, or a radio of the world."""
+    way = f"/{radio.replace('.', '/')}" if radio else f"/{process}"
+    return (f"{way}/uplink", f"{way}/downlink") if radio else (f"{way}/commands", f"{way}/telemetry")
 
 
-def _message(packets: Sequence[bytes]) -> dict[str, Any]:
-    whole = b"".join(packets)
-    return {"n": len(whole), "bytes": whole}
+class _Messages:
+    """How messages hold units. raw: a message of a queue is one unit, and not packets one after another."""
 
+    def __init__(self, raw: bool, radio: str | None) -> None:
+        self.raw, self.radio = raw, radio
 
-def _packets(message: Any, raw: bool) -> list[bytes]:
-    data = bytes(message["bytes"][:message["n"]])
-    whole, rest = ([data], b"") if raw else split(data)
-    return [*whole, *([rest] if rest else [])]
+    def fitting(self, units: Sequence[bytes], room: int) -> int:
+        """How many of them a message takes."""
+        sizes = [len(one) + UNIT.size * bool(self.radio) for one in units]
+        return sum(1 for _ in takewhile(lambda n: n <= (ROOM if self.raw and not self.radio else room),
+                                        accumulate(sizes)))
+
+    def of(self, units: Sequence[bytes]) -> dict[str, Any]:
+        whole = b"".join(UNIT.pack(0, len(one)) + one if self.radio else one for one in units)
+        return {"n": len(whole), "bytes": whole}
+
+    def units(self, message: Any, t: int) -> list[Timed]:
+        """Those in a message of the time t, each with that of its arrival."""
+        data = bytes(message["bytes"][:message["n"]])
+        if not self.radio:
+            whole, rest = ([data], b"") if self.raw else split(data)
+            return [Timed(t, one) for one in [*whole, *([rest] if rest else [])]]
+        found, at = [], 0
+        while at < len(data):
+            arrived, n = UNIT.unpack_from(data, at)
+            at += UNIT.size + n
+            found.append(Timed(arrived, data[at - n:at]))
+        return found
 
 
 class Onlooker(Link):
     """An asynchronous program: what it sends enters the run at the first time that flight was not granted yet, and is
-    in the record of the exchange. raw: the messages of telemetry are not cut into packets."""
+    in the record of the exchange. raw: the messages of telemetry are not cut into packets. radio: by that model of the
+    world, "world.radio"."""
 
-    def __init__(self, process: str, raw: bool = False) -> None:
-        self.raw = raw
+    def __init__(self, process: str, raw: bool = False, radio: str | None = None) -> None:
+        self._messages = _Messages(raw, radio)
         self._hear: Callable[[Any], None] = lambda seen: None
         bindings = _bindings()
         try:
             self._observer = bindings.Observer()
         except bindings.NodeError as error:
             raise SetupError(f"cosim:{process}: {error}") from None
-        self._commands, self._telemetry = _topics(process)
-        self._observer.subscribe(f"/{process}/")     # all of them say what time it is
+        self._commands, self._telemetry = topics_of(process, radio)
+        self._observer.subscribe(f"/{process}/", self._telemetry)   # all of them say what time it is
 
     @property
     def t(self) -> int:
@@ -75,7 +99,7 @@ class Onlooker(Link):
 
     def send(self, packet: bytes) -> None:
         try:
-            self._observer.write(self._commands, _message([packet]))
+            self._observer.write(self._commands, self._messages.of([packet]))
         except _bindings().NodeError as error:
             raise ConnectionError(str(error)) from None
 
@@ -90,7 +114,7 @@ class Onlooker(Link):
             self.dropped += seen.missed if seen.topic == self._telemetry else 0
             self._hear(seen)
             if seen.topic == self._telemetry and seen["n"]:
-                return [Timed(seen.t, one) for one in _packets(seen, self.raw)]
+                return self._messages.units(seen, seen.t)
         return []
 
     def close(self) -> None:
@@ -99,10 +123,11 @@ class Onlooker(Link):
 
 class Member(Link):
     """A node: the run waits while its program thinks. The program's own time is that of the step at which it waits.
-    raw: a message of commands is one unit, and those of telemetry are not cut into packets."""
+    raw: a message of commands is one unit, and those of telemetry are not cut into packets. radio: by that model of the
+    world, "world.radio"."""
 
-    def __init__(self, process: str, every: str, raw: bool = False) -> None:
-        self.raw = raw
+    def __init__(self, process: str, every: str, raw: bool = False, radio: str | None = None) -> None:
+        self._messages = _Messages(raw, radio)
         bindings = _bindings()
         try:
             period = time_ns(float(every), "every")
@@ -112,7 +137,7 @@ class Member(Link):
             self._node = bindings.Node(every=period)
         except bindings.NodeError as error:
             raise SetupError(f"cosim:{process}: {error}") from None
-        self._commands, self._telemetry = _topics(process)
+        self._commands, self._telemetry = topics_of(process, radio)
         self._node.reads(self._telemetry, keep=True)
         self._node.writes(self._commands)
         self._t = -1
@@ -136,8 +161,11 @@ class Member(Link):
         while self._t < until:
             self._goes_on.put(True)
             self._advance()
-            found = [Timed(self._t, one) for message in self._node.unread(self._telemetry)
-                     for one in _packets(message, self.raw)]
+            messages = self._node.unread(self._telemetry)
+            if messages and messages[0].get("every", 0) not in (0, self._node.every):
+                raise Failure(f"{self._node.name}: what comes by radio comes every {messages[0]['every'] / 1e9:g} s, "
+                              f"with flight's instants; write every={messages[0]['every'] / 1e9:g}", 1)
+            found = [one for message in messages for one in self._messages.units(message, self._t)]
             if found:
                 return found
         return []
@@ -164,11 +192,9 @@ class Member(Link):
         self._steps.put(t)
         self._goes_on.get()
         room = next(n for name, n, _ in self._node.schema(self._commands).fields if name == "bytes")
-        room = ROOM if self.raw else room
-        now = list(takewhile(lambda n: n <= room, accumulate(map(len, self._outbox))))
-        if now:
-            self._node[self._commands] = _message(self._outbox[:len(now)])
-            del self._outbox[:len(now)]
+        if now := self._messages.fitting(self._outbox, room):
+            self._node[self._commands] = self._messages.of(self._outbox[:now])
+            del self._outbox[:now]
 
     # --- the thread of the program ---
 

@@ -54,7 +54,7 @@ def test_a_pass_with_commands_before_it_and_telemetry_after_one_light_time():
     assert craft.telemetry.flight.hill.reference.head.t > (risen + 295) * 1e9
 
     # What comes by hand: each second one packet, when its last bit has come.
-    _, take, _ = sim.flight.commands.by(radio)
+    _, take = sim.flight.commands.by(radio)
     sim.run(20 * s)
     came = take()
     assert len(came) == 20
@@ -78,7 +78,7 @@ def test_the_packets_of_a_target_that_flew_go_by_radio():
     sim, at = passing(), 480 * 10**9
     packets = [Timed(-1, b"first"), Timed(at, b"second"), Timed(at, b"third")]
     sim.flight.commands.play(packets)
-    _, take, _ = sim.flight.commands.by(sim.world.radio)
+    _, take = sim.flight.commands.by(sim.world.radio)
     sim.flight.commands.telemetry("flight.hill.reference")      # of the desktop's, which is not sent
     other = sim.clone()
     for one in (sim, other):
@@ -95,7 +95,7 @@ def test_a_wrong_bit_is_refused_by_flight_and_counted():
     radio = sim.world.radio
     sim.run(10 * minute)
     assert 3e-3 < radio.up.bit_error_rate < 2e-2
-    send, _, _ = sim.flight.commands.by(radio)
+    send, _ = sim.flight.commands.by(radio)
     noop = sim.flight.commands.packets.noop()
     for _ in range(400):
         send(noop)
@@ -144,7 +144,7 @@ def test_a_slow_transmitter_drops_what_it_has_no_room_for():
 
 def test_a_clone_and_a_snapshot_have_what_is_on_the_way():
     sim = passing(down_eirp_dBW=-53, down_rate=800 / s)
-    send, take, _ = sim.flight.commands.by(sim.world.radio)
+    send, take = sim.flight.commands.by(sim.world.radio)
     sim.run(8 * minute)
     send(sim.flight.commands.packets.telemetry("flight.hill.reference"))
     sim.run(30 * s)
@@ -152,7 +152,7 @@ def test_a_clone_and_a_snapshot_have_what_is_on_the_way():
     send(sim.flight.commands.packets.mode("none") if sim.flight.modes else sim.flight.commands.packets.noop())
     take()
     other, kept = sim.clone(), sim.snapshot()
-    _, take_other, _ = other.flight.commands.by(other.world.radio)
+    _, take_other = other.flight.commands.by(other.world.radio)
     for one in (sim, other):
         one.run(60 * s)
     first = take()

@@ -28,6 +28,7 @@ from contextlib import contextmanager
 from datetime import datetime, timezone
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Dictionary, sequence_of
@@ -273,11 +274,15 @@ class Script:
 
 def load(path: Path) -> Callable[[Craft, Script], Any]:
     """The function run(craft, script) of a file. Raises SetupError."""
-    spec = spec_from_file_location(path.stem, path)
+    folder = path.resolve().parent
+    package = ModuleType(f"_scripts_{folder.name}")     # of the files beside it, for `from .vehicle import ...`
+    package.__path__ = [str(folder)]
+    spec = spec_from_file_location(f"{package.__name__}.{path.stem}", path)
     if spec is None or spec.loader is None:
         raise SetupError(f"{path}: a script is a file of Python, NAME.py")
     module = module_from_spec(spec)
-    sys.path.insert(0, str(path.resolve().parent))
+    sys.modules[package.__name__] = package
+    sys.path.insert(0, str(folder))
     try:
         spec.loader.exec_module(module)
     except SyntaxError as error:

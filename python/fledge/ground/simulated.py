@@ -9,9 +9,6 @@ from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.links import Link
 from fledge.mission.process import Flight
 
-NEVER = 1 << 62         # [ns]
-US = 1000               # [ns] more than the numbers of run() are rounded by
-
 
 def flight_of(simulation: Any, name: str | None = None) -> Flight:
     """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
@@ -28,9 +25,20 @@ def flight_of(simulation: Any, name: str | None = None) -> Flight:
     return flights[name]
 
 
+def radio_of(simulation: Any, path: str) -> Any:
+    """The model of a path, "world.radio". Raises SetupError."""
+    radios = [one for one, _ in simulation.kernel.carriers]
+    if path not in radios:
+        raise SetupError(f"{simulation.name} has no radio '{path}'{did_you_mean(path, radios)} it has "
+                         + listed(radios, none="none"))
+    process, name = path.split(".")
+    return simulation.process(process).instances[name]
+
+
 class Simulated(Link):
     """Time passes while the ground waits. Packets go straight to flight, which gets them before its next instant; or
-    by a radio, a model of the world."""
+    by a radio, a model of the world. By that the ground acts at flight's instants alone, as a node of a co-simulation
+    does."""
 
     def __init__(self, simulation: Any, process: str | None = None, radio: Any = None) -> None:
         self.simulation = simulation
@@ -39,7 +47,9 @@ class Simulated(Link):
         commands = self.process.commands
         direct = (commands.send_unit, commands.take_units) if commands.dictionary.frames else (
             commands.send, commands.take_packets)
-        self._send, self._take, self._arrival = commands.by(radio) if radio is not None else (*direct, lambda: NEVER)
+        self._by_radio = radio is not None
+        radio = radio_of(simulation, radio) if isinstance(radio, str) else radio
+        self._send, self._take = commands.by(radio) if self._by_radio else direct
         self._take()    # they are kept from now on
 
     @property
@@ -54,7 +64,8 @@ class Simulated(Link):
             found = self._take()
             if found or self.simulation.time_ns >= until:
                 return found
-            self.simulation.run(until=min(until, self._arrival() + US, self._next_instant()) / 1e9, progress=False)
+            then = self._next_instant()
+            self.simulation.run(until=(then if self._by_radio else min(until, then)) / 1e9, progress=False)
 
     def _next_instant(self) -> int:
         """[ns] of flight's next instant."""

@@ -9,6 +9,7 @@
 """
 from __future__ import annotations
 
+import struct as packing
 import sys
 import weakref
 from collections.abc import Callable, Iterable, Sequence
@@ -16,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.commands import (ALL, NUMBERS, TURNS, Action, Dictionary, Packets, Reason, Report, Stage, Text, Timed,
-                             byte_runs, frames_of, origins, parameters, reversed_numbers, table)
+from fledge.commands import (ALL, NUMBERS, TURNS, Action, Code, Dictionary, Packets, Reason, Report, Stage, Text, Timed,
+                             byte_runs, frames_of, origins, parameters, reversed_numbers, table, values as values_of)
 from fledge.errors import SetupError
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
@@ -40,6 +41,7 @@ def dictionary(process: Flight) -> Dictionary:
     modules = [(f"{process.name}.{name}", _core.struct(one), name not in running)
                for name, one in process.instances.items()]
     found = Dictionary.of(process.name, modules, [name for name, _ in process.modes], list(process.events))
+    found.guards = {mode: guard.text for mode, guard in process.guards.items()}
     found.frames = next((frames for one in process.instances.values()
                          if (frames := frames_of(_core.struct(one), _core.memory(one)))), None)
     return found
@@ -174,11 +176,39 @@ class Commands:
         """Write one of the monitors, as Packets.monitor() says."""
         return self._send([self.packets.monitor(place, number, hold=time_ns(hold, "monitor"), **values)])
 
-    def table(self, module: Any, **values: Any) -> bytes:
-        """The file of a table for packets.load_table(): the parameters of a module with some values, in the units of
-        its header, in their place."""
+    def rule(self, place: int, number: str = "", *, hold: Any = 0, **values: Any) -> list[Report]:
+        """Write one of the rules of the fault protection, as Packets.rule() says."""
+        return self._send([self.packets.rule(place, number, hold=time_ns(hold, "rule"), **values)])
+
+    def unit(self, unit: int, state: str, even: bool = False) -> list[Report]:
+        """Set the state of a unit, as Packets.unit() says."""
+        return self._send([self.packets.unit(unit, state, even)])
+
+    def clear_fault(self, unit: int | None = None) -> list[Report]:
+        """Clear the fault of a unit, or of all."""
+        return self._send([self.packets.clear_fault(unit)])
+
+    def preset(self, *packets: bytes) -> None:
+        """Before the first run: let what these packets of Code.WRITE write, as rules and monitors, be so from the
+        start. A reset of the computer keeps it, where it forgets what commands have written."""
+        if self._process()._core_simulation.time >= 0 or any(one[6] != Code.WRITE for one in packets):
+            raise SetupError("preset: give packets that write parameters, before the first run")
+        for packet in packets:
+            place, at = packing.unpack_from(">HI", packet, 10)
+            block = self.dictionary.blocks[place]
+            _, one = self._module(block.path)
+            data, whole = packet[16:], block_bytes(one)
+            values = values_of(block.fields, whole[:at] + data + whole[at + len(data):])
+            for name, value in _without_spares(values).items():
+                setattr(one, name, value)
+
+    def table(self, module: Any, like: Any = None, **values: Any) -> bytes:
+        """The file of a table for packets.load_table(): the parameters of a module, or of `like`, another one of its
+        type, with some values, in the units of its header, in their place."""
         path, one = self._module(module)
-        return table(self.dictionary, path, block_bytes(one), **values)
+        if like is not None and type(like) is not type(one):
+            raise SetupError(f"table: {path} is a {_core.struct(one).name}; found {like!r}")
+        return table(self.dictionary, path, block_bytes(one if like is None else like), **values)
 
     def events(self) -> list[Report]:
         """Let the log of events send again what it has."""
@@ -240,10 +270,9 @@ class Commands:
         radios, too."""
         self._core.play_telemetry([(one.t, one.packet) for one in packets])
 
-    def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]], Callable[[], int]]:
-        """The ground's end of a radio, a world.Radio that serves this process: send(bytes); take(), what has come since
-        the last call and when [ns], kept from the first one on; and when [ns] the next comes, as things stand.
-        Raises SetupError if it is none."""
+    def by(self, radio: Any) -> tuple[Callable[[bytes], None], Callable[[], list[Timed]]]:
+        """The ground's end of a radio, a world.Radio that serves this process: send(bytes); and take(), what has come
+        since the last call and when [ns], kept from the first one on. Raises SetupError if it is none."""
         core, process = self._core, self._process
 
         def send(packet: bytes) -> None:
@@ -255,7 +284,7 @@ class Commands:
             return [Timed(*one) for one in core.take_from(radio, process()._core_simulation.time)]
 
         take()
-        return send, take, lambda: core.next_from(radio)
+        return send, take
 
     def take_keys(self, file: Path | str) -> None:
         """Those of a secured link. Raises SetupError for a file that is none, or that others may read."""
@@ -294,6 +323,24 @@ class Commands:
         name = names.get(id(module)) or str(module).removeprefix(f"{process.name}.")
         self.dictionary.block(f"{process.name}.{name}")     # refuses what is not there
         return f"{process.name}.{name}", process.instances[name]
+
+
+def _without_spares(value):
+    if isinstance(value, dict):
+        return {name: _without_spares(one) for name, one in value.items() if not name.startswith("spare")}
+    return [_without_spares(one) for one in value] if isinstance(value, list) else value
+
+
+def fill_store(stored: Any, packets: Sequence[bytes]) -> Any:
+    """Let a StoredCommands have what packets of Code.STORE store, and nothing else; returns it. For a table of it."""
+    if len(packets) > len(stored.commands) or any(one[6] != Code.STORE for one in packets):
+        raise SetupError(f"fill_store: give up to {len(stored.commands)} packets of Packets.store(); "
+                         f"found {len(packets)}")
+    for place, packet in zip(stored.commands, [*packets, *[bytes(24)] * (len(stored.commands) - len(packets))]):
+        place.crc, place.list, place.step, place.time = packing.unpack_from(">HHHq", packet, 10)
+        place.size = len(packet) - 24
+        place.packet = [*packet[24:], *bytes(len(place.packet) - place.size)]
+    return stored
 
 
 def block_bytes(module: Any, memory: bytes | None = None) -> bytes:

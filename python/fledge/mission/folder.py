@@ -15,11 +15,9 @@ from one another, `from .flight import TURN`, and from other missions of their f
 
 from __future__ import annotations
 
-import ast
 import itertools
 import os
 import sys
-import traceback
 import types
 import weakref
 from typing import Any
@@ -33,7 +31,8 @@ from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_read
 from fledge.units import Quantity
 
-_TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view"}  # arguments of build() by file
+# The arguments of build(), or preset(), by file.
+_TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view", "preset": "sim"}
 _package = itertools.count(1)
 
 
@@ -109,6 +108,15 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
     of the mission's build functions.
     Raises SetupError for an unknown mission or parameter, MissionError for an error in its files.
     """
+    return _load(name, seed, parameters)
+
+
+def without_preset(name: str | os.PathLike[str], **parameters: Any) -> Simulation:
+    """The same without what its preset.py does, for a target that runs the other files itself."""
+    return _load(name, 0, parameters, preset=False)
+
+
+def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], preset: bool = True) -> Simulation:
     mission = find(name)
     simulation = Simulation(mission.name, seed, empty=mission.several)
     simulation.mission = mission
@@ -126,20 +134,23 @@ def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simu
                 builds.append((files.execute("world", "build").build, [simulation.world, simulation.flight]))
             for file, (build, _) in zip(("flight", "world"), builds):
                 _refuse_names(file, build)
-        _refuse_unsuitable(mission, parameters, builds)
+        if parameters:
+            _refuse_unsuitable(mission, parameters, builds)
         for build, arguments in builds:
             flown = None if mission.several or len(arguments) == 1 else _composed(arguments[1])
-            files.call(build, *arguments, **{name: parameters[name] for name in _parameters(build, len(arguments))
-                                             if name in parameters})
+            taken = _parameters(build, len(arguments)) if parameters else {}
+            files.call(build, *arguments, **{name: parameters[name] for name in taken if name in parameters})
             if flown is not None and (made := _composed(arguments[1]) - flown):
                 raise SetupError(f"{mission.folder / 'world.py'} makes {', '.join(sorted(made))}: what flies is "
                                  "composed in flight.py, which targets take; world.py joins the world to it")
         if (mission.folder / "scenarios.py").exists():
             mission.scenarios = functions_of(files.execute("scenarios"))
+        check(simulation.processes)
+        for process in simulation.processes:
+            check_read(process, simulation.wires)
+        if preset and (mission.folder / "preset.py").exists():
+            files.call(files.execute("preset", "preset").preset, simulation)
     weakref.finalize(simulation, files.forget)
-    check(simulation.processes)
-    for process in simulation.processes:
-        check_read(process, simulation.wires)
     return simulation
 
 
@@ -234,6 +245,8 @@ def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | N
 
     path: the file, if the traceback has none of its lines.
     """
+    import traceback
+
     if isinstance(error, SyntaxError) and error.filename:
         line = (error.text or "").strip()
         return f"{shown(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")

@@ -174,7 +174,7 @@ class Log(Records):
             tables.append((samples.decoded()[0], columns))
         return frame_of(tables, units, meanings)
 
-    def plot(self, *panels: str | list[str], **options: Any) -> Any:
+    def plot(self, *panels: Any, **options: Any) -> Any:
         """Plot fields against time, one panel each; see fledge.plot.plot for the options.
 
         Returns the matplotlib Figure. In `fledge run` it is saved beside the record.

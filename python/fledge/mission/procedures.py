@@ -147,8 +147,10 @@ class _Seen:
         object.__setattr__(self, "_seen", (process, core))
 
     def enter(self, mode: str) -> None:
-        """Request a mode."""
-        self._seen[1].command_mode(mode)
+        """Request a mode. Raises SetupError if its condition does not hold."""
+        process, core = self._seen
+        if core.command_mode(mode) != Reason.OK:
+            raise SetupError(f"mode {process.name}.{mode}: its condition does not hold")
 
     @property
     def active_mode(self) -> str | None:

@@ -16,18 +16,19 @@ import weakref
 from collections.abc import Callable, Iterable, Sequence
 from math import isfinite, prod
 from struct import iter_unpack
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.display import table
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
-from fledge.mission.commands import Commands, dictionary
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import short_name, time_ns
 from fledge.objects.wires import Wire, caller
 from fledge.objects.words import first_sentence
+
+if TYPE_CHECKING:
+    from fledge.mission.commands import Commands
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -191,11 +192,20 @@ class Mode:
         self.name = name
 
     def enter(self) -> None:
-        """Enter it at the next instant of its process."""
+        """Enter it at the next instant of its process. Raises SetupError if its condition does not hold."""
         self._process().enter(self.name)
 
     def __repr__(self):
         return f"<mode {self.name}>"
+
+
+class Guard(NamedTuple):
+    """When a mode may be entered. text: in words, "after rest, if flight.plan.loaded == 1"; condition: as of an event,
+    or None; after: the modes in which alone it may be requested; none: in all"""
+
+    text: str
+    condition: Any
+    after: list[str]
 
 
 def _mode_name(mode: Mode | str) -> str:
@@ -434,6 +444,11 @@ class Process:
         return self._core_process.modes
 
     @property
+    def guards(self) -> dict[str, Guard]:
+        """When modes may be entered, of those that may not always."""
+        return {mode: Guard(*guard) for (mode, _), guard in zip(self.modes, self._core_process.guards) if guard[0]}
+
+    @property
     def active_mode(self) -> str:
         """The name of the mode that the process is in; "" if it has none."""
         return self._core_process.mode
@@ -455,11 +470,12 @@ class Process:
         return {name: one for name, one in self._handles.items() if isinstance(one, Event)}
 
     def declared_at(self, name: str) -> tuple[str, int] | None:
-        """(file, line) that assigned an instance, or that connected an input, given by its path; None if unknown."""
+        """(file, line) that assigned an instance, declared a mode, or connected an input, given by its path; None if
+        unknown."""
         return self._declared_at.get(name)
 
     def declare(self, path: str, at: tuple[str, int]) -> None:
-        """Note the (file, line) that says where an input gets its messages from, for declared_at()."""
+        """Note the (file, line) of a mode, or that says where an input gets its messages from, for declared_at()."""
         self._declared_at[path] = at
 
     def __dir__(self):
@@ -528,14 +544,24 @@ class Process:
         self._tasks[name] = Task(name)
         return self._tasks[name]
 
-    def mode(self, name: str, tasks: Iterable[Task | str]) -> Mode:
+    def mode(self, name: str, tasks: Iterable[Task | str], *, when: Any = None, after: Any = None) -> Mode:
         """A named set of tasks that are active in it. Tasks that no mode names are always active.
 
         The first mode declared is the one to begin with. Returns a handle, also found as an attribute.
+
+        when: a condition made with watch(), without which a request to enter the mode is refused. after: modes of this
+        process, or their names, in which alone it may be requested. Runs and resets begin in a mode whatever these say.
         """
-        self._new_name(name, f"mode {self.name}.{name}")
+        what = f"mode {self.name}.{name}"
+        self._new_name(name, what)
         names = [t.name if isinstance(t, Task) else t for t in tasks]
-        self._core_process.add_mode(name, names)
+        if when is not None and not isinstance(when, _core.Condition):
+            raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
+        for one in _several(after):
+            if isinstance(one, Mode) and one._process() is not self:
+                raise SetupError(f"{what}: {one!r} is of another process")
+        self.declare(name, caller())
+        self._core_process.add_mode(name, names, when, [_mode_name(one) for one in _several(after)])
         self._handles[name] = Mode(self, name)
         return self._handles[name]
 
@@ -544,7 +570,7 @@ class Process:
         self._core_process.start_in(_mode_name(mode))
 
     def enter(self, mode: Mode | str) -> None:
-        """Enter a mode at the next instant of this process."""
+        """Enter a mode at the next instant of this process. Raises SetupError if its condition does not hold."""
         self.refuse_if_flown()
         self._core_process.enter(_mode_name(mode))
 
@@ -614,16 +640,23 @@ class Process:
         if name in dir(type(self)):
             raise SetupError(f"{what}: this name is taken by the process itself; choose another")
 
+    def mode_texts(self) -> list[tuple[str, str]]:
+        """(name, in words its tasks, and when it may be entered) of each mode."""
+        only = {name: f"; only {guard.text}" for name, guard in self.guards.items()}
+        return [(name, (", ".join(tasks) or "no task of its own") + only.get(name, "")) for name, tasks in self.modes]
+
     def tables(self) -> list[tuple[str, list[tuple[str, ...]]]]:
         """(heading, rows) of what its repr says, with what each instance is."""
         rows: list[tuple[str, ...]]
         rows = [(name, _core.struct(one).name, first_sentence(_core.struct(one).doc))
                 for name, one in self._instances.items()]
         rows += [(task.name, "task, " + task.title.partition(", ")[2], ", ".join(task.run)) for task in self.tasks]
-        rows += [(name, "mode", ", ".join(tasks) or "no task of its own") for name, tasks in self._core_process.modes]
+        rows += [(name, "mode", text) for name, text in self.mode_texts()]
         return [(repr(self).partition("\n")[0], rows)]
 
     def _repr_html_(self):
+        from fledge.display import table
+
         return table("", self.tables())
 
     def __repr__(self):
@@ -632,8 +665,7 @@ class Process:
         lines += [f"  {name.ljust(width)}  {_core.struct(one).name}" for name, one in self._instances.items()]
         for name, period, offset, priority, run in self._core_process.tasks:
             lines.append(f"  task {name}, every {period / 1e9:g} s: {', '.join(run)}")
-        for name, tasks in self._core_process.modes:
-            lines.append(f"  mode {name}: {', '.join(tasks) or 'no task of its own'}")
+        lines += [f"  mode {name}: {text}" for name, text in self.mode_texts()]
         return "\n".join(lines)
 
     # --- clones ---
@@ -683,6 +715,8 @@ class Flight(Process):
     @property
     def commands(self) -> Commands:
         """Commands by packets, as its targets get them."""
+        from fledge.mission.commands import Commands, dictionary
+
         known = self._commands
         if known is None or self._core_simulation.time < 0 and known.dictionary != dictionary(self):
             object.__setattr__(self, "_commands", Commands(self, self._core_process))

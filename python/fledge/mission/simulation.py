@@ -20,9 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, refuse_misspelt
-from fledge.frames import FILE
 from fledge.mission.process import Flight, Process, World
-from fledge.mission.provenance import Revisions, instances, parameters, wires
 from fledge.objects.plausible import check
 from fledge.objects.si import time_ns
 from fledge.programs import in_debugger
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
     from fledge.linear import Linear
     from fledge.mission.folder import Mission
     from fledge.mission.log import Log
+    from fledge.mission.provenance import Revisions
     from fledge.mission.trim import Trim
 
 
@@ -320,6 +319,8 @@ class Simulation:
                 if any(_core.struct(one).service for one in flight.instances.values()):
                     frames = flight.commands.dictionary.frames      # the kernel needs the dictionary, and the keys
                     if frames and frames.secured and self.mission:
+                        from fledge.frames import FILE
+
                         flight.commands.take_keys(Path(self.mission.folder) / FILE)
             check(self.processes)
 
@@ -483,6 +484,8 @@ class Simulation:
         if self._core.archiving:
             raise SetupError(f"archive: {self._archive[0]} is still being written; close_archive() first")
         self._archive = (str(path), {str(k): str(v) for k, v in metadata.items()})
+        from fledge.mission.provenance import Revisions
+
         self._revisions = Revisions(self.mission.folder if self.mission else None)
 
     def archive_outputs(self, path: str | os.PathLike[str]) -> None:
@@ -506,6 +509,8 @@ class Simulation:
             self._core.open_outputs(self._outputs)
             self._outputs = None
         if self._archive and not self._core.archiving:
+            from fledge.mission.provenance import instances, parameters, wires
+
             path, metadata = self._archive
             if resumed and self._core.resume_archive(path):
                 return

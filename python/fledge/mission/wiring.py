@@ -185,7 +185,7 @@ class _Process:
                     if node.slot and not child.slot:
                         child.task, child.slot = node.task, (*node.slot, k)
         self.integrator = core.integrator if self.kind == "world" else ""
-        self.modes = [(name, ", ".join(tasks) or "no task of its own") for name, tasks in core.modes]
+        self.modes = process.mode_texts()
         self.handles = list(process.events.values())
         self.events = [(event_name(e), event_text(e)) for e in self.handles]
 

@@ -9,8 +9,6 @@ variables of other modules, and files.
 
 from __future__ import annotations
 
-import dis
-import pickle
 import sys
 from collections.abc import Iterator
 from types import CodeType, FunctionType, GeneratorType, MethodType, ModuleType
@@ -119,6 +117,8 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _instructions(code: CodeType) -> Iterator[tuple[str, Any, int]]:
     """(operation, argument, line) of each instruction."""
+    import dis
+
     for one in _codes(code):
         line = one.co_firstlineno
         for step in dis.get_instructions(one):
@@ -140,6 +140,8 @@ def _globals(code: CodeType) -> Iterator[tuple[str, int]]:
 
 def _mark(value: Any, depth: int = 2) -> Any:
     """Something that is equal as long as the value stays; of what pickle cannot write, to this depth."""
+    import pickle
+
     if isinstance(value, _CONSTANTS):
         return repr(value)
     if isinstance(value, MethodType) or getattr(value, "__self__", None) is not None and not isinstance(
@@ -156,6 +158,7 @@ def _mark(value: Any, depth: int = 2) -> Any:
 
 
 def _random_state() -> Any:
+    import pickle
     import random
 
     numpy = sys.modules.get("numpy")

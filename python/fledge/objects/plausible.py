@@ -11,9 +11,11 @@ import re
 import warnings
 from collections.abc import Iterable
 from math import degrees, sqrt
+from struct import iter_unpack
 from typing import Any, NamedTuple
 
 from fledge import _core
+from fledge.elements import ELEMENTS
 from fledge.objects.wires import caller
 
 
@@ -36,26 +38,30 @@ GYRATION = (1e-3, 100.0)    # [m] the root of inertia by mass: of a chip, of a s
 
 
 @functools.cache
-def _rules(kind: Any) -> list[tuple[str, Rule]]:
+def _rules(kind: Any) -> list[tuple[Any, Rule]]:
     """The parameters of a type that have a rule."""
-    return [(field.name, rule) for field in _core.struct(kind).fields if field.group == "par"
+    return [(field, rule) for field in _core.struct(kind).fields if field.group == "par"
             for rule in RULES if field.unit == rule.unit and re.fullmatch(rule.name, field.name)]
+
+
+def _numbers(one: Any, field: Any) -> list[float]:
+    """The numbers of a field, without numpy, whose import takes longer than to build a mission."""
+    code = ELEMENTS[field.type].code
+    return [x for x, in iter_unpack(code, _core.memory(one)[field.offset:field.offset + field.size])]
 
 
 def _of_instance(one):
     """What is implausible of the parameters of a module or model, in words."""
-    import numpy as np
-
     kind: Any = type(one)
     rules = _rules(kind)
     bare = set(_core.bare(one)) if rules else ()
-    for name, rule in rules:
-        if name in bare:
-            x = float(np.max(np.abs(getattr(one, name)), initial=0.0))
+    for field, rule in rules:
+        if field.name in bare:
+            x = max((abs(number) for number in _numbers(one, field)), default=0.0)
             if x > rule.most:
-                yield f"{_core.path(one)}.{name}: {rule.advice.format(x=x, deg=degrees(x))}"
+                yield f"{_core.path(one)}.{field.name}: {rule.advice.format(x=x, deg=degrees(x))}"
     if hasattr(type(one), "I_B") and isinstance(mass := getattr(one, "mass", None), float) and mass > 0:
-        inertia = float(one.I_B.max())
+        inertia = max(_numbers(one, next(f for f in _core.struct(kind).fields if f.name == "I_B")))
         size = sqrt(max(inertia, 0.0) / mass)
         if size and not GYRATION[0] <= size <= GYRATION[1]:
             yield (f"{_core.path(one)}: {mass:g} kg with an inertia of {inertia:g} kg m^2 is a body of some "

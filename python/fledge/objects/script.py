@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import inspect
 import os
-import traceback
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
@@ -34,6 +32,8 @@ def check_script(kind: str, update: Any, reset: Any, turns: Any) -> None:
 
 def check_function(path: str, function: Any, arguments: str) -> None:
     """Raise SetupError if this is no function that can be called with `arguments`, as "(m, t, dt)"."""
+    import inspect
+
     expected = f"{path}: expected a function of {arguments}; found "
     if not callable(function):
         raise SetupError(f"{expected}{function!r}")
@@ -53,6 +53,8 @@ def check_function(path: str, function: Any, arguments: str) -> None:
 
 def script_failed(path: str, when: str, error: BaseException, trace: TracebackType | None) -> str:
     """Where and when a function of a module ended with an exception: the last line of the user's."""
+    import traceback
+
     lines = traceback.extract_tb(trace)
     own = [line for line in lines if not line.filename.startswith(_PACKAGE)] or lines
     place = f"{shown(own[-1].filename)}, line {own[-1].lineno}: " if own else ""

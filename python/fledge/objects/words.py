@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Any
 
 from fledge import _core
-from fledge.display import table
 from fledge.errors import SetupError, did_you_mean
 from fledge.objects.script import function_text, prototype, python_text, script
 from fledge.objects.si import short_name
@@ -103,6 +102,8 @@ def _functions(obj):
 
 def show_html(obj: Any) -> str:
     """What a notebook shows of a module, model or message: the table of its repr, with the meanings."""
+    from fledge.display import table
+
     groups = _groups(obj)
     return table(title(obj), [(word if group else "", groups.get(group, [])) for group, word in GROUPS],
                  ("", "value", "unit", "meaning"), _functions(obj))

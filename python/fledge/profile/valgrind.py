@@ -40,11 +40,12 @@ class Stretch:
     calls: Counter[str] = field(default_factory=Counter)
 
 
-def callgrind(command: Sequence[str | Path], folder: Path, mark: str) -> list[Stretch]:
+def callgrind(command: Sequence[str | Path], folder: Path, mark: str,
+              environment: Mapping[str, str] | None = None) -> list[Stretch]:
     """The stretches of a program's run between calls of the function `mark`; the last to its end."""
     for old in folder.glob("callgrind.out*"):
         old.unlink()
-    run("callgrind", ["--callgrind-out-file=callgrind.out", f"--dump-before={mark}"], command, folder)
+    run("callgrind", ["--callgrind-out-file=callgrind.out", f"--dump-before={mark}"], command, folder, environment)
     parts = sorted(folder.glob("callgrind.out.*"), key=lambda path: int(path.suffix[1:]))
     return [read_callgrind(path.read_text(encoding="utf-8", errors="replace"))
             for path in [*parts, *([folder / "callgrind.out"] if (folder / "callgrind.out").exists() else [])]]

@@ -226,7 +226,7 @@ def _began(times: int, first: float | None) -> str:
 
 def _updates(process, task, now: int) -> str:
     """How often a task ran until now [ns]; "" for one that modes start and stop."""
-    if any(task.name in tasks.split(", ") for _, tasks in process.modes):
+    if any(task.name in tasks.partition(";")[0].split(", ") for _, tasks in process.modes):
         return ""
     return f"{(now - task.offset) // task.period + 1:,}" if now >= task.offset else "0"
 

@@ -351,18 +351,26 @@ class Derivation:
             craft.parts.append(Part("cone", name, axis_B=_unit(axis), half_angle=view))
 
     def _add_SolarArray(self, craft, path):
-        """A square wing for each panel, beside the spacecraft along the axis nearest to its plane."""
+        """A square wing for each panel, beside the spacecraft along the axis nearest to its plane, or about which a
+        drive turns it."""
         import numpy as np
 
         sides: dict[int, int] = {}
-        for normal, area in zip(self._count(path, "normals_B"), self._count(path, "areas")):
+        drive = self._facts.wires.get(f"{path}.angles", "")
+        hinges = self._count(path, "axes_B") or [[0, 0, 0]] * 8
+        for k, (normal, area) in enumerate(zip(self._count(path, "normals_B"), self._count(path, "areas"))):
             axis = _unit(normal)
-            along = int(np.argmin(np.abs(axis)))
+            angle = self._signal(drive, "theta", k) if any(hinges[k]) else None
+            along = int(np.argmin(np.abs(axis)) if angle is None else np.argmax(np.abs(hinges[k])))
             sides[along] = -sides.get(along, -1)
             edge = float(np.sqrt(area))
             at = np.zeros(3)
             at[along] = sides[along] * (0.6 + edge / 2)
-            craft.parts.append(Part("panel", path.partition(".")[2], at.tolist(), axis, [edge, edge]))
+            part = Part("panel", path.partition(".")[2], at.tolist(), axis, [edge, edge])
+            if angle is not None:
+                part.name += f" {k + 1}"
+                part.hinge_B, part.hinge_axis_B, part.level = at.tolist(), _unit(hinges[k]), angle
+            craft.parts.append(part)
 
     def _advise(self, port, without):
         if port not in self._ports:

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, scene, world
+from fledge import SetupError, cli, scene, world
 from fledge.attitude import mrp_to_dcm
-from fledge.scene import bundle, page, tracks
-from fledge.scene.testing.browser import PROGRAM, Browser
+from fledge.scene import bundle, film, page, tracks
+from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.units import deg, kg, km, m, minute, rad, s
 
@@ -29,6 +29,13 @@ def circle(t, radius=7e6):
     a = rate * t
     r = radius * np.stack([np.cos(a), np.sin(a), 0 * a], axis=1)
     return tracks.Motion(t, r, rate * np.stack([-r[:, 1], r[:, 0], 0 * a], axis=1))
+
+
+def test_what_was_not_told_yet_has_no_samples():
+    none = np.zeros(0)
+    for track in (tracks.Motion(none, np.zeros((0, 3)), np.zeros((0, 3))), tracks.Turning(none, np.zeros((0, 4))),
+                  tracks.Signal(none, np.zeros((0, 2)))):
+        assert len(track.thinned().time) == 0
 
 
 def test_a_circle_needs_few_samples_and_stays_within_the_bound():
@@ -192,6 +199,25 @@ def test_a_log_in_memory_shows_what_its_file_shows(record):
     sim.run(20 * minute)
     for source in (log, sim):
         assert page.pack(scene.of(source)) == page.pack(scene.of(record))
+
+
+def test_a_drive_turns_the_panels_that_have_an_axis():
+    sim = fledge.Simulation("test_arrays")
+    w = craft_of(sim)
+    w.drive = world.ArrayDrive(n=2, step=0.01 * rad, rate=10 / s, count=0.01 * rad)
+    w.light = world.Sunlight(sun=world.SUN.at([1.5e11, 0, 0] * m))
+    w.array = world.SolarArray(normals_B=[[0, 0, 1]] * 2, axes_B=[[0, 0, 0], [0, -1, 0]], areas=[1, 4] * m**2,
+                               efficiency=0.3)
+    w.connect(w.craft.state >> [w.light.truth, w.array.truth], w.light.light >> w.array.light,
+              w.drive.angles >> w.array.angles)
+    w.task("arrays", every=1 * s, run=[w.drive, w.light, w.array])
+    log = sim.record(w.craft.state, w.drive.angles, every=1 * s)
+    sim.run(10 * s)
+    parts = {part.name: part for part in scene.of(log).craft("world").parts}
+    assert parts["array"].hinge_B is None and parts["array"].size == [1, 1]
+    turned = parts["array 2"]
+    assert turned.hinge_axis_B == [0, -1, 0] and turned.hinge_B == turned.at_B and abs(turned.at_B[1]) > 1
+    assert turned.level.values.shape == (len(turned.level.time), 1)
 
 
 def test_a_sky_says_where_the_sun_is_and_how_the_earth_is_turned():
@@ -407,6 +433,43 @@ def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
         browser.wait_for("!fledgeView.dirty || fledgeView.playing")
         assert browser.ask("fledgeView.stage.preset") == camera
     assert browser.problems == []
+
+
+@needs_browser
+def test_from_afar_it_is_enlarged_if_one_wants_it(browser, record, tmp_path):
+    path = page.write(scene.of(record), tmp_path / "view.html")
+    browser.open(path, "#camera=orbit&around=0.6,0.75,3e7&t=300")
+    assert "b1" not in labels(browser)
+    browser.ask("fledgeView.toggle('enlarged', true)")
+    for distance in (3e7, 1e8):
+        browser.ask(f"fledgeView.stage.view.distance = {distance}; fledgeView.dirty = true")
+        browser.wait_for("!fledgeView.dirty")
+        shown = labels(browser)
+        apart = [np.hypot(*np.subtract(shown[name], shown["world"])) for name in ("b1", "b2", "b3")]
+        assert 30 < max(apart) < 110, apart     # [px], at any distance
+    browser.open(path, "#camera=body&show=enlarged")
+    assert browser.ask("fledgeView.stage.crafts[0].body.scale.x") == 1, "near enough"
+    assert browser.problems == []
+
+
+@needs_browser
+def test_a_film_shows_the_span_that_was_asked_for(record, tmp_path, capsys):
+    image = pytest.importorskip("PIL.Image", reason="needs python3-pil")
+    path, look = tmp_path / "film.webp", "camera=orbit&show=enlarged"
+    arguments = ["view", str(record), "--film", str(path), "--look", look]
+    assert cli.main([*arguments, "--from", "1min", "--to", "10min", "--frames", "4"]) == 0
+    with image.open(path) as shown:
+        assert (shown.n_frames, shown.size) == (4, (film.WIDTH, film.HEIGHT))
+        frames = []
+        for k in range(4):
+            shown.seek(k)
+            frames.append(np.asarray(shown.convert("RGB"), float))
+    assert all(np.abs(a - b).max() > 100 for a, b in zip(frames, frames[1:])), "nothing moves"
+    assert all(np.abs(a - b).mean() < 20 for a, b in zip(frames, frames[1:])), "the camera stays"
+    assert [one.name for one in tmp_path.iterdir()] == ["film.webp"]
+    for wrong in (["--from", "10min", "--to", "1min"], ["--to", "9h"], ["--frames", "1"]):
+        assert cli.main([*arguments, *wrong]) == 2
+        assert "a film has two frames or more" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

@@ -142,7 +142,7 @@ def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float
     import numpy as np
 
     last = len(time) - 1
-    kept = np.unique([0, last])
+    kept = np.unique([0, last])[:len(time)]
     while len(kept) > 1:
         worst = np.maximum.reduceat(off(kept), kept[:-1])
         gap = np.diff(kept)

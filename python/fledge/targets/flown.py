@@ -43,10 +43,11 @@ def heap_of(marks: str) -> tuple[int, int, int] | None:
     return (found[0][1], found[-1][1], found[-1][2]) if found else None
 
 
-def new_record(folder: Path, name: str) -> Path:
-    """The path of a record; that of an earlier flight is deleted."""
+def new_record(folder: Path, name: str, part: bool = True) -> Path:
+    """The path of a record; that of an earlier flight is deleted. part: also one that is not whole, with which a flight
+    may go on that takes the place of a lost one."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.mcap"
-    for old in (path, path.with_name(path.name + ".part")):
+    for old in (path, *[path.with_name(path.name + ".part")] * part):
         old.unlink(missing_ok=True)
     return path

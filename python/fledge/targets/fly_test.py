@@ -701,7 +701,7 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
     (["nadir_spin", "--board", str(CONVERTERS), "--within", "x=1"], "--within: flight puts out no field x"),
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),
-    (["nadir_spin", "--board", "registers/boards/io_board_a.toml"], "no board has a clock"),
+    (["nadir_spin", "--board", "registers/testing/boards/io_board_a.toml"], "no board has a clock"),
     (["nadir_spin", "--for", "soon"], "expected a duration"),
     (["nadir_spin", "--on", "flght=linux"], "nadir_spin has no flight process 'flght'; it has flight"),
     (["nadir_spin", "--on", "world=linux"], "nadir_spin has no flight process 'world'; it has flight"),

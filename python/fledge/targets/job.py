@@ -2,6 +2,7 @@
 """A flight: a scenario of a mission, its flight processes exported once for all targets, and its duration."""
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -10,11 +11,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fledge import export, mission as missions
+from fledge import export
 from fledge.commands import Kind, Report, Timed, decoded, read_script, script, sequence_of
 from fledge.errors import Failure
 from fledge.frames import FILE
 from fledge.ground.framed import unframed
+from fledge.mission.folder import without_preset
 from fledge.objects import project
 from fledge.targets import build
 from fledge.targets.rehearsal import Rehearsal, rehearse
@@ -31,15 +33,17 @@ if TYPE_CHECKING:
 class Part:
     """A flight process of a job, exported. All files go into `folder`, the exported ones into its c/.
 
-    boards: files of boards that its messages pass; none: a board that carries them whole.
+    boards: files of boards that its messages pass, or folders of them; none: a board that carries them whole.
     """
 
     def __init__(self, job: Job, mission: Mission, boards: Sequence[Path | str], folder: Path) -> None:
         self.job, self.mission, self.process, self.folder = job, mission, mission.process, folder
-        self.boards = [Path(path).resolve() for path in boards]
+        self.texts = export.board.texts_of(Path(path).resolve() for path in boards)
+        self.boards = [path for path, _ in self.texts]
         self.instants: Any = None       # [ns] of the desktop's flight
         self.built: dict[Target, Path] = {}     # what each target has built of it
         self.script: list[Timed] = []   # its commands, once the scenario has been rehearsed
+        self.by_radio: bool = any(flight == mission.process for _, flight in job.start.kernel.carriers)
         if fed := [one for one in mission.inputs if one.fed]:
             raise Failure("\n".join(f"{one.path} is fed {one.fed}, and no program does that for a target: wire it to a "
                                     "model of the world" for one in fed))
@@ -92,6 +96,24 @@ class Part:
         """The file of the packets that it sent on a target: lines as of the script."""
         return self.folder / f"{target}.telemetry.txt"
 
+    def unequal_telemetry(self, target: str) -> str:
+        """Where its telemetry on a target is not the desktop's, but for texts of scripts; "" if it is, or if its boards
+        carry none."""
+        if not self.telemetry(target).exists():
+            return ""
+        sent = [self._sent(one) for one in ("desktop", target)]
+        found = export.dictionary(self.mission)
+        if sent[0] != sent[1] and not found.frames:
+            sent = [[one for one in packets if decoded(found, one.packet).path != "texts"] for packets in sent]
+        for here, there in itertools.zip_longest(*sent):
+            if here != there:
+                first = min(one.t for one in (here, there) if one)
+                return f"telemetry differs from t = {first / 1e9:.9g} s on"
+        return ""
+
+    def _sent(self, target):
+        return read_script(self.telemetry(target).read_text(encoding="utf-8"))
+
     def reports(self, target: str) -> list[Report]:
         """The reports of commands among them."""
         return self._contents(target, "reports")
@@ -100,9 +122,9 @@ class Part:
         """(which command was refused, when and why; whether flight refused it in the scenario on the desktop, too) of
         those of the reports that are refusals."""
         # PDUs are counted apart, and what flight has itself not at all.
-        sent = {(sequence_of(one.packet), *one.packet[6:7], None, None): one.packet for one in self.script}
+        sent = {(sequence_of(one.packet), *one.packet[6:7], False): one.packet for one in self.script}
         found = export.dictionary(self.mission)
-        return [(found.refusal(one, sent.get((one.sequence, one.code, one.stored_on, one.monitor))),
+        return [(found.refusal(one, sent.get((one.sequence, one.code, one.own))),
                  (self.process, one.sequence) in self.job.in_vain) for one in reports if not one.good]
 
     def failures(self, target: str) -> list[str]:
@@ -112,9 +134,8 @@ class Part:
 
     def _contents(self, target, path):
         """Those of the packets of a kind."""
-        file = self.telemetry(target)
         found = export.dictionary(self.mission)
-        packets = read_script(file.read_text(encoding="utf-8")) if file.exists() else []
+        packets = self._sent(target) if self.telemetry(target).exists() else []
         if found.frames:
             packets = list(unframed(found.frames, packets))
         return [one.content for one in (decoded(found, each.packet) for each in packets) if one.path == path]
@@ -127,8 +148,7 @@ class Part:
 
     def described(self) -> list[Board]:
         """The boards that were given, as data."""
-        texts = [(path, path.read_text(encoding="utf-8")) for path in self.boards]
-        return export.board.read(self.mission, texts) if texts else []
+        return export.board.read(self.mission, self.texts) if self.texts else []
 
     @property
     def roots(self) -> list[Path]:
@@ -192,8 +212,9 @@ class Job:
 
     scenario: its name; None: the mission's first. duration: [s]; None: as long as the scenario runs. The desktop
     rehearses the scenario: its changes of flight between its runs go to targets as commands.
-    boards: files of boards, by flight process; "" stands for the only one. free: take no scenario. before: a function
-    of the job, called when all is known but what the rehearsal finds: duration, script, whole, in_vain.
+    boards: files of boards, or folders of them, by flight process; "" stands for the only one. free: take no scenario.
+    before: a function of the job, called when all is known but what the rehearsal finds: duration, script, whole,
+    in_vain.
     parameters: of the mission, as fledge.load() takes them. roots: further folders with headers and sources of
     modules.
     """
@@ -232,8 +253,8 @@ class Job:
 
     @cached_property
     def fresh(self) -> Any:
-        """The simulation as the mission's files make it, without the scenario."""
-        return missions.load(self.asked, **self.parameters)
+        """The simulation as the files make it that a target can run: without preset.py and the scenario."""
+        return without_preset(self.asked, **self.parameters)
 
     @cached_property
     def own(self) -> dict[str, Mission]:

@@ -336,15 +336,15 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
     try:
         spectator = connected(run, f"tcp://127.0.0.1:{second}")
         with spectator, ground.connect(f"udp://127.0.0.1:{port}?listen={back}", "./plays") as craft:
-            craft.command("noop").completed(within=30)
-            craft.command("telemetry", "housekeeping").completed(within=30)
-            craft.command("mode", "rest").completed(within=30)
-            assert craft.wait(lambda t: t.mode == "rest", within=30)
-            assert spectator.wait(lambda t: t.mode == "rest", within=30)
+            craft.command("noop").completed(within=120)
+            craft.command("telemetry", "housekeeping").completed(within=120)
+            craft.command("mode", "rest").completed(within=120)
+            assert craft.wait(lambda t: t.mode == "rest", within=120)
+            assert spectator.wait(lambda t: t.mode == "rest", within=120)
             with pytest.raises(Failure, match="was not reported"):
                 spectator.command("mode", "point").accepted(within=0.5)
             craft.link.send(b"\x18\x80no command at all")
-            assert craft.command("noop").completed(within=30)
+            assert craft.command("noop").completed(within=120)
         text = run.communicate(timeout=120)[0]
     finally:
         run.kill()

@@ -58,6 +58,7 @@ def python_node(job: Job, process: str, options: list[Any]) -> list[Any]:
 def board_node(part: Part, options: list[Any], target: list[str], name: str) -> list[Any]:
     """The command of a target's board, which starts the command `target`; name: of the target."""
     script = ["--script", part.write_script().resolve()] if part.script else []
+    part.telemetry(name).unlink(missing_ok=True)    # of an earlier flight
     return [build.native("fledge_board_node", "cosim"), *options, "--tables", part.tables().resolve(), *script,
             "--telemetry", part.telemetry(name).resolve(), "--", *target]
 
@@ -68,6 +69,7 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
     options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node]
     if keys:
         options += ["--keys", Path(keys).resolve()]
+    options += ["--by-radio"] * part.by_radio
     return _run(part.job, name, {part.process: board_node(part, options, target, name)})[part.process]
 
 

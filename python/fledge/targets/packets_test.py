@@ -126,7 +126,7 @@ def test_packets_with_descriptors_in_queues_carry_numbers_to_the_bit(tmp_path, c
         assert compare(desktop, one, outputs, ignore=["sequence"]) == []
         assert compare(flown[0], one, outputs) == []
     page = (tmp_path / "out/c/bus.md").read_text()
-    assert "| 35..58, 2 | rate | 3 x f64, little-endian, 1 - per count, from 0 | |  |" in page
+    assert "| 35..58, 2 | rate | 3 x f64, little-endian, - | |  |" in page
     header = (tmp_path / "out/c/bus.h").read_text()
     assert re.search(r"#define BUS_SENSORS_RATE_AT +0x23u", header)
 
@@ -160,10 +160,102 @@ def test_a_second_clock_that_paces_is_refused(tmp_path, capsys):
     board = tmp_path / "bus.toml"
     board.write_text(HEAD + SENSORS + MOTORS)
     assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other)]) == 2
-    assert "other.toml: bus.toml has a [clock] already, which paces flight; write [slave_clock]" in capsys.readouterr(
-    ).err
+    assert f"{other}: {board} has a [clock] already, which paces flight; write [slave_clock]" in capsys.readouterr().err
     slave = HEAD.replace("bus", "other").replace("0xA", "0xB").replace("[clock]", "[slave_clock]\ndrift = -3.5")
     other.write_text(slave)
     assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "5s", "--board", str(board), str(other), "--out",
                      str(tmp_path / "out")]) == 0
     assert ".drift" not in (source := (tmp_path / "out/c/other.c").read_text()) and "-3500, 100000," in source
+
+
+COMPUTER = '''
+name = "computer"
+base = 0xA0001000
+[clock]
+[[snorkel]]
+name      = "motors"
+form      = "packet"
+direction = "write"
+carries   = "flight.motor.command"
+'''
+
+UNITS = '''
+name = "units"
+base = 0xA0000000
+[interrupts]
+lines = ["wheels"]
+level = 12
+[[snorkel]]
+name      = "wheels"
+form      = "packet"
+direction = "read"
+interrupt = "wheels"
+carries   = "world.wheels.speeds"
+[[snorkel]]
+name      = "navigation"
+form      = "packet"
+direction = "read"
+carries   = ["world.nav.attitude.omega_BN_B", "world.nav.attitude.sigma_BN"]
+[[snorkel]]
+name      = "orbit"
+form      = "packet"
+direction = "read"
+carries   = "world.nav.orbit"
+'''
+
+
+def boards(folder, **texts):
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (folder / f"{name}.toml").write_text(text.lstrip())
+    return folder
+
+
+def test_a_mission_has_the_boards_of_a_folder(tmp_path, capsys):
+    """Whose packets carry messages by their name alone; the same if each file is named."""
+    folder = boards(tmp_path / "boards", computer=COMPUTER, units=UNITS)
+    on = ",".join(name for name in ("linux", "sparc64", "cfs", "leon3", "micropython") if not TARGETS[name].missing())
+    assert cli.main(["fly", "nadir_spin", "--on", on, "--for", "30s", "--board", str(folder), "--within",
+                     "tracking.error.sigma_BR=0", "--out", str(tmp_path / "out")]) == 0, capsys.readouterr()
+    assert "30 s, through computer.toml, units.toml" in capsys.readouterr().out
+    desktop = Archive(tmp_path / "out/desktop.mcap")
+    outputs = [t for t in desktop.topics if t.startswith("/flight/")]
+    for name in on.split(","):
+        assert compare(desktop, Archive(tmp_path / f"out/{name}.mcap"), outputs, ignore=["sequence"]) == []
+    page = (tmp_path / "out/c/units.md").read_text()
+    assert "level 12 of the processor" in page and "| 24..47, 0 | sigma_bn | 3 x f64, big-endian, - |" in page
+    apart = [word for name in ("computer", "units") for word in ("--board", str(folder / f"{name}.toml"))]
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "1s", *apart, "--out", str(tmp_path / "two")]) == 0
+    assert cli.main(["export", "c", "nadir_spin", *apart, "--out", str(tmp_path / "c")]) == 0
+    for name in ("units.h", "computer.h", "nadir_spin_io.c"):
+        assert (tmp_path / "c" / name).read_text() == (tmp_path / "out/c" / name).read_text()
+
+
+@pytest.mark.parametrize("more, complaint", [
+    ({"more": UNITS.replace('"units"', '"more"').replace("0xA0000000", "0xA0002000")},
+     "{units}:11: world.wheels.speeds passes already by {more}:11"),
+    ({"more": 'name = "more"\nbase = 0xA0001010\n[interrupts]\nlines = ["a"]\n'},
+     "{more}:1: boards do not overlap; more [0xa0001010, 0xa0001030) overlaps computer [0xa0001000, 0xa0001160) of "
+     "{computer}; move one"),
+    ({"more": UNITS.replace("0xA0000000", "0xA0002000")},
+     "{units}:1: boards' names differ; `units` is also {more}'s; rename one"),
+    ({"units": UNITS.replace("world.nav.orbit", "world.nav.orbits")},
+     "there is no message world.nav.orbits in nadir_spin; choose of world.nav.attitude, "),
+    ({"units": UNITS.replace("omega_BN_B", "omega")},
+     "world.nav.attitude has no numbers world.nav.attitude.omega; it has world.nav.attitude.sigma_BN, world.nav.att"),
+    ({"units": UNITS.replace("world.wheels.speeds", "flight.motor.command")},
+     'flight puts out flight.motor.command; the snorkel\'s direction must be "write"'),
+    ({"units": UNITS[:UNITS.index('[[snorkel]]\nname      = "orbit"')]},
+     "flight reads world.nav.orbit (flight.guidance.orbit), which no snorkel carries"),
+    ({"computer": COMPUTER.replace("[clock]\n", "")}, "no board has a clock"),
+])
+def test_boards_that_do_not_fit_together_are_refused_with_their_files(tmp_path, capsys, more, complaint):
+    folder = boards(tmp_path / "boards", **{"computer": COMPUTER, "units": UNITS} | more)
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "1s", "--board", str(folder)]) == 2
+    files = {name: folder / f"{name}.toml" for name in ("computer", "units", "more")}
+    assert complaint.format(**files) in capsys.readouterr().err
+
+
+def test_a_folder_without_boards_is_refused(tmp_path, capsys):
+    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "1s", "--board", str(tmp_path)]) == 2
+    assert f"{tmp_path}: the folder of boards has no file *.toml" in capsys.readouterr().err

@@ -15,15 +15,20 @@ if TYPE_CHECKING:
 
 def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = None,
              packets: Mapping[str, Sequence[Timed]] | None = None) -> None:
-    """From its first run on, the processes of a simulation put out the messages of records; none of their modules runs,
-    so that parameters, modes and commands change nothing. Configuration is published as always.
+    """From its first run on, the processes of a simulation put out the messages of records, and say what the executives
+    said there; none of their modules runs, so that parameters, modes and commands change nothing. Configuration is
+    published as always.
 
     records: the record of each process by its name, of all outputs at all instants of flight
     exchange: the record of what other processes read of them, where boards round, delay or lose messages
     packets: the telemetry of each process that sent any, for a ground in the scenario
     """
     for name, record in records.items():
-        process = sim.process(name)
+        process, core = sim.process(name), sim.kernel.process(name)
+        said = [_messages(record, f"/{name}/{topic}") for topic in ("mode", "activity")]
+        if process.modes and not said[0][0]:
+            raise Failure(f"{record.path}: it has no /{name}/mode, so {name} cannot be judged by it")
+        core.play_executive(*said)
         if packets and name in packets:
             process.commands.play(packets[name])
         for one in dict.fromkeys(one for task in process.tasks for one in task.run):
@@ -35,5 +40,9 @@ def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = N
                         raise Failure(f"{record.path}: it has no {topic}, so {name} cannot be judged by it")
                     for source, sent in ((record, False), (exchange, True)):
                         if source and topic in source.topics:
-                            times, messages = source.time_ns(topic).tobytes(), source[topic].tobytes()
-                            sim.kernel.process(name).play(getattr(instance, field.name), times, messages, sent)
+                            core.play(getattr(instance, field.name), *_messages(source, topic), sent)
+
+
+def _messages(record: Archive, topic: str) -> tuple[bytes, bytes]:
+    """(times, messages) of what the record has."""
+    return (record.time_ns(topic).tobytes(), record[topic].tobytes()) if topic in record.topics else (b"", b"")

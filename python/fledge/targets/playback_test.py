@@ -8,6 +8,7 @@ import pytest
 
 import fledge
 from fledge import cli
+from fledge.activity import facts, happenings, modes
 from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.commands import Timed
@@ -16,6 +17,7 @@ from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import build
 from fledge.targets.playback import stand_in
 from fledge.targets.linux import Linux
+from fledge.units import minute
 
 NADIR_SPIN = build.ROOT / "missions/nadir_spin"
 
@@ -65,11 +67,49 @@ def test_modes_parameters_and_events_change_nothing_in_a_flight_that_stands_in(t
 
     def both(times):    # the playback has the instants of all modes
         return np.isin(times, record.time_ns("control.torque"))
-    assert not [one for one in compare(record, Archive(tmp_path / "again.mcap"), times=both)
-                if one.count and one.topic != "flight.mode"]    # which was changed, without an effect
+    assert not [one for one in compare(record, Archive(tmp_path / "again.mcap"), times=both) if one.count]
     assert again.mode == elsewhere.mode == "rest"
     with pytest.raises(fledge.SetupError, match="has run until 360 s"):
         stand_in(again, {"flight": record})
+
+
+def test_its_modes_and_what_happened_are_those_of_the_record(tmp_path):
+    """Whatever this program asks for, and whatever its own events would do."""
+    mission = tmp_path / "plays"
+    mission.mkdir()
+    for name, text in (("flight.py", FLIGHT), ("world.py", WORLD)):
+        (mission / name).write_text(text)
+
+    def flown(name, after=None):
+        sim = fledge.load(str(mission))
+        if after:
+            stand_in(sim, {"flight": Archive(after)})
+            sim.flight.start_in("rest")
+            sim.flight.settled.armed = sim.flight.off.armed = False
+        sim.record(*every_output(sim))
+        sim.archive(tmp_path / name)
+        for mode in ("rest" if after else "point", "wait"):
+            sim.run(3 * minute)
+            sim.flight.enter(mode)
+        sim.run(3 * minute)
+        sim.close_archive()
+        return sim, tmp_path / name
+
+    there, record = flown("there.mcap")
+    here, again = flown("here.mcap", record)
+    assert compare(Archive(record), Archive(again), ["/flight/mode", "/flight/activity"]) == []
+    assert len(modes(there.activity)["flight"]) > 3 and len(happenings(there.activity)) > 6
+    for what in (modes, happenings, facts):
+        assert what(here if what is facts else here.activity) == what(there if what is facts else there.activity)
+    assert here.flight.active_mode == there.flight.active_mode == modes(there.activity)["flight"][-1][1]
+    snapshot = here.clone()
+    snapshot.run(1 * minute)
+    assert snapshot.flight.active_mode == here.flight.active_mode
+
+    lacking = Altered(Archive(record), "", "")
+    lacking.topics = {name: one for name, one in lacking.topics.items() if name != "/flight/mode"}
+    with pytest.raises(Failure, match="it has no /flight/mode, so flight cannot be judged by it"):
+        stand_in(fledge.load(str(mission)), {"flight": lacking})
 
 
 class Altered:

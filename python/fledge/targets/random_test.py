@@ -11,6 +11,9 @@ from fledge.targets.testing import fly_mission
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 
+# Random missions have modules that nothing reads, and rates that are seldom meant.
+pytestmark = pytest.mark.filterwarnings("ignore:.*(nothing reads|implausible):UserWarning")
+
 
 @pytest.mark.parametrize("number", range(100) if LONG else [3, 22])
 def test_a_random_mission_is_the_same_bits_on_targets(number, tmp_path):

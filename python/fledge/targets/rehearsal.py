@@ -147,11 +147,12 @@ class Rehearsal:
         """Add the changes of the scenario since the last run to the script."""
         sim, (before, asked) = self.sim, self.before
         after, now_asked = _memory(sim), _asked(sim)
-        for path, memory in after.items():
-            process, name = path.split(".")
+        changed = [path for path, memory in after.items() if memory != before[path]]
+        for path in changed:
+            memory, (process, name) = after[path], path.split(".")
             _, low, high = parameters(objects.struct(sim.process(process).instances[name]))
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
-            if memory != before[path] and not (self.flies(path) and same):
+            if not (self.flies(path) and same):
                 what = "" if same else ", and not only parameters,"
                 raise Failure(f"the scenario {self.name} changes {path}{what} between its runs; a target "
                               "takes only parameters of flight")
@@ -163,9 +164,9 @@ class Rehearsal:
                 continue
             packets = process.commands.packets
             found: list[bytes] = []
-            for name, one in process.instances.items():
-                path = f"{process.name}.{name}"
-                if after[path] != before[path]:
+            for path in changed:
+                if path.startswith(f"{process.name}."):
+                    one = process.instances[path.partition(".")[2]]
                     found += packets.change(path, block_bytes(one, before[path]), block_bytes(one))
             (mode, armed), (now_mode, now_armed) = asked[process.name], now_asked[process.name]
             found += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]

@@ -85,7 +85,7 @@ def watches(sim):
     c.sequence(2, [(0 * s, p.write("flight.switch", rates=[0, 0, 0.02])[0])])
     sim.run(500 * ms)
     c.monitor(0, "flight.tracking.error.sigma_BR", measure="max_abs", high=0.05, hold=2 * s, count=12, starts=1)
-    c.monitor(1, "flight.stored.state.running", equals=0, starts=2)
+    c.monitor(1, "flight.stored.state.running", bits=0xFFFF, starts=2)
     c.monitor(2, "flight.switch.reference.omega_RN_N", measure="norm", change=True, low=-1e-3, high=1e-3, starts=3)
     sim.run(10 * s)
     c.monitor(5, "flight.motor.command.u[0]", low=-1, high=1)
@@ -266,8 +266,17 @@ def test_a_monitor_names_a_number_of_an_output(served):
             found.number(path, measure)
     with pytest.raises(SetupError, match="flight.monitors has the monitors 0 to 15; found 16"):
         packets.monitor(16, on=False)
-    with pytest.raises(SetupError, match="either equals, or low and high"):
-        packets.monitor(0, "flight.stored.state.running", equals=1, low=0)
+    for both in ({"equals": 1, "low": 0}, {"bits": 1, "equals": 1}, {"bits": 1, "change": True}):
+        with pytest.raises(SetupError, match="either equals, or bits, or low and high"):
+            packets.monitor(0, "flight.stored.state.running", **both)
+    for number, check, says in (
+            ("flight.stored.state.running", {"bits": 1 << 32},
+             "is a u32: expected bits from 1 to 0xffffffff; found 42"),
+            ("flight.stored.state.running", {"bits": 0}, "expected bits from 1 to"),
+            ("flight.stored.state.head.t", {"bits": 1}, "bits are of one whole number of up to 32 bits, not of i64"),
+            ("flight.tracking.error.sigma_BR", {"bits": 1, "measure": "norm"}, "up to 32 bits, not of its norm")):
+        with pytest.raises(SetupError, match=says):
+            packets.monitor(0, number, **check)
     with pytest.raises(SetupError, match="a monitor that is on needs a number"):
         packets.monitor(0, low=0)
 

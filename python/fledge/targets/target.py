@@ -101,7 +101,7 @@ class Target:
         FLEDGE_KEYS."""
         from fledge.targets import flown, loop
 
-        built, record = self.build(part), flown.new_record(part.folder, self.name)
+        built, record = self.build(part), flown.new_record(part.folder, self.name, part=False)
         return self.flown(built, record, loop.join(part, self.command(built, record.name), self.name, address,
                                                    simulation, node, keys))
 

@@ -14,8 +14,7 @@ from fledge.export.run_test import FLIGHT, WORLD
 
 CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
 FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
-REASONS = ("ok length checksum stream unknown version place value rule initial busy not_staged crc absent "
-           "running bytecode failed sequence late inhibited full role").split()
+REASONS = [one.name.lower() for one in commands.Reason]
 HOUSEKEEPING = ("time command_counter command_errors spare mode accepted executed refused", " ".join(REASONS),
                 "request_errors table_updates table_refusals ticks overdue wakeups_ignored io_refused io_corrupt "
                 "io_saturated inputs inputs_refused inputs_missing wakeups_early "

@@ -98,9 +98,8 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
 def flown_by(mission: Mission, files: Sequence[Path | str], outputs: Sequence[str] | str) -> tuple[dict[str, str],
                                                                                                    list[Board]]:
     """The mission's C with its boards', and the boards."""
-    texts: list[tuple[Path | str, str]] = [(Path(file), Path(file).read_text(encoding="utf-8")) for file in files]
-    own = f"{boards_of.board_name(mission)}.toml"
-    boards = boards_of.read(mission, texts or [(own, boards_of.toml(mission, outputs))])
+    own = Path(f"{boards_of.board_name(mission)}.toml")
+    boards = boards_of.read(mission, boards_of.texts_of(files) or [(own, boards_of.toml(mission, outputs))])
     return c_source.emit(mission) | boards_of.emit_board(mission, files, outputs), boards
 
 

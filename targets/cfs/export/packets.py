@@ -77,12 +77,14 @@ STORED: dict[Code, dict[str, int]] = {
     Code.STORE: {"Crc": 2, "List": 2, "Step": 2, "Time": 8, "Command": STORED_MAX},
     Code.DELETE: {"List": 2, "Step": 2}, Code.CONTROL: {"List": 2, "Action": 2, "Crc": 2}, Code.LIST: {"List": 2}}
 
+UNIT: dict[Code, dict[str, int]] = {Code.UNIT: {"Unit": 2, "State": 2, "Even": 2}}
+
 
 def arguments(mission: Mission) -> dict[Code, dict[str, int]]:
     """Name -> bytes of the arguments behind the version, of each command that the mission has."""
     types = {m.type for m in mission.modules}
-    return (ARGUMENTS | (STORED if "StoredCommands" in types else {})
-            | ({Code.EVENTS: {}} if "EventLog" in types else {}))
+    found = ARGUMENTS | (STORED if "StoredCommands" in types else {}) | (UNIT if "FaultProtection" in types else {})
+    return found | ({Code.EVENTS: {}} if "EventLog" in types else {})
 
 
 def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # What the lines of each kind say of their first word, in words.
 LISTED = {"task": "the task", "runs": "in the task", "mode": "the mode", "activates": "in the mode",
+          "follows": "what precedes the mode", "guards": "the condition of the mode",
           "start": "the mode to begin in:", "event": "the event", "looks": "the mode of the event",
           "enters": "what enters the event", "arms": "what arms the event", "disarms": "what disarms the event",
           "sets": "what sets the event", "when": "the condition of the event", "until": "what arms again the event",
@@ -129,6 +130,10 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
     for name, tasks in flight.modes:
         lines["mode"].append(name)
         lines["activates"] += [f"{name} {task}" for task in tasks]
+    for name, guard in flight.guards.items():
+        lines["follows"] += [f"{name} {mode}" for mode in guard.after]
+        lines["guards"] += [f"{name} {part}" for part in parts(
+            guard.condition.steps if guard.condition is not None else [])]
     lines["start"] = [flight.active_mode] if flight.active_mode else []
     for event in flight.events.values():
         lines["event"].append(f"{event.name} {event.hold} {event.count} {int(event.once)} {int(event.starts_armed)}")

@@ -9,6 +9,7 @@ from fledge.targets.micropython.export.check import LISTED, expected, first_diff
 from fledge.export.run_test import FLIGHT, WORLD
 
 MORE = '''
+    f.mode("looks", [], when=f.watch(f.tracking.error).sigma_BR[1] < 0.5, after=["wait"])
     f.event("more", when=f.watch(f.tracking.error).sigma_BR[1] > 0.5, until=f.watch(f.switch).rates.norm() > 1,
             modes=["wait"], arm="off", disarm=["late"], set=[(f.watch(f.switch).rates, [0, 0, 1e-3] * rad / s)])
 '''

@@ -55,7 +55,7 @@ def test_names_are_imported_one_by_one(tmp_path):
 
 
 def test_mission_py_brings_all_that_it_builds():
-    assert names("formation") == [f"formation/{name}.py" for name in ("mission", "chief", "deputy", "truth")]
+    assert names("formation") == [f"formation/{name}.py" for name in ("mission", "chief", "deputy", "roll", "truth")]
 
 
 def test_given_parameters_reach_build(tmp_path):

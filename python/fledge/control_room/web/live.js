@@ -97,7 +97,7 @@ export class Live {
             Object.assign(this, {socket, pause: 500, sent: new Map()});
             this.set("connected");
             this.changed();
-            if (this.once) this.load().then(() => this.emit("again", {}), () => {});     // what happened meanwhile
+            if (this.once) this.again().catch(() => {});
             this.once = true;
         };
         socket.onmessage = ({data}) => (typeof data === "string" ? this.hear(JSON.parse(data)) : this.take(data));
@@ -108,6 +108,13 @@ export class Live {
             setTimeout(() => this.connect(), this.pause);
             this.pause = Math.min(5000, 1.6 * this.pause);
         };
+    }
+
+    /** Ask what happened meanwhile; the server may be another one, with another session. */
+    async again() {
+        if (!(await this.api.begin()).user) return this.api.refused();
+        await this.load();
+        return this.emit("again", {});
     }
 
     set(state) {

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 from registers.location import line_of
@@ -53,7 +54,7 @@ class Program:
     free: bool = _key("flag", False)
     parameters: dict = _key("table", dict)
     target: str | None = _key("text", of="node")        # flies the process, as `fledge fly --on` does
-    board: list[str] = _key("words", list, of="node")   # files of the target's boards
+    board: list[str] = _key("words", list, of="node")   # files of the target's boards, or folders
     command: list[str] | None = _key("words")           # None: a process of a mission, or started by hand
     by_hand: bool = _key("flag", False)
     directory: str = _key("text", ".")                  # on the host if there is one
@@ -62,20 +63,23 @@ class Program:
     launcher: list[str] | None = _key("words", None, True)
     fledge: str | None = _key("text")                   # the folder of Fledge on the host
     keys: str | None = _key("text")
-    on_loss: str = _key("choice", "abort", POLICIES, of="node")
-    restarts: int = _key("integer", 0, 0, 1_000_000, of="node")
+    on_loss: str = _key("choice", "abort", POLICIES)    # "abort" of an asynchronous program: the run goes on without it
+    restarts: int = _key("integer", 0, 0, 1_000_000)
     joins: float | str | None = _key("joins", of="node")        # [s] simulated; None: at the start
+    killed: float | None = _key("seconds", of="node")   # [s] simulated, after which its program is killed
     rejoins: bool = _key("flag", False, of="node")
     save_every: float = _key("seconds", 0.0, of="node")         # [s] simulated
     reply: float | None = _key("seconds", of="node")            # [s]; None: as the others
     prefix: str = _key("prefix", "", of="node")                 # its topics begin with it in the run
     topics: dict[str, str] = _key("topic_map", dict, of="node")     # its name of a topic -> that of the run
     writes: list[str] = _key("topics", list, of="asynchronous")
-    link: str | None = _key("text", of="asynchronous")          # carries the packets of a flight process there
+    link: str | None = _key("text", of="asynchronous")          # carries the packets of a flight process there,
+    radio: str | None = _key("text", of="asynchronous")         # by this radio of the world
     steers: bool = _key("flag", False, of="asynchronous")       # it may pause the run and change its pace
     serve: str | None = _key("text", of="asynchronous")         # the file of a control room's server
-    sees: list[str] = field(default_factory=list)               # flight processes whose packets it carries
+    sees: list[str] = field(default_factory=list)               # the topics of packets that it carries
     asynchronous: bool = False
+    flies: bool = False     # a flight process of a mission
 
     def named(self, topic: str) -> str:
         """What the run calls a topic of it."""
@@ -88,6 +92,9 @@ class Plan:
     simulation: str = _key("simulation_name")
     until: float | None = _key("seconds")               # [s]
     programs: list[Program] = field(default_factory=list)
+    mission: str | None = _key("text")                  # whose processes are nodes
+    scenario: str | None = _key("text")
+    parameters: dict = _key("table", dict)
     seed: int = _key("integer", 0, 0, 2**63 - 1)
     pace: float = _key("seconds", 0.0, "simulated seconds per second")      # 0: as fast as possible
     transport: str = _key("choice", "ipc", TRANSPORTS)
@@ -97,11 +104,18 @@ class Plan:
     any_user: bool = _key("flag", False)                # programs of other users of this machine
     record: bool = _key("flag", True)                   # of each process of a mission
     exchange: bool = _key("flag", False)                # record every message between nodes
+    keep_every: float = _key("seconds", 0.0)            # [s] simulated, between snapshots of all nodes; 0: none
     watch: list[str] = _key("topics", list)             # topics to write although no node subscribes to them
     join: float = _key("seconds", 60.0)                 # [s]
     greet: float = _key("seconds", 30.0)                # [s]
     reply: float = _key("seconds", 60.0)                # [s]
     file: str = ""
+    report: bool = False                                # flight records all outputs, for the scenario's checks
+
+    @property
+    def recorded(self) -> bool:
+        """Whether there is a record of all messages between nodes."""
+        return self.exchange or self.report or self.keep_every > 0
 
     @property
     def nodes(self) -> list[Program]:
@@ -143,8 +157,9 @@ def own_address(host: str) -> str:
     return f"[{own}]" if family == socket.AF_INET6 else own
 
 
-def read(path: Path, targets: Mapping[str, Any] | None = None) -> Plan:
-    """The simulation of a file. targets: those that may fly its processes. Raises SimError with all mistakes."""
+def read(path: Path, targets: Mapping[str, Any] | None = None, scenario: str | None = None) -> Plan:
+    """The simulation of a file. targets: those that may fly its processes; scenario: instead of the file's, of its
+    `mission`. Raises SimError with all mistakes."""
     try:
         data, lines = parse(text_of(path), path)
     except TomlError as error:
@@ -155,7 +170,7 @@ def read(path: Path, targets: Mapping[str, Any] | None = None) -> Plan:
             reader.refuse(place, "no text holds the character U+0000", f"it is {shown(text)}", "leave it out")
     if reader.problems:
         raise SimError(reader.complaints())
-    plan = reader.plan(data)
+    plan = reader.plan({**data, "scenario": scenario} if scenario else data)
     if reader.problems:
         raise SimError(reader.complaints())
     return plan
@@ -187,9 +202,11 @@ class _Reader(Tables):
     def plan(self, data: dict) -> Plan:
         plan = Plan(self.stem, file=self.file)
         self.fill(plan, data, (), "", ("node", "asynchronous"))
-        plan.programs = [self.program(table, (kind, i), kind) for kind in ("node", "asynchronous")
-                         for i, table in enumerate(self.tables(data, (), kind))]
-        plan.watch += sorted({f"/{name}/telemetry" for p in plan.programs for name in p.sees} - {*plan.watch})
+        tables = {kind: self.tables(data, (), kind) for kind in ("node", "asynchronous")}
+        order = self.of_mission(plan, tables["node"])
+        plan.programs = [self.program(table, (kind, i), kind) for kind in tables for i, table in
+                         enumerate(tables[kind])]
+        plan.watch += sorted({topic for p in plan.programs for topic in p.sees} - {*plan.watch})
         if not plan.nodes and not self.problems:
             self.refuse((), "a simulation has nodes", "there is none", "write [[node]] with a name and a command, "
                         "or a mission")
@@ -197,12 +214,48 @@ class _Reader(Tables):
             if isinstance(p.joins, float) and plan.until is not None and p.joins >= plan.until:
                 self.refuse((*path, "joins"), "a node joins before the end", f"{p.name} joins at {p.joins:g} s, "
                             f"the run ends at {plan.until:g} s", "choose an earlier time")
+            if p.killed is not None and (p.by_hand or p.killed <= (p.joins if isinstance(p.joins, float) else -1.0)
+                                         or plan.until is not None and p.killed >= plan.until):
+                self.refuse((*path, "killed"), "`killed` is a time at which a program that `fledge up` starts takes "
+                            "part", f"{p.name} is to be killed at {p.killed:g} s" +
+                            ", but is started by hand" * p.by_hand,
+                            "choose a time after it joins and before the end")
         if plan.nodes and all(p.joins is not None for p in plan.nodes):
             self.refuse(("node", 0, "joins"), "some node is there at the start", "all join later",
                         "leave `joins` out of one")
         self.writers(plan)
         self.network(plan)
+        plan.programs.sort(key=lambda p: order.index(p.process) if p.process in order else len(order))
         return plan
+
+    def of_mission(self, plan: Plan, nodes: list[dict]) -> list[str]:
+        """Let the processes of the file's `mission` be nodes: each table of one gets the mission, and those without a
+        table get one. Returns the names of the processes in their order."""
+        for key in ("scenario", "parameters"):
+            if getattr(plan, key) and not plan.mission:
+                self.refuse((key,), f"`{key}` is of a `mission`", "there is none", "write mission = \"NAME\"")
+        if not plan.mission:
+            return []
+        from fledge.errors import SetupError
+
+        name = str(self.folder / plan.mission) if os.sep in plan.mission else plan.mission
+        try:
+            sim, duration = processes_of(name, plan.scenario, plan.parameters)
+        except (SetupError, TypeError) as error:
+            self.refuse(("mission",), "the mission can be loaded", str(error), "see ./fledge list")
+            nodes.clear()
+            return []
+        plan.until = duration if plan.until is None else plan.until
+        own = {"mission": plan.mission, "parameters": plan.parameters} | (
+            {"scenario": plan.scenario} if plan.scenario else {})
+        for table in nodes:
+            if not any(key in table for key in ("mission", "command", "by_hand")):
+                table |= {key: value for key, value in own.items() if key not in table}
+        order = [p.name for p in sim.processes if p.tasks]
+        given = [table.get("process", table.get("name")) for table in nodes
+                 if table.get("mission") in (None, plan.mission)]    # a program of its name stands in for a process
+        nodes += [{**own, "process": process} for process in order if process not in given]
+        return order
 
     def writers(self, plan: Plan) -> None:
         """Refuse a map that gives a topic two writers, as far as the missions tell."""
@@ -294,6 +347,9 @@ class _Reader(Tables):
                             "it is relative to the file's")
                 p.command = None
         self.start(table, path, p)
+        if p.asynchronous and table.get("on_loss", "restart") != "restart":
+            self.refuse((*path, "on_loss"), "no node waits for an asynchronous program", f"{p.name} has "
+                        f"{shown(p.on_loss)}", 'write on_loss = "restart", or leave it out: the run goes on without it')
         if p.on_loss == "restart":
             p.restarts = p.restarts if "restarts" in table else 3
             if p.by_hand:
@@ -316,6 +372,8 @@ class _Reader(Tables):
         if p.asynchronous and p.mission:
             self.refuse((*path, "mission"), "a mission's processes are nodes", f"{p.name} is asynchronous",
                         "write [[node]]")
+        if p.radio and not p.link:
+            self.refuse((*path, "radio"), "`radio` is of a `link`", f"{p.name} has none", "leave it out")
         for key in _OF_MISSION:
             if key in table and not p.mission and not (p.link and key == "process"):
                 self.refuse((*path, key), f"`{key}` is of a `mission`", f"{p.name} has none", "leave it out")
@@ -348,7 +406,7 @@ class _Reader(Tables):
             self.refuse((*path, "link"), "a link is of a flight process", f"{p.name} names none",
                         'write process = "flight"')
         else:
-            self.carries(table, p, [p.process])
+            self.carries(table, p, [(p.process, p.radio)])
 
     def serve(self, table: dict, path: tuple, p: Program, file: Path) -> None:
         """The server of a control room (docs/control-room.md), whose spacecraft have the links cosim:PROCESS."""
@@ -359,19 +417,22 @@ class _Reader(Tables):
             self.refuse((*path, "serve"), "`serve` is the file of a control room", str(error),
                         "it is relative to this file's folder")
             return
-        links = [str(one.get("link", "")) for one in crafts if isinstance(one, dict)]
-        found = [one.removeprefix("cosim:").partition("?")[0] for one in links if one.startswith("cosim:")]
+        links = [urlsplit(str(one.get("link", ""))) for one in crafts if isinstance(one, dict)]
+        found = [(one.path, dict(parse_qsl(one.query)).get("radio")) for one in links if one.scheme == "cosim"]
         if not found:
             self.refuse((*path, "serve"), "a control room in a co-simulation has a spacecraft there",
                         f"none in {file} has a link cosim:PROCESS", 'write link = "cosim:flight" in its [[craft]]')
         self.carries(table, p, found)
 
     @staticmethod
-    def carries(table: dict, p: Program, processes: list[str]) -> None:
-        """The packets of these processes; without `writes` their commands, too."""
-        p.sees = processes
+    def carries(table: dict, p: Program, links: list[tuple[str, str | None]]) -> None:
+        """The packets of these processes, by a radio or without; without `writes` their commands, too."""
+        from fledge.ground.member import topics_of
+
+        topics = [topics_of(process, radio) for process, radio in links]
+        p.sees = [down for _, down in topics]
         if "writes" not in table:
-            p.writes = [f"/{name}/commands" for name in processes]
+            p.writes = [up for up, _ in topics]
 
     def executable(self, path: tuple, p: Program, command: list[str]) -> None:
         if p.launcher and not shutil.which(p.launcher[0]):
@@ -412,9 +473,9 @@ class _Reader(Tables):
                         f"{table['mission']} has no `{process}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
             return
-        writes, reads, flies = processes[process]
+        writes, reads, p.flies = processes[process]
         if p.target or p.board:
-            self.target(path, p, flies)
+            self.target(path, p)
             writes, reads = [*writes, f"/{process}/telemetry"], [*reads, f"/{process}/commands"]
         self.written[p.name] = writes
         known = [*writes, *reads]
@@ -431,7 +492,7 @@ class _Reader(Tables):
                             f"{p.named(topic)}", "choose another name")
                 break
 
-    def target(self, path: tuple, p: Program, flies: bool) -> None:
+    def target(self, path: tuple, p: Program) -> None:
         names = [name for name in self.targets if name != "desktop"]
         p.board = [str(self.folder / file) for file in p.board]
         if not p.target:
@@ -441,15 +502,15 @@ class _Reader(Tables):
             self.refuse((*path, "target"), "the target is one of Fledge or of this project",
                         f"there is no `{p.target}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(names)}")
-        elif not flies:
+        elif not p.flies:
             self.refuse((*path, "target"), "a target flies a flight process", f"{p.process} is none", "leave it out")
         elif missing := self.targets[p.target].missing():
             self.refuse((*path, "target"), "the target is installed", f"{p.target} needs {', '.join(missing)}",
                         f"./fledge setup --on {p.target}")
         for file in p.board:
-            if not Path(file).is_file():
-                self.refuse((*path, "board"), "the files of boards are there", f"there is no {file}",
-                            "it is relative to the file's folder")
+            if not Path(file).is_file() and not [*Path(file).glob("*.toml")]:
+                self.refuse((*path, "board"), "the files of boards are there, or folders with files *.toml",
+                            f"there is no {file}", "it is relative to the file's folder")
 
     # ---- values
 
@@ -544,6 +605,17 @@ class _Reader(Tables):
                             f"{name} is {shown(value)}", 'write for example env = { LEVEL = "2" }')
                 return None
         return env
+
+
+def processes_of(mission: str, scenario: str | None, parameters: dict) -> tuple[Any, float | None]:
+    """(the loaded mission, the duration of the scenario's first run [s]), of a mission without a scenario None. Raises
+    SetupError."""
+    from fledge.mission import load
+    from fledge.mission.scenario import chosen, set_up
+
+    sim = load(mission, **parameters)
+    assert sim.mission      # load() gives one
+    return sim, set_up(sim, chosen(sim, scenario)[1]) if scenario or sim.mission.scenarios else None
 
 
 def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list[str], bool]]:

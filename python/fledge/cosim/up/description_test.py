@@ -8,6 +8,7 @@ import pytest
 
 from fledge.cosim import keys
 from fledge.cosim.up.description import SimError, busy, read
+from fledge.targets import TARGETS
 
 GOOD = """
 simulation = "duo"
@@ -76,6 +77,33 @@ def test_what_is_not_said_has_a_default(folder):
     assert (plan.simulation, plan.until, plan.seed, plan.pace, plan.join, plan.reply) == ("sim", None, 0, 0, 60, 60)
     assert (plan.greet, plan.any_user) == (30, False)
     assert plan.programs[0].restarts == 3
+
+
+def test_a_mission_whose_processes_are_nodes(folder):
+    plan = read(write(folder, """
+mission = "formation"
+scenario = "sensed"
+parameters = { deputies = 2 }
+[[node]]
+process = "deputy2"
+on_loss = "drop"
+killed = 30
+[[node]]
+name = "chief"
+by_hand = true
+[[node]]
+name = "mass"
+command = ["python3", "mass.py"]
+"""))
+    assert [p.name for p in plan.programs] == [
+        "chief_world", "deputy1_world", "deputy2_world", "chief_guidance", "deputy1", "deputy2", "chief", "mass"]
+    assert plan.until == 6600 and plan.programs[5].killed == 30 and plan.programs[5].on_loss == "drop"
+    assert {(p.mission, p.scenario, p.parameters["deputies"])
+            for p in plan.programs[:6]} == {("formation", "sensed", 2)}
+    assert [p.name for p in plan.programs if p.flies] == ["chief_guidance", "deputy1", "deputy2"]
+    assert plan.programs[6].mission is None
+    plan = read(write(folder, 'mission = "formation"\nuntil = 7'), scenario="sensed")
+    assert plan.until == 7 and {p.scenario for p in plan.programs} == {"sensed"}
 
 
 NADIR = """
@@ -180,6 +208,8 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
     (NODE + "restarts = 2", 4, '`restarts` is of on_loss = "restart"; mass has "abort"; leave it out, or write '
      'on_loss = '
      '"restart"'),
+    (NODE + '[[asynchronous]]\nname = "viewer"\ncommand = ["sh"]\non_loss = "hold"', 7, "no node waits for an "
+     'asynchronous program; viewer has "hold"; write on_loss = "restart", or leave it out: the run goes on without it'),
     (NODE + 'process = "world"', 4, "`process` is of a `mission`; mass has none; leave it out"),
     (NODE + "joins = 1.5", 4, "some node is there at the start; all join later; leave `joins` out of one"),
     ("until = 5\n" + NODE + NODE.replace("mass", "late", 1) + "joins = 5", 8, "a node joins before the end; "
@@ -212,6 +242,20 @@ NODE = '[[node]]\nname = "mass"\ncommand = ["python3", "mass.py"]\n'
     (NODE + 'writes = ["/mass/state"]', 4, "only known keys count; there is `writes`; choose name, mission"),
     ('watch = "/mass/state"\n' + NODE, 1, '`watch` is a list of topics; it is "/mass/state"; write for example '
      '["/ground/command"]'),
+    ('mission = "formatoin"', 1, "the mission can be loaded; there is no mission 'formatoin'"),
+    ('mission = "formation"\nscenario = "seen"', 1, "the mission can be loaded; the mission formation has no scenario "
+     "'seen'"),
+    ('parameters = { deputies = 2 }\n' + NODE, 1, "`parameters` is of a `mission`; there is none; write mission = "
+     '"NAME"'),
+    ('mission = "formation"\n[[node]]\nprocess = "deputi"', 3, "the process is one of the mission's; formation has no "
+     "`deputi`; did you mean `deputy`?"),
+    ("until = 5\n" + NODE + "killed = 5", 5,
+     "`killed` is a time at which a program that `fledge up` starts takes part; "
+     "mass is to be killed at 5 s; choose a time after it joins and before the end"),
+    ('[[node]]\nname = "a"\nby_hand = true\nkilled = 5', 4, "`killed` is a time at which a program that `fledge up` "
+     "starts takes part; a is to be killed at 5 s, but is started by hand; choose"),
+    (NODE + NODE.replace("mass", "late", 1) + "joins = 5\nkilled = 4", 8, "`killed` is a time at which a program that "
+     "`fledge up` starts takes part; late is to be killed at 4 s; choose"),
     ('node = 3', 1, "`node` is an array of tables; it is 3; write [[node]]"),
 ])
 def test_mistakes_are_reported_with_their_line(folder, text, line, complaint):
@@ -313,3 +357,18 @@ def test_the_server_of_a_control_room_commands_the_processes_of_its_file(tmp_pat
         (tmp_path / "sim.toml").write_text(text.format(file))
         with pytest.raises(SimError, match=why):
             read(tmp_path / "sim.toml")
+
+
+def test_boards_of_a_target_are_files_or_folders_of_them(folder):
+    text = ('until = 1\n[[node]]\nmission = "nadir_spin"\nprocess = "world"\n[[node]]\nmission = "nadir_spin"\n'
+            'process = "flight"\ntarget = "linux"\nboard = ["boards", "own.toml"]\n')
+    (folder / "boards").mkdir()
+    where = "is relative to the file's folder"
+    rule = "the files of boards are there, or folders with files *.toml; there is no FOLDER/"
+    with pytest.raises(SimError) as error:
+        read(write(folder, text), TARGETS)
+    assert str(error.value).replace(str(folder), "FOLDER").splitlines() == [
+        f"FOLDER/sim.toml:9: {rule}{name}; it {where}" for name in ("boards", "own.toml")]
+    for name in ("boards/a.toml", "own.toml"):
+        (folder / name).write_text("")
+    assert read(write(folder, text), TARGETS).nodes[1].board == [str(folder / "boards"), str(folder / "own.toml")]

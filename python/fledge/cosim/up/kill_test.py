@@ -17,7 +17,7 @@ import time
 
 import pytest
 
-from fledge.cosim.up.testing import BUILT, Mark, sockets_and_memory, write_pair
+from fledge.cosim.up.testing import BUILT, mark, sockets_and_memory, write_pair
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
                                 reason="the controller is not built")
@@ -32,15 +32,6 @@ VICTIMS = {     # by what stands in the command line
     "mass": r"\S+ mass\.py$", "spring": r"\S+ spring\.py$", "guard": r"\S*fledge_guard -- \S+ mass\.py$",
     "child": r"sh -c trap|sleep 600"}
 PHASES = ("starting", "gathering", "running", "ending")
-
-
-@pytest.fixture
-def mark():
-    one = Mark()
-    yield one
-    left = one.gone()
-    one.kill()
-    assert not left
 
 
 def wait_for(what, seconds=30):

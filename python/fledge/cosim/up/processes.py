@@ -60,7 +60,7 @@ class Process:
         return self.code is not None
 
     def end(self) -> None:
-        """Make the guard end it: with SIGTERM, a second later with SIGKILL. Does not wait; see look()."""
+        """Make the guard end it: with SIGTERM, five seconds later with SIGKILL. Does not wait; see look()."""
         if not self._lifeline.closed:
             self._lifeline.close()
 

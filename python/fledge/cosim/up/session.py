@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import math
 import os
 import re
 import resource
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fledge.cosim.steering import STATE
+from fledge.cosim.up import rewind
 from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
@@ -49,6 +51,7 @@ class Outcome:
     progress: Progress
     failed: list[tuple[str, str]] = field(default_factory=list)
     signal: int | None = None
+    rewind: float | None = None     # [s] a program that steers wants the run to go on from there
 
 
 @dataclass
@@ -60,6 +63,8 @@ class _Running:
     state: str = "absent"       # as the controller sees it
     lost_at: float | None = None
     failed: bool = False        # its node has reported its own failure
+    killed: bool = False        # as the file says
+    missed: bool = False        # and the controller has noticed it
     ending: bool = False        # the session has asked it to end
     dead: str = ""              # how its last process ended; "" while it lives
     died: tuple[int, float] = (0, 0.0)  # the number of reports of the controller by then, and the time
@@ -69,10 +74,11 @@ class _Running:
 
 
 class Session:
-    """folder: for logs and records; view: shows the progress; built: the folder of the controller and the guard."""
+    """folder: for logs and records; view: shows the progress; built: the folder of the controller and the guard;
+    past: of the run from which this one goes on."""
 
-    def __init__(self, plan: Plan, folder: Path, view: Lines, built: Path):
-        self.plan, self.folder, self.view = plan, folder, view
+    def __init__(self, plan: Plan, folder: Path, view: Lines, built: Path, past: rewind.Past | None = None):
+        self.plan, self.folder, self.view, self.past = plan, folder, view, past
         self._controller_program, self._guard = str(built / "fledge_controller"), str(built / "fledge_guard")
         self._running = {p.name: _Running(p) for p in plan.programs}
         self.progress = Progress(plan.simulation, plan.until or 0.0, rows=[
@@ -85,6 +91,9 @@ class Session:
         self._signals = 0
         self._signal: int | None = None
         self._failed: dict[str, str] = {}
+        self._rewind: float | None = None
+        self._refused = ""
+        self._kills = sorted({p.killed for p in plan.nodes if p.killed is not None})    # [s] that are to come
 
     # ---- the run
 
@@ -98,8 +107,13 @@ class Session:
             except OSError:
                 raise StartError(f"{self.folder} is in use by another run; end that, or give another folder by --out") \
                     from None
-            for old in self.records() + self.remains():
+            for old in [*self.records(), *self.remains(), *(self.folder / rewind.FOLDER).glob("*.snapshots*"),
+                        *self.folder.glob(rewind.NOTE)]:
                 old.unlink()
+            if self.plan.recorded:
+                rewind.note(self.plan, self.folder, self.past)
+            if self.past:
+                self.past.take_records(self.folder)
             self.logs = Logs(self.folder / "log", max(len(name) for name in [*self._running, "controller"]))
             adopt_strays()
             make_room(len(self._running))
@@ -113,8 +127,8 @@ class Session:
         self._ours.setblocking(False)
         try:
             with theirs:
-                self._controller = self._start("controller", self._controller_command(theirs.fileno()),
-                                               pass_fds=(theirs.fileno(),))
+                handed = [theirs.fileno(), *([self.past.file.fileno()] if self.past else [])]
+                self._controller = self._start("controller", self._controller_command(*handed), pass_fds=handed)
             while not self._over():
                 self._look()
             self.progress.phase = "ended"
@@ -124,7 +138,8 @@ class Session:
             self.logs.close()
             self._ours.close()
         self._find_failed()
-        return Outcome(self._ended or "", self.progress, list(self._failed.items()), self._signal)
+        return Outcome(self._ended or "", self.progress, list(self._failed.items()), self._signal,
+                       self._rewind if not self._signals else None)
 
     def _look(self) -> None:
         """Read the reports of the controller and the logs, look after the programs, and show the progress."""
@@ -208,7 +223,7 @@ class Session:
             self.stop("the user ended it")
 
     def _steered(self, r: _Running) -> None:
-        """Pass on what a program that steers the run asks for: pause, go, until SECONDS, pace X."""
+        """Do what a program that steers the run asks for: pause, go, until SECONDS, pace X, rewind SECONDS."""
         if r.steering is None:
             return
         try:
@@ -220,19 +235,63 @@ class Session:
         if not line:
             r.steering.close()
             r.steering = None
-        elif re.fullmatch(rb"pause|go|(until|pace) [0-9.e+-]+", line):
+        elif re.fullmatch(rb"pause|pace [0-9.e+-]+", line):
             self._ours.send(line + b"\n")
+        elif go := re.fullmatch(rb"go|until ([0-9.e+-]+)", line):
+            self._go(float(go[1]) if go[1] else None)
+        elif back := re.fullmatch(rb"rewind ([0-9.e+-]+)", line):
+            self._go_back(r.program.name, float(back[1]))
+
+    def _go(self, until: float | None = None) -> None:
+        """Let the run go on, to a time [s], and no further than to where a program is to be killed."""
+        stops = [t for t in (until, *self._kills[:1]) if t is not None]
+        self._ours.send(f"until {min(stops)!r}\n".encode() if stops else b"go\n")
+
+    def _kill(self, report: dict) -> None:
+        """Where all nodes have reached the time, and none is further, kill the programs that are to be lost there. The
+        run goes on when the controller has noticed."""
+        if not (self._kills and report.get("paused") and math.isclose(report.get("until", -1), self._kills[0],
+                                                                      rel_tol=1e-8)):
+            return
+        due = [r for r in self._running.values() if r.program.killed == self._kills[0]]
+        for r in due:
+            if r.process and not r.killed:
+                self.view.happens(f"  {r.program.name} is killed at {self._kills[0]:g} s, as the file says")
+                r.killed = r.ending = True
+                os.kill(r.process.pid, signal.SIGKILL)
+        if all(r.missed or r.state not in ("running", "joining", "greeted") for r in due):
+            self._kills.pop(0)
+            self._go()
+
+    def _go_back(self, name: str, t: float) -> None:
+        if not self.plan.recorded:
+            why = "the file has no keep_every"
+        elif not 0 <= t <= self.progress.t:
+            why = f"the run is at {self.progress.t:g} s"
+        else:   # else the run would end, and no other one begin
+            others = rewind.changed_since(self.plan, rewind.noted(self.folder)[1])
+            why = ", and ".join(f"{one} has changed since the run began" for one in others)
+        if why:
+            self._refused = f"it does not go back to {t:g} s: {why}"
+            self.view.happens(f"  {name} asks for the instant {t:g} s, but {why}")
+        elif self._asked_at is None:
+            self._rewind = t
+            self.stop(f"{name} lets it go back to {t:g} s")
 
     # ---- programs
 
-    def _controller_command(self, status: int) -> list[str]:
+    def _controller_command(self, status: int, past: int | None = None) -> list[str]:
         plan = self.plan
         command = [self._controller_program, "--simulation", plan.simulation, "--until", repr(plan.until),
                    "--seed", str(plan.seed), "--address", plan.listening(), "--join", repr(plan.join),
                    "--greet", repr(plan.greet), "--reply", repr(plan.reply), "--status", str(status)]
         command += (["--pace", repr(plan.pace)] if plan.pace else [])
-        command += ["--steered"] * any(p.steers for p in plan.programs)
-        command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.exchange
+        command += ["--steered"] * any(p.steers or p.killed is not None for p in plan.programs)
+        command += ["--record", str(self.folder.resolve() / "exchange.mcap")] * plan.recorded
+        if plan.keep_every:
+            command += ["--snapshots", str(self.folder.resolve() / rewind.FOLDER), "--keep-every",
+                        repr(plan.keep_every)]
+        command += ["--past", f"/dev/fd/{past}"] * (past is not None)
         if plan.keys:
             command += ["--keys", plan.keys]
         elif plan.beyond and plan.unencrypted:
@@ -294,7 +353,7 @@ class Session:
             places = "{(" + "|".join(values) + ")}"
             return [re.sub(places, lambda found: values[str(found[1])], word) for word in p.command]
         if p.link:
-            return [*fledge, "link", str(p.process), p.link]
+            return [*fledge, "link", str(p.process), p.link, *(["--radio", p.radio] if p.radio else [])]
         if p.serve:
             return [*fledge, "ground", "serve", p.serve]
         record = f"runs/{self.plan.simulation}" if p.host else folder
@@ -305,7 +364,8 @@ class Session:
             return [*fledge, "fly", str(p.mission), *filter(None, [p.scenario]), "--on", f"{p.process}={p.target}",
                     *given, *boards, "--out", f"{record}/{p.name}", "--join", self._address]
         return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name, *given,
-                *["--record", record] * self.plan.record]
+                *(["--outputs", f"{record}/{p.name}.mcap"] if self.plan.report and p.flies else
+                  ["--record", record] * self.plan.record)]
 
     def _by_hand(self, r: _Running) -> str:
         """The variables for a program that the user starts, as a shell takes them."""
@@ -340,6 +400,8 @@ class Session:
     def _handle(self, report: dict) -> None:
         if "listening" in report:
             self._address = report["listening"]
+            if self._kills:
+                self._go()
             if not self._signals:
                 for r in self._running.values():
                     if r.program.by_hand:
@@ -350,6 +412,7 @@ class Session:
             self.view.happens("  " + report["report"])
             for name, r in self._running.items():
                 r.failed |= report["report"].startswith(f"{name}: it failed: ")
+                r.missed |= r.killed and report["report"].startswith(f"{name}: ")
         if "phase" in report:
             self.progress.phase = report["phase"]
         if "nodes" in report:
@@ -358,7 +421,10 @@ class Session:
             for r in self._running.values():
                 if r.steering:      # a slow reader skips states
                     with contextlib.suppress(OSError):
-                        r.steering.send(json.dumps({key: report.get(key) for key in STATE}).encode())
+                        r.steering.send(json.dumps(
+                            {key: report.get(key) for key in STATE} | {
+                                "rewinds": self.plan.recorded, "past": self.past.t if self.past else 0.0,
+                                "refused": self._refused}).encode())
             self.progress.overruns, self.progress.worst = report.get("overruns"), report.get("worst", 0.0)
             rows = {row.name: row for row in self.progress.rows}
             for node in report["nodes"]:
@@ -368,6 +434,7 @@ class Session:
                 if node["state"] == "lost" and r.state != "lost":
                     r.lost_at = time.monotonic()
                 r.state = node["state"]
+            self._kill(report)
             self.progress.wall = max(row.compute + row.transport + row.wait + row.asked for row in rows.values())
         if "ended" in report:
             self._ended = report["ended"]
@@ -406,11 +473,11 @@ class Session:
         """A program has ended during the run."""
         p, name = r.program, r.program.name
         r.handled = True
-        if p.asynchronous:
+        if p.asynchronous and (p.on_loss != "restart" or r.started > p.restarts or not (r.process and r.process.code)):
             if r.process and r.process.code:
-                self.view.happens(f"  {name}, an asynchronous program, {r.dead}")
+                self.view.happens(f"  {name}, an asynchronous program, {r.dead}; the run goes on without it")
             return
-        if r.state in ("absent", "joining") and p.on_loss != "restart":
+        if r.state in ("absent", "greeted", "joining") and p.on_loss != "restart":
             self._failed[name] = r.dead
             if p.joins == WHEN_IT_COMES:
                 self.view.happens(f"  {name} {r.dead} before it took part")

@@ -10,20 +10,10 @@ import time
 
 import pytest
 
-from fledge.cosim.up.testing import BUILT, Mark, up, write_pair
+from fledge.cosim.up.testing import BUILT, mark, up, write_pair
 
 pytestmark = pytest.mark.skipif(not (BUILT / "fledge_guard").exists() or not (BUILT / "fledge_controller").exists(),
                                 reason="the controller is not built")
-
-
-@pytest.fixture
-def mark():
-    """All that a test starts has ended when it has."""
-    one = Mark()
-    yield one
-    left = one.gone()
-    one.kill()
-    assert not left
 
 
 def logs(folder, name="pair"):
@@ -282,6 +272,9 @@ def test_one_that_joins_later_sees_what_it_would_have_seen(mark, tmp_path):
     assert done.returncode == 0, done.stderr
     assert [line.split()[1] for line in whole] == ["0", "1", "2", "3", "4", "5"]
     assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
+    done = up(with_eye(tmp_path / "late", "joins = 2", until=5, top="pace = 20"), mark=mark)    # nobody waits for it
+    assert done.returncode == 0, done.stderr
+    assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
 
 
 def test_a_late_one_that_fails_ends_the_run_at_once(mark, tmp_path):
@@ -494,3 +487,47 @@ steers = true
     done = up(write_pair(tmp_path), "--exchange", mark=mark)
     runs = tmp_path / "runs"
     assert compare(Archive(runs / "paced/exchange.mcap"), Archive(runs / "pair/exchange.mcap")) == []
+
+
+HAND = """
+import time
+from fledge.cosim.steering import Steering
+
+hand = Steering.of_run()
+hand.until(0.5)
+while not hand.state.get("paused"):
+    time.sleep(0.01)
+hand.go()
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("policy", ["hold", "drop", "restart"])
+def test_one_that_is_killed_at_a_time_is_lost_there(mark, tmp_path, policy):
+    """Whatever the speed of the programs, and whoever lets the run go on."""
+    import numpy as np
+    from fledge.archive import Archive
+    from fledge.archive.compare import compare
+
+    (tmp_path / "hand.py").write_text(HAND)
+    file = write_pair(tmp_path, spring=f'killed = 1\non_loss = "{policy}"', mass="env = { NAP = \"0.001\" }")
+    hand = f'[[asynchronous]]\nname = "hand"\ncommand = ["{sys.executable}", "hand.py"]\nsteers = true\n'
+    file.write_text(file.read_text() + hand)
+    done = up(file, "--exchange", mark=mark)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "spring is killed at 1 s, as the file says" in done.stdout
+    first = tmp_path / "runs/first"
+    (tmp_path / "runs/pair").rename(first)
+    file = write_pair(tmp_path, spring="" if policy == "restart" else f'killed = 1\non_loss = "{policy}"')
+    done = up(file, "--exchange", mark=mark)
+    assert done.returncode == 0, done.stdout + done.stderr
+    one, again = (Archive(folder / "exchange.mcap") for folder in (first, tmp_path / "runs/pair"))
+    assert compare(one, again) == []
+    x = one["/mass/state"]["x"][:, 0]
+    assert len(x) == 201
+    steps = np.diff(x, 2) / 1e-4        # the force at each instant
+    if policy == "restart":
+        assert np.ptp(steps[110:]) > 0.01
+    else:       # the last one counts on, or none
+        assert steps[105:] == pytest.approx(-x[100] if policy == "hold" else 0.0, abs=1e-9)
+        assert abs(steps[90]) > 0.1 and one.time("/spring/force")[-1] == (1 if policy == "hold" else 1.01)

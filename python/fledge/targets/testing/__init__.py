@@ -132,8 +132,14 @@ class Draft:
                 f"offset={dice.choice([0, 0, 0, 5, 10, 35]) * MS}, priority={dice.randint(0, 2)}, "
                 f"run=[{', '.join(f'{process}.{name}' for name in run)}])")
         self.modes[process] = [f"mode{k}" for k in range(dice.randint(1, 3))] if dice.random() < 0.6 else []
+        ports = [f"{name}.kinds" for p, name, type in self.instances if p == process and type == "Noise"]
         for mode in self.modes[process]:
-            self.lines.append(f'{process}.mode("{mode}", {dice.sample(tasks, dice.randint(0, len(tasks)))!r})')
+            given = [repr(dice.sample(tasks, dice.randint(0, len(tasks))))]
+            if dice.random() < 0.3:
+                given.append(f"when={self.condition(process, ports)}")
+            if dice.random() < 0.2:
+                given.append(f"after={dice.sample(self.modes[process], 1)!r}")
+            self.lines.append(f'{process}.mode("{mode}", {", ".join(given)})')
 
     def connect(self) -> None:
         """Wire each input to an output of its type anywhere; optional ones often."""

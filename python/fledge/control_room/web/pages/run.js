@@ -33,10 +33,20 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         {disabled: !may, onclick: () => post({action: run?.state === "running" ? "pause" : "go"}), title: "space"});
     const step = h("button",
         {disabled: !may, onclick: () => post({action: "step", seconds: Number(seconds.value)}), title: "s"}, "Step");
+    const instant = h("input",
+        {type: "number", min: 0, step: "any", "aria-label": "instant to go back to", style: "width: 8em"});
+    const back = h("button", {
+        disabled: !may,
+        title: "ends this run; another one goes on from that instant",
+        onclick: () => instant.value && post({action: "rewind", seconds: Number(instant.value)})
+    },
+        "Back to");
+    const past = h("div", {class: "row", hidden: true}, back, instant, h("span", {class: "soft"}, "s of the run"));
     const control = h("section", {class: "panel", "aria-label": "run control"}, h("h3", {}, "Run"),
         h("div", {class: "row"}, state, t, real),
         h("div", {class: "row"}, pause, step, seconds, h("span", {class: "soft"}, "s"), h("span", {class: "grow"}),
-            h("span", {class: "soft"}, "speed"), speed));
+            h("span", {class: "soft"}, "speed"), speed),
+        past);
     const search = h("input", {
         type: "search",
         placeholder: "Search what may be changed",
@@ -81,6 +91,7 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             [run.real_speed ? `${Number(run.real_speed).toPrecision(3)} \u00d7` : "", run.text].filter(Boolean).join(
                 ", "));
         put(pause, run.state === "running" ? "Pause" : "Go");
+        past.hidden = !run.rewinds;
         pause.disabled = step.disabled = !may || run.state === "ended";
         const all = [...new Set([...SPEEDS, run.speed])];
         if (speed.childElementCount !== all.length)

@@ -7,6 +7,8 @@ import time
 import uuid
 from pathlib import Path
 
+import pytest
+
 from fledge.files import build_folder
 
 ROOT = Path(__file__).resolve().parents[5]
@@ -138,3 +140,13 @@ def up(file, *options, mark=None, folder=None, timeout=60, **kwargs):
     env = (mark.env if mark else os.environ) | kwargs.pop("env", {})
     return subprocess.run([sys.executable, "-m", "fledge.cli", "up", str(file), *options], cwd=folder or file.parent,
                           env=env, capture_output=True, text=True, timeout=timeout, **kwargs)
+
+
+@pytest.fixture
+def mark():
+    """All that a test starts has ended when it has."""
+    one = Mark()
+    yield one
+    left = one.gone()
+    one.kill()
+    assert not left

@@ -34,11 +34,13 @@ export const LAYERS = [
     ["keepout", "Keep-out cones", true],
     ["plume", "Thrusters", true],
     ["inside", "Wheels and rods inside", false],
+    ["enlarged", "Enlarged from afar", false],
     ["estimate", "Estimate", true],
     ["reference", "Reference", false],
 ];
 // [-] Lengths in extents of the spacecraft:
 const AXIS = 1.9, ARROW = 2.4, FRAME = 2.6;
+const ENLARGED = 18;  // as if it were no farther than this, if the user wants that
 const CLOSE = 250;  // nearer than this its parts and names are shown
 const FIELD_OF_VIEW = 40;  // [deg] of the camera, upright
 const LOCKED = "#7ee08a", SEEN = "#c8d4e0";
@@ -123,7 +125,6 @@ export class Stage {
             ...craft.directions.map((one) => [one.name, "#e58cff"])
         ].map(([name, tint]) => {
             const arrow = makeArrow(tint, 0.007);
-            arrow.scale.setScalar(ARROW * craft.extent);
             world.add(arrow);
             return {name, arrow, label: this.label(name, "tip", tint)};
         });
@@ -289,8 +290,11 @@ export class Stage {
 
     renderCraft(one, t, since, relative, eye, light, cone, spare) {
         const {shown, data} = this, {craft, body, place, speed} = one, near = relative(place);
-        const close = norm(sub(place, eye)) < CLOSE * craft.extent, focused = one === this.focused;
+        const far = norm(sub(place, eye)), focused = one === this.focused;
+        const grown = shown.enlarged ? Math.max(1, far / (ENLARGED * craft.extent)) : 1, extent = grown * craft.extent;
+        const close = far < CLOSE * extent;
         body.position.set(...near);
+        body.scale.setScalar(grown);
         body.update(t, since);
         const through = shown.inside || (focused && Boolean(cone));
         body.see(through);
@@ -315,8 +319,9 @@ export class Stage {
             arrow.visible = Boolean(shown.directions && ways[k] && close && !cone);
             if (!arrow.visible) return this.put(label, null, false);
             arrow.position.set(...near);
+            arrow.scale.setScalar(ARROW * extent);
             arrow.along(new THREE.Vector3(...ways[k]));
-            this.put(label, near.map((x, c) => x + 2.5 * craft.extent * ways[k][c]), shown.labels);
+            this.put(label, near.map((x, c) => x + 2.5 * extent * ways[k][c]), shown.labels);
         });
         const hill = this.hillFrame(place, speed, t);
         one.hill.visible = Boolean(shown.hill && close && hill && !cone);
@@ -365,7 +370,7 @@ export class Stage {
         this.put(one.label, near, shown.labels && !(focused && cone));
         one.axisLabels.forEach((label, k) => {
             const tip =
-                new THREE.Vector3().setComponent(k, 2 * craft.extent).applyQuaternion(body.quaternion).toArray();
+                new THREE.Vector3().setComponent(k, 2 * extent).applyQuaternion(body.quaternion).toArray();
             this.put(label, near.map((x, c) => x + tip[c]), shown.labels && shown.bodyAxes && close && !cone);
         });
     }

@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Private to flight/protection: which of several units speaks for its kind. */
+#ifndef FLIGHT_PROTECTION_UNIT_CHOICE_H
+#define FLIGHT_PROTECTION_UNIT_CHOICE_H
+
+#include "flight/msg/protection.h"
+
+#include <string.h>
+
+/** What a choice among units remembers. */
+typedef struct ChoiceMemory {
+    uint32_t sequence; ///< [-] of the message that was passed on last
+    uint32_t passed;   ///< [-] place + 1 of its unit; 0: none
+} ChoiceMemory;
+
+/** Pass on the message of the first of n <= UNIT_CHOICES units that is in use and speaks, else of the first that is in
+ *  use; if none is, or it has written nothing yet, the output holds what it has. The message keeps its time and
+ *  quality, as on a wire; the output counts its own writings, one for each of those that it passes on.
+ *  table: never written: all are in use. places: of the units in it. in, out: messages of a size, heads first.
+ *  finite: whether the numbers of each message are; one whose numbers are not counts as never written. */
+static inline void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const UnitTable *table, const uint32_t *places,
+                               int n, const void *const *in, const int *finite, void *out, size_t size, int64_t t)
+{
+    Head heads[UNIT_CHOICES], last;
+    int taken = -1;
+    memset(heads, 0, sizeof heads);
+    for (int i = 0; i < n; i++) {
+        if (finite[i]) {
+            memcpy(&heads[i], in[i], sizeof heads[i]);
+        }
+        choice->age[i] = tick_seconds(tick_since(t, heads[i].t));
+        const int used = !head_written(table->head) || unit_used(table, places[i]);
+        const int speaks = heads[i].quality >= QUALITY_DEGRADED;
+        if (used && (taken < 0 || (speaks && heads[taken].quality < QUALITY_DEGRADED))) {
+            taken = i;
+        }
+    }
+    const uint32_t now = (uint32_t)(taken + 1);
+    choice->changes += head_written(choice->head) && choice->taken != now;
+    choice->taken = now;
+    choice->head = head_next(choice->head, t, taken < 0 ? QUALITY_DEGRADED : QUALITY_GOOD);
+    memcpy(&last, out, sizeof last);
+    if (taken < 0 || !head_written(heads[taken])) {
+        last = head_held(last);
+    } else {
+        const uint32_t is_new = memory->passed != now || memory->sequence != heads[taken].sequence;
+        memory->passed = now;
+        memory->sequence = heads[taken].sequence;
+        memcpy(out, in[taken], size);
+        last = (Head){heads[taken].t, heads[taken].quality, last.sequence + is_new};
+    }
+    memcpy(out, &last, sizeof last);
+}
+
+#endif

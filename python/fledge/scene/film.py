@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A film of a page of a scene, as Chromium shows it: an animated WebP."""
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fledge.errors import SetupError
+from fledge.scene import browser, page
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from fledge.scene.scene import Scene
+
+WIDTH, HEIGHT = 800, 450        # [px]
+EACH = 80                       # [ms] that a frame stands
+QUALITY = 45                    # of WebP, up to 100
+
+
+def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float | None = None, end: float | None = None,
+          frames: int = 180) -> Path:
+    """Write a film; returns its path.
+
+    look: what follows # in the page's address: camera, layers, theme
+    begin, end: [s] of the first and the last frame; None: those of the scene
+    frames: two or more, at an even spacing
+
+    Raises SetupError without Chromium, without such frames, or beyond the scene.
+    """
+    from PIL import Image
+
+    begin, end = scene.begin if begin is None else begin, scene.end if end is None else end
+    if not scene.begin <= begin < end <= scene.end or frames < 2:
+        raise SetupError(f"a film has two frames or more, from a time to a later one, both from {scene.begin:g} s to "
+                         f"{scene.end:g} s; this has {frames}, from {begin:g} s to {end:g} s")
+    if not browser.PROGRAM:
+        raise SetupError("a film needs Chromium, which is not on the PATH (Ubuntu has it as a snap only)")
+    path, pictures = Path(path), []
+    shown = page.write(scene, path.with_name(f"{path.name}.html"))
+    try:
+        with browser.Browser(WIDTH, HEIGHT) as one:
+            one.open(shown, f"#map=0&{look}")
+            one.ask("fledgeView.root.classList.add('filmed')")
+            for k in range(frames):
+                one.ask(f"fledgeView.seek({begin + (end - begin) * k / (frames - 1)!r})")
+                one.wait_for("!fledgeView.dirty")
+                pictures.append(Image.open(io.BytesIO(one.picture())).convert("RGB"))
+    finally:
+        shown.unlink(missing_ok=True)
+    pictures[0].save(path, "WEBP", save_all=True, append_images=pictures[1:], duration=EACH, loop=0, quality=QUALITY,
+                     method=4)
+    return path

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/avionics/array_drive.h.
+#pragma once
+
+#include "world/avionics/array_drive.h"
+#include "world/sensors/sensor.h"
+
+namespace fledge::world {
+
+class ArrayDriveModel final : public Sensor<ArrayDrive, ARRAYS_MAX> {
+public:
+    using Sensor::Sensor;
+    void update(Tick tick) override;
+
+private:
+    bool limited() const override { return true; }
+};
+
+} // namespace fledge::world

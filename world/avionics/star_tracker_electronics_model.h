@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// The behaviour behind world/avionics/star_tracker_electronics.h.
+#pragma once
+
+#include "world/avionics/star_tracker_electronics.h"
+#include "world/sensors/sensor.h"
+
+namespace fledge::world {
+
+class StarTrackerElectronicsModel final : public Sensor<StarTrackerElectronics, 4> {
+public:
+    using Sensor::Sensor;
+    void update(Tick tick) override;
+
+private:
+    bool limited() const override { return true; }
+};
+
+} // namespace fledge::world
