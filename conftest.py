@@ -24,8 +24,8 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONP
 IN_RELEASE = [ROOT / path for path in (
     "bench/mutants_test.py", "introspect", "python/fledge/export", "python/fledge/montecarlo/scheduler_test.py",
     "python/fledge/scene", "python/fledge/targets", "registers/emit_test.py", "registers/machines_test.py", "targets",
-    "tests/crash_test.py", "tests/docs_test.py", "tests/flatsat_test.py", "tests/flight_symbols_test.py",
-    "tests/format_test.py", "tests/hygiene_test.py", "tests/include_direction_test.py", "tests/install_test.py",
+    "tests/crash_test.py", "tests/docs_test.py", "tests/flight_symbols_test.py", "tests/format_test.py",
+    "tests/hygiene_test.py", "tests/include_direction_test.py", "tests/install_test.py",
     "tests/launcher_test.py", "tests/leon3_programs_test.py", "tests/links_test.py", "tests/notebook_test.py",
     "tests/project_test.py")]
 

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 import yaml
@@ -17,7 +18,7 @@ from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce_test import Reader
-from fledge.ground.links import split
+from fledge.ground.links import NoAnswer, split
 from fledge.targets import TARGETS
 
 NODES = """
@@ -307,7 +308,7 @@ def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(targe
 
 BRIDGE = """
 simulation = "link"
-until = 120
+until = 240
 pace = 10
 join = 300
 exchange = true
@@ -336,7 +337,11 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
     try:
         spectator = connected(run, f"tcp://127.0.0.1:{second}")
         with spectator, ground.connect(f"udp://127.0.0.1:{port}?listen={back}", "./plays") as craft:
-            craft.command("noop").completed(within=120)
+            executed = None
+            while not executed:         # a datagram is lost if the tool's link is not open yet
+                assert run.poll() is None
+                with suppress(NoAnswer):
+                    executed = craft.command("noop").completed(within=1)
             craft.command("telemetry", "housekeeping").completed(within=120)
             craft.command("mode", "rest").completed(within=120)
             assert craft.wait(lambda t: t.mode == "rest", within=120)
@@ -350,7 +355,8 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
         run.kill()
     assert run.returncode == 0, text
     log = (place / "runs/link/log/tool.log").read_text()
-    assert re.search(r"carried  4 commands, \d+ packets of telemetry; 19 bytes were no packet\n", log), log
+    carried = re.search(r"carried  (\d+) commands, \d+ packets of telemetry; 19 bytes were no packet\n", log)
+    assert carried and int(carried[1]) >= 4, log
     record = Archive(place / "runs/link/flight/linux.mcap")
     said = [(one.name.partition(",")[0], one.text) for one in happenings(record) if one.kind == "command"]
     assert ("mode", "executed") in said and ("noop", "executed") == said[-1]
@@ -359,7 +365,7 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
 
 STATION = """
 simulation = "link"
-until = 120
+until = 240
 pace = 10
 join = 300
 
