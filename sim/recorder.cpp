@@ -81,6 +81,12 @@ std::shared_ptr<Log> Recorder::follow(std::shared_ptr<Instance> instance, const 
     return log;
 }
 
+void Recorder::watch(std::shared_ptr<Watcher> watcher)
+{
+    watchers_.push_back(std::move(watcher));
+    next_due_ = 0; // the next instant computes it again
+}
+
 void Recorder::declare(Log &log, ArchiveFile &archive)
 {
     log.channel_ = archive.add_channel(log.topic(), log.field->sub->name, log.field->sub->schema);
@@ -217,6 +223,14 @@ void Recorder::take_due(Ns t)
         }
         keep(*log, t);
     }
+    stop_wanted_ = false;
+    for (const auto &watcher : watchers_) {
+        if (t >= watcher->due_) {
+            watcher->due_ = due_after(watcher->every, t);
+            watcher->take(t);
+            stop_wanted_ = stop_wanted_ || watcher->stop;
+        }
+    }
     if (archive_) {
         write_archive([&] { archive_->save_if_due(); });
     }
@@ -249,6 +263,9 @@ void Recorder::find_next_due()
     for (const auto &log : logs_) {
         next_due_ = std::min(next_due_, log->due_);
     }
+    for (const auto &watcher : watchers_) {
+        next_due_ = std::min(next_due_, watcher->due_);
+    }
 }
 
 void Recorder::reset()
@@ -266,6 +283,11 @@ void Recorder::rewind(Ns now)
         log.due_ = due_after(log.every, now);
         log.last_.clear();
     });
+    for (const auto &watcher : watchers_) {
+        watcher->due_ = due_after(watcher->every, now);
+        watcher->rewind(now);
+    }
+    stop_wanted_ = false;
     find_next_due();
 }
 

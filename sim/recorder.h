@@ -38,6 +38,22 @@ private:
     std::vector<std::byte> last_; ///< of `changes`
 };
 
+/// Looks at a simulation at the first instant at or after each multiple of `every`.
+class Watcher {
+public:
+    virtual ~Watcher() = default;
+    virtual void take(Ns t) = 0;
+    /// The simulation went to the instant `now`; -1: to its beginning.
+    virtual void rewind(Ns now) = 0;
+
+    Ns every = 0;      ///< 0: at each instant
+    bool stop = false; ///< the run shall end after this instant
+
+private:
+    friend class Recorder;
+    Ns due_ = 0;
+};
+
 class Recorder {
 public:
     Recorder();
@@ -51,6 +67,10 @@ public:
     /// Record each writing of a port from now on, also into an archive that is open.
     std::shared_ptr<Log> follow(std::shared_ptr<Instance> instance, const FledgeField &field);
     const std::vector<std::shared_ptr<Log>> &followed() const { return followed_; }
+    /// Let someone look from now on; a clone has none.
+    void watch(std::shared_ptr<Watcher> watcher);
+    bool stop_wanted() const { return stop_wanted_; } ///< by a watcher, at the last instant
+
     /// The message of a log that follows it was written at t. Throws RunError as take().
     void written(Log &log, Ns t);
     /// Take these records out. Throws SetupError if an archive is open.
@@ -107,8 +127,10 @@ private:
 
     std::optional<McapMark> resumed_;
     std::vector<std::shared_ptr<Log>> logs_, followed_;
+    std::vector<std::shared_ptr<Watcher>> watchers_;
     std::unique_ptr<ArchiveFile> archive_;
     Ns next_due_;
+    bool stop_wanted_ = false;
 };
 
 } // namespace fledge::sim

@@ -1014,6 +1014,9 @@ bool Runtime::run_until(Ns t, const RunControl &control)
                 }
             }
             instant();
+            if (recorder_.stop_wanted()) {
+                return stopped();
+            }
         }
     } catch (const std::exception &error) {
         failure_ = error.what();

@@ -20,6 +20,15 @@ class Failure(Exception):
         self.code = code
 
 
+class Stopped(Failure):
+    """A run has ended at the first violation of a requirement, as was asked. outcomes: of those violated; the
+    simulation keeps its state."""
+
+    def __init__(self, text: str, outcomes: Sequence[Any]) -> None:
+        super().__init__(text, 1)
+        self.outcomes = outcomes
+
+
 # Escape sequences; then the characters that cosim/protocol/text.h forbids, and halves of pairs of UTF-16.
 _CONTROL = re.compile("\x1b\\[[0-?]*[ -/]*[@-~]|\x1b\\][^\x07\x1b]*(?:\x07|\x1b\\\\)|[\0-\x08\x0b-\x1f\x7f-\x9f"
                       "\u2028-\u202e\u2066-\u2069\ud800-\udfff]")

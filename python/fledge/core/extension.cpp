@@ -27,6 +27,7 @@ PYBIND11_MODULE(_core, m)
     bind_functions(m);
     bind_prototypes(m);
     bind_simulation(m);
+    bind_judge(m);
     bind_world(m);
     bind_campaign(m);
     bind_batch(m);

@@ -17,6 +17,7 @@ void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as
 void bind_functions(pybind11::module_ &m);  ///< those of flight/math
 void bind_prototypes(pybind11::module_ &m); ///< modules and models that are classes in Python
 void bind_simulation(pybind11::module_ &m); ///< the kernel
+void bind_judge(pybind11::module_ &m);      ///< formulas on signals
 void bind_world(pybind11::module_ &m);      ///< what models take besides parameters
 void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
 void bind_batch(pybind11::module_ &m);      ///< clones that are stepped together

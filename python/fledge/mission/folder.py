@@ -32,7 +32,7 @@ from fledge.objects.plausible import check, check_read
 from fledge.units import Quantity
 
 # The arguments of build(), or preset(), by file.
-_TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view", "preset": "sim"}
+_TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view", "preset": "sim", "requirements": "r"}
 _package = itertools.count(1)
 
 

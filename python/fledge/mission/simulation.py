@@ -100,6 +100,7 @@ class Simulation:
         self.wall = 0.0                         # [s] of wall time that run() took so far
         self._archive: Any = None               # (path, metadata) of the archive that the next run opens
         self._revisions: Revisions | None = None    # for that archive
+        self.watches: list[Any] = []            # the requirements that are judged while it runs
         self._outputs: str | None = None        # the record of all outputs that the next run opens
 
     # --- its parts ---
@@ -300,6 +301,8 @@ class Simulation:
                 self._core.run_until(end, float(pace), poll)
         finally:
             self.wall += perf_counter() - begun
+        for watch in self.watches:
+            watch.refuse_violation()
 
     def prepare(self) -> None:
         """Check that nothing is missing and fix the order of all tasks, as the first run does."""

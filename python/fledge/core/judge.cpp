@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// Formulas of signal temporal logic, for the package fledge.requirements.
+#include "core/extension.h"
+#include "core/value.h"
+
+#include "sim/judge.h"
+#include "sim/simulation.h"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+namespace py = pybind11;
+
+namespace fledge::core {
+
+namespace {
+
+using sim::FormulaNode;
+using sim::Judge;
+using sim::Ns;
+
+template <class T> using Array = py::array_t<T, py::array::c_style | py::array::forcecast>;
+
+const char *const kinds[] = {"atom",       "constant", "not",  "and",    "or",    "always",
+                             "eventually", "until",    "once", "begins", "clock", nullptr};
+const char *const operations[] = {"source", "constant", "element", "norm",  "max_abs", "abs",
+                                  "+",      "-",        "scaled",  "angle", "turned",  nullptr};
+const char *const relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+
+/// Nodes as (kind, a, b, from [ns], to [ns] or None).
+int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns, std::optional<Ns>>> &rows)
+{
+    std::vector<FormulaNode> nodes;
+    for (const auto &[kind, a, b, from, to] : rows) {
+        nodes.push_back({named<FormulaNode::Kind>(kinds, kind), a, b, from, to.value_or(sim::no_end)});
+    }
+    return judge.formula(std::move(nodes));
+}
+
+/// A field of an output or input of an instance; messages have their head at their beginning. of_message: its quality
+/// is that of the number.
+int source_of_field(Judge &judge, sim::Simulation &simulation, const std::string &instance, const std::string &port,
+                    std::uint32_t offset, const FledgeField &field, std::size_t elements, bool of_message)
+{
+    const auto separator = instance.find('.');
+    sim::Process &process = simulation.process(instance.substr(0, separator));
+    const std::shared_ptr<sim::Instance> found =
+        separator == std::string::npos ? process.executive().instance() : process.find(instance.substr(separator + 1));
+    for (const FledgeField &one : sim::fields(found->type())) {
+        if (one.name == port) {
+            return judge.source(found, one.offset + offset, field.type, elements,
+                                of_message ? std::optional(one.offset) : std::nullopt);
+        }
+    }
+    throw std::invalid_argument(instance + " has no " + port);
+}
+
+int source_of_event(Judge &judge, sim::Simulation &simulation, const std::string &process, const std::string &name)
+{
+    sim::Process &found = simulation.process(process);
+    for (const auto &event : found.events()) {
+        if (event->name == name) {
+            return judge.source(found, event);
+        }
+    }
+    throw std::invalid_argument(process + " has no event " + name);
+}
+
+void play(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
+{
+    std::vector<std::span<const double>> spans;
+    for (const auto &one : sources) {
+        spans.emplace_back(one.data(), static_cast<std::size_t>(one.size()));
+    }
+    judge.play({times.data(), static_cast<std::size_t>(times.size())}, spans);
+}
+
+/// (low, high, t, atom of the lower bound, the same of the upper one); t is -1 and the atom -1 where nothing decided.
+py::tuple value(const Judge &judge, int formula)
+{
+    const sim::Robustness r = judge.value(formula);
+    return py::make_tuple(r.low, r.high, r.at_low.t, r.at_low.atom, r.at_high.t, r.at_high.atom);
+}
+
+} // namespace
+
+void bind_judge(py::module_ &m)
+{
+    py::class_<Judge, std::shared_ptr<Judge>>(m, "Judge", "Judges formulas on signals. See sim/judge.h.")
+        .def(py::init())
+        .def("source", source_of_field)
+        .def("event", source_of_event)
+        .def("given", [](Judge &judge, std::size_t elements) { return judge.source(elements); })
+        .def("constant", [](Judge &judge, const std::vector<double> &numbers) { return judge.constant(numbers); })
+        .def("expression",
+             [](Judge &judge, const std::string &operation, int a, int b, double number) {
+                 return judge.expression(named<Judge::Operation>(operations, operation), a, b, number);
+             })
+        .def("atom",
+             [](Judge &judge, int value, const std::string &relation, double limit, double scale) {
+                 return judge.atom(value, named<Judge::Relation>(relations, relation), limit, scale);
+             })
+        .def("formula", formula)
+        .def_readwrite("stops", &Judge::stops)
+        .def_readwrite("stop", &Judge::stop)
+        .def_readwrite("traces", &Judge::traces)
+        .def_readwrite("every", &Judge::every)
+        .def(
+            "watch", [](const std::shared_ptr<Judge> &judge, sim::Simulation &s) { s.recorder().watch(judge); },
+            py::keep_alive<1, 2>())
+        .def("play", play)
+        .def("finish", &Judge::finish)
+        .def("value", value)
+        .def_property_readonly("went_back", &Judge::went_back)
+        .def_property_readonly("times",
+                               [](const Judge &judge) {
+                                   return Array<Ns>(static_cast<py::ssize_t>(judge.times().size()),
+                                                    judge.times().data());
+                               })
+        .def("trace", [](const Judge &judge, int atom) {
+            const std::vector<double> found = judge.trace(atom);
+            return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
+        });
+}
+
+} // namespace fledge::core

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The requirements that a mission declares in its requirements.py."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
+from fledge.files import shown
+from fledge.mission.field_path import FieldPath
+from fledge.mission.folder import MissionFiles, functions_of
+from fledge.objects.si import time_ns
+from fledge.requirements.formula import Comparison, Formula, Signal, time_text
+from fledge.requirements.judge import Judged, Outcome
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+    from fledge.series import Records
+
+METHODS = ("test", "analysis", "inspection", "demonstration")
+
+
+@dataclass
+class Requirement:
+    """id; text: what shall be, in words; formula: of the method "test"; shown_by: the scenarios that show it;
+    evidence: where to find the proof, of other methods; group: the title of its function; file, line: where it is."""
+    id: str
+    text: str
+    formula: Formula | None = None
+    method: str = "test"
+    rationale: str = ""
+    parent: str = ""
+    evidence: str = ""
+    shown_by: tuple[str, ...] = ()
+    group: str = ""
+    file: str = ""
+    line: int = 0
+    every: int = field(default=0, repr=False)   # [ns] between two samples; 0: each instant
+
+    @property
+    def place(self) -> str:
+        """ "requirements.py, line 12" """
+        return f"{self.file}, line {self.line}"
+
+
+class Declaration:
+    """What a function of requirements.py fills: `r`."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._every = 0
+        self._group = ""
+        self._found: dict[str, Requirement] = {}
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        refuse_misspelt(self, name, ("every",))
+        object.__setattr__(self, name, value)
+
+    @property
+    def every(self) -> float:
+        """[s] Between two samples of the signals, of the requirements that follow; 0: at each instant."""
+        return self._every / 1e9
+
+    @every.setter
+    def every(self, value: Any) -> None:
+        self._every = time_ns(value, "r.every")
+        if self._every < 0:
+            raise SetupError(f"r.every must be >= 0, found {value!r}")
+
+    def signal(self, path: str) -> Signal:
+        """The numbers of a field of an input or output: `r.signal("flight.tracking.error.sigma_BR")`."""
+        return signal(self._simulation, path)
+
+    def mode(self, process: str = "flight") -> Signal:
+        """The mode of a process, to be compared with the name of one: `r.mode() == "SAFE"`."""
+        return signal(self._simulation, f"{process}.mode")
+
+    def event(self, process: str, name: str) -> Formula:
+        """True at a sample up to which this event of a process has fired since the sample before."""
+        known = self._simulation.process(process).events
+        if name not in known:
+            raise SetupError(f"r.event: {process} has no event '{name}'{did_you_mean(name, known)} it has "
+                             + listed(list(known)))
+        text = f"{process}.{name}"
+        return Comparison(Signal("event", text=text, event=(process, name)), "==", 1.0, f"{text} fires")
+
+    def require(self, id: str, text: str, formula: Formula | None = None, *, method: str = "test", rationale: str = "",
+                parent: str = "", evidence: str = "", shown_by: str | Iterable[str] = ()) -> None:
+        """Declare a requirement; see Requirement. shown_by: scenarios; none: all. Raises SetupError."""
+        frame = sys._getframe(1)
+        one = Requirement(str(id), str(text), formula, method, rationale, parent, evidence,
+                          (shown_by,) if isinstance(shown_by, str) else tuple(shown_by), self._group,
+                          shown(frame.f_code.co_filename), frame.f_lineno, self._every)
+        if not one.id or any(sign.isspace() or not sign.isprintable() or sign in "/\\," for sign in one.id):
+            raise SetupError(f"r.require({id!r}): an id has no spaces, commas and slashes")
+        if one.id in self._found:
+            raise SetupError(f"r.require: two requirements have the id {one.id}; the other one is in "
+                             f"{self._found[one.id].place}")
+        if method not in METHODS:
+            raise SetupError(f"{one.id}: there is no method '{method}'{did_you_mean(method, METHODS)} there are "
+                             + listed(METHODS))
+        if isinstance(formula, Signal) or not isinstance(formula, (Formula, type(None))):
+            raise SetupError(f"{one.id}: expected a formula, such as always(error < 1 * deg); found {formula!r}")
+        if (formula is None) == (method == "test"):
+            raise SetupError(f"{one.id}: a requirement that is shown by test needs a formula, and others have none")
+        known = self._simulation.mission.scenarios if self._simulation.mission else {}
+        for name in one.shown_by:
+            if name not in known:
+                raise SetupError(f"{one.id}: the mission has no scenario '{name}'{did_you_mean(name, known)} it has "
+                                 + listed(list(known)))
+        self._found[one.id] = one
+
+
+def signal(simulation: Simulation, path: str) -> Signal:
+    """A field of an input or output as a signal. Raises SetupError."""
+    target = FieldPath(simulation, path)
+    if target.port is None:
+        raise SetupError(f"{path} is no field of an input or output, and only these are signals")
+    return Signal.of_field(target)
+
+
+class Requirements:
+    """Those of a simulation's mission. False if there are none. Raises MissionError with file and line."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.all: list[Requirement] = []
+        mission = simulation.mission
+        if not mission or not (mission.folder / "requirements.py").exists():
+            return
+        files = MissionFiles(mission)
+        with files:
+            module = files.execute("requirements")
+            declaration = Declaration(simulation)
+            for function in functions_of(module).values():
+                declaration._group = (function.__doc__ or function.__name__).strip().partition("\n")[0].rstrip(".")
+                declaration._every = 0
+                files.call(function, declaration)
+        files.forget()
+        self.all = list(declaration._found.values())
+
+    def __bool__(self) -> bool:
+        return bool(self.all)
+
+    def of(self, id: str) -> Requirement:
+        """That one. Raises SetupError."""
+        for one in self.all:
+            if one.id == id:
+                return one
+        known = [one.id for one in self.all]
+        raise SetupError(f"there is no requirement '{id}'{did_you_mean(id, known)} there are "
+                         + listed(known, most=12))
+
+    def for_scenario(self, scenario: str) -> list[Requirement]:
+        """Those with a formula that a scenario shows."""
+        return [one for one in self.all if one.formula is not None and (not one.shown_by or scenario in one.shown_by)]
+
+    def _chosen(self, only: Sequence[str] | None) -> list[Requirement]:
+        chosen = self.all if only is None else [self.of(id) for id in only]
+        return [one for one in chosen if one.formula is not None]
+
+    def watch(self, only: Sequence[str] | None = None, stop: bool = False, traces: bool = False) -> Judged:
+        """Judge the runs of the simulation from now on. only: ids; stop: a run ends at the first violation with
+        errors.Stopped; traces: keep the numbers that are compared."""
+        judged = Judged(self._chosen(only), self.simulation, traces=traces)
+        judged.watch(stop)
+        return judged
+
+    def judge(self, records: Records, only: Sequence[str] | None = None, end: Any = None) -> list[Outcome]:
+        """Judge a Log or an Archive. end: when the run ended, a time; None: at the last sample."""
+        return self.judged(records, only, end).outcomes()
+
+    def judged(self, records: Records, only: Sequence[str] | None = None, end: Any = None,
+               traces: bool = False) -> Judged:
+        """The same with the numbers that were compared."""
+        judged = Judged(self._chosen(only), traces=traces)
+        judged.play(records, None if end is None else time_ns(end, "end"))
+        return judged
+
+    def refuse_longer(self, duration: int, requirements: Iterable[Requirement]) -> None:
+        """Raise SetupError for a formula with a window that reaches beyond a run of `duration` [ns]."""
+        for one in requirements:
+            if one.formula is not None and one.formula.reach > duration:
+                raise SetupError(f"{one.place}: {one.id} looks {time_text(one.formula.reach)} ahead, which is longer "
+                                 f"than the run of {time_text(duration)}")

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requirements, judged while a simulation runs or from a record: verdict, margin, when and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fledge import _core
+from fledge.errors import SetupError, Stopped
+from fledge.requirements.formula import Comparison, Formula, Signal, number_text, time_text
+from fledge.series import ACTIVITY, MODE, Records
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+    from fledge.requirements.declared import Requirement
+
+HOLDS, VIOLATED, UNKNOWN = "holds", "violated", "unknown"
+STALE = 1   # of Quality: this and less is unknown
+_EVENT = 1  # of ActivityKind
+
+
+@dataclass
+class Outcome:
+    """verdict: "holds", "violated" or "unknown"; margin: how far the formula is from the other truth, > 0 if it holds,
+    +-inf where only names decide, None if unknown; low, high: what is known of it; unit: of the margin, "-" of a plain
+    number, "" of a fraction of the limit;
+    at: [s] when the margin was decided; where: the comparison that decided; reason: why it is unknown"""
+    requirement: Requirement
+    verdict: str
+    margin: float | None
+    low: float
+    high: float
+    unit: str
+    at: float | None
+    where: str
+    reason: str = ""
+
+    @property
+    def margin_text(self) -> str:
+        """ "0.012 rad", "12 % of the limit"; "" where there is none."""
+        if self.margin is None or math.isinf(self.margin):
+            return ""
+        return number_text(self.margin, self.unit) if self.unit else f"{100 * self.margin:.3g} % of the limit"
+
+    def __str__(self):
+        told = {HOLDS: f"margin {self.margin_text}" if self.margin_text else "",
+                VIOLATED: f"by {self.margin_text.lstrip('-')}" if self.margin_text else "",
+                UNKNOWN: self.reason}[self.verdict]
+        when = f"at {self.at:g} s, {self.where}" if self.at is not None and self.verdict != UNKNOWN else ""
+        return f"{self.requirement.id} {self.verdict}" + "".join(f", {one}" for one in (told, when) if one)
+
+
+def unit_of(formula: Formula) -> str | None:
+    """The unit of its margin; None if its comparisons differ, so that each is taken as a fraction of its limit."""
+    units = {tuple(one.signal.dims): one.unit for one in formula.comparisons if one.measured}
+    return next(iter(units.values()), "") or "-" if len(units) <= 1 else None
+
+
+class Judged:
+    """Requirements that share their samples. Of a simulation: live; without one: of records."""
+
+    def __init__(self, requirements: Sequence[Requirement], simulation: Simulation | None = None, *,
+                 traces: bool = False) -> None:
+        self.requirements, self._simulation = list(requirements), simulation
+        self._judges: dict[int, _Judge] = {}    # by the time between samples
+        self._formulas: list[tuple[_Judge, int]] = []
+        for one in self.requirements:
+            assert one.formula is not None
+            judge = self._judges.setdefault(one.every, _Judge(simulation, one.every, traces))
+            self._formulas.append((judge, judge.add(one.formula)))
+        self._end: int | None = None
+
+    def watch(self, stop: bool) -> None:
+        """From now on the simulation's runs are judged."""
+        assert self._simulation is not None
+        for judge in self._judges.values():
+            judge.core.stops = stop
+            judge.core.watch(self._simulation.kernel)
+        self._simulation.watches.append(self)
+
+    def refuse_violation(self) -> None:
+        """Raise Stopped if a violation has ended the run."""
+        if any(judge.core.stop for judge in self._judges.values()):
+            for judge in self._judges.values():
+                judge.core.stop = judge.core.stops = False      # the user may go on
+            found = [one for one in self._outcomes() if one.verdict == VIOLATED]
+            raise Stopped("; ".join(map(str, found)), found)
+
+    def play(self, records: Records, end: int | None) -> None:
+        """Judge the samples of a record. end: [ns] None: the last of them."""
+        ends = [judge.play(records, end) for judge in self._judges.values()]
+        self._end = max(ends, default=0)
+
+    def outcomes(self) -> list[Outcome]:
+        """Of each requirement, in their order. The runs have ended."""
+        end = self._end if self._simulation is None else max(self._simulation.time_ns, 0)
+        assert end is not None
+        self._end = end
+        for judge in self._judges.values():
+            judge.core.finish(end)
+        return self._outcomes()
+
+    def _outcomes(self):
+        return [self._outcome(one, judge, number) for one, (judge, number) in zip(self.requirements, self._formulas)]
+
+    def _outcome(self, requirement, judge, number):
+        low, high, low_t, low_atom, high_t, high_atom = judge.core.value(number)
+        verdict = HOLDS if low > 0 else VIOLATED if high < 0 else UNKNOWN
+        if judge.core.went_back:
+            verdict, low, high = UNKNOWN, -math.inf, math.inf
+        margin = {HOLDS: low, VIOLATED: high, UNKNOWN: None}[verdict]
+        t, atom = (low_t, low_atom) if verdict != VIOLATED else (high_t, high_atom)
+        where = judge.atoms[atom].text if atom >= 0 else ""
+        reason = self._reason(requirement, judge, where, t) if verdict == UNKNOWN else ""
+        if margin is not None and abs(margin) < 1e-300:
+            margin = 0.0
+        return Outcome(requirement, verdict, margin, low, high, unit_of(requirement.formula) or "",
+                       t / 1e9 if t >= 0 else None, where, reason)
+
+    def _reason(self, requirement, judge, where, t):
+        if judge.core.went_back:
+            return "the simulation went back to an earlier state"
+        if where:
+            return f"{where}: what it reads was never written, or is stale, at {t / 1e9:g} s"
+        reach = requirement.formula.reach
+        if self._end is not None and reach > self._end:
+            return f"the run ends at {time_text(self._end)}, and a window reaches to {time_text(reach)}"
+        return "what decides it comes after the end of the run"
+
+    def values(self, comparison: Comparison) -> tuple[Any, Any]:
+        """(time [s], what the comparison looked at), both (n,): for figures. Only with traces."""
+        for judge in self._judges.values():
+            number = judge.numbers.get(comparison.key)
+            if number is not None:
+                return judge.core.times / 1e9, judge.core.trace(number)
+        raise SetupError(f"{comparison.text} is in no formula that was judged")
+
+
+class _Judge:
+    """The formulas with one time between samples."""
+
+    def __init__(self, simulation: Simulation | None, every: int, traces: bool) -> None:
+        self.core = _core.Judge()
+        self.core.every, self.core.traces = every, traces
+        self._simulation, self._every = simulation, every
+        self.atoms: list[Comparison] = []
+        self.numbers: dict[Any, int] = {}       # of atoms of scale 1, and of others for their traces
+        self._known: dict[Any, int] = {}        # atoms by their key and scale
+        self._signals: dict[Any, int] = {}
+        self.sources: list[Signal] = []
+
+    def add(self, formula: Formula) -> int:
+        """The number of a formula."""
+        mixed = unit_of(formula) is None
+        rows: list[tuple[str, int, int, int, int | None]] = []
+
+        def node(one: Formula) -> int:
+            operands = [node(operand) for operand in one.operands]
+            if isinstance(one, Comparison):
+                operands = [self._atom(one, abs(one.limit) or 1.0 if mixed and one.measured else 1.0)]
+            a, b = [*operands, -1, -1][:2]
+            rows.append((one.kind, a, b, one.begin, one.end))
+            return len(rows) - 1
+
+        node(formula)
+        return self.core.formula(rows)
+
+    def _atom(self, one, scale):
+        key = (one.key, scale)
+        if key not in self._known:
+            self._known[key] = self.core.atom(self._signal(one.signal), one.relation, one.limit, scale)
+            self.atoms.append(one)
+            self.numbers.setdefault(one.key, self._known[key])
+        return self._known[key]
+
+    def _signal(self, one):
+        if one.key not in self._signals:
+            self._signals[one.key] = self._made(one)
+        return self._signals[one.key]
+
+    def _made(self, one):
+        if one.operation in ("source", "event"):
+            source = self._source(one)
+            self.sources.append(one)
+            return self.core.expression("source", source, -1, 0.0)
+        if one.operation == "constant":
+            return self.core.constant(one.numbers)
+        operands = [self._signal(operand) for operand in one.operands]
+        a, b = [*operands, -1, -1][:2]
+        return self.core.expression(one.operation, a, one.place if one.place >= 0 else b, one.number)
+
+    def _source(self, one):
+        if self._simulation is None:
+            return self.core.given(math.prod(one.shape))
+        kernel = self._simulation.kernel
+        if one.event:
+            return self.core.event(kernel, *one.event)
+        field = one.field
+        owner, _, port = field.port.rpartition(".")
+        return self.core.source(kernel, owner, port, field.offset + field.width * field.elements[0], field.stored,
+                                len(field.elements), field.has_quality or field.of_mode)
+
+    def play(self, records: Records, end: int | None) -> int:
+        """Judge the samples of records; returns when the run ended [ns]."""
+        import numpy as np
+
+        series = [self._series(records, one) for one in self.sources]
+        regular = [times for one, (times, _) in zip(self.sources, series) if one.field and not one.field.of_mode]
+        found = [times for times in regular or [times for times, _ in series] if len(times)]
+        times = np.unique(np.concatenate(found)) if found else np.zeros(0, np.int64)
+        if end is not None:
+            times = times[times <= end]
+        if self._every and len(times):      # the first at or after each multiple
+            slots = times // self._every
+            times = times[np.r_[True, slots[1:] != slots[:-1]]]
+        columns = []
+        for one, (own, values) in zip(self.sources, series):
+            if one.event:
+                counts = np.searchsorted(own, times, "right")
+                columns.append(np.diff(counts, prepend=0).astype(bool).astype(float)[:, None])
+                continue
+            at = np.searchsorted(own, times, "right") - 1
+            rows = np.full((len(times), math.prod(one.shape)), math.nan)
+            rows[at >= 0] = values[at[at >= 0]]
+            columns.append(rows)
+        self.core.play(times, columns)
+        return int(end if end is not None else times[-1] if len(times) else 0)
+
+    def _series(self, records, one):
+        """(times [ns], values (n, elements)) of a source; of an event the times at which it fired."""
+        import numpy as np
+
+        if one.event:
+            process, name = one.event
+            found = [port for port in records.executives() if port.type == ACTIVITY
+                     and port.name.rpartition(".")[0] == process]
+            rows = records._values(found[0]) if found else []
+            return np.array([row["head"]["t"] for row in rows
+                             if row["kind"] == _EVENT and row["name"].decode() == name], np.int64), None
+        if one.field.of_mode:
+            process = one.field.path.partition(".")[0]
+            found = [port for port in records.executives() if port.type == MODE
+                     and port.name.rpartition(".")[0] == process]
+            if not found:
+                raise SetupError(f"{one.text} was not recorded")
+            rows = records._values(found[0])
+            return rows["head"]["t"].astype(np.int64), rows["index"].astype(float)[:, None]
+        try:
+            port, _, _ = records._find(one.field.recorded)
+        except Exception as error:
+            raise SetupError(f"{one.text} was not recorded: {error}") from None
+        values = np.asarray(records[one.field.recorded], float)
+        values = values.reshape(len(values), -1).copy()
+        quality = records._quality(port) if one.field.has_quality else None
+        if quality is not None:
+            values[quality <= STALE] = math.nan
+        return np.rint(records._time(port) * 1e9).astype(np.int64), values
+

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Judges formulas of signal temporal logic on numbers of messages, modes and events: while a simulation runs, as a
+// watcher of its recorder, or on samples that the caller gives. Each expression and comparison is computed once a
+// sample, however many formulas have it.
+#pragma once
+
+#include "sim/recorder.h"
+#include "sim/temporal.h"
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace fledge::sim {
+
+struct Event;
+class Process;
+
+class Judge : public Watcher {
+public:
+    /// What an expression computes, of its operands a and b.
+    enum Operation {
+        SOURCE,   ///< the numbers of a source, whose number is a
+        CONSTANT, ///< numbers that do not change: constant()
+        ELEMENT,  ///< of a, at the place b
+        NORM,
+        MAX_ABS,
+        MAGNITUDE, ///< of each element
+        SUM,
+        DIFFERENCE,
+        SCALED, ///< a times the number
+        ANGLE,  ///< [rad] between two vectors
+        TURNED, ///< the vector b, in the frame to which the attitude a (MRP) turns its own
+    };
+    enum Relation { LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, NOT_EQUAL };
+
+    // ---- build; each returns a number, from 0. Throw std::invalid_argument on operands that do not fit.
+
+    /// Numbers of a message, read at each sample. No head: of no message that has a quality. A message that was never
+    /// written, or is stale, gives NaN, which is unknown.
+    int source(std::shared_ptr<Instance> instance, std::uint32_t offset, FledgeType type, std::size_t elements,
+               std::optional<std::uint32_t> head);
+    /// 1 at a sample up to which an event has fired since the sample before; else 0.
+    int source(const Process &process, std::shared_ptr<const Event> event);
+    /// Numbers that the caller gives.
+    int source(std::size_t elements);
+    int constant(std::span<const double> numbers);
+    int expression(Operation operation, int a, int b = -1, double number = 0.0);
+    /// value, an expression of one number, against a limit; the robustness is divided by the scale.
+    int atom(int value, Relation relation, double limit, double scale);
+    int formula(std::vector<FormulaNode> nodes);
+
+    // ---- judge
+
+    bool stops = false;  ///< end the run at the first violation
+    bool traces = false; ///< keep what the atoms' expressions were
+    void take(Ns t) override;
+    void rewind(Ns now) override;
+    /// Samples at these times: of each source its elements, one row a sample.
+    void play(std::span<const Ns> times, const std::vector<std::span<const double>> &sources);
+    void finish(Ns t);
+
+    Robustness value(int formula) const { return formulas_[static_cast<std::size_t>(formula)].value(); }
+    bool went_back() const { return went_back_; } ///< the simulation did, so that nothing is known
+    const std::vector<Ns> &times() const { return times_; }
+    std::vector<double> trace(int atom) const; ///< by times()
+
+private:
+    struct Source {
+        std::shared_ptr<Instance> instance;
+        const Process *process = nullptr;
+        std::shared_ptr<const Event> event;
+        std::uint32_t offset = 0;
+        FledgeType type = FLEDGE_F64;
+        std::size_t elements = 1, at = 0; ///< at: in numbers_
+        std::optional<std::uint32_t> head;
+        std::uint64_t fired = 0; ///< so far
+    };
+    struct Expression {
+        Operation operation = SOURCE;
+        std::size_t a = 0, b = 0; ///< places of the operands in numbers_
+        std::size_t elements = 1, at = 0;
+        double number = 0.0;
+    };
+    struct Atom {
+        std::size_t at;
+        Relation relation;
+        double limit, scale;
+    };
+
+    int add(Source source);
+    void read(Source &source);
+    void compute(const Expression &expression);
+    void judge(Ns t);
+    void forget();
+
+    std::vector<Source> sources_;
+    std::vector<Expression> expressions_;
+    std::vector<Atom> atoms_;
+    std::vector<TemporalMonitor> formulas_;
+    std::vector<double> numbers_;
+    std::vector<Robustness> robustness_; ///< of the atoms
+    std::vector<Ns> times_;
+    std::vector<double> traces_;
+    Ns last_ = -1;
+    bool went_back_ = false;
+};
+
+} // namespace fledge::sim
