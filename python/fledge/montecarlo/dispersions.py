@@ -31,7 +31,9 @@ from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
-from fledge.montecarlo.requirements import Requirement, Variable
+from fledge.montecarlo.requirements import FormulaCheck, Requirement, Variable
+from fledge.requirements.declared import Requirement as Declared, Requirements, signal
+from fledge.requirements.formula import Formula, Signal, time_text
 from fledge.world.attributes import given_orbit
 from fledge.world.bodies import ANGLE, LENGTH
 
@@ -390,11 +392,39 @@ class Dispersions:
             self.retained[key] = Variable(target, key, lambda: self._duration)
         return self.retained[key]
 
-    def check(self, requirement: Requirement, message: str = "") -> None:
-        """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`.
+    def signal(self, path: str) -> Signal:
+        """A field as a signal of formulas (fledge.requirements), looked at at the retained samples; a mode too."""
+        return signal(self.simulation, path)
 
-        It has also failed if the message was not good at any sample of that time, unless the variable is raw.
+    def require(self, *ids: str) -> None:
+        """A run that does not fulfil these requirements of the mission's requirements.py has failed."""
+        own = Requirements(self.simulation)
+        for id in ids:
+            one = own.of(id)
+            if one.formula is None:
+                raise SetupError(f"d.require: {one.id} is shown by {one.method}, and has no formula")
+            self._check_formula(one, one.text)
+
+    def _check_formula(self, declared, message):
+        for comparison in declared.formula.comparisons:
+            if comparison.signal.events:
+                raise SetupError(f"{declared.id}: {comparison.text}: campaigns do not retain events; look at a mode, or "
+                                 "at what the event sets")
+            for field in comparison.signal.fields:
+                self._retain(field.path, False)
+                if field.has_quality:
+                    self._retain(f"{field.port}.head.quality", False)
+        self.requirements.append(FormulaCheck(declared, message))
+
+    def check(self, requirement: Any, message: str = "") -> None:
+        """A run that does not fulfil this has failed: `d.check(error.norm().final < 1e-3, "it did not settle")`, or a
+        formula: `d.check(always(d.signal("world.wheels.speeds.Omega").max_abs() < 600))`.
+
+        It has also failed if the message was not good at any sample of that time, unless the variable is raw; a formula
+        also where it is unknown.
         """
+        if isinstance(requirement, Formula):
+            return self._check_formula(Declared(str(requirement), message, requirement), message)
         if not isinstance(requirement, Requirement):
             raise SetupError("d.check: expected a comparison of something retained with a constant, as in "
                              f"error.norm().final < 1e-3; found {requirement!r}")
@@ -450,7 +480,7 @@ class Dispersions:
         """A number over time for each retained variable and for each requirement."""
         found: dict[str, Variable] = {}
         for one in [*(variable.summary for variable in self.shown),
-                    *(requirement.variable for requirement in self.requirements)]:
+                    *(one.variable for one in self.requirements if not isinstance(one, FormulaCheck))]:
             found.setdefault(one.measure_text, one)
         return list(found.values())
 
@@ -463,6 +493,9 @@ class Dispersions:
         self._plan.duration, self._plan.every, self._plan.runs = self._duration, self._sampling(), 1
         self._plan.check(self.simulation.kernel)
         for requirement in self.requirements:
+            if isinstance(requirement, FormulaCheck) and requirement.formula.reach > self._duration:
+                raise SetupError(f"{requirement!r} looks {time_text(requirement.formula.reach)} ahead, which is longer "
+                                 f"than a run of {self.duration:g} s")
             part = requirement.variable.samples(self.ns)
             if part.start >= part.stop:
                 raise SetupError(f"d.check({requirement!r}): there is no sample in that time, with one every "

@@ -9,6 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from fledge.montecarlo.drivers import drivers
+from fledge.montecarlo.requirements import Margin
 from fledge.montecarlo.sweep import Sweep, number, text
 from fledge.objects.measured import flat_index, unit_after
 from fledge.plot import STYLE, TITLE, axis_label, component_labels, label_time, symbol, time_unit, unit_label, used
@@ -70,6 +71,8 @@ def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
 
 def _shown(variable: Variable) -> str:
     """The symbol of a variable in mathtext."""
+    if isinstance(variable, Margin):
+        return variable.measure_text
     field = variable.field_path.field
     base = symbol(field.name)
     if variable._measure == "norm":

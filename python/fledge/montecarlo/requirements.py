@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The variables that a campaign retains of each run, and the requirements on them:
+"""The variables that a campaign retains of each run, and the requirements on them: on a variable, or formulas.
 
     error = d.retain("flight.tracking.error.sigma_BR")
     d.check(error.norm().after(5 * minute) < 1e-3, "the attitude did not settle")
+    d.check(settles(d.signal("flight.tracking.error.sigma_BR").norm() < 1e-3, within=5 * minute))
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from fledge.errors import SetupError
 from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import short_name, time_ns
+from fledge.requirements.formula import Formula, number_text
+from fledge.requirements.judge import STALE, Judged
 from fledge.series import GOOD, NONE
 
 if TYPE_CHECKING:
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
     from fledge.mission.simulation import Simulation
     from fledge.montecarlo.shares import Series
+    from fledge.requirements.declared import Requirement as Declared
 
 
 class Variable(Measured):
@@ -192,3 +196,67 @@ class Requirement:
         field = self.variable.field_path.field
         names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
         return names.get(value, f"{value:{form}}{unit_after(self.variable.unit)}")
+
+
+class Margin:
+    """The margin of a formula, one number for each run, in the place of a Variable: it has no values over time."""
+
+    when, _start = "", None
+
+    def __init__(self, name: str, unit: str) -> None:
+        self.measure_text, self.unit = f"margin of {name}", "" if unit == "-" else unit
+
+    def samples(self, ns: np.ndarray) -> slice:
+        """Those that the formula looks at: all."""
+        return slice(0, len(ns))
+
+
+class FormulaCheck(Requirement):
+    """A formula that each run must fulfil: its margin is above 0. A margin of names alone is 1 or -1."""
+
+    def __init__(self, declared: Declared, message: str) -> None:
+        assert declared.formula is not None
+        self._judged = Judged([declared])
+        self.declared, self.message = declared, message
+        self.variable: Any = Margin(declared.id, self._judged.units[0])
+        self.comparison, self.limit, self.quality = ">", 0.0, None
+
+    @property
+    def formula(self) -> Formula:
+        """What must hold."""
+        assert self.declared.formula is not None
+        return self.declared.formula
+
+    def worst(self, result: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(margins, when they were decided [s], whether it holds) of each run; NaN, and not held, where unknown."""
+        import numpy as np
+
+        columns = []
+        for one in self._judged.sources:
+            values = np.asarray(result.retained[one.field.path], float)
+            values = values.reshape(*values.shape[:2], -1).copy()
+            if one.field.has_quality:
+                values[result.retained[f"{one.field.port}.head.quality"] <= STALE] = math.nan
+            columns.append(values)
+        runs = len(next(iter(result.retained.values())))
+        margins, times = np.full(runs, math.nan), np.full(runs, math.nan)
+        for run in range(runs):
+            self._judged.play_samples(result.ns, [one[run] for one in columns])
+            outcome = self._judged.outcomes()[0]
+            if outcome.margin is not None:
+                margins[run] = outcome.margin
+                times[run] = math.nan if outcome.at is None else outcome.at
+        most = np.abs(margins[np.isfinite(margins)]).max(initial=1.0)
+        return np.clip(margins, -most, most), times, self.holds(margins)
+
+    def failure(self, value: float, time: float) -> str:
+        """The text for a run that does not fulfil it."""
+        text = (f"{self!r} cannot be judged" if math.isnan(value) else
+                f"{self!r} is violated by {self._shown(-value)}" + (f" at {time:g} s" if time == time else ""))
+        return f"{self.message}: {text}" if self.message else text
+
+    def __repr__(self):
+        return self.declared.id if self.declared.id != str(self.formula) else str(self.formula)
+
+    def _shown(self, value, form="g"):
+        return number_text(value, self.variable.unit)

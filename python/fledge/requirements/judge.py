@@ -94,6 +94,22 @@ class Judged:
         ends = [judge.play(records, end) for judge in self._judges.values()]
         self._end = max(ends, default=0)
 
+    @property
+    def units(self) -> list[str]:
+        """Of the margins, as in Outcome."""
+        return [unit_of(one.formula) or "" for one in self.requirements if one.formula is not None]
+
+    @property
+    def sources(self) -> list[Signal]:
+        """Of requirements with one time between samples: the fields that play_samples() takes."""
+        return [one for judge in self._judges.values() for one in judge.sources]
+
+    def play_samples(self, times: Any, values: Sequence[Any]) -> None:
+        """Judge samples. times: (n,) [ns]; values: (n, elements) of each of the sources, NaN where unknown."""
+        for judge in self._judges.values():
+            judge.core.play(times, values)
+        self._end = int(times[-1])
+
     def outcomes(self) -> list[Outcome]:
         """Of each requirement, in their order. The runs have ended."""
         end = self._end if self._simulation is None else max(self._simulation.time_ns, 0)
