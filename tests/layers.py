@@ -97,6 +97,7 @@ PARTS = [
     ("world", "the world's models by name, bodies, orbits, the sky"),
     ("scan trajectory", "figures of boresights and orbits"),
     ("mission", "load a mission; processes, simulation, log, wiring, batches"),
+    ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),
     ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),

@@ -52,7 +52,7 @@ def _run(options, sim, name, fly, folder):
     """Fly a scenario, and write what comes of it into the folder."""
     import fledge
     from fledge.cli import check_replay, health
-    from fledge.cli.judge import attempt
+    from fledge.cli.judge import attempt, show_required
 
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
@@ -67,7 +67,7 @@ def _run(options, sim, name, fly, folder):
     title = f"{sim.name}, {name}"
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
-    problem, code = attempt(options, sim, fly)
+    problem, code, outcomes = attempt(options, sim, name, fly, folder / "violated.snapshot" if options.stop else None)
     sim.close_outputs()
     again = ""
     if replay:
@@ -100,11 +100,12 @@ def _run(options, sim, name, fly, folder):
         say("  record   none" + ("" if problem else ": the scenario records nothing") + older)
     for plot in plots:
         say(f"  plot     {plot}")
+    show_required(outcomes)
     for line in sim.assumptions:
         say(f"  assumed  {line}")
     health.show_modes(sim)
     health.show(findings)
-    say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem, findings)}")
+    say(f"  summary  {health.write(folder / 'summary.json', sim, name, problem, findings, outcomes)}")
     if path:    # which replaced the record that older pages show
         for page in ["view.html"] + ["report.html"] * (not report):
             if os.path.lexists(folder / page):
@@ -398,6 +399,8 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
+    one.add_argument("--stop", action="store_true", help="end the run at the first violation of a requirement, and keep "
+                     "the state in violated.snapshot")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
     one.add_argument("--for", dest="duration", metavar="DURATION",

@@ -10,6 +10,7 @@ from fledge.cli.console import counted, say
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from fledge.mission.simulation import Finding, Simulation
+    from fledge.requirements import Outcome
 
 SHOWN = 6
 
@@ -44,7 +45,8 @@ def refusal(findings: Sequence[Finding]) -> str:
     return f"failed: --strict, and its health has {counted(len(findings), 'finding')}: {findings[0].text}"
 
 
-def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findings: Sequence[Finding]) -> Path:
+def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findings: Sequence[Finding],
+          outcomes: Sequence[Outcome] = ()) -> Path:
     """Write the facts of a run as JSON, the same bytes for the same run; returns the path."""
     import json
 
@@ -54,6 +56,9 @@ def write(path: Path, sim: Simulation, scenario: str, problem: str | None, findi
     data = {"mission": sim.name, "scenario": scenario, "seed": sim.seed, "outcome": problem or "passed",
             "time": sim.time, "state_time": sim.state_time, "health": [one._asdict() for one in findings],
             "assumptions": sim.assumptions, "processes": facts(sim)}
+    if outcomes:
+        data["requirements"] = [{"id": one.requirement.id, "verdict": one.verdict, "margin": one.margin_text,
+                                 "at": one.at, "where": one.where, "reason": one.reason} for one in outcomes]
     with Part(path) as part:
         part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return path

@@ -7,11 +7,13 @@ import shlex
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, trace
-from fledge.errors import Failure
+from fledge.errors import Failure, SetupError, Stopped
+from fledge.requirements import Outcome, Requirements
+from fledge.requirements.judge import HOLDS, UNKNOWN, VIOLATED
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from fledge.archive import Archive
     from fledge.cosim.up.description import Plan
@@ -19,13 +21,32 @@ if TYPE_CHECKING:
     from fledge.targets import Job
 
 
-def attempt(options: argparse.Namespace, sim: Simulation, fly: Callable) -> tuple[str | None, int]:
-    """Fly a scenario; returns (what is wrong or None, the exit code)."""
-    from fledge import SetupError, mission as missions
+def attempt(options: argparse.Namespace, sim: Simulation, scenario: str, fly: Callable, stop: Path | None = None
+            ) -> tuple[str | None, int, list[Outcome]]:
+    """Fly a scenario, and judge the requirements that it shows; returns (what is wrong or None, the exit code, their
+    outcomes). stop: end the run at the first violation, and write the state into this file."""
+    try:
+        required = Requirements(sim)
+    except SetupError as error:
+        trace(options)
+        return str(error), 2, []
+    watch = required.watch([one.id for one in required.for_scenario(scenario)], stop is not None) if required else None
+    problem, code = _attempt(options, sim, fly, stop)
+    outcomes = watch.outcomes() if watch else []
+    violated = [one for one in outcomes if one.verdict == VIOLATED]
+    if violated and not problem:
+        problem, code = "failed: " + "; ".join(map(str, violated)), 1
+    return problem, code, outcomes
 
-    assert sim.mission
+
+def _attempt(options, sim, fly, stop):
+    from fledge import mission as missions
+
     try:
         fly(sim)
+    except Stopped as error:
+        stop.write_bytes(sim.snapshot())
+        return f"stopped at {sim.time:g} s: {error}; the state is in {stop}", 1
     except KeyboardInterrupt:
         return "interrupted", 130
     except AssertionError as error:
@@ -53,7 +74,7 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     stand_in(sim, records, exchange, packets)
     if not options.report:
         sim.plots = False
-        return attempt(options, sim, sim.mission.scenarios[job.scenario])[0] or ""
+        return attempt(options, sim, job.scenario, sim.mission.scenarios[job.scenario])[0] or ""
     return reported(options, sim, job.scenario, f"on {target}", job.folder / f"{target}_run", target=target)
 
 
@@ -71,7 +92,7 @@ def reported(options: argparse.Namespace, sim: Simulation, scenario: str, where:
     report = Report(sim, f"{scenario}, {where}", function)
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__, **metadata,
                 **sim.mission.metadata())
-    problem, code = attempt(options, sim, function)
+    problem, code, _ = attempt(options, sim, scenario, function)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     page = report.write(folder / "report.html", Outcome(
         "failed" if problem else "passed", (problem or "").removeprefix("failed: "), Path(path) if path else None,
@@ -102,3 +123,15 @@ def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
             records[str(p.process)] = Archive(kept[0])
     stand_in(sim, records, Archive(folder / "exchange.mcap"))
     return sim, chosen(sim, first.scenario)[0]
+
+
+def show_required(outcomes: Sequence[Outcome]) -> None:
+    """Print how many requirements hold, and each that does not."""
+    if not outcomes:
+        return
+    count = {verdict: sum(one.verdict == verdict for one in outcomes) for verdict in (HOLDS, VIOLATED, UNKNOWN)}
+    say("  required " + ", ".join(f"{n} {word}" for n, word in zip(count.values(), ("hold", "violated", "unknown"))
+                                  if n))
+    for one in outcomes:
+        if one.verdict != HOLDS:
+            say(f"           {one}")

@@ -130,7 +130,7 @@ class Judged:
         margin = {HOLDS: low, VIOLATED: high, UNKNOWN: None}[verdict]
         t, atom = (low_t, low_atom) if verdict != VIOLATED else (high_t, high_atom)
         where = judge.atoms[atom].text if atom >= 0 else ""
-        reason = self._reason(requirement, judge, where, t) if verdict == UNKNOWN else ""
+        reason = self._reason(requirement, judge, where if math.isinf(low) else "", t) if verdict == UNKNOWN else ""
         if margin is not None and abs(margin) < 1e-300:
             margin = 0.0
         return Outcome(requirement, verdict, margin, low, high, unit_of(requirement.formula) or "",
