@@ -69,7 +69,7 @@ public:
     const std::vector<std::shared_ptr<Log>> &followed() const { return followed_; }
     /// Let someone look from now on; a clone has none.
     void watch(std::shared_ptr<Watcher> watcher);
-    bool stop_wanted() const { return stop_wanted_; } ///< by a watcher, at the last instant
+    bool take_stop() { return std::exchange(stop_wanted_, false); } ///< whether a watcher wants the run to end
 
     /// The message of a log that follows it was written at t. Throws RunError as take().
     void written(Log &log, Ns t);

@@ -1014,7 +1014,7 @@ bool Runtime::run_until(Ns t, const RunControl &control)
                 }
             }
             instant();
-            if (recorder_.stop_wanted()) {
+            if (recorder_.take_stop()) {
                 return stopped();
             }
         }

@@ -1053,6 +1053,38 @@ TEST(Recorder, TakesSamplesOnItsGridAndForgetsThemOnReset)
     EXPECT_THAT(log->times, ElementsAre(0));
 }
 
+/// Keeps the times at which it looked, and ends the run at one of them.
+struct Looker : Watcher {
+    void take(Ns t) override
+    {
+        times.push_back(t);
+        stop = t == last;
+    }
+    void rewind(Ns now) override { went.push_back(now); }
+
+    std::vector<Ns> times, went;
+    Ns last = -1;
+};
+
+TEST(Recorder, AWatcherLooksOnItsGridAndMayEndTheRun)
+{
+    Loop loop;
+    auto looker = std::make_shared<Looker>();
+    looker->every = 250 * ms;
+    looker->last = 500 * ms;
+    loop.sim.recorder().watch(looker);
+    EXPECT_FALSE(loop.sim.run_until(1000 * ms));
+    EXPECT_EQ(loop.sim.time(), 500 * ms);
+    const auto half = loop.sim.snapshot();
+    EXPECT_TRUE(loop.sim.run_until(1000 * ms)); // it goes on
+    EXPECT_THAT(looker->times, ElementsAre(0, 300 * ms, 500 * ms, 800 * ms, 1000 * ms));
+    loop.sim.restore(half);
+    loop.sim.reset();
+    EXPECT_THAT(looker->went, ElementsAre(-1, 500 * ms, -1));
+    EXPECT_TRUE(loop.sim.clone()->run_until(1000 * ms)); // which has no watcher
+    EXPECT_EQ(looker->times.size(), 5u);
+}
+
 TEST(Recorder, AnArchiveHasChunksAndTheirIndex)
 {
     Loop loop;

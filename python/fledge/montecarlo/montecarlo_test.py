@@ -9,6 +9,7 @@ import os
 import pty
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import fly_share
 from fledge.report import campaign as pages
 from fledge.report.report_test import Page
+from fledge.requirements import after, always, implies, within
 from fledge.units import N, deg, kg, m, s
 
 
@@ -545,6 +547,43 @@ def test_the_draw_that_matters_is_found():
     assert [one.path for one in linear] == [one.path for one in even] == ["world.craft.omega_BN_B[1]"]
     assert linear[0].share > 0.9 and linear[0].correlation > 0.99
     assert even[0].share > 0.5 and abs(even[0].correlation) < 0.5
+
+
+def test_formulas_are_checks_of_a_campaign(tmp_path):
+    """Their margins are those of the retained variables; what is unknown fails."""
+    shutil.copytree(fledge.mission.find("nadir_spin").folder, tmp_path / "plays")
+    (tmp_path / "plays/requirements.py").write_text(
+        'from fledge.requirements import always\n\n\ndef rates(r):\n    """Rates."""\n'
+        '    r.require("RATE-1", "slow", always(r.signal("world.craft.state.omega_BN_B").norm() < 0.04))\n'
+        '    r.require("RATE-2", "", method="analysis")\n')
+
+    def push(d):
+        d.duration, d.every = 20 * s, 1 * s
+        d["world.craft.omega_BN_B[1]"] = d.normal(0, 1 * deg / s)
+        rate = d.signal("world.craft.state.omega_BN_B").norm()
+        d.check(always(implies(after(10 * s), rate < 0.036)), "fast")
+        d.require("RATE-1")
+        d.retain("world.craft.state.omega_BN_B")
+
+    result = Campaign(tmp_path / "plays", push).fly(40)
+    rates = np.linalg.norm(result.retained["world.craft.state.omega_BN_B"], axis=2)
+    for one, wanted in zip(result.campaign.dispersions.requirements,
+                           (0.036 - rates[:, 10:].max(axis=1), 0.04 - rates.max(axis=1))):
+        margins, times, holds = result.reached(one)
+        assert margins == pytest.approx(wanted, rel=1e-12) and (holds == (wanted > 0)).all()
+        assert 0 < holds.sum() < 40 and not np.isnan(times).any()
+    assert "fast: " in next(iter(result.failures.values())) and "is violated by 0.0" in "".join(result.failures.values())
+
+    def longer(d):
+        push(d)
+        d.check(within(30 * s, d.signal("world.craft.state.omega_BN_B").norm() < 0.01))
+
+    with pytest.raises(fledge.SetupError, match="30 s ahead, which is longer than a run of 20 s"):
+        Campaign(tmp_path / "plays", longer)
+    with pytest.raises(fledge.SetupError, match="RATE-2 is shown by analysis"):
+        Campaign(tmp_path / "plays", lambda d: d.require("RATE-2"))
+    with pytest.raises(fledge.SetupError, match="did you mean 'RATE-1'"):
+        Campaign(tmp_path / "plays", lambda d: d.require("RATE-11"))
 
 
 def test_a_live_line_on_a_terminal(monkeypatch, capsys):

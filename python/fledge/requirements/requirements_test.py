@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requirements of a small mission, judged while it flies and from its record; formulas as texts; what is refused."""
+import math
+import random
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge.archive import Archive
+from fledge.errors import SetupError, Stopped
+from fledge.export.run_test import FLIGHT, WORLD
+from fledge.requirements import (Requirements, after, always, angle, before, begins, eventually, implies, never, settles,
+                                 turned, until, within)
+from fledge.requirements.declared import Declaration
+from fledge.requirements.judge import Judged
+from fledge.units import N, deg, m, minute, s
+
+HEAD = '''
+from fledge.requirements import *
+from fledge.units import N, deg, m, minute, ms, s
+
+
+def pointing(r):
+    """Pointing."""
+    error = r.signal("flight.tracking.error.sigma_BR")
+'''
+
+
+@pytest.fixture()
+def mission(tmp_path, monkeypatch):
+    """A copy of nadir_spin to which a test gives requirements."""
+    import shutil
+
+    shutil.copytree(fledge.mission.find("nadir_spin").folder, tmp_path / "plays")
+    monkeypatch.chdir(tmp_path)
+
+    def write(*lines):
+        (tmp_path / "plays/requirements.py").write_text(HEAD + "".join(f"    {line}\n" for line in lines))
+        return fledge.load("./plays")
+
+    return write
+
+
+def test_verdicts_and_margins_are_those_of_the_record(mission):
+    sim = mission('n = error.norm()',
+                  'r.require("A-1", "", settles(n < 1e-3, within=20 * minute))',
+                  'r.require("A-2", "", always(implies(after(10 * minute), n < 1e-5)))',
+                  'r.require("A-3", "", eventually(n < 0.1, 30 * s, 60 * s))',
+                  'r.require("A-4", "", always(within(50 * minute, n < 1e-4)))',
+                  'r.require("A-5", "", method="analysis", evidence="x", rationale="because", parent="S")',
+                  'r.every = 10 * s',
+                  'r.require("A-6", "", never(error.max_abs() > 0.9), shown_by="spin")')
+    required = Requirements(sim)
+    watch = required.watch()
+    log = sim.record(sim.flight.tracking.error)
+    sim.run(40 * minute)
+    live = {one.requirement.id: one for one in watch.outcomes()}
+    time, norm = log.time, np.linalg.norm(log["error.sigma_BR"], axis=1)
+    late = time >= 600
+    # A closed form of each margin, by numpy.
+    suffix = np.maximum.accumulate(norm[::-1])[::-1]
+    assert live["A-1"].margin == pytest.approx(1e-3 - suffix[time <= 1200].min(), rel=1e-12)
+    assert live["A-2"].margin == pytest.approx(1e-5 - norm[late].max(), rel=1e-12)
+    assert live["A-3"].margin == pytest.approx(0.1 - norm[(time >= 30) & (time <= 60)].min(), rel=1e-12)
+    assert live["A-6"].margin == pytest.approx(0.9 - abs(log["error.sigma_BR"][time % 10 == 0]).max(), rel=1e-12)
+    assert {id: one.verdict for id, one in live.items()} == {
+        "A-1": "holds", "A-2": "holds" if norm[late].max() < 1e-5 else "violated",
+        "A-3": "holds" if norm[(time >= 30) & (time <= 60)].min() < 0.1 else "violated", "A-4": "holds",
+        "A-6": "holds"}
+    worst = live["A-2"]
+    assert worst.at == time[late][norm[late].argmax()] and worst.where == "norm(flight.tracking.error.sigma_BR) < 1e-05"
+    for one in required.judge(log, end=40 * minute):
+        other = live[one.requirement.id]
+        assert (one.verdict, one.low, one.high, one.at) == (other.verdict, other.low, other.high, other.at)
+    assert required.of("A-5").parent == "S" and required.of("A-5").group == "Pointing"
+    assert [one.id for one in required.for_scenario("other")] == ["A-1", "A-2", "A-3", "A-4"]
+
+
+def test_a_file_of_the_run_says_the_same(mission, tmp_path):
+    sim = mission('r.require("A-1", "", settles(error.norm() < 1e-3, within=20 * minute))')
+    required = Requirements(sim)
+    watch = required.watch(traces=True)
+    sim.record(sim.flight.tracking.error)
+    sim.archive(tmp_path / "run.mcap")
+    sim.run(30 * minute)
+    live = watch.outcomes()[0]
+    sim.close_archive()
+    with Archive(tmp_path / "run.mcap") as archive:
+        judged = required.judged(archive, end=30 * minute, traces=True)
+        assert judged.outcomes()[0].margin == live.margin
+        comparison = live.requirement.formula.comparisons[0]
+        for time, values in (judged.values(comparison), watch.values(comparison)):
+            assert (values == np.linalg.norm(archive["error.sigma_BR"], axis=1)).all()
+            assert (time == archive.series("error.sigma_BR").time).all()
+    other = mission('r.require("A-1", "", always(r.signal("world.craft.state.omega_BN_B").norm() < 1 * deg / s))')
+    with Archive(tmp_path / "run.mcap") as archive, pytest.raises(SetupError, match="was not recorded"):
+        Requirements(other).judge(archive)
+
+
+def test_modes_and_events(tmp_path):
+    (tmp_path / "plays").mkdir()
+    (tmp_path / "plays/flight.py").write_text(FLIGHT)
+    (tmp_path / "plays/world.py").write_text(WORLD)
+    sim = fledge.load(tmp_path / "plays")
+    r = Declaration(sim)
+    r.require("M-1", "", always(implies(after(r.event("flight", "start")), r.mode() != "wait")))
+    r.require("M-2", "", eventually(r.mode() == "point"))
+    for name in sim.flight.events:
+        r.require(f"E-{name}", "", never(r.event("flight", name)))
+    judged = Judged(list(r._found.values()), sim)
+    judged.watch(False)
+    log = sim.record(sim.flight.tracking.error)
+    sim.run(100 * s)
+    live = judged.outcomes()
+    assert live[1].verdict == "holds" and live[1].margin == math.inf
+    fired = [one.fired[0] for one in sim.flight.events.values()]
+    assert any(fired) and not all(fired)
+    assert [one.verdict for one in live[2:]] == ["violated" if n else "holds" for n in fired]
+    again = Judged(list(r._found.values()))
+    again.play(log, sim.time_ns)
+    assert [one.verdict for one in again.outcomes()] == [one.verdict for one in live]
+    with pytest.raises(SetupError, match="expected one of"):
+        r.mode() == "NOWHERE"
+    with pytest.raises(SetupError, match="has no event 'nothing'"):
+        r.event("flight", "nothing")
+
+
+def test_a_run_stops_at_the_first_violation_and_may_go_on(mission):
+    sim = mission('r.require("A-1", "", always(error.norm() > 0.1))')
+    Requirements(sim).watch(stop=True)
+    log = sim.record(sim.flight.tracking.error)
+    with pytest.raises(Stopped, match="A-1 violated") as found:
+        sim.run(30 * minute)
+    norm = np.linalg.norm(log["error.sigma_BR"], axis=1)
+    assert (norm[:-1] > 0.1).all() and norm[-1] <= 0.1 and found.value.outcomes[0].at == sim.time
+    state = sim.snapshot()
+    sim.run(1 * minute)
+    sim.restore(state)
+
+
+def test_a_run_that_begins_anew_is_judged_anew_and_one_that_goes_back_is_unknown(mission):
+    sim = mission('r.require("A-1", "", always(error.norm() > 1e-9))')
+    watch = Requirements(sim).watch()
+    sim.run(1 * minute)
+    first = watch.outcomes()[0]
+    state = sim.snapshot()
+    sim.run(1 * minute)
+    sim.restore(state)
+    sim.run(1 * s)
+    assert watch.outcomes()[0].verdict == "unknown" and "went back" in watch.outcomes()[0].reason
+    sim.reset()
+    sim.run(1 * minute)
+    assert watch.outcomes()[0].margin == first.margin
+
+
+def test_what_was_never_written_is_unknown(mission):
+    sim = mission('r.require("A-1", "", always(error.norm() < 9))',
+                  'r.require("A-2", "", eventually(error.norm() < 9))')
+    judged = Judged([one for one in Requirements(sim).all])
+    bad = np.array([[math.nan] * 3, [0.1] * 3])
+    judged.play_samples(np.array([0, 1]), [bad])
+    unknown, holds = judged.outcomes()
+    assert unknown.verdict == "unknown" and "never written" in unknown.reason and holds.verdict == "holds"
+    judged.play_samples(np.array([0, 1]), [np.array([[math.nan] * 3, [9] * 3])])
+    assert [one.verdict for one in judged.outcomes()] == ["violated", "unknown"]
+
+
+def test_the_end_of_the_run_leaves_windows_unknown(mission):
+    sim = mission('r.require("A-1", "", always(within(10 * s, error.norm() < 1e-9)))')
+    judged = Judged(Requirements(sim).all)
+    judged.play_samples(np.array([0, 5_000_000_000]), [np.ones((2, 3))])
+    outcome = judged.outcomes()[0]
+    assert outcome.verdict == "unknown" and "the run ends at 5 s" in outcome.reason
+
+
+def test_expressions_are_those_of_numpy():
+    """On random numbers: each operation against numpy, and attitudes against the library's own conversion."""
+    from fledge.attitude import mrp_to_dcm
+
+    sim = fledge.load("nadir_spin")
+    r = Declaration(sim)
+    sigma, omega = r.signal("world.craft.state.sigma_BN"), r.signal("flight.tracking.error.omega_BR_B")
+    rate = r.signal("world.craft.state.omega_BN_B")
+    made = [sigma[1], sigma.norm(), sigma.max_abs(), abs(sigma[0]), (omega - rate).norm(), (omega + 2 * rate)[2],
+            angle(omega, rate), turned(sigma, omega)[0], angle(turned(sigma, omega), [0, 0, 1]),
+            omega[0] - 3 * deg / s]
+    wanted = [lambda a, b, c: a[1], lambda a, b, c: np.linalg.norm(a), lambda a, b, c: abs(a).max(),
+              lambda a, b, c: abs(a[0]), lambda a, b, c: np.linalg.norm(b - c), lambda a, b, c: b[2] + 2 * c[2],
+              lambda a, b, c: np.arccos(b @ c / np.linalg.norm(b) / np.linalg.norm(c)),
+              lambda a, b, c: (mrp_to_dcm(a) @ b)[0],
+              lambda a, b, c: np.arccos((mrp_to_dcm(a) @ b)[2] / np.linalg.norm(b)),
+              lambda a, b, c: b[0] - np.radians(3)]
+    for i, one in enumerate(made):
+        r.require(f"X-{i}", "", one < 0 * (deg if one.unit == "rad" else deg / s if one.unit else 1))
+    judged = Judged(list(r._found.values()))
+    of = {"world.craft.state.sigma_BN": 0, "flight.tracking.error.omega_BR_B": 1, "world.craft.state.omega_BN_B": 2}
+    random_ = np.random.default_rng(1)
+    for _ in range(50):
+        numbers = random_.normal(size=(3, 3))
+        judged.play_samples(np.array([0]), [numbers[of[one.field.path]][None] for one in judged.sources])
+        for outcome, f in zip(judged.outcomes(), wanted):
+            assert -outcome.low == pytest.approx(f(*numbers), rel=1e-9, abs=1e-12)
+
+
+def test_a_mixture_of_units_is_judged_by_fractions_of_the_limits(mission):
+    sim = mission('rate = r.signal("flight.tracking.error.omega_BR_B").norm()',
+                  'r.require("A-1", "", always((error.norm() < 2) & (rate < 10 * deg / s)))')
+    judged = Judged(Requirements(sim).all)
+    judged.play_samples(np.array([0]), [np.array([[1.0, 0, 0]]), np.array([[np.radians(8), 0, 0]])])
+    one = judged.outcomes()[0]
+    assert one.margin == pytest.approx(0.2) and one.unit == "" and one.margin_text == "20 % of the limit"
+    assert "omega_BR_B" in one.where
+
+
+def test_formulas_print_as_sentences_and_mathematics():
+    r = Declaration(fledge.load("nadir_spin"))
+    x = r.signal("flight.tracking.error.sigma_BR")[0] < 0.5
+    w = r.signal("flight.tracking.error.omega_BR_B").norm() > 0.5 * deg / s
+    a, b = "flight.tracking.error.sigma_BR[0] < 0.5", "norm(flight.tracking.error.omega_BR_B) > 0.5 deg/s"
+    for formula, sentence, mathematics in [
+            (always(implies(x, within(5 * minute, w))), f"always (if {a} then (within 5 min {b}))",
+             f"□(({a}) → ◇[0,300]({b}))"),
+            (until(x & w, ~x, within=10 * s), f"({a} and {b}) until within 10 s (not {a})",
+             f"(({a}) ∧ ({b})) U[0,10] ¬({a})"),
+            (never(x | w), f"never ({a} or {b})", f"□¬(({a}) ∨ ({b}))"),
+            (settles(x, within=1 * s, lasting=2 * s), f"within 1 s {a}, and stays so for 2 s", f"◇[0,1]□[0,2]({a})"),
+            (always(x, 1 * s, 2 * s) & eventually(w), f"(always from 1 s to 2 s later {a}) and (at some time {b})",
+             f"□[1,2]({a}) ∧ ◇({b})"),
+            (after(x) & after(3 * s) & before(9 * s), f"(({a} has held) and after 3 s) and (before 9 s)",
+             f"(◆({a}) ∧ (t ≥ 3)) ∧ (t < 9)"),
+            (begins(x), f"{a} begins", f"↑({a})")]:
+        assert (str(formula), formula.mathematics) == (sentence, mathematics)
+    assert settles(x, within=1 * s, lasting=2 * s).reach == 3_000_000_000
+    with pytest.raises(TypeError, match="only known after a run"):
+        bool(x)
+
+
+@pytest.mark.parametrize("line, says", [
+    ('r.require("A-1", "", error.norm() < 1 * m)', "expected a number without unit"),
+    ('r.require("A-1", "", error.norm() < 1 * N * m)', "expected a number without unit"),
+    ('r.require("A-1", "", error < 1)', "has shape"),
+    ('r.require("A-1", "", error.norm())', "expected a formula"),
+    ('r.require("A-1", "")', "needs a formula"),
+    ('r.require("A-1", "", error.norm() < 1, method="analysis")', "others have none"),
+    ('r.require("A-1", "", method="guess")', "there is no method 'guess'"),
+    ('r.require("A 1", "", error.norm() < 1)', "an id has no spaces"),
+    ('r.require("A-1", "", error.norm() < 1, shown_by="spinn")', "did you mean 'spin'"),
+    ('r.require("A-1", "", error.norm() == 0.1)', "hardly ever equal"),
+    ('r.signal("flight.tracking.error.sigma_B")', "has no 'sigma_B'"),
+    ('r.signal("flight.control.K")', "no field of an input or output"),
+    ('r.require("A-1", "", always(error.norm() < 1, 2 * s, 1 * s))', "ends after its beginning"),
+    ('r.require("A-1", "", within(0, error.norm() < 1))', "a time above 0"),
+    ('r.require("A-1", "", within(1 * m, error.norm() < 1))', "within"),
+    ('angle(error, [1, 2])', "3 numbers"),
+    ('error - r.signal("flight.tracking.error.omega_BR_B")', "they differ in shape or unit"),
+    ('r.evry = 1 * s', "did you mean 'every'"),
+    ('r.every = -1 * s', "must be >= 0"),
+    ('error[3]', "whole numbers below"),
+    ('always(True)', "expected a formula"),
+])
+def test_bad_input_is_named_with_file_and_line(line, says, mission):
+    sim = mission(line)
+    with pytest.raises(SetupError, match="requirements.py, line 9") as found:
+        Requirements(sim)
+    assert says in str(found.value)
+
+
+def test_two_requirements_with_one_id_are_refused(mission):
+    sim = mission('r.require("A-1", "", error.norm() < 1)', 'r.require("A-1", "", error.norm() < 2)')
+    with pytest.raises(SetupError, match="line 10.*two requirements have the id A-1.*line 9"):
+        Requirements(sim)
+    assert not Requirements(fledge.load("inertial_spin"))
+    with pytest.raises(SetupError, match="did you mean 'A-1'"):
+        Requirements(mission('r.require("A-1", "", error.norm() < 1)')).of("A-2")
+
+
+def test_windows_longer_than_a_run_are_refused_before_it(mission):
+    sim = mission('r.require("A-1", "", within(5 * minute, error.norm() < 1))')
+    required = Requirements(sim)
+    required.refuse_longer(300_000_000_000, required.all)
+    with pytest.raises(SetupError, match="line 9: A-1 looks 5 min ahead, which is longer than the run of 299 s"):
+        required.refuse_longer(299_000_000_000, required.all)
+
+
+def test_the_order_of_random_formulas_does_not_matter(mission):
+    """De Morgan, and the duals of windows, on random signals: equal margins."""
+    sim = mission('pass')
+    r = Declaration(sim)
+    a = r.signal("flight.tracking.error.sigma_BR")[0] < 0.5
+    b = r.signal("flight.tracking.error.sigma_BR")[1] > -0.5
+    pairs = [(~(a & b), ~a | ~b), (~always(a, 1, 3), eventually(~a, 1, 3)), (never(a), ~eventually(a)),
+             (implies(a, b), ~a | b), (within(2, a), eventually(a, 0, 2)), (until(after(0), a), eventually(a)),
+             (settles(a, within=3), eventually(always(a), 0, 3))]
+    for i, pair in enumerate(pairs):
+        for k in (0, 1):
+            r.require(f"P-{i}-{k}", "", pair[k])
+    judged = Judged(list(r._found.values()))
+    draw = random.Random(3)
+    for _ in range(100):
+        n = draw.randrange(1, 12)
+        times = np.cumsum([draw.randrange(1, 3) for _ in range(n)]) * 1_000_000_000
+        judged.play_samples(times, [np.array([[draw.uniform(-1, 1) for _ in range(3)] for _ in range(n)])])
+        found = judged.outcomes()
+        for one, other in zip(found[::2], found[1::2]):
+            assert (one.low, one.high) == (other.low, other.high), one
