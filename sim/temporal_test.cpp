@@ -257,8 +257,8 @@ TEST(TemporalMonitor, RefusesWhatIsNoFormula)
     EXPECT_THROW(TemporalMonitor({atom, {Kind::ALWAYS, 0, -1, 5, 4}}), std::invalid_argument);
 }
 
-/// Values of published examples: tests of RTAMT in discrete time (D. Nickovic, T. Yamaguchi, 2020), and the intervals that
-/// the documentation of mstlo gives for its first example.
+/// Values of published examples: tests of RTAMT in discrete time (D. Nickovic, T. Yamaguchi, 2020), and the intervals
+/// that the documentation of mstlo gives for its first example.
 TEST(TemporalMonitor, GivesPublishedValues)
 {
     const double left[] = {100, -1, -2, 5, -1}, right[] = {20, -2, 10, 4, -1};

@@ -399,8 +399,8 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--pace", type=number(), default=0.0, metavar="X",
                      help="X simulated seconds per second; default: as fast as possible")
     one.add_argument("--strict", action="store_true", help="a run with a finding about its health has failed")
-    one.add_argument("--stop", action="store_true", help="end the run at the first violation of a requirement, and keep "
-                     "the state in violated.snapshot")
+    one.add_argument("--stop", action="store_true", help="end the run at the first violation of a requirement, and "
+                     "keep the state in violated.snapshot")
     one.add_argument("--no-plots", action="store_true", help="leave out the scenario's plots")
     one.add_argument("--report", action="store_true", help="write all about the run into one page, report.html")
     one.add_argument("--for", dest="duration", metavar="DURATION",

@@ -408,8 +408,8 @@ class Dispersions:
     def _check_formula(self, declared, message):
         for comparison in declared.formula.comparisons:
             if comparison.signal.events:
-                raise SetupError(f"{declared.id}: {comparison.text}: campaigns do not retain events; look at a mode, or "
-                                 "at what the event sets")
+                raise SetupError(f"{declared.id}: {comparison.text}: campaigns do not retain events; look at a mode, "
+                                 "or at what the event sets")
             for field in comparison.signal.fields:
                 self._retain(field.path, False)
                 if field.has_quality:

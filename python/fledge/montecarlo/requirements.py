@@ -233,10 +233,11 @@ class FormulaCheck(Requirement):
 
         columns = []
         for one in self._judged.sources:
-            values = np.asarray(result.retained[one.field.path], float)
-            values = values.reshape(*values.shape[:2], -1).copy()
-            if one.field.has_quality:
-                values[result.retained[f"{one.field.port}.head.quality"] <= STALE] = math.nan
+            field = one.fields[0]
+            values = result.retained[field.path].astype(float)
+            values = values.reshape(*values.shape[:2], -1)
+            if field.has_quality:
+                values[result.retained[f"{field.port}.head.quality"] <= STALE] = math.nan
             columns.append(values)
         runs = len(next(iter(result.retained.values())))
         margins, times = np.full(runs, math.nan), np.full(runs, math.nan)

@@ -93,7 +93,7 @@ class Declaration:
         frame = sys._getframe(1)
         one = Requirement(str(id), str(text), formula, method, rationale, parent, evidence,
                           (shown_by,) if isinstance(shown_by, str) else tuple(shown_by), self._group,
-                          shown(frame.f_code.co_filename), frame.f_lineno, self._every)
+                          str(shown(frame.f_code.co_filename)), frame.f_lineno, self._every)
         if not one.id or any(sign.isspace() or not sign.isprintable() or sign in "/\\," for sign in one.id):
             raise SetupError(f"r.require({id!r}): an id has no spaces, commas and slashes")
         if one.id in self._found:

@@ -32,7 +32,8 @@ class Signal:
 
     def __init__(self, operation: str, operands: Sequence[Signal] = (), *, text: str, shape: tuple[int, ...] = (),
                  unit: str = "", dims: Sequence[int] = _NUMBER, number: float = 0.0, place: int = -1,
-                 numbers: Sequence[float] = (), field: FieldPath | None = None, event: tuple[str, str] | None = None) -> None:
+                 numbers: Sequence[float] = (), field: FieldPath | None = None,
+                 event: tuple[str, str] | None = None) -> None:
         self.operation, self.operands, self.text, self.shape = operation, tuple(operands), text, shape
         self.unit, self.dims, self.number, self.place = unit, tuple(dims), number, place
         self.numbers, self.field, self.event = tuple(numbers), field, event
@@ -104,7 +105,8 @@ class Signal:
     __rmul__ = __mul__
 
     def _made(self, operation, *operands, **changes):
-        return Signal(operation, operands, **{"shape": self.shape, "unit": self.unit, "dims": self.dims, **changes})
+        own: dict[str, Any] = {"shape": self.shape, "unit": self.unit, "dims": self.dims}
+        return Signal(operation, operands, **{**own, **changes})
 
     def _joined(self, sign, other):
         if not isinstance(other, Signal):
@@ -155,8 +157,8 @@ class Signal:
         if not isinstance(value, (int, float)) or not math.isfinite(value):
             raise SetupError(f"{self.text} {relation} {limit!r}: expected a finite number")
         if relation in ("==", "!=") and (field is None or field.type.startswith("f")):
-            raise SetupError(f"{self.text} {relation} {limit!r}: a real number is hardly ever equal to another; compare "
-                             "it by < or >, as in abs(x - c) < 0.01")
+            raise SetupError(f"{self.text} {relation} {limit!r}: a real number is hardly ever equal to another; "
+                             "compare it by < or >, as in abs(x - c) < 0.01")
         return Comparison(self, relation, float(value), f"{self.text} {relation} {number_text(value, self.unit)}")
 
     def __repr__(self):

@@ -274,4 +274,3 @@ class _Judge:
         if quality is not None:
             values[quality <= STALE] = math.nan
         return np.rint(records._time(port) * 1e9).astype(np.int64), values
-

@@ -10,8 +10,8 @@ import fledge
 from fledge.archive import Archive
 from fledge.errors import SetupError, Stopped
 from fledge.export.run_test import FLIGHT, WORLD
-from fledge.requirements import (Requirements, after, always, angle, before, begins, eventually, implies, never, settles,
-                                 turned, until, within)
+from fledge.requirements import (Requirements, after, always, angle, before, begins, eventually, implies, never,
+                                 settles, turned, until, within)
 from fledge.requirements.declared import Declaration
 from fledge.requirements.judge import Judged
 from fledge.units import N, deg, m, minute, s
