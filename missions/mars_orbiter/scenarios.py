@@ -101,9 +101,9 @@ def check_named(log, which, within, off=0.05):
     assert sun_off(log).max() < off, "the body left the Sun"
 
 
-def sun_off(log):
-    """[rad] Between -b1 and the Sun from FAILS on, by the truth."""
-    return (pi - _angle(X, _directions(log)[1]))[log.time > FAILS.value]
+def sun_off(log, since=FAILS):
+    """[rad] Between -b1 and the Sun from a time on, by the truth."""
+    return (pi - _angle(X, _directions(log)[1]))[log.time > since.value]
 
 
 def insertion(sim):

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scenarios fulfil their requirements, each requirement can fail, and what each names is there."""
+import re
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import fledge
+from fledge.mission import field_path
+from fledge.mission.log import Log
+from fledge.requirements import Requirements
+from fledge.units import s
+from tests.links_test import broken
+from tests.tree import files
+
+SIM = fledge.load("mars_orbiter")
+ALL = Requirements(SIM).all
+TESTED = [one for one in ALL if one.method == "test"]
+
+
+def fields(requirement):
+    """What it looks at: {(message, path of a field in it)}."""
+    signals = [one.signal for one in requirement.formula.comparisons]
+    return {(one.port, one.recorded.removeprefix(f"{one.port}.")) for signal in signals for one in signal.fields} | {
+        (f"{process}.activity", "kind") for signal in signals for process, _ in signal.events}
+
+
+@cache
+def flown(scenario):
+    """A scenario that was judged while it flew, and the record of all that its requirements look at."""
+    sim = fledge.load("mars_orbiter")
+    sim.plots = False
+    requirements = Requirements(sim)
+    own = requirements.for_scenario(scenario)
+    ports = {port for one in own for port, _ in fields(one)} - {"flight.mode", "flight.activity"}
+    log = sim.record(*(field_path.port(sim, one) for one in sorted(ports)), every=1 * s)
+    watch = requirements.watch(only=[one.id for one in own])
+    sim.scenarios[scenario]()
+    return SimpleNamespace(requirements=requirements, log=log, outcomes=watch.outcomes())
+
+
+class Bent(Log):
+    """A log in which a field has one number at all times."""
+
+    def __init__(self, log, port, path, number):
+        super().__init__(log.simulation, [one.core for one in log._ports()])
+        self.port, self.path, self.number = port, path, number
+
+    def _values(self, port):
+        values = super()._values(port)
+        if port.name == self.port:
+            field = values = values.copy()
+            for name, place in re.findall(r"(\w+)(?:\[(\d+)\])?", self.path):
+                field = field[name][:, int(place)] if place else field[name]
+            limits = np.finfo(float) if field.dtype.kind == "f" else np.iinfo(field.dtype)
+            field[...] = np.clip(self.number, limits.min, limits.max)
+        return values
+
+
+@pytest.mark.parametrize("scenario", SIM.scenarios)
+def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
+    found = flown(scenario)
+    assert [str(one) for one in found.outcomes if one.verdict != "holds"] == []
+    again = found.requirements.judge(found.log, [one.requirement.id for one in found.outcomes])
+    assert [str(one) for one in again if one.verdict != "holds"] == []
+    for one, other in zip(found.outcomes, again, strict=True):     # the record has every other sample only
+        assert one.margin == other.margin or one.margin == pytest.approx(other.margin, rel=0.05), (one, other)
+
+
+@pytest.mark.parametrize("requirement", TESTED, ids=lambda one: one.id)
+def test_each_can_fail(requirement):
+    """In a record of a scenario that shows it, in which one of its signals is something else."""
+    found = flown(requirement.shown_by[0])
+    verdicts = {found.requirements.judge(Bent(found.log, *field, number), [requirement.id])[0].verdict
+                for field in fields(requirement) for number in (0, 1, 2, 1e9)}
+    assert "violated" in verdicts
+
+
+def test_what_they_name_is_there():
+    tree = {str(path) for path in files()}
+    ids = {one.id for one in ALL}
+    assert 35 <= len(ids) <= 42 and len(TESTED) / len(ids) > 0.9
+    for one in ALL:
+        assert one.parent in ids or (not one.parent and one.id.startswith("SYS-")), one.id
+        assert one.rationale and one.text.startswith("The orbiter shall ") and one.text.endswith("."), one.id
+        assert one.shown_by if one.formula is not None else broken(Path("x"), f"[]({one.evidence})", tree) == [], one.id
+    assert {name for one in TESTED for name in one.shown_by} == set(SIM.scenarios)
