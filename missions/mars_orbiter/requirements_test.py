@@ -39,7 +39,7 @@ def flown(scenario):
     log = sim.record(*(field_path.port(sim, one) for one in sorted(ports)), every=1 * s)
     watch = requirements.watch(only=[one.id for one in own])
     sim.scenarios[scenario]()
-    return SimpleNamespace(requirements=requirements, log=log, outcomes=watch.outcomes())
+    return SimpleNamespace(scenario=scenario, requirements=requirements, log=log, outcomes=watch.outcomes())
 
 
 class Bent(Log):
@@ -71,12 +71,11 @@ def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
 
 
 @pytest.mark.parametrize("requirement", TESTED, ids=lambda one: one.id)
-def test_each_can_fail(requirement):
-    """In a record of a scenario that shows it, in which one of its signals is something else."""
-    found = flown(requirement.shown_by[0])
-    verdicts = {found.requirements.judge(Bent(found.log, *field, number), [requirement.id])[0].verdict
-                for field in fields(requirement) for number in (0, 1, 2, 1e9)}
-    assert "violated" in verdicts
+def test_each_can_fail_wherever_it_is_shown(requirement):
+    """In a record in which one of its signals is something else."""
+    for found in map(flown, requirement.shown_by):
+        assert any(found.requirements.judge(Bent(found.log, *field, number), [requirement.id])[0].verdict == "violated"
+                   for field in fields(requirement) for number in (0, 1, 2, 1e9)), found.scenario
 
 
 def test_what_they_name_is_there():
