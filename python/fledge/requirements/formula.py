@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from copy import copy
 from typing import Any
 
 from fledge.errors import SetupError
@@ -65,6 +66,12 @@ class Signal:
         return ([self.event] if self.event else []) + [event for one in self.operands for event in one.events]
 
     # --- others of it ---
+
+    def named(self, text: str) -> Signal:
+        """The same by a name, for sentences and figures: `angle(b1_N, r_N).named("the angle to Mars")`."""
+        found = copy(self)
+        found.text = text
+        return found
 
     def norm(self) -> Signal:
         """The root of the sum of the elements' squares."""
