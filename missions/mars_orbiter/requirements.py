@@ -176,7 +176,7 @@ def insertion(r):
     shown = {"parent": "SYS-2", "shown_by": ["insertion"]}
     r.require("INS-1", "The orbiter shall neither turn its wheels nor open thrusters while it sleeps.",
               _holds(mode == "sleep", (torque.max_abs() < 0.01 * N * m) & (push.max_abs() < 0.1 * N), 5 * s),
-              rationale="Thesis 5.4.2: flight is asleep in the cruise. A twentieth of the torque holds speeds.", **shown)
+              rationale="Thesis 5.4.2: flight sleeps in the cruise. A twentieth of the torque holds speeds.", **shown)
     r.require("INS-2", "The orbiter shall thrust within 1 degree of the planned direction when engines open, and "
               "within 4 degrees while they burn.", always(implies(burns, error < tan(1 * deg.value / 4))
                                                           & implies(phase == "RUNS", error < tan(4 * deg.value / 4))),
