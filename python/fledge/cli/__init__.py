@@ -412,7 +412,7 @@ def parser() -> argparse.ArgumentParser:
     add_update_limit(one)
 
     from fledge.cli import (compare, control_room, export, flips, fly, ground, keys, montecarlo, node, packets,
-                            profile, prompt, replay, rewind, up)
+                            profile, prompt, replay, rewind, up, verify)
 
     node.add_parameters(one)
     node.add(command)
@@ -421,6 +421,7 @@ def parser() -> argparse.ArgumentParser:
     fly.add(command)
     flips.add(command)
     profile.add(command)
+    verify.add(command)
     prompt.add(command)
     compare.add(command)
     replay.add(command)

@@ -83,7 +83,7 @@ class Report:
             parameters=[(path, objects.struct(node.instance), self._changes(path, node.instance))
                         for path, node in wiring.nodes.items()],
             finals=[_final(log) for log in logs if first[log.path] is log],
-            versions=_versions(sim.mission))
+            versions=versions(sim.mission))
 
     def _view(self) -> tuple[Markup, str]:
         """The flight in 3-D with its plots, and what of them is not shown, and why."""
@@ -269,7 +269,8 @@ def _inline_svg(picture: bytes) -> Markup:
 
 # --- where it comes from ---------------------------------------------------------------------------
 
-def _versions(mission) -> list[tuple[str, str]]:
+def versions(mission: Mission | None) -> list[tuple[str, str]]:
+    """(what, its version) of all that a run is made by."""
     revisions = Revisions(mission.folder if mission else None).read()
     try:
         import _core_build  # the compiler and its options

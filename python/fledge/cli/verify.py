@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge verify MISSION`: all requirements over all scenarios and targets, with a report for a review.
+
+Exit codes: 0 no requirement is violated, and every flight came to its end; 1 one is, or did not; 2 the command line,
+the mission, its requirements or a CSV is wrong; 130 Ctrl-C: what has been flown is not flown again.
+"""
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from fledge.cli.node import add_parameters, given_parameters
+from fledge.targets import TARGETS
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+OUT = Path("verification")
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("verify", verify, "show all requirements over scenarios and targets, with a report",
+                  "verify nadir_spin --on desktop,leon3")
+    one.add_argument("mission", help="the name of a mission, or its folder; its requirements.py has the requirements")
+    one.add_argument("--on", default="desktop", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: desktop")
+    one.add_argument("--scenario", action="append", metavar="NAME", help="fly only this one; may be given again; "
+                     "default: all that show a requirement")
+    one.add_argument("--only", action="append", metavar="ID", help="report on this requirement and its children; may "
+                     "be given again; default: all")
+    one.add_argument("--again", action="store_true", help="fly all; default: take the flights whose sources, target, "
+                     "seed, scenario and requirements are those of the report before from there")
+    one.add_argument("--coverage", action="store_true", help="also count the statements and branches of flight that "
+                     f"ran on {', '.join(name for name, one in TARGETS.items() if one.takes_tools)}")
+    one.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
+                     "parent, method")
+    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--jobs", type=int, metavar="N", help="flights at a time; default: all cores")
+    one.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
+    one.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
+                     f"records; default: {OUT}/MISSION")
+    add_parameters(one)
+    one.set_defaults(needs=lambda options: TARGETS.known(_targets(options)))
+
+
+def verify(options: argparse.Namespace) -> int:
+    import fledge
+    from fledge.cli.runs import alone
+    from fledge.errors import Failure, did_you_mean
+    from fledge.requirements import Requirements
+    from fledge.verify import tables
+
+    targets = _targets(options)
+    if not targets:
+        raise Failure("verify: --on names no target; there are " + ", ".join(TARGETS))
+    if options.jobs is not None and options.jobs < 1:
+        raise Failure(f"verify: --jobs must be >= 1, found {options.jobs}")
+    TARGETS.ready(targets, "verify")
+    if options.coverage and not any(TARGETS[name].takes_tools for name in targets):
+        taking = [name for name, one in TARGETS.items() if one.takes_tools]
+        raise Failure(f"verify: --coverage counts on {' and '.join(taking)}; add one, as in --on desktop,{taking[0]}")
+    given = tables.read(Path(options.requirements)) if options.requirements else []
+    sim = fledge.load(options.mission, options.seed, **given_parameters(options))
+    assert sim.mission
+    known = sim.mission.scenarios
+    for name in options.scenario or ():
+        if name not in known:
+            raise Failure(f"verify: the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
+                          f"{', '.join(known) or 'none'}")
+    requirements = Requirements(sim)
+    if not requirements:
+        raise Failure(f"the mission {sim.name} has no requirements: write them in requirements.py "
+                      "(docs/verification.md)")
+    for id in options.only or ():
+        requirements.of(id)
+    folder = Path(options.out) if options.out else OUT / sim.name
+    with alone(folder):
+        return _verify(options, targets, sim, requirements, given, folder)
+
+
+def _verify(options, targets, sim, requirements, given, folder):
+    """Fly, judge, and write the report."""
+    from fledge.cli.console import counted, say
+    from fledge.columns import columns
+    from fledge.errors import Failure
+    from fledge.verify import evidence, flights
+    from fledge.verify.flight import UNKNOWN, VIOLATED, Flight
+
+    scenarios = {name: [one.id for one in requirements.for_scenario(name)]
+                 for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
+    wanted = None
+    if options.only:
+        wanted = evidence.with_children([row for row in evidence.rows(requirements, scenarios, [])
+                                         if row.id in options.only])
+    chosen = [Flight(options.mission, name, target, options.seed, given_parameters(options),
+                     options.coverage and TARGETS[target].takes_tools, folder / "flights" / name / target)
+              for name, ids in scenarios.items() if (set(ids) & wanted if wanted else ids) for target in targets]
+    say(f"{sim.name}: {counted(len(wanted or requirements.all), 'requirement')}, {counted(len(chosen), 'flight')} on "
+        + ", ".join(targets))
+
+    def tell(one):
+        found = [shown.verdict for shown in one.shown]
+        verdicts = ", ".join(f"{found.count(word)} {word}" for word in dict.fromkeys(found))
+        how = f"failed: {one.error}" if one.error else \
+            f"{one.time:g} s in {one.wall:.3g} s, {one.speed:,.0f} times real time; {verdicts}"
+        say(f"  {'before ' if one.before else 'flown  '}  {one.title}: {how}")
+
+    flown = flights.fly(chosen, sim.mission.folder, options.jobs or os.cpu_count() or 1, options.again, tell)
+    for one in flown:
+        if one.record:
+            one.record = f"flights/{one.scenario}/{one.target}/{one.record}"
+    rows = evidence.rows(requirements, scenarios, flown, wanted)
+    lines = columns([("requirement", "verdict", "margin", "where"), *(_line(row) for row in rows)])
+    for line in lines:
+        say(f"  {line}")
+    for path in _write(options, sim, rows, flown, scenarios, given, folder):
+        say(f"  {path.stem:11}  {path}")
+    violated = [row.id for row in rows if row.verdict == VIOLATED]
+    problems = [f"violated: {', '.join(violated)}"] if violated else []
+    problems += [f"failed: {one.title}" for one in flown if one.error]
+    if options.strict:
+        problems += [f"{word}: {', '.join(ids)}" for word in (UNKNOWN, evidence.NOT_SHOWN)
+                     if (ids := [row.id for row in rows if row.verdict == word])]
+    if problems:
+        raise Failure(f"{sim.name}: {'; '.join(problems)}", 1)
+    return 0
+
+
+def _line(row):
+    """Of the table on the terminal."""
+    flown, shown = row.decided or (None, None)
+    if flown is None:
+        return row.id, row.verdict, "", ""
+    at = "" if shown.at is None else f", t = {shown.at:g} s"
+    number = "" if shown.margin is None else f"{shown.margin:.4g} {shown.unit}".rstrip()
+    return row.id, row.verdict, number, f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
+
+
+def _write(options, sim, rows, flown, scenarios, given, folder):
+    """Write the files of the report; returns their paths."""
+    import dataclasses
+    import json
+    import shlex
+    from datetime import datetime, timezone
+
+    from fledge.files import ROOT, write_files
+    from fledge.mission.provenance import identity
+    from fledge.verify import coverage, evidence, page, tables
+    from fledge.verify.flight import dumps
+
+    whole = not (options.only or options.scenario)
+    old = folder / "results.json"
+    before = json.loads(old.read_text(encoding="utf-8")) if old.exists() else None
+    csv = {"file": Path(options.requirements).name,
+           "differences": tables.differences(given, rows, not options.only)} if given else None
+    rows = rows + (tables.only_there(given, rows) if not options.only else [])
+    made = datetime.now(timezone.utc)
+    name = Path(options.mission).name
+    common = [*(["--seed", str(options.seed)] if options.seed else []),
+              *(word for text in options.parameters for word in ("--set", text))]
+
+    def command(one):
+        return shlex.join(["./fledge", "run", name, one.scenario, *common] if one.target == "desktop" else
+                          ["./fledge", "verify", name, "--scenario", one.scenario, "--on", one.target, *common,
+                           "--again", "--out", f"runs/{name}/verify"])
+
+    results = {
+        "mission": sim.name, "made": made.isoformat(timespec="seconds"), "seed": options.seed,
+        "identity": identity(sim.mission.folder), "requirements": [evidence.facts(row) for row in rows],
+        "traces": evidence.traces(rows, scenarios),
+        "coverage": {id: one._asdict() for id, one in page.per_requirement(rows).items()},
+        "flights": [{**dataclasses.asdict(one), "coverage": None,
+                     "shown": [{**dataclasses.asdict(shown), "figure": None} for shown in one.shown]}
+                    for one in flown]}
+    files = {"report.html": page.page(
+        sim.mission, rows, flown, scenarios, command, seed=options.seed, made=made,
+        about=sim.mission.summaries()[""], only="; ".join(
+            [*(["--only " + " ".join(options.only)] if options.only else []),
+             *(["--scenario " + " ".join(options.scenario)] if options.scenario else [])]),
+        repeat=shlex.join(["./fledge", *options.words]),
+        changed=None if before is None else evidence.differences(before, rows, whole),
+        changed_since=before["made"].replace("T", " ").replace("+00:00", " UTC") if before else "", csv=csv),
+        "requirements.csv": tables.write(rows), "junit.xml": tables.junit(sim.name, rows, flown),
+        "results.json": dumps(results)}
+    counts = coverage.joined(one.coverage for one in flown)
+    if counts:
+        files["coverage.info"] = coverage.lcov(counts, ROOT)
+    return write_files(files, folder)
+
+
+def _targets(options: argparse.Namespace) -> list[str]:
+    return list(dict.fromkeys(filter(None, map(str.strip, options.on.split(",")))))

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verdict of each requirement, what shows it, traces to and from it, and the differences to an earlier report."""
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fledge.verify.flight import HOLDS, UNKNOWN, VIOLATED, Flown, Shown, number
+
+NOT_SHOWN = "not shown"
+ORDER = (VIOLATED, UNKNOWN, NOT_SHOWN, HOLDS)       # the worst first; "by analysis" is among those that hold
+CHANGED = 0.01      # of a margin: a smaller change is none
+
+
+@dataclass
+class Row:
+    """A requirement with what shows it.
+
+    sentence, mathematics: of its formula, "" without one; shown_by: the scenarios that are to show it; place: file and
+    line of requirements.py; shown: (flight, what it shows) in the order of the flights; children: their ids
+    """
+    id: str
+    text: str
+    rationale: str = ""
+    parent: str = ""
+    method: str = "test"
+    evidence: str = ""
+    group: str = ""
+    sentence: str = ""
+    mathematics: str = ""
+    place: str = ""
+    shown_by: list[str] = field(default_factory=list)
+    shown: list[tuple[Flown, Shown]] = field(default_factory=list)
+    missing: list[Flown] = field(default_factory=list)     # flights that were to show it, and ended before
+    children: list[Row] = field(default_factory=list)
+
+    @property
+    def verdict(self) -> str:
+        """The worst of all flights; without a formula, the worst of its children, or by its method."""
+        if self.sentence:
+            found = [one.verdict for _, one in self.shown] + [UNKNOWN] * len(self.missing)
+        elif self.method != "test":
+            return f"by {self.method}"
+        else:
+            found = [one.verdict if one.verdict in ORDER else HOLDS for one in self.children]
+        return min(found, key=ORDER.index, default=NOT_SHOWN)
+
+    @property
+    def decided(self) -> tuple[Flown, Shown] | None:
+        """The flight that decided: of those with the worst verdict, the one with the least margin."""
+        worst = [pair for pair in self.shown if pair[1].verdict == self.verdict]
+        return min(worst, key=lambda pair: math.inf if pair[1].margin is None else pair[1].margin, default=None)
+
+    @property
+    def of_children(self) -> bool:
+        """Whether its verdict is that of its children."""
+        return not self.sentence and self.method == "test" and bool(self.children)
+
+
+def rows(requirements: Any, scenarios: Mapping[str, Sequence[str]], flown: Sequence[Flown],
+         only: Iterable[str] | None = None) -> list[Row]:
+    """A Row of each requirement. scenarios: name -> ids that it shows; only: ids, whose children come too."""
+    found = [Row(one.id, one.text, one.rationale or "", one.parent or "", one.method, one.evidence or "",
+                 one.group or "", str(one.formula) if one.formula is not None else "",
+                 one.formula.mathematics if one.formula is not None else "", f"{Path(one.file).name}, line {one.line}",
+                 [name for name, ids in scenarios.items() if one.id in ids]) for one in requirements.all]
+    by_id = {one.id: one for one in found}
+    for row in found:
+        if row.parent in by_id:
+            by_id[row.parent].children.append(row)
+        for flight in flown:
+            shown = flight.of(row.id)
+            if shown:
+                row.shown.append((flight, shown))
+            elif flight.scenario in row.shown_by:
+                row.missing.append(flight)
+    if only is None:
+        return found
+    wanted = with_children([by_id[id] for id in only])
+    return [one for one in found if one.id in wanted]
+
+
+def with_children(chosen: Iterable[Row]) -> set[str]:
+    """The ids of rows, of their children, and so on."""
+    found: set[str] = set()
+    open_ = list(chosen)
+    while open_:
+        row = open_.pop()
+        if row.id not in found:
+            found.add(row.id)
+            open_ += row.children
+    return found
+
+
+# --- traces ----------------------------------------------------------------------------------------
+
+def traces(found: Sequence[Row], scenarios: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """What is missing in either direction, in words -> ids or names."""
+    ids = {one.id for one in found}
+    bare = [one for one in found if not one.sentence and one.method == "test" and not one.children]
+    return {
+        "requirements without a test": [one.id for one in bare if one.parent],
+        "requirements that no flight of this report shows": [one.id for one in found
+                                                             if one.sentence and not one.shown and not one.missing],
+        "top requirements without children": [one.id for one in bare if not one.parent],
+        "parents that no requirement defines": sorted({one.parent for one in found if one.parent} - ids),
+        "analyses and inspections without evidence": [one.id for one in found
+                                                      if one.method != "test" and not one.evidence],
+        "scenarios that show no requirement": [name for name, shown in scenarios.items() if not shown],
+    }
+
+
+# --- the report before -----------------------------------------------------------------------------
+
+def facts(row: Row) -> dict[str, Any]:
+    """What the next report compares with, and other programs read."""
+    flown, shown = row.decided or (None, None)
+    return {"id": row.id, "text": row.text, "parent": row.parent, "method": row.method, "verdict": row.verdict,
+            "formula": row.sentence, "margin": shown.margin if shown else None, "unit": shown.unit if shown else "",
+            "scenario": flown.scenario if flown else "", "target": flown.target if flown else "",
+            "at": shown.at if shown else None, "where": shown.where if shown else ""}
+
+
+def differences(before: Mapping[str, Any], found: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
+    """(id, what differs from the report before). whole: this report has all requirements, so that others are gone."""
+    old = {one["id"]: one for one in before.get("requirements", ())}
+    told = []
+    for row in found:
+        was, now = old.pop(row.id, None), facts(row)
+        if was is None:
+            told.append((row.id, f"is new: {now['verdict']}"))
+            continue
+        if was["verdict"] != now["verdict"]:
+            told.append((row.id, f"was {was['verdict']}, is {now['verdict']}"))
+        elif (moved := _moved(number(was["margin"]), now["margin"])) and was["unit"] == now["unit"]:
+            unit = f" {now['unit']}" if now["unit"] else ""
+            told.append((row.id, f"its margin {moved} from {number(was['margin']):.4g} to {now['margin']:.4g}{unit}"))
+        for name in ("text", "formula", "parent", "method"):
+            if was[name] != now[name]:
+                told.append((row.id, f"its {name} was “{was[name]}”"))
+    return told + [(id, "is gone") for id in old if whole]
+
+
+def _moved(was: float | None, now: float | None) -> str:
+    """ "fell", "rose" or ""."""
+    if was is None or now is None or was == now or not math.isfinite(was - now):
+        return ""
+    return "" if abs(now - was) <= CHANGED * abs(was) else "rose" if now > was else "fell"

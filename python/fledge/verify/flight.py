@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scenario of a mission on a target: a hash of all that its verdicts depend on, and its results."""
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fledge.files import ROOT
+
+FILE = "flight.json"        # of the results, in the folder of a flight
+HOLDS, VIOLATED, UNKNOWN = "holds", "violated", "unknown"
+
+# What the desktop computes with, and further folders that make the other targets; `_core` is built of the rest.
+DESKTOP = ("python/fledge",)
+TARGETS = (*DESKTOP, "ccsds", "cosim", "emulator", "flight", "introspect", "options", "record", "registers", "sim",
+           "targets", "world")
+SOURCES = {".py", ".c", ".h", ".cpp", ".S", ".ld", ".toml", ".txt"}
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What is flown. mission: as the user names it; coverage: count the lines that run on the board; folder: for its
+    files."""
+    mission: str
+    scenario: str
+    target: str
+    seed: int
+    parameters: dict[str, Any]
+    coverage: bool
+    folder: Path
+
+    @property
+    def title(self) -> str:
+        return f"{self.scenario} on {self.target}"
+
+    def hash(self, mission: Path) -> str:
+        """Of all that the results depend on. mission: its folder; its files must have been loaded."""
+        facts = repr((self.scenario, self.target, self.seed, sorted(self.parameters.items()), self.coverage))
+        return hashlib.sha256(f"{_fledge(self.target != 'desktop')}{_files(mission)}{facts}".encode()).hexdigest()[:16]
+
+
+@functools.cache
+def _fledge(with_targets: bool) -> str:
+    """A hash of Fledge's sources and of its extension."""
+    from fledge import _core
+
+    found = [path for one in (TARGETS if with_targets else DESKTOP) for path in sorted((ROOT / one).rglob("*"))
+             if path.suffix in SOURCES and not {"testing", "web"} & set(path.parts) and "_test." not in path.name]
+    return _digest(ROOT, [*found, Path(_core.__file__)])
+
+
+def _files(mission: Path) -> str:
+    """A hash of a mission's files: of all in its folder but tests and texts, and those of other missions and of the
+    project that it has loaded."""
+    from fledge.objects import project
+
+    own = [path for path in sorted(mission.rglob("*")) if path.is_file() and "__pycache__" not in path.parts
+           and path.suffix not in (".md", ".mcap", ".part") and "_test." not in path.name]
+    loaded = sorted({Path(file) for name, one in list(sys.modules.items()) if name.startswith("_mission_")
+                     and (file := getattr(one, "__file__", None)) and not Path(file).is_relative_to(mission)})
+    folder = project.folder()
+    theirs = [path for name in ("flight", "world") for path in sorted((folder / name).rglob("*"))
+              if path.suffix in SOURCES] if folder else []
+    return _digest(mission.parent, [*own, *loaded, *theirs])
+
+
+def _digest(base: Path, paths: Iterable[Path]) -> str:
+    found = hashlib.sha256()
+    for path in paths:
+        name = path.relative_to(base) if path.is_relative_to(base) else path.name
+        found.update(f"{name}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+    return found.hexdigest()
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+@dataclass
+class Shown:
+    """What a flight shows of a requirement. margin, low and high, its bounds: in `unit`, > 0 where it holds; at: [s]
+    when the margin was least; where: the comparison that decided, and `limit`, its limit; reason: why it is
+    unknown; figure: an SVG, or ""."""
+    id: str
+    verdict: str
+    margin: float | None = None
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    at: float | None = None
+    where: str = ""
+    reason: str = ""
+    limit: float | None = None
+    figure: str = ""
+
+
+@dataclass
+class Flown:
+    """The results of a flight.
+
+    error: why it failed, or "" if it came to its end and its scenario's checks hold
+    time: [s] flown; wall: [s] that it took; record: relative to the report's folder; same: whether flight put out the
+    bits of the desktop, None where that is the desktop itself
+    coverage: file -> what coverage.py counts, {} if it was not asked for
+    before: whether it comes from the report before
+    """
+    scenario: str
+    target: str
+    seed: int
+    hash: str
+    error: str = ""
+    time: float = 0.0
+    wall: float = 0.0
+    record: str = ""
+    same: bool | None = None
+    shown: list[Shown] = field(default_factory=list)
+    coverage: dict[str, Any] = field(default_factory=dict)
+    before: bool = False
+
+    @property
+    def title(self) -> str:
+        return f"{self.scenario} on {self.target}"
+
+    @property
+    def speed(self) -> float:
+        """Times real time."""
+        return self.time / self.wall if self.wall else 0.0
+
+    def of(self, id: str) -> Shown | None:
+        return next((one for one in self.shown if one.id == id), None)
+
+    def as_json(self) -> str:
+        return dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def read(cls, path: Path) -> Flown | None:
+        """The results in a file; None if there are none that this version can read."""
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            shown = [Shown(**{**one, **{name: number(one[name]) for name in ("margin", "low", "high", "limit")}})
+                     for one in found.pop("shown")]
+            return cls(**found, shown=shown)
+        except (OSError, ValueError, TypeError, KeyError):
+            return None
+
+
+def dumps(found: Mapping[str, Any]) -> str:
+    """JSON in which numbers that are not finite are texts: "inf"."""
+    def plain(x: Any) -> Any:
+        if isinstance(x, float) and not math.isfinite(x):
+            return str(x)
+        if isinstance(x, dict):
+            return {key: plain(value) for key, value in x.items()}
+        return [plain(one) for one in x] if isinstance(x, (list, tuple)) else x
+
+    return json.dumps(plain(found), indent=1, ensure_ascii=False) + "\n"
+
+
+def number(x: Any) -> float | None:
+    """A number of such JSON."""
+    return None if x is None else float(x)

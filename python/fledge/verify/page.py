@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of a verification: one HTML page that needs no other file, script or network."""
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from markupsafe import Markup
+
+from fledge.report.numbers import number, unit
+from fledge.report.run import templates, versions
+from fledge.verify import coverage, evidence
+from fledge.verify.evidence import Row
+from fledge.verify.figure import with_ids
+from fledge.verify.flight import Flown, Shown
+
+
+def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: Mapping[str, Sequence[str]],
+         command: Callable[[Flown], str], **more: Any) -> str:
+    """The page as text. mission: a Mission; scenarios: name -> ids that it shows; command: repeats a flight.
+
+    more: what the template takes as it is: seed, made, about, only, repeat; changed: differences to the report before,
+    or None, changed_since; csv: file and differences, or None.
+    """
+    found = [one.verdict for one in rows]
+    counts = Counter({word: found.count(word) for word in
+                      ("holds", *sorted({one for one in found if one.startswith("by ")}), "violated", "unknown",
+                       "not shown")})
+    covered = [one for one in flown if one.coverage]
+    whole = coverage.joined(one.coverage for one in covered)
+    return templates().get_template("verification.html").render(
+        mission=mission.name, rows=rows, flights=flown, scenarios=scenarios, command=command, counts=counts,
+        failed=[one for one in flown if one.error], before_count=sum(one.before for one in flown),
+        flown=sum(one.time for one in flown), targets=list(dict.fromkeys(one.target for one in flown)),
+        anchors={one.id: f"r{i}-{_slug(one.id)}" for i, one in enumerate(rows, 1)},
+        flight_anchors={one.title: f"f{i}-{_slug(one.title)}" for i, one in enumerate(flown, 1)},
+        margin=margin, figures={row.id: list(_figures(i, row)) for i, row in enumerate(rows)},
+        traces=evidence.traces(rows, scenarios), boards=list(dict.fromkeys(one.target for one in covered)),
+        covered=per_requirement(rows), coverage_share=coverage.share(whole),
+        coverage=[(file, coverage.share({file: one}), coverage.never(one)) for file, one in sorted(whole.items())],
+        versions=versions(mission), **more)
+
+
+def per_requirement(rows: Sequence[Row]) -> dict[str, coverage.Share]:
+    """The coverage of the flights that show a requirement, by its id."""
+    return {row.id: coverage.share(coverage.joined(flight.coverage for flight, _ in row.shown))
+            for row in rows if any(flight.coverage for flight, _ in row.shown)}
+
+
+def margin(shown: Shown) -> Markup:
+    """A margin with its unit, and as a share of the limit, where there is one."""
+    if shown.margin is None or not math.isfinite(shown.margin):
+        return Markup("\N{EN DASH}")
+    text = Markup("{} {}").format(number(shown.margin, 4), unit(shown.unit)).strip()
+    if shown.limit and shown.verdict == "holds":
+        return text + Markup('<br><small class="aside">{:.3g} % of the limit</small>').format(
+            100 * shown.margin / abs(shown.limit))
+    return text
+
+
+def _figures(number_: int, row: Row):
+    """(caption, figure) of each scenario; targets with the same one share it."""
+    groups: dict[tuple[str, str], list[tuple[Flown, Shown]]] = {}
+    for flight, shown in row.shown:
+        if shown.figure:
+            groups.setdefault((flight.scenario, shown.figure), []).append((flight, shown))
+    for i, ((scenario, figure), pairs) in enumerate(groups.items()):
+        yield (f"{scenario} on {', '.join(flight.target for flight, _ in pairs)}: {pairs[0][1].where}",
+               Markup(with_ids(figure, f"g{number_}-{i}-")))
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", text)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The requirements as CSV, in and out, and the verdicts as JUnit's XML for a CI."""
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from fledge.errors import Failure, did_you_mean, printable
+from fledge.verify.evidence import NOT_SHOWN, Row, facts
+from fledge.verify.flight import UNKNOWN, VIOLATED, Flown
+
+GIVEN = ("id", "text", "rationale", "parent", "method")     # which both directions have
+METHODS = ("test", "analysis", "inspection")
+
+
+def write(found: Sequence[Row]) -> str:
+    """All requirements as CSV: what was given first, then what was found."""
+    out = io.StringIO()
+    more = ("group", "formula", "evidence", "verdict", "margin", "unit", "scenario", "target", "at_s", "where")
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow((*GIVEN, *more))
+    for row in found:
+        of = facts(row)
+        table.writerow((*(getattr(row, name) for name in GIVEN), row.group, row.sentence, row.evidence, row.verdict,
+                        *("" if of[name] is None else of[name] for name in
+                          ("margin", "unit", "scenario", "target", "at", "where"))))
+    return out.getvalue()
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV with the columns `id`, `text`, and any of the others that are given; further ones do not count.
+    Raises Failure that names the file and the line."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise Failure(f"{path}: it is no text in UTF-8: {error.reason} at byte {error.start}") from None
+    table = csv.reader(io.StringIO(text), strict=True)
+    found: list[dict[str, str]] = []
+    lines: dict[str, int] = {}
+    try:
+        heads = [one.strip().lower() for one in next(table, [])]
+        for name in ("id", "text"):
+            if name not in heads:
+                raise Failure(f"{path}, line 1: it has no column '{name}'{did_you_mean(name, heads)} expected "
+                              f"{', '.join(GIVEN)}; found {', '.join(heads) or 'none'}")
+        for cells in table:
+            at = f"{path}, line {table.line_num}"
+            if not any(map(str.strip, cells)):
+                continue
+            if len(cells) > len(heads):
+                raise Failure(f"{at}: {len(cells)} cells below {len(heads)} heads; put a text with commas into "
+                              "quotation marks")
+            row = {name: cell.strip() for name, cell in zip(heads, cells) if name in GIVEN}
+            if not row.get("id"):
+                raise Failure(f"{at}: it has no id")
+            if row["id"] in lines:
+                raise Failure(f"{at}: two requirements are called {row['id']}; the first is in line "
+                              f"{lines[row['id']]}")
+            if row.get("method") and row["method"].lower() not in METHODS:
+                raise Failure(f"{at}: the method of {row['id']} must be {', '.join(METHODS[:-1])} or {METHODS[-1]}, "
+                              f"found '{row['method']}'")
+            lines[row["id"]] = table.line_num
+            found.append(row)
+    except csv.Error as error:
+        raise Failure(f"{path}, line {table.line_num}: {error}") from None
+    if not found:
+        raise Failure(f"{path}: it has no requirements")
+    return found
+
+
+def differences(given: Sequence[dict[str, str]], found: Sequence[Row], whole: bool) -> list[tuple[str, str]]:
+    """(id, what differs) between the rows of a CSV and the requirements of the mission. whole: these are all."""
+    by_id = {row.id: row for row in found}
+    told: list[tuple[str, str]] = []
+    for one in given:
+        row = by_id.pop(one["id"], None)
+        if row is None:
+            if whole:
+                told.append((one["id"], "is in the CSV alone, so nothing shows it"))
+            continue
+        for name in GIVEN[1:]:
+            here = (getattr(row, name) or "").strip()
+            there = one.get(name, here)
+            if name == "method":
+                there = there.lower() or here
+            if " ".join(here.split()) != " ".join(there.split()):
+                told.append((row.id, f"its {name} is “{there}” in the CSV, “{here}” in requirements.py"))
+    return told + [(id, "is in requirements.py alone") for id in by_id]
+
+
+def only_there(given: Sequence[dict[str, str]], found: Sequence[Row]) -> list[Row]:
+    """Rows of those that the CSV alone has."""
+    known = {row.id for row in found}
+    return [Row(one["id"], one["text"], one.get("rationale", ""), one.get("parent", ""),
+                one.get("method", "").lower() or "test", place="the CSV alone")
+            for one in given if one["id"] not in known]
+
+
+# --- JUnit -----------------------------------------------------------------------------------------
+
+def junit(mission: str, found: Sequence[Row], flown: Sequence[Flown]) -> str:
+    """A suite for each flight, with a case for each requirement that it shows, and one for those that none shows."""
+    top = ElementTree.Element("testsuites", name=f"verify {mission}")
+    for flight in flown:
+        suite = _suite(top, f"{mission}.{flight.target}.{flight.scenario}", flight.wall)
+        if flight.error:
+            _case(suite, "flight", "error", flight.error)
+        for row in found:
+            shown = flight.of(row.id)
+            if shown is None:
+                continue
+            margin = "" if shown.margin is None else f"margin {shown.margin:g} {shown.unit}".rstrip()
+            at = "" if shown.at is None else f" at t = {shown.at:g} s"
+            if shown.verdict == VIOLATED:
+                _case(suite, row.id, "failure", f"{row.text} {shown.where}{at}: {margin}")
+            elif shown.verdict == UNKNOWN:
+                _case(suite, row.id, "error", f"unknown: {shown.reason}")
+            else:
+                _case(suite, row.id).text = f"{margin}{at}"
+    others = [row for row in found if not row.shown]
+    if others:
+        suite = _suite(top, f"{mission}.without_flight", 0.0)
+        for row in others:
+            by = f"{row.evidence or row.verdict}" + (
+                " by " + ", ".join(one.id for one in row.children) if row.of_children else "")
+            _case(suite, row.id, "skipped", by if row.verdict != NOT_SHOWN else "no flight shows it")
+    for suite in top:
+        for kind, name in (("tests", "testcase"), ("failures", "testcase/failure"), ("errors", "testcase/error"),
+                           ("skipped", "testcase/skipped")):
+            suite.set(kind, str(len(suite.findall(name))))
+    ElementTree.indent(top)
+    return ElementTree.tostring(top, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _suite(top, name, wall):
+    return ElementTree.SubElement(top, "testsuite", name=name, time=f"{wall:.3f}")
+
+
+def _case(suite, name, kind="", message=""):
+    """A case of a suite, or what is wrong with it."""
+    case = ElementTree.SubElement(suite, "testcase", classname=suite.get("name"), name=name)
+    if kind:
+        ElementTree.SubElement(case, kind, message=printable(message))
+        return case
+    return ElementTree.SubElement(case, "system-out")

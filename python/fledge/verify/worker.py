@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process that flies one flight, `python3 -m fledge.verify.worker`: what happens in it cannot end the others. It reads
+a Flight as a line of JSON, and ends when its input is closed; its results are a file in the folder of the flight."""
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from fledge.verify.flight import FILE, HOLDS, UNKNOWN, Flight, Flown, Shown
+
+if TYPE_CHECKING:
+    from fledge.archive import Archive
+    from fledge.targets import Job
+
+COVERAGE = "flight.info"    # in the folder of each process
+
+
+def fly(flight: Flight, hash: str) -> Flown:
+    """Fly it, and judge all requirements that its scenario shows."""
+    import fledge
+    from fledge import mission as missions
+    from fledge.requirements import Requirements
+
+    found = Flown(flight.scenario, flight.target, flight.seed, hash)
+    start = perf_counter()
+    records: dict[str, Archive] = {}
+    packets: dict[str, Any] = {}
+    if flight.target != "desktop":
+        job, records = _on_target(flight, found)
+        packets = _packets(job, flight.target)
+    sim = fledge.load(flight.mission, flight.seed, **flight.parameters)
+    assert sim.mission
+    if records:
+        from fledge.targets.playback import stand_in
+
+        stand_in(sim, records, None, packets)
+    requirements = Requirements(sim)
+    shown = [one.id for one in requirements.for_scenario(flight.scenario)]
+    watch = requirements.watch(only=shown)
+    sim.plots = False
+    record = flight.folder / "run.mcap"
+    sim.archive(record, mission=sim.name, scenario=flight.scenario, target=flight.target, fledge=fledge.__version__,
+                **sim.mission.metadata())
+    try:
+        sim.mission.scenarios[flight.scenario](sim)
+    except Exception as error:
+        found.error = missions.explain(error, sim.mission.folder)
+    found.time = sim.time
+    sim.close_archive(outcome=found.error or "passed", ended=f"{sim.time:g} s")
+    found.wall = perf_counter() - start
+    found.record = record.name if record.exists() else ""
+    found.shown = _judged(requirements, watch, record, found.error)
+    return found
+
+
+def _judged(requirements: Any, watch: Any, record: Path, error: str) -> list[Shown]:
+    """What the flight shows of each requirement. One that holds in a flight that failed is unknown."""
+    from fledge.archive import Archive
+    from fledge.verify import figure
+
+    found = []
+    records = Archive(record) if record.exists() else None
+    for one in watch.outcomes():
+        shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
+                      one.reason)
+        if error and shown.verdict == HOLDS:
+            shown.verdict, shown.reason = UNKNOWN, "the flight failed, so it shows no more than a violation"
+        decided = figure.comparison(one)
+        if decided:
+            shown.limit = float(decided.limit)
+            shown.figure = figure.draw(requirements, records, one, decided) if records else ""
+        found.append(shown)
+    return found
+
+
+# --- on a target -----------------------------------------------------------------------------------
+
+def _on_target(flight: Flight, found: Flown) -> tuple[Job, dict[str, Archive]]:
+    """Fly on a target; returns the job, and the record of each flight process."""
+    from fledge.archive import Archive
+    from fledge.archive.compare import digest
+    from fledge.targets import TARGETS, Job, fly
+    from fledge.targets.desktop import Desktop
+    from fledge.verify import coverage
+
+    target, = TARGETS.ready([flight.target], "verify")
+    if flight.coverage and target.takes_tools:
+        made: Any = type(target)
+        target = made(["--coverage", COVERAGE])
+    job = Job(flight.mission, flight.scenario, None, flight.seed, folder=flight.folder, parameters=flight.parameters)
+    desktop = Desktop().fly(job)
+    flown = fly(job, {one.process: target for one in job.parts}, flight.target)
+    records = {process: Archive(one.record) for process, one in flown.items()}
+    bits = [[digest(record, one.outputs, one.is_instant) for record in
+             (records[one.process], Archive(desktop[one.process].record))] for one in job.parts]
+    found.same = all(here == there for here, there in bits)
+    for one in job.parts if flight.coverage and target.takes_tools else ():
+        coverage.add(found.coverage, coverage.read(one.folder / COVERAGE, one.roots, one.folder / "c"))
+    return job, records
+
+
+def _packets(job: Job, target: str) -> dict[str, Any]:
+    """The telemetry of each process that sent any."""
+    from fledge.commands import read_script
+
+    return {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
+            if one.telemetry(target).exists()}
+
+
+# --- the process -----------------------------------------------------------------------------------
+
+def main() -> None:
+    from fledge.errors import Failure, SetupError
+    from fledge.files import write_files
+
+    job = json.loads(sys.stdin.readline())
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    flight = Flight(**{**job["flight"], "folder": Path(job["flight"]["folder"])})
+    try:
+        found = fly(flight, job["hash"])
+    except (Failure, SetupError, OSError) as error:
+        found = Flown(flight.scenario, flight.target, flight.seed, job["hash"], str(error))
+    write_files({FILE: found.as_json()}, flight.folder)
+
+
+def _end_with_parent() -> None:
+    sys.stdin.read()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()
