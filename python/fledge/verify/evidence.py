@@ -11,7 +11,7 @@ from typing import Any
 from fledge.verify.flight import HOLDS, UNKNOWN, VIOLATED, Flown, Shown, number
 
 NOT_SHOWN = "not shown"
-ORDER = (VIOLATED, UNKNOWN, NOT_SHOWN, HOLDS)       # the worst first; "by analysis" is among those that hold
+ORDER = (VIOLATED, UNKNOWN, NOT_SHOWN, HOLDS)       # the worst first
 CHANGED = 0.01      # of a margin: a smaller change is none
 
 
@@ -45,8 +45,10 @@ class Row:
         elif self.method != "test":
             return f"by {self.method}"
         else:
-            found = [one.verdict if one.verdict in ORDER else HOLDS for one in self.children]
-        return min(found, key=ORDER.index, default=NOT_SHOWN)
+            found = [one.verdict for one in self.children]
+        # What an analysis shows counts where no test shows anything.
+        tested = [one for one in found if one in ORDER]
+        return min(tested, key=ORDER.index) if tested else next(iter(found), NOT_SHOWN)
 
     @property
     def decided(self) -> tuple[Flown, Shown] | None:
