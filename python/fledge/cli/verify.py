@@ -85,19 +85,25 @@ def _verify(options, targets, sim, requirements, given, folder):
     from fledge.cli.console import counted, say
     from fledge.columns import columns
     from fledge.errors import Failure
-    from fledge.verify import evidence, flights
+    from fledge.verify import evidence, flights, tables
     from fledge.verify.flight import UNKNOWN, VIOLATED, Flight
 
     scenarios = {name: [one.id for one in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
-    wanted = None
-    if options.only:
-        wanted = evidence.with_children([row for row in evidence.rows(requirements, scenarios, [])
-                                         if row.id in options.only])
+
+    def rows(flown):
+        """All of the requirements, of the CSV too; those of --only; whether a requirement is among these."""
+        own = evidence.rows(requirements, scenarios, flown)
+        found = own + tables.only_there(given, own)
+        evidence.adopt(found)
+        wanted = evidence.with_children([row for row in found if row.id in (options.only or [row.id])])
+        return own, [row for row in found if row.id in wanted], wanted
+
+    _, found, wanted = rows([])
     chosen = [Flight(options.mission, name, target, options.seed, given_parameters(options),
                      options.coverage and TARGETS[target].takes_tools, folder / "flights" / name / target)
-              for name, ids in scenarios.items() if (set(ids) & wanted if wanted else ids) for target in targets]
-    say(f"{sim.name}: {counted(len(wanted or requirements.all), 'requirement')}, {counted(len(chosen), 'flight')} on "
+              for name, ids in scenarios.items() if set(ids) & wanted for target in targets]
+    say(f"{sim.name}: {counted(len(found), 'requirement')}, {counted(len(chosen), 'flight')} on "
         + ", ".join(targets))
 
     def tell(one):
@@ -111,18 +117,21 @@ def _verify(options, targets, sim, requirements, given, folder):
     for one in flown:
         if one.record:
             one.record = f"flights/{one.scenario}/{one.target}/{one.record}"
-    rows = evidence.rows(requirements, scenarios, flown, wanted)
-    lines = columns([("requirement", "verdict", "margin", "where"), *(_line(row) for row in rows)])
-    for line in lines:
+    own, found, _ = rows(flown)
+    for line in columns([("requirement", "verdict", "margin", "where"), *map(_line, found)]):
         say(f"  {line}")
-    for path in _write(options, sim, rows, flown, scenarios, given, folder):
-        say(f"  {path.stem:11}  {path}")
-    violated = [row.id for row in rows if row.verdict == VIOLATED]
+    csv = {"file": Path(options.requirements).name, "differences": tables.differences(
+        given, [row for row in own if row in found], not options.only)} if given else None
+    for id, what in csv["differences"] if csv else ():
+        say(f"  differs  {id} {what}")
+    for path in _write(options, sim, found, flown, scenarios, csv, folder):
+        say(f"  wrote    {path}")
+    violated = [row.id for row in found if row.verdict == VIOLATED]
     problems = [f"violated: {', '.join(violated)}"] if violated else []
     problems += [f"failed: {one.title}" for one in flown if one.error]
     if options.strict:
         problems += [f"{word}: {', '.join(ids)}" for word in (UNKNOWN, evidence.NOT_SHOWN)
-                     if (ids := [row.id for row in rows if row.verdict == word])]
+                     if (ids := [row.id for row in found if row.verdict == word])]
     if problems:
         raise Failure(f"{sim.name}: {'; '.join(problems)}", 1)
     return 0
@@ -130,15 +139,16 @@ def _verify(options, targets, sim, requirements, given, folder):
 
 def _line(row):
     """Of the table on the terminal."""
+    from fledge.verify.evidence import margin_text
+
     flown, shown = row.decided or (None, None)
     if flown is None:
         return row.id, row.verdict, "", ""
     at = "" if shown.at is None else f", t = {shown.at:g} s"
-    number = "" if shown.margin is None else f"{shown.margin:.4g} {shown.unit}".rstrip()
-    return row.id, row.verdict, number, f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
+    return row.id, row.verdict, margin_text(shown), f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
 
 
-def _write(options, sim, rows, flown, scenarios, given, folder):
+def _write(options, sim, rows, flown, scenarios, csv, folder):
     """Write the files of the report; returns their paths."""
     import dataclasses
     import json
@@ -153,9 +163,6 @@ def _write(options, sim, rows, flown, scenarios, given, folder):
     whole = not (options.only or options.scenario)
     old = folder / "results.json"
     before = json.loads(old.read_text(encoding="utf-8")) if old.exists() else None
-    csv = {"file": Path(options.requirements).name,
-           "differences": tables.differences(given, rows, not options.only)} if given else None
-    rows = rows + (tables.only_there(given, rows) if not options.only else [])
     made = datetime.now(timezone.utc)
     name = Path(options.mission).name
     common = [*(["--seed", str(options.seed)] if options.seed else []),

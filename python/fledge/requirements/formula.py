@@ -19,7 +19,7 @@ from fledge.objects.si import enumerator, short_name, time_ns, to_si, to_vector
 from fledge.world.bodies import ANGLE
 
 _NUMBER = (0,) * 8
-_SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}     # what people read
+SHOWN = {"rad": ("deg", 180 / math.pi), "rad/s": ("deg/s", 180 / math.pi)}     # what people read: (unit, factor)
 
 
 # --- signals ---------------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ def _kind(signal):
 
 def number_text(value: float, unit: str) -> str:
     """A number in SI as people read it: "0.5 deg"."""
-    shown, factor = _SHOWN.get(unit, (unit, 1.0))
+    shown, factor = SHOWN.get(unit, (unit, 1.0))
     return f"{value * factor:.6g}{unit_after(shown)}"
 
 

@@ -6,16 +6,21 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from fledge.errors import SetupError
+from fledge.requirements.formula import number_text
 from fledge.verify.flight import HOLDS, UNKNOWN, VIOLATED, Flown, Shown, number
+
+if TYPE_CHECKING:
+    from fledge.requirements import Requirements
 
 NOT_SHOWN = "not shown"
 ORDER = (VIOLATED, UNKNOWN, NOT_SHOWN, HOLDS)       # the worst first
 CHANGED = 0.01      # of a margin: a smaller change is none
 
 
-@dataclass
+@dataclass(eq=False)
 class Row:
     """A requirement with what shows it.
 
@@ -62,27 +67,38 @@ class Row:
         return not self.sentence and self.method == "test" and bool(self.children)
 
 
-def rows(requirements: Any, scenarios: Mapping[str, Sequence[str]], flown: Sequence[Flown],
-         only: Iterable[str] | None = None) -> list[Row]:
-    """A Row of each requirement. scenarios: name -> ids that it shows; only: ids, whose children come too."""
-    found = [Row(one.id, one.text, one.rationale or "", one.parent or "", one.method, one.evidence or "",
-                 one.group or "", str(one.formula) if one.formula is not None else "",
-                 one.formula.mathematics if one.formula is not None else "", f"{Path(one.file).name}, line {one.line}",
-                 [name for name, ids in scenarios.items() if one.id in ids]) for one in requirements.all]
-    by_id = {one.id: one for one in found}
-    for row in found:
-        if row.parent in by_id:
-            by_id[row.parent].children.append(row)
+def rows(requirements: Requirements, scenarios: Mapping[str, Sequence[str]], flown: Sequence[Flown]) -> list[Row]:
+    """A Row of each requirement. scenarios: name -> ids that it shows"""
+    found = []
+    for one in requirements.all:
+        row = Row(one.id, one.text, one.rationale, one.parent, one.method, one.evidence, one.group,
+                  place=f"{Path(one.file).name}, line {one.line}",
+                  shown_by=[name for name, ids in scenarios.items() if one.id in ids])
+        if one.formula is not None:
+            row.sentence, row.mathematics = str(one.formula), one.formula.mathematics
         for flight in flown:
             shown = flight.of(row.id)
             if shown:
                 row.shown.append((flight, shown))
             elif flight.scenario in row.shown_by:
                 row.missing.append(flight)
-    if only is None:
-        return found
-    wanted = with_children([by_id[id] for id in only])
-    return [one for one in found if one.id in wanted]
+        found.append(row)
+    return found
+
+
+def adopt(found: Sequence[Row]) -> None:
+    """Give each row its children. Raises SetupError if one descends from itself."""
+    by_id = {one.id: one for one in found}
+    for row in found:
+        if row.parent in by_id:
+            by_id[row.parent].children.append(row)
+    for row in found:
+        line = [row]
+        while line[-1].parent in by_id:
+            line.append(by_id[line[-1].parent])
+            if line[-1] in line[:-1]:
+                raise SetupError(f"{row.place}: the parents of {row.id} go round: "
+                                 + " has the parent ".join(one.id for one in line))
 
 
 def with_children(chosen: Iterable[Row]) -> set[str]:
@@ -95,6 +111,13 @@ def with_children(chosen: Iterable[Row]) -> set[str]:
             found.add(row.id)
             open_ += row.children
     return found
+
+
+def margin_text(shown: Shown) -> str:
+    """ "0.012 deg", "12 % of the limit"; "" where there is none."""
+    if shown.margin is None or not math.isfinite(shown.margin):
+        return ""
+    return number_text(shown.margin, shown.unit) if shown.unit else f"{100 * shown.margin:.3g} % of the limit"
 
 
 # --- traces ----------------------------------------------------------------------------------------

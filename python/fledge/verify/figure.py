@@ -6,68 +6,86 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from fledge.errors import SetupError
+from fledge.objects.si import short_name
+from fledge.requirements.formula import SHOWN
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from fledge.requirements import Comparison
 
 POINTS = 400        # stretches of time, of which the least and the largest value are drawn
 DECADES = 4         # below the limit, on a logarithmic axis
 
 
-def comparison(outcome: Any) -> Any:
-    """The comparison of a number that decided; None where there is none."""
-    return next((one for one in outcome.requirement.formula.comparisons if one.text == outcome.where), None)
+def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float | None, verdict: str) -> str:
+    """An SVG element for a page, with its texts as such; "" without a sample.
 
-
-def draw(requirements: Any, records: Any, outcome: Any, decided: Any) -> str:
-    """An SVG element for a page, with its texts as such; "" where its signal was not recorded."""
-    try:
-        time, values = requirements.values(records, decided)
-    except SetupError:      # the flight ended before
-        return ""
-    return svg(time, values, decided, outcome.at, outcome.verdict) if len(time) else ""
-
-
-def svg(time: np.ndarray, values: np.ndarray, comparison: Any, at: float | None, verdict: str) -> str:
-    """time: (n,) [s]; values: (n,), NaN where unknown; at: [s], which is marked."""
+    time: (n,) [s]; values: (n,) of the signal in SI, NaN where unknown; at: [s], which is marked."""
     import numpy as np
     from matplotlib import rc_context, style
     from matplotlib.figure import Figure
 
-    from fledge.plot import STYLE, axis_label, time_unit, unit_label
+    from fledge.plot import STYLE, time_unit, unit_label
 
-    limit = float(comparison.limit)
-    values = np.asarray(values, float)
+    if not len(time):
+        return ""
+    signal = comparison.signal
+    unit, scale = SHOWN.get(comparison.unit, (comparison.unit, 1.0))
+    limit, values = scale * comparison.limit, scale * np.asarray(values, float)
     name, factor = time_unit(float(time[-1]))
-    known = values[np.isfinite(values)]
     with style.context(STYLE), rc_context({"svg.fonttype": "none", "svg.hashsalt": "fledge"}):
         figure = Figure(figsize=(4.6, 2.1), layout="constrained")
         axes = figure.add_subplot()
-        axes.plot(*thinned(time / factor, values), color="C0")
-        axes.axhline(limit, color="C6", linestyle=(0, (5, 3)), linewidth=1.1)
-        if limit > 0 and len(known) and known.min() >= 0 and known.max() > 30 * limit:
-            axes.set_yscale("log")
-            axes.set_ylim(max(known.min() / 2, limit / 10**DECADES), 2 * known.max())
-        below = comparison.relation.startswith("<")
-        low, high = axes.get_ylim()
-        if comparison.relation[0] in "<>":      # where it does not hold
-            axes.axhspan(limit, high if below else low, color="C6", alpha=0.07, linewidth=0)
-            axes.set_ylim(low, high)
-        axes.annotate(f"{comparison.relation} {limit:g}", (1, limit), xycoords=("axes fraction", "data"), fontsize=8,
-                      ha="right", va="bottom" if below else "top", color="C6", xytext=(0, 2 if below else -2),
-                      textcoords="offset points")
-        if at is not None and len(time):
-            nearest = int(np.abs(time - at).argmin())
-            if np.isfinite(values[nearest]):
-                axes.plot(at / factor, values[nearest], "o", markersize=4.5, markeredgecolor="white",
-                          color="C2" if verdict == "holds" else "C6")
+        names = signal.field.field.enumerators if signal.field else []
+        if signal.event:
+            axes.vlines(time[values > 0] / factor, 0, 1, color="C0")
+            axes.set_ylim(0, 1.1)
+            axes.set_yticks([])
+        else:
+            axes.plot(*thinned(time / factor, values), color="C0", drawstyle="steps-post" if names else "default")
+            axes.axhline(limit, color="C6", linestyle=(0, (5, 3)), linewidth=1.1)
+        if names:
+            axes.set_yticks([number for _, number in names],
+                            [short_name(signal.field.field.ctype, one) for one, _ in names])
+        elif not signal.event:
+            _limit(axes, values[np.isfinite(values)], limit, comparison)
+            axes.set_ylabel(f"[{unit_label(unit)}]" if unit_label(unit) else "")
+        nearest = int(np.abs(time - (at or 0.0)).argmin())
+        if at is not None and np.isfinite(values[nearest]):
+            axes.plot(at / factor, values[nearest], "o", markersize=4.5, markeredgecolor="white", clip_on=False,
+                      color="C2" if verdict == "holds" else "C6")
+        axes.set_xlim(time[0] / factor, max(time[-1], time[0] + 1e-9) / factor)
         axes.set_xlabel(f"time [{name}]")
-        axes.set_ylabel(axis_label("", unit_label(comparison.unit)).strip())
-        axes.set_title(str(comparison.signal), fontsize=8.5)
+        axes.set_title(shortened(signal.text), fontsize=8.5)
         out = io.StringIO()
         figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     return element(out.getvalue())
+
+
+def _limit(axes: Any, known: np.ndarray, limit: float, comparison: Comparison) -> None:
+    """The limit's text, the side on which the comparison does not hold, and the scale that shows both."""
+    below = comparison.relation.startswith("<")
+    if limit > 0 and len(known) and known.min() >= 0 and known.max() > 30 * limit:
+        axes.set_yscale("log")
+        axes.set_ylim(max(known.min() / 2, limit / 10**DECADES), 2 * known.max())
+    else:
+        low, high = axes.get_ylim()
+        room = 0.12 * (high - low)
+        axes.set_ylim(min(low, limit - room), max(high, limit + room))
+    low, high = axes.get_ylim()
+    if comparison.measured:
+        axes.axhspan(limit, high if below else low, color="C6", alpha=0.07, linewidth=0)
+        axes.set_ylim(low, high)
+    text = comparison.text.rpartition(f" {comparison.relation} ")[2]
+    axes.annotate(f"{comparison.relation} {text}", (1, limit), xycoords=("axes fraction", "data"), fontsize=8,
+                  ha="right", va="bottom" if below else "top", color="C6", xytext=(0, 2 if below else -2),
+                  textcoords="offset points")
+
+
+def shortened(text: str, most: int = 64) -> str:
+    """A text that fits the title of a figure."""
+    return text if len(text) <= most else f"{text[:most // 2]} \N{HORIZONTAL ELLIPSIS} {text[-most // 2:]}"
 
 
 def thinned(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,10 +13,11 @@ from markupsafe import Markup
 
 from fledge.report.numbers import number, unit
 from fledge.report.run import templates, versions
+from fledge.requirements.formula import SHOWN
 from fledge.verify import coverage, evidence
 from fledge.verify.evidence import Row
 from fledge.verify.figure import with_ids
-from fledge.verify.flight import Flown, Shown
+from fledge.verify.flight import HOLDS, Flown, Shown
 
 
 def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: Mapping[str, Sequence[str]],
@@ -28,13 +29,17 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
     """
     found = [one.verdict for one in rows]
     ids = {one.id for one in rows}
+    roots = [one for one in rows if not one.parent]
+    for parent in dict.fromkeys(one.parent for one in rows if one.parent and one.parent not in ids):
+        roots.append(Row(parent, "(no requirement of this report)", method="",
+                         children=[one for one in rows if one.parent == parent]))
     counts = Counter({word: found.count(word) for word in
                       ("holds", *sorted({one for one in found if one.startswith("by ")}), "violated", "unknown",
                        "not shown")})
     covered = [one for one in flown if one.coverage]
     whole = coverage.joined(one.coverage for one in covered)
     return templates().get_template("verification.html").render(
-        mission=mission.name, rows=rows, roots=[one for one in rows if one.parent not in ids], flights=flown, scenarios=scenarios, command=command, counts=counts,
+        mission=mission.name, rows=rows, roots=roots, flights=flown, scenarios=scenarios, command=command, counts=counts,
         failed=[one for one in flown if one.error], before_count=sum(one.before for one in flown),
         flown=sum(one.time for one in flown), targets=list(dict.fromkeys(one.target for one in flown)),
         anchors={one.id: f"r{i}-{_slug(one.id)}" for i, one in enumerate(rows, 1)},
@@ -56,8 +61,11 @@ def margin(shown: Shown) -> Markup:
     """A margin with its unit, and as a share of the limit, where there is one."""
     if shown.margin is None or not math.isfinite(shown.margin):
         return Markup("\N{EN DASH}")
-    text = Markup("{} {}").format(number(shown.margin, 4), unit(shown.unit)).strip()
-    if shown.limit and shown.verdict == "holds":
+    if not shown.unit:
+        return Markup("{:.3g} % of the limit").format(100 * shown.margin)
+    name, factor = SHOWN.get(shown.unit, (shown.unit, 1.0))
+    text = Markup("{} {}").format(number(shown.margin * factor, 4), unit(name)).strip()
+    if shown.limit and shown.verdict == HOLDS:
         return text + Markup('<br><small class="aside">{:.3g} % of the limit</small>').format(
             100 * shown.margin / abs(shown.limit))
     return text

@@ -9,11 +9,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from fledge.errors import Failure, did_you_mean, printable
+from fledge.requirements.declared import METHODS
 from fledge.verify.evidence import NOT_SHOWN, Row, facts
 from fledge.verify.flight import UNKNOWN, VIOLATED, Flown
 
 GIVEN = ("id", "text", "rationale", "parent", "method")     # which both directions have
-METHODS = ("test", "analysis", "inspection")
 
 
 def write(found: Sequence[Row]) -> str:
@@ -79,7 +79,7 @@ def differences(given: Sequence[dict[str, str]], found: Sequence[Row], whole: bo
         row = by_id.pop(one["id"], None)
         if row is None:
             if whole:
-                told.append((one["id"], "is in the CSV alone, so nothing shows it"))
+                told.append((one["id"], "is in the CSV alone"))
             continue
         for name in GIVEN[1:]:
             here = (getattr(row, name) or "").strip()
@@ -95,7 +95,7 @@ def only_there(given: Sequence[dict[str, str]], found: Sequence[Row]) -> list[Ro
     """Rows of those that the CSV alone has."""
     known = {row.id for row in found}
     return [Row(one["id"], one["text"], one.get("rationale", ""), one.get("parent", ""),
-                one.get("method", "").lower() or "test", place="the CSV alone")
+                one.get("method", "").lower() or "test", group="In the CSV alone", place="the CSV alone")
             for one in given if one["id"] not in known]
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from fledge.verify.flight import FILE, HOLDS, UNKNOWN, Flight, Flown, Shown
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
+    from fledge.mission.simulation import Simulation
+    from fledge.requirements import Judged, Requirement
     from fledge.targets import Job
 
 COVERAGE = "flight.info"    # in the folder of each process
@@ -40,8 +43,9 @@ def fly(flight: Flight, hash: str) -> Flown:
 
         stand_in(sim, records, None, packets)
     requirements = Requirements(sim)
-    shown = [one.id for one in requirements.for_scenario(flight.scenario)]
-    watch = requirements.watch(only=shown)
+    shown = requirements.for_scenario(flight.scenario)
+    watch = requirements.watch(only=[one.id for one in shown], traces=True)
+    _record(sim, shown)
     sim.plots = False
     record = flight.folder / "run.mcap"
     sim.archive(record, mission=sim.name, scenario=flight.scenario, target=flight.target, fledge=fledge.__version__,
@@ -54,26 +58,39 @@ def fly(flight: Flight, hash: str) -> Flown:
     sim.close_archive(outcome=found.error or "passed", ended=f"{sim.time:g} s")
     found.wall = perf_counter() - start
     found.record = record.name if record.exists() else ""
-    found.shown = _judged(requirements, watch, record, found.error)
+    found.shown = _judged(watch, found.error)
     return found
 
 
-def _judged(requirements: Any, watch: Any, record: Path, error: str) -> list[Shown]:
+def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
+    """Record all that they read, as often as they look at it, so that the record can be judged again."""
+    from fledge.mission.field_path import port
+
+    every: dict[str, int] = {}
+    for one in requirements:
+        for comparison in one.formula.comparisons if one.formula is not None else ():
+            for field in comparison.signal.fields:
+                assert field.port
+                every[field.port] = min(one.every, every.get(field.port, one.every))
+    for path, period in every.items():
+        sim.record(port(sim, path), every=period / 1e9)
+
+
+def _judged(watch: Judged, error: str) -> list[Shown]:
     """What the flight shows of each requirement. One that holds in a flight that failed is unknown."""
-    from fledge.archive import Archive
     from fledge.verify import figure
 
     found = []
-    records = Archive(record) if record.exists() else None
     for one in watch.outcomes():
         shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
                       one.reason)
         if error and shown.verdict == HOLDS:
-            shown.verdict, shown.reason = UNKNOWN, "the flight failed, so it shows no more than a violation"
-        decided = figure.comparison(one)
-        if decided:
-            shown.limit = float(decided.limit)
-            shown.figure = figure.draw(requirements, records, one, decided) if records else ""
+            shown.verdict, shown.reason = UNKNOWN, "the flight failed, so it shows no more than violations"
+        assert one.requirement.formula is not None
+        decided = next((each for each in one.requirement.formula.comparisons if each.text == one.where), None)
+        if decided is not None:
+            shown.limit = decided.limit if decided.measured else None
+            shown.figure = figure.draw(*watch.values(decided), decided, one.at, one.verdict)
         found.append(shown)
     return found
 
