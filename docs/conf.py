@@ -54,7 +54,7 @@ CHAPTERS = {
                           "Flight services <docs/services>",
                           "Database <docs/database>", "Packets by XTCE <docs/packets>", "The link in C <docs/ccsds>"],
     "Targets": ["Export <docs/export>", "Targets <docs/targets>",
-                "Profiles <docs/profiling>", "docs/avionics", "LEON3 <docs/leon3>",
+                "Verification <docs/verification>", "Profiles <docs/profiling>", "docs/avionics", "LEON3 <docs/leon3>",
                 "Look into a LEON3 <docs/leon3-debugging>", "MicroPython <docs/micropython>", "cFS <docs/cfs>",
                 "targets/cfs/README", "Records <record/README>"],
     "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",

@@ -102,7 +102,7 @@ class Revisions:
 
 def _status(folder):
     # Records and builds are no sources of a run.
-    paths = [".", ":(exclude)runs", ":(exclude)build", ":(exclude,glob)**/__pycache__/**"]
+    paths = [".", ":(exclude)runs", ":(exclude)verification", ":(exclude)build", ":(exclude,glob)**/__pycache__/**"]
     try:
         return subprocess.Popen([*GIT, "-C", str(folder), "status", "--porcelain=v2", "--branch",
                                  "--untracked-files=normal", "--", *paths], stdin=subprocess.DEVNULL,
