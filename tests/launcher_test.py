@@ -514,6 +514,7 @@ def test_the_first_command_runs_after_an_install(launch):
     (["fly", "x", "--on", "leon3-micropython"], ["leon3", "micropython"], []),
     (["fly", "x", "--on", "vax"], [], []), (["fly", "--on", "leon3"], [], []),
     (["profile", "x"], ["profile"], []), (["profile", "x", "--on", "leon3"], ["profile", "leon3"], []),
+    (["verify", "x"], [], []), (["verify", "x", "--on", "desktop,leon3"], ["leon3"], []),
     (["console", "x"], ["micropython"], []), (["flips", "x"], ["leon3"], []),
     (["export", "micropython", "x"], ["micropython"], []), (["export", "c", "micropython"], [], []),
     (["bench", "micropython"], ["profile", "leon3", "micropython"], []),

@@ -107,6 +107,7 @@ PARTS = [
      "folder of `targets`"),
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
     ("profile", "what flight costs on a target"),
+    ("verify", "all requirements of a mission over scenarios and targets, with a report"),
     ("control_room", "the server of the control room, and its page"),
     ("cli", "the commands of `./fledge`"),
 ]

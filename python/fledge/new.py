@@ -123,7 +123,7 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
         raise NewError(f"the name {name} is Fledge's or CMake's own; choose another for the project")
     empty = re.sub(r"^ +(?:flight|world)/.*\n", "", _text("CMakeLists.txt", {"my_sat": name}), flags=re.M)
     texts = {folder / "CMakeLists.txt": empty, **{folder / file: _text(file, {"my_sat": name}) for file in EDITOR},
-             folder / ".gitignore": "build/\nruns/\n__pycache__/\n.*cache/\n"}
+             folder / ".gitignore": "build/\nruns/\nverification/\n__pycache__/\n.*cache/\n"}
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)

@@ -85,8 +85,9 @@ def _verify(options, targets, sim, requirements, given, folder):
     from fledge.cli.console import counted, say
     from fledge.columns import columns
     from fledge.errors import Failure
+    from fledge.requirements.judge import UNKNOWN, VIOLATED
     from fledge.verify import evidence, flights, tables
-    from fledge.verify.flight import UNKNOWN, VIOLATED, Flight
+    from fledge.verify.flight import Flight
 
     scenarios = {name: [one.id for one in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
@@ -169,9 +170,8 @@ def _write(options, sim, rows, flown, scenarios, csv, folder):
               *(word for text in options.parameters for word in ("--set", text))]
 
     def command(one):
-        return shlex.join(["./fledge", "run", name, one.scenario, *common] if one.target == "desktop" else
-                          ["./fledge", "verify", name, "--scenario", one.scenario, "--on", one.target, *common,
-                           "--again", "--out", f"runs/{name}/verify"])
+        how = ["run", name, one.scenario] if one.target == "desktop" else ["fly", name, one.scenario, "--on", one.target]
+        return shlex.join(["./fledge", *how, *common])
 
     results = {
         "mission": sim.name, "made": made.isoformat(timespec="seconds"), "seed": options.seed,

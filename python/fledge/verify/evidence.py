@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
 from fledge.requirements.formula import number_text
-from fledge.verify.flight import HOLDS, UNKNOWN, VIOLATED, Flown, Shown, number
+from fledge.requirements.judge import HOLDS, UNKNOWN, VIOLATED
+from fledge.verify.flight import Flown, Shown, number
 
 if TYPE_CHECKING:
     from fledge.requirements import Requirements

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from fledge.requirements import Comparison
 
-POINTS = 400        # stretches of time, of which the least and the largest value are drawn
+POINTS = 250        # stretches of time, of which the least and the largest value are drawn
 DECADES = 4         # below the limit, on a logarithmic axis
 
 

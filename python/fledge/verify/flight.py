@@ -16,7 +16,6 @@ from typing import Any
 from fledge.files import ROOT
 
 FILE = "flight.json"        # of the results, in the folder of a flight
-HOLDS, VIOLATED, UNKNOWN = "holds", "violated", "unknown"
 
 # What the desktop computes with, and further folders that make the other targets; `_core` is built of the rest.
 DESKTOP = ("python/fledge",)

@@ -14,10 +14,11 @@ from markupsafe import Markup
 from fledge.report.numbers import number, unit
 from fledge.report.run import templates, versions
 from fledge.requirements.formula import SHOWN
+from fledge.requirements.judge import HOLDS
 from fledge.verify import coverage, evidence
 from fledge.verify.evidence import Row
 from fledge.verify.figure import with_ids
-from fledge.verify.flight import HOLDS, Flown, Shown
+from fledge.verify.flight import Flown, Shown
 
 
 def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: Mapping[str, Sequence[str]],

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 
 from fledge.errors import Failure, did_you_mean, printable
 from fledge.requirements.declared import METHODS
+from fledge.requirements.judge import UNKNOWN, VIOLATED
 from fledge.verify.evidence import NOT_SHOWN, Row, facts
-from fledge.verify.flight import UNKNOWN, VIOLATED, Flown
+from fledge.verify.flight import Flown
 
 GIVEN = ("id", "text", "rationale", "parent", "method")     # which both directions have
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from fledge.verify.flight import FILE, HOLDS, UNKNOWN, Flight, Flown, Shown
+from fledge.requirements.judge import HOLDS, UNKNOWN
+from fledge.verify.flight import FILE, Flight, Flown, Shown
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
@@ -63,17 +64,25 @@ def fly(flight: Flight, hash: str) -> Flown:
 
 
 def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
-    """Record all that they read, as often as they look at it, so that the record can be judged again."""
+    """Let the first run record all that they read. What the scenario records has its rate already, and keeps it."""
     from fledge.mission.field_path import port
 
-    every: dict[str, int] = {}
+    every: dict[str, int] = {}      # [ns] by port
     for one in requirements:
         for comparison in one.formula.comparisons if one.formula is not None else ():
             for field in comparison.signal.fields:
                 assert field.port
                 every[field.port] = min(one.every, every.get(field.port, one.every))
-    for path, period in every.items():
-        sim.record(port(sim, path), every=period / 1e9)
+
+    def run(*arguments: Any, **options: Any) -> None:
+        del sim.run
+        known = {log.path for log in sim.records}
+        for path in every:
+            if path not in known:
+                sim.record(port(sim, path), every=every[path] / 1e9)
+        sim.run(*arguments, **options)
+
+    setattr(sim, "run", run)
 
 
 def _judged(watch: Judged, error: str) -> list[Shown]:
@@ -85,7 +94,7 @@ def _judged(watch: Judged, error: str) -> list[Shown]:
         shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
                       one.reason)
         if error and shown.verdict == HOLDS:
-            shown.verdict, shown.reason = UNKNOWN, "the flight failed, so it shows no more than violations"
+            shown.verdict, shown.margin, shown.reason = UNKNOWN, None, "the flight failed, so it shows no more than violations"
         assert one.requirement.formula is not None
         decided = next((each for each in one.requirement.formula.comparisons if each.text == one.where), None)
         if decided is not None:
