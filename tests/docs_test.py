@@ -124,6 +124,11 @@ def test_flight_is_profiled(tmp_path):
     assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000
 
 
+def test_a_mission_is_verified(tmp_path):
+    assert follow("verification.md", Shell(tmp_path)) == 2
+    assert (tmp_path / "verification/nadir_spin/report.html").stat().st_size > 20_000
+
+
 def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
     assert follow("sensors.md", Shell(tmp_path)) == 7
 

@@ -33,7 +33,7 @@ def add(command: Callable) -> None:
     one.add_argument("--again", action="store_true", help="fly all; default: take the flights whose sources, target, "
                      "seed, scenario and requirements are those of the report before from there")
     one.add_argument("--coverage", action="store_true", help="also count the statements and branches of flight that "
-                     f"ran on {', '.join(name for name, one in TARGETS.items() if one.takes_tools)}")
+                     "ran on leon3")
     one.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
@@ -142,9 +142,9 @@ def _line(row):
     """Of the table on the terminal."""
     from fledge.verify.evidence import margin_text
 
-    flown, shown = row.decided or (None, None)
-    if flown is None:
+    if row.decided is None:
         return row.id, row.verdict, "", ""
+    flown, shown = row.decided
     at = "" if shown.at is None else f", t = {shown.at:g} s"
     return row.id, row.verdict, margin_text(shown), f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 import jinja2
 from markupsafe import Markup
@@ -269,7 +270,7 @@ def _inline_svg(picture: bytes) -> Markup:
 
 # --- where it comes from ---------------------------------------------------------------------------
 
-def versions(mission: Mission | None) -> list[tuple[str, str]]:
+def versions(mission: Any) -> list[tuple[str, str]]:
     """(what, its version) of all that a run is made by."""
     revisions = Revisions(mission.folder if mission else None).read()
     try:

@@ -60,7 +60,7 @@ class Row:
     def decided(self) -> tuple[Flown, Shown] | None:
         """The flight that decided: of those with the worst verdict, the one with the least margin."""
         worst = [pair for pair in self.shown if pair[1].verdict == self.verdict]
-        return min(worst, key=lambda pair: math.inf if pair[1].margin is None else pair[1].margin, default=None)
+        return min(worst, key=lambda pair: math.inf if pair[1].margin is None else pair[1].margin) if worst else None
 
     @property
     def of_children(self) -> bool:
@@ -95,9 +95,9 @@ def adopt(found: Sequence[Row]) -> None:
             by_id[row.parent].children.append(row)
     for row in found:
         line = [row]
-        while line[-1].parent in by_id:
+        while line[-1].parent in by_id and len(line) <= len(found):
             line.append(by_id[line[-1].parent])
-            if line[-1] in line[:-1]:
+            if line[-1] is row:
                 raise SetupError(f"{row.place}: the parents of {row.id} go round: "
                                  + " has the parent ".join(one.id for one in line))
 

@@ -37,7 +37,8 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
     with style.context(STYLE), rc_context({"svg.fonttype": "none", "svg.hashsalt": "fledge"}):
         figure = Figure(figsize=(4.6, 2.1), layout="constrained")
         axes = figure.add_subplot()
-        names = signal.field.field.enumerators if signal.field else []
+        field = signal.field.field if signal.field else None
+        names = field.enumerators if field else []
         if signal.event:
             axes.vlines(time[values > 0] / factor, 0, 1, color="C0")
             axes.set_ylim(0, 1.1)
@@ -47,7 +48,7 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
             axes.axhline(limit, color="C6", linestyle=(0, (5, 3)), linewidth=1.1)
         if names:
             axes.set_yticks([number for _, number in names],
-                            [short_name(signal.field.field.ctype, one) for one, _ in names])
+                            [short_name(field.ctype, one) for one, _ in names])
         elif not signal.event:
             _limit(axes, values[np.isfinite(values)], limit, comparison)
             axes.set_ylabel(f"[{unit_label(unit)}]" if unit_label(unit) else "")

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 from fledge.montecarlo.shares import death
 from fledge.verify.flight import FILE, Flight, Flown, dumps
@@ -50,15 +51,16 @@ def _by_worker(flight, hash, running):
     with open(flight.folder / LOG, "w+", encoding="utf-8", errors="replace") as log:
         process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.verify.worker"], stdin=subprocess.PIPE,
                                    stdout=log, stderr=subprocess.STDOUT)
+        pipe: Any = process.stdin
         running.add(process)
         try:
             # The pipe stays open: its end would end the worker.
-            process.stdin.write(job.encode().replace(b"\n", b"") + b"\n")
-            process.stdin.flush()
-        except BrokenPipeError:
-            pass
-        code = process.wait()
-        process.stdin.close()
+            pipe.write(job.encode().replace(b"\n", b"") + b"\n")
+            pipe.flush()
+            code = process.wait()
+            pipe.close()
+        except BrokenPipeError:     # it has ended already
+            code = process.wait()
         running.discard(process)
         found = Flown.read(flight.folder / FILE)
         if found and not code:

@@ -65,7 +65,7 @@ def margin(shown: Shown) -> Markup:
     if not shown.unit:
         return Markup("{:.3g} % of the limit").format(100 * shown.margin)
     name, factor = SHOWN.get(shown.unit, (shown.unit, 1.0))
-    text = Markup("{} {}").format(number(shown.margin * factor, 4), unit(name)).strip()
+    text = Markup(Markup("{} {}").format(number(shown.margin * factor, 4), unit(name)).strip())
     if shown.limit and shown.verdict == HOLDS:
         return text + Markup('<br><small class="aside">{:.3g} % of the limit</small>').format(
             100 * shown.margin / abs(shown.limit))

@@ -144,9 +144,9 @@ def main() -> None:
     from fledge.errors import Failure, SetupError
     from fledge.files import write_files
 
-    job = json.loads(sys.stdin.readline())
+    job: dict[str, Any] = json.loads(sys.stdin.readline())
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    flight = Flight(**{**job["flight"], "folder": Path(job["flight"]["folder"])})
+    flight = Flight(**job["flight"])
     try:
         found = fly(flight, job["hash"])
     except (Failure, SetupError, OSError) as error:
