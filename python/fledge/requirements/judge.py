@@ -86,7 +86,7 @@ class Judged:
         if any(judge.core.stop for judge in self._judges.values()):
             for judge in self._judges.values():
                 judge.core.stop = judge.core.stops = False      # the user may go on
-            found = [one for one in self._outcomes() if one.verdict == VIOLATED]
+            found = [one for one in self.outcomes(so_far=True) if one.verdict == VIOLATED]
             raise Stopped("; ".join(map(str, found)), found)
 
     def play(self, records: Records, end: int | None) -> None:
@@ -110,8 +110,10 @@ class Judged:
             judge.core.play(times, values)
         self._end = int(times[-1])
 
-    def outcomes(self) -> list[Outcome]:
-        """Of each requirement, in their order. The runs have ended."""
+    def outcomes(self, so_far: bool = False) -> list[Outcome]:
+        """Of each requirement, in their order. The runs have ended; so_far: what they show whatever follows."""
+        if so_far:
+            return self._outcomes()
         end = self._end if self._simulation is None else max(self._simulation.time_ns, 0)
         assert end is not None
         self._end = end

@@ -63,7 +63,7 @@ def margin(shown: Shown) -> Markup:
     if shown.margin is None or not math.isfinite(shown.margin):
         return Markup("\N{EN DASH}")
     if not shown.unit:
-        return Markup("{:.3g} % of the limit").format(100 * shown.margin)
+        return Markup("{} % of the limit").format(number(100 * shown.margin, 3))
     name, factor = SHOWN.get(shown.unit, (shown.unit, 1.0))
     text = Markup(Markup("{} {}").format(number(shown.margin * factor, 4), unit(name)).strip())
     if shown.limit and shown.verdict == HOLDS:

@@ -131,7 +131,7 @@ def test_a_scenario_keeps_the_rate_at_which_it_records(report):
     assert np.diff(Archive(report / "flights/settle/desktop/run.mcap").series("error.sigma_BR").time).min() == 1
 
 
-def test_a_flight_that_fails_shows_violations_alone_and_no_other_flight_suffers(here, capsys):
+def test_a_flight_that_fails_shows_what_was_decided_before_and_no_other_flight_suffers(here, capsys):
     write(here, scenarios=SCENARIOS.replace("sim.run(8 * minute)", "sim.run(8 * minute)\n        assert 0, 'a check'")
           .replace("sim.run(1 * s)", "import os; os._exit(7)"), requirements=REQUIREMENTS.replace(
               'shown_by=["brief"]', 'shown_by=["brief", "idle"]'))

@@ -12,7 +12,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from fledge.requirements.judge import HOLDS, UNKNOWN
+from fledge.requirements.judge import UNKNOWN
 from fledge.verify.flight import FILE, Flight, Flown, Shown
 
 if TYPE_CHECKING:
@@ -86,15 +86,15 @@ def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
 
 
 def _judged(watch: Judged, error: str) -> list[Shown]:
-    """What the flight shows of each requirement. One that holds in a flight that failed is unknown."""
+    """What the flight shows of each requirement; one that failed, what was decided before."""
     from fledge.verify import figure
 
     found = []
-    for one in watch.outcomes():
+    for one in watch.outcomes(so_far=error != ""):
         shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
                       one.reason)
-        if error and shown.verdict == HOLDS:
-            shown.verdict, shown.margin, shown.reason = UNKNOWN, None, "the flight failed, so it shows no more than violations"
+        if error and shown.verdict == UNKNOWN:
+            shown.at, shown.where, shown.reason = None, "", "the flight failed before it was decided"
         assert one.requirement.formula is not None
         decided = next((each for each in one.requirement.formula.comparisons if each.text == one.where), None)
         if decided is not None:
