@@ -9,7 +9,8 @@ def pointing(r):
     r.every = 500 * ms
     error   = r.signal("flight.tracking.error.sigma_BR").norm()
     rate    = r.signal("flight.tracking.error.omega_BR_B").norm()
-    r.require("PNT-1", "The body settles on its reference within 20 minutes.", settles(error < 1e-3, within=20 * minute),
+    r.require("PNT-1", "The body settles on its reference within 20 minutes.",
+              settles(error < 1e-3, within=20 * minute),
               rationale="The scan begins half an hour after the maneuver.", parent="SYS-1")
     r.require("PNT-2", "Once settled, the body follows its reference to 0.001 deg/s.",
               always(implies(after(20 * minute), rate < 0.001 * deg / s)),

@@ -170,8 +170,9 @@ def _write(options, sim, rows, flown, scenarios, csv, folder):
               *(word for text in options.parameters for word in ("--set", text))]
 
     def command(one):
-        how = ["run", name, one.scenario] if one.target == "desktop" else ["fly", name, one.scenario, "--on", one.target]
-        return shlex.join(["./fledge", *how, *common])
+        desktop = one.target == "desktop"
+        return shlex.join(["./fledge", "run" if desktop else "fly", name, one.scenario, *common,
+                           *([] if desktop else ["--on", one.target])])
 
     results = {
         "mission": sim.name, "made": made.isoformat(timespec="seconds"), "seed": options.seed,

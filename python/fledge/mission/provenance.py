@@ -124,18 +124,23 @@ def _revision(running):
     return commit[:12] + "-dirty" * any(not line.startswith("#") for line in lines)
 
 
+def extension() -> Path:
+    """The file of the extension `_core`, as it is built here."""
+    from fledge import _core
+
+    return Path(_core.__file__)
+
+
 def identity(mission: Path) -> dict[str, str]:
     """What tells whether another program computes the same: the revisions of Fledge and of a mission's folder.
 
     Where git knows none, or files differ from it, a digest stands for them: of the mission's Python files, or of
     Fledge's and the extension `_core`, as it is built here.
     """
-    from fledge import _core
-
     found = Revisions(mission).read()
     if mission.is_relative_to(ROOT):
         found.setdefault("mission", found.get("fledge", ""))
-    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), Path(_core.__file__)]
+    own = [*Path(__file__).resolve().parents[1].rglob("*.py"), extension()]
     for name, files in (("fledge", own), ("mission", list(mission.rglob("*.py")))):
         text = found.get(name, "")
         if not text or text.endswith("-dirty"):

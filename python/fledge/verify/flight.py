@@ -52,11 +52,11 @@ class Flight:
 @functools.cache
 def _fledge(with_targets: bool) -> str:
     """A hash of Fledge's sources and of its extension."""
-    from fledge import _core
+    from fledge.mission.provenance import extension
 
     found = [path for one in (TARGETS if with_targets else DESKTOP) for path in sorted((ROOT / one).rglob("*"))
              if path.suffix in SOURCES and not {"testing", "web"} & set(path.parts) and "_test." not in path.name]
-    return _digest(ROOT, [*found, Path(_core.__file__)])
+    return _digest(ROOT, [*found, extension()])
 
 
 def _files(mission: Path) -> str:

@@ -40,7 +40,8 @@ def page(mission: Any, rows: Sequence[Row], flown: Sequence[Flown], scenarios: M
     covered = [one for one in flown if one.coverage]
     whole = coverage.joined(one.coverage for one in covered)
     return templates().get_template("verification.html").render(
-        mission=mission.name, rows=rows, roots=roots, flights=flown, scenarios=scenarios, command=command, counts=counts,
+        mission=mission.name, rows=rows, roots=roots, flights=flown, scenarios=scenarios, command=command,
+        counts=counts,
         failed=[one for one in flown if one.error], before_count=sum(one.before for one in flown),
         flown=sum(one.time for one in flown), targets=list(dict.fromkeys(one.target for one in flown)),
         anchors={one.id: f"r{i}-{_slug(one.id)}" for i, one in enumerate(rows, 1)},

@@ -368,9 +368,10 @@ def test_coverage_is_joined_over_flights(tmp_path):
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight/a.c").touch()
     head = f"TN:\nSF:{tmp_path}/flight/a.c\nFN:1,f\n"
-    (tmp_path / "1.info").write_text(head + "BRDA:2,0,0,-\nBRDA:2,0,1,-\nDA:1,4\nDA:2,0\nDA:3,0\nDA:7,0\nend_of_record\n"
-                                     "TN:\nSF:/elsewhere/b.c\nDA:1,1\nend_of_record\n")
-    (tmp_path / "2.info").write_text(head + "BRDA:2,0,0,3\nBRDA:2,0,1,0\nDA:1,1\nDA:2,3\nDA:3,0\nDA:7,0\nend_of_record\n")
+    (tmp_path / "1.info").write_text(head + "BRDA:2,0,0,-\nBRDA:2,0,1,-\nDA:1,4\nDA:2,0\nDA:3,0\nDA:7,0\n"
+                                     "end_of_record\nTN:\nSF:/elsewhere/b.c\nDA:1,1\nend_of_record\n")
+    (tmp_path / "2.info").write_text(head + "BRDA:2,0,0,3\nBRDA:2,0,1,0\nDA:1,1\nDA:2,3\nDA:3,0\nDA:7,0\n"
+                                     "end_of_record\n")
     first, second = (coverage.read(tmp_path / f"{i}.info", [tmp_path], tmp_path / "c") for i in (1, 2))
     assert list(first) == ["flight/a.c"] and coverage.share(first) == (1, 4, 0, 2)
     both = coverage.joined([first, second])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process that flies one flight, `python3 -m fledge.verify.worker`: what happens in it cannot end the others. It reads
-a Flight as a line of JSON, and ends when its input is closed; its results are a file in the folder of the flight."""
+"""A process that flies one flight, `python3 -m fledge.verify.worker`: what happens in it cannot end the others. It
+reads a Flight as a line of JSON, and ends when its input is closed; its results are a file in the folder of the flight.
+"""
 from __future__ import annotations
 
 import json
@@ -26,8 +27,7 @@ COVERAGE = "flight.info"    # in the folder of each process
 
 def fly(flight: Flight, hash: str) -> Flown:
     """Fly it, and judge all requirements that its scenario shows."""
-    import fledge
-    from fledge import mission as missions
+    from fledge import __version__, mission as missions
     from fledge.requirements import Requirements
 
     found = Flown(flight.scenario, flight.target, flight.seed, hash)
@@ -37,7 +37,7 @@ def fly(flight: Flight, hash: str) -> Flown:
     if flight.target != "desktop":
         job, records = _on_target(flight, found)
         packets = _packets(job, flight.target)
-    sim = fledge.load(flight.mission, flight.seed, **flight.parameters)
+    sim = missions.load(flight.mission, flight.seed, **flight.parameters)
     assert sim.mission
     if records:
         from fledge.targets.playback import stand_in
@@ -49,7 +49,7 @@ def fly(flight: Flight, hash: str) -> Flown:
     _record(sim, shown)
     sim.plots = False
     record = flight.folder / "run.mcap"
-    sim.archive(record, mission=sim.name, scenario=flight.scenario, target=flight.target, fledge=fledge.__version__,
+    sim.archive(record, mission=sim.name, scenario=flight.scenario, target=flight.target, fledge=__version__,
                 **sim.mission.metadata())
     try:
         sim.mission.scenarios[flight.scenario](sim)
