@@ -80,7 +80,8 @@ def _figures(number_: int, row: Row):
         if shown.figure:
             groups.setdefault((flight.scenario, shown.figure), []).append((flight, shown))
     for i, ((scenario, figure), pairs) in enumerate(groups.items()):
-        yield (f"{scenario} on {', '.join(flight.target for flight, _ in pairs)}: {pairs[0][1].where}",
+        where = f": {pairs[0][1].where}" if pairs[0][1].where else ""
+        yield (f"{scenario} on {', '.join(flight.target for flight, _ in pairs)}{where}",
                Markup(with_ids(figure, f"g{number_}-{i}-")))
 
 

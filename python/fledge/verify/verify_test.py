@@ -364,6 +364,16 @@ def test_a_figure_has_the_limit_and_ids_of_its_own():
     assert figure.draw(np.zeros(0), np.zeros(0), comparison, None, "unknown") == ""
 
 
+def test_a_figure_of_an_event_has_its_times_and_no_limit():
+    signal = SimpleNamespace(text="flight.roll", event=("flight", "roll"), field=None)
+    comparison = SimpleNamespace(signal=signal, relation="==", limit=1.0, unit="", measured=False,
+                                 text="flight.roll fires")
+    fired = np.array([0.0, 0, 1, 0, 0, 1, 0])
+    drawn = figure.draw(np.arange(7.0), fired, comparison, None, "holds")
+    lines = re.search(r'<g id="LineCollection_1">(.*?)</g>', drawn, re.DOTALL)[1]
+    assert lines.count("<path") == 2 and "flight.roll" in drawn and "== 1" not in drawn
+
+
 def test_coverage_is_joined_over_flights(tmp_path):
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight/a.c").touch()

@@ -96,10 +96,13 @@ def _judged(watch: Judged, error: str) -> list[Shown]:
         if error and shown.verdict == UNKNOWN:
             shown.at, shown.where, shown.reason = None, "", "the flight failed before it was decided"
         assert one.requirement.formula is not None
-        decided = next((each for each in one.requirement.formula.comparisons if each.text == one.where), None)
-        if decided is not None:
-            shown.limit = decided.limit if decided.measured else None
-            shown.figure = figure.draw(*watch.values(decided), decided, one.at, one.verdict)
+        comparisons = one.requirement.formula.comparisons
+        decided = next((each for each in comparisons if each.text == one.where), None)
+        if decided is not None and decided.measured:
+            shown.limit = decided.limit
+        # Where names decide, no comparison is the nearest: the last one is what the formula ends in.
+        if drawn := [decided] if decided is not None else comparisons[-1:]:
+            shown.figure = figure.draw(*watch.values(drawn[0]), drawn[0], one.at, one.verdict)
         found.append(shown)
     return found
 
