@@ -152,7 +152,6 @@ def _line(row):
 def _write(options, sim, rows, flown, scenarios, csv, folder):
     """Write the files of the report; returns their paths."""
     import dataclasses
-    import json
     import shlex
     from datetime import datetime, timezone
 
@@ -162,8 +161,7 @@ def _write(options, sim, rows, flown, scenarios, csv, folder):
     from fledge.verify.flight import dumps
 
     whole = not (options.only or options.scenario)
-    old = folder / "results.json"
-    before = json.loads(old.read_text(encoding="utf-8")) if old.exists() else None
+    before = evidence.earlier(folder / "results.json")
     made = datetime.now(timezone.utc)
     name = Path(options.mission).name
     common = [*(["--seed", str(options.seed)] if options.seed else []),

@@ -2,6 +2,7 @@
 """The verdict of each requirement, what shows it, traces to and from it, and the differences to an earlier report."""
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -148,6 +149,15 @@ def facts(row: Row) -> dict[str, Any]:
             "formula": row.sentence, "margin": shown.margin if shown else None, "unit": shown.unit if shown else "",
             "scenario": flown.scenario if flown else "", "target": flown.target if flown else "",
             "at": shown.at if shown else None, "where": shown.where if shown else ""}
+
+
+def earlier(path: Path) -> dict[str, Any] | None:
+    """The results of the report before, in a file; None if there are none that this version can read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return found if isinstance(found, dict) and {"made", "requirements"} <= found.keys() else None
+    except (OSError, ValueError):
+        return None
 
 
 def differences(before: Mapping[str, Any], found: Sequence[Row], whole: bool) -> list[tuple[str, str]]:

@@ -28,7 +28,7 @@ def fly(flights: Sequence[Flight], mission: Path, jobs: int, again: bool, tell: 
             for i, flight in enumerate(flights):
                 hash = flight.hash(mission)
                 before = None if again else Flown.read(flight.folder / FILE)
-                if before and before.hash == hash and not before.error:
+                if before and before.hash == hash and not before.error and (flight.folder / before.record).exists():
                     results[i] = dataclasses.replace(before, before=True)
                     tell(results[i])
                 else:

@@ -179,6 +179,10 @@ def test_a_flight_is_flown_again_if_anything_that_it_depends_on_has_changed(here
     shutil.rmtree(here / "verification/spinner/flights/brief")      # as if the command had been ended before
     text = verify(capsys)
     assert of(text, "before") == {"settle on desktop"} and of(text, "flown") == {"brief on desktop"}
+    (here / "verification/spinner/flights/settle/desktop/run.mcap").unlink()
+    (here / "verification/spinner/flights/brief/desktop/flight.json").write_text("{")
+    (here / "verification/spinner/results.json").write_text("[")
+    assert of(verify(capsys), "flown") == both
     assert of(verify(capsys, "--seed", "3"), "flown") == both
     (here / "missions/spinner/flight.py").open("a").write("# \n")
     assert of(verify(capsys, "--seed", "3"), "flown") == both
