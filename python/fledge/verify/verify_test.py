@@ -15,11 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+import fledge
 from fledge import cli
 from fledge.archive import Archive
 from fledge.errors import Failure, SetupError
 from fledge.files import ROOT
 from fledge.report.report_test import Page
+from fledge.requirements import Requirements
 from fledge.verify import coverage, evidence, figure, tables
 from fledge.verify.evidence import Row
 from fledge.verify.flight import Flown, Shown
@@ -125,6 +127,15 @@ def test_verdicts_and_margins_are_those_of_the_records(report):
     assert brief.series("error.omega_BR_B").time[-1] == 60, "what a requirement reads is recorded in all runs"
     assert found["RAT-1"]["unit"] == "rad/s" and found["STR-1"]["margin"] is None
     assert {(one["scenario"], one["error"]) for one in whole["flights"]} == {("settle", ""), ("brief", "")}
+
+
+def test_the_records_judged_again_give_the_same(report):
+    required = Requirements(fledge.load(report.parents[1] / "missions/spinner"))
+    for flight in results(report)[1]["flights"]:
+        ids = [one["id"] for one in flight["shown"]]
+        again = required.judge(Archive(report / flight["record"]), ids, flight["time"])
+        assert [(one.verdict, one.margin, one.at) for one in again] == [
+            (one["verdict"], one["margin"], one["at"]) for one in flight["shown"]]
 
 
 def test_a_scenario_keeps_the_rate_at_which_it_records(report):
