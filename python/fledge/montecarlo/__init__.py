@@ -22,8 +22,8 @@ A run is fixed by (seed, index): neither threads nor processes nor their order c
     report, plots   the files of a campaign
 """
 
-from fledge.montecarlo.campaign import Campaign, cores, disperse
+from fledge.montecarlo.campaign import Campaign, Chosen, cores, disperse
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.sweep import Sweep, lin, log
 
-__all__ = ["Campaign", "Result", "Sweep", "cores", "disperse", "lin", "log"]
+__all__ = ["Campaign", "Chosen", "Result", "Sweep", "cores", "disperse", "lin", "log"]

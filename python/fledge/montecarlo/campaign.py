@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import os
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -197,6 +197,24 @@ class Campaign:
 
     def __repr__(self):
         return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"
+
+
+class Chosen(Campaign):
+    """A campaign whose runs have chosen numbers in place of draws: choose() them, then fly() as many runs."""
+
+    _values: Mapping[str, Sequence[float]] = {}
+
+    def choose(self, values: Mapping[str, Sequence[float]]) -> None:
+        """The numbers of the runs that fly() flies next, as of Dispersions.choose(). Raises SetupError on a number that
+        its parameter cannot have."""
+        self._values = values
+        self.dispersions.choose(values)
+
+    def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
+        sim, dispersions, known, name = super()._declare(index)
+        if self._values:
+            dispersions.choose(self._values)
+        return sim, dispersions, known, name
 
 
 def cores() -> int:

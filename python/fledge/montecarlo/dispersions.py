@@ -25,7 +25,7 @@ a parameter is drawn from a stream of its own: a line more changes no other line
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
@@ -81,6 +81,21 @@ def _short(value):
     return f"{value:.6g}" if isinstance(value, (int, float)) else repr(value)
 
 
+class Marginal(NamedTuple):
+    """How one dispersed number is distributed, in SI: as the kernel's Distribution. declared: the path of its line in
+    dispersions.py; whole: it is rounded"""
+    kind: str
+    a: float
+    b: float
+    low: float
+    high: float
+    scale: str
+    choices: tuple[float, ...]
+    nominal: float
+    whole: bool
+    declared: str
+
+
 class _Nominal:
     """`d.nominal`: the value that the mission's own files give."""
 
@@ -114,6 +129,8 @@ class Dispersions:
         self._duration: int | None = None           # [ns]
         self._every: int | None = None              # [ns]
         self.draws: dict[str, Draw] = {}            # by path, as declared
+        self.marginals: dict[str, Marginal] = {}    # by path of each dispersed element
+        self.faults: list[str] = []                 # "world.gyro.faults[0]" of each that fault() planned
         self.orbit_elements: dict[str, float] = {}  # path of each dispersed element of an orbit -> its nominal value
         self._parameter_columns: dict[str, str] = {}    # axes of a sweep that the mission takes
         self._columns: dict[str, str] = {}          # path of each dispersed element of a parameter -> unit
@@ -228,6 +245,10 @@ class Dispersions:
             self._plan.disperse(self.simulation.kernel, target.full, [target.elements[k] for k in group],
                                 _core.Distribution(draw.kind, a, b, low, high, draw.scale, choices, draw.stride))
             self._columns.update((names[k], target.unit) for k in group)
+        for (a, b, low, high), group in groups.items():
+            self.marginals.update((names[k], Marginal(
+                draw.kind, a, b, low, high, draw.scale, tuple(choices), FieldPath(self.simulation, names[k]).value(),
+                target.field.type not in ("f64", "f32"), target.path)) for k in group)
         self.draws[target.path] = draw
 
     def _choice(self, value, target, draw):
@@ -300,7 +321,7 @@ class Dispersions:
                    "altitude": orbit.p / (1 + orbit.e) - orbit.body.radius,
                    "i": orbit.i, "Omega": orbit.Omega, "omega": orbit.omega, "f": orbit.f}
         order = [*shape, "i", "Omega", "omega", "f"]
-        distributions = []
+        made: dict[str, Any] = {}
         for name, draw in elements.items():
             shown = f"{path}.orbit.{name}"
             unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
@@ -309,19 +330,22 @@ class Dispersions:
             low, high = (x if one is None else to_number(one, f"{shown} = {draw!r}", unit, dims)
                          for one, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
             listing = draw.kind in ("choice", "grid")
-            distributions.append(_core.Distribution(draw.kind, *([0, 0] if listing else numbers), low, high, draw.scale,
-                                                    numbers if listing else [], draw.stride))
+            made[name] = (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale,
+                          numbers if listing else [], draw.stride)
         body, axes = orbit.body, orbit.frame or [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
         relative = _core.orbit_state(body.mu, orbit.p, orbit.e, orbit.i, orbit.Omega, orbit.omega, orbit.f)
         turned = [sum(x * axis[k] for x, axis in zip(part, axes)) for part in relative for k in range(3)]
         origin = [float(x) - y for x, y in zip([*craft.r_BN_N, *craft.v_BN_N], turned)]
         paths = {f"{path}.orbit.{name}": name for name in elements}
-        self._plan.orbit(self.simulation.kernel, path, list(paths), distributions, ", ".join(shape),
+        self._plan.orbit(self.simulation.kernel, path, list(paths),
+                         [_core.Distribution(*one) for one in made.values()], ", ".join(shape),
                          [nominal[name] for name in order], [order.index(name) for name in elements], body.mu,
                          body.radius, body.radius if body.surface is None else body.surface,
                          [x for axis in axes for x in axis], origin)
         for shown, name in paths.items():
             self._orbit_columns[shown] = "" if name == "e" else "rad" if name in known[6:] else "m"
+            d = made[name]
+            self.marginals[shown] = Marginal(*d[:6], tuple(d[6]), nominal[name], False, shown)
             self.orbit_elements[shown] = nominal[name]
             self.draws[shown] = elements[name]
 
@@ -349,6 +373,7 @@ class Dispersions:
             raise SetupError(f'd.fault({path!r}): name its kind, as in kind="BIAS" or kind=d.choice("NONE", "BIAS")')
         known = [f.name for one in _core.struct(owner).fields if one.name == "faults" for f in one.struct.fields]
         planned = [{name: getattr(one, name) for name in known} for one in owner.faults]
+        self.faults.append(f"{path}.faults[{len(planned)}]")
         for name in fields:
             if name not in known:
                 raise SetupError(f"d.fault({path!r}): a fault has no '{name}'{did_you_mean(name, known)} it has "
@@ -473,6 +498,27 @@ class Dispersions:
             if not mirrored and any(row[k] != before.flat[k] for row in rows):
                 self[target.full + index_text(k, shape)] = Draw("grid", tuple(number(row[k]) for row in rows),
                                                                 stride=stride)
+
+    # --- chosen points ---
+
+    def choose(self, values: Mapping[str, Sequence[float]]) -> None:
+        """Make the campaign one whose runs have these numbers, in place of draws: path of a dispersed element, or of
+        any parameter's -> its number in each run, in SI. Each run has the random streams of the first."""
+        marginals = self.marginals
+        self._plan.clear_draws()
+        self.draws, self.orbit_elements, self._columns, self._orbit_columns = {}, {}, {}, {}
+        self._plan.points = len(next(iter(values.values())))
+        orbits: dict[str, dict[str, Draw]] = {}
+        for path, numbers in values.items():
+            if ".orbit." in path:
+                craft, name = path.split(".orbit.")
+                orbits.setdefault(craft, {})[name] = Draw("grid", tuple(map(float, numbers)))
+                continue
+            kind = int if FieldPath(self.simulation, path).field.type == "enum" else float
+            self[path] = Draw("grid", tuple(map(kind, numbers)))
+        for craft, elements in orbits.items():
+            self.orbit(craft, **elements)
+        self.marginals = marginals
 
     # --- the whole ---
 

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a campaign may draw, as the unit cube: a point of the cube gives each dispersed number by its quantile function,
+so that points with equal probability in the cube are draws of the campaign.
+
+The evolutionary search goes through a box: that of the same numbers, with normal distributions cut at SIGMAS and at
+equal distances, so that their tails are as near as their middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from fledge.errors import SetupError
+from fledge.montecarlo.dispersions import Marginal
+
+Array = NDArray[np.float64]
+
+SIGMAS = 4.0        # a search goes so many standard deviations from the mean of a normal distribution
+_BELOW_ONE = 1 - 2.0**-53
+
+
+class Axis:
+    """A number, or the three of an attitude, as coordinates of the cube. names: the paths of the numbers; n: how many
+    coordinates there are, as many as numbers"""
+
+    def __init__(self, names: Sequence[str], marginal: Marginal) -> None:
+        self.names, self.n, self.of = list(names), len(names), marginal
+        m, half = marginal, 0.5 * marginal.whole * (marginal.scale != "relative")
+        self._steps = half > 0
+        if m.kind == "normal":
+            # Whole numbers are rounded, and then cut.
+            self.low = np.ceil(m.low) - half if self._steps else m.low
+            self.high = np.floor(m.high) + half if self._steps else m.high
+            self._ends = [max(self.low, m.a - SIGMAS * m.b), min(self.high, m.a + SIGMAS * m.b)]
+            if self._ends[0] >= self._ends[1]:      # cut beyond SIGMAS, or no width at all
+                self._ends = [max(self.low, m.a - 8 * m.b), min(self.high, m.a + 8 * m.b)]
+
+    @property
+    def choices(self) -> int:
+        """Of how many values it takes one; 0: of an interval."""
+        if self.of.kind == "choice":
+            return len(self.of.choices)
+        if self.of.kind == "uniform" and self._steps:
+            return int(np.floor(self.of.b) - np.ceil(self.of.a)) + 1
+        return 0
+
+    def values(self, u: Array) -> Array:
+        """(runs, n) numbers in SI, of (runs, n) coordinates from 0 to 1."""
+        m, u = self.of, np.clip(u, 0.0, _BELOW_ONE)
+        if m.kind == "attitude":
+            return _attitudes(u)
+        if m.kind == "choice":
+            x = np.array(m.choices)[(u * len(m.choices)).astype(int)]
+        elif m.kind == "uniform" and self._steps:
+            low = np.ceil(m.a)
+            x = np.floor(low + (np.floor(m.b) - low + 1) * u)
+        elif m.kind == "uniform":
+            x = m.a + (m.b - m.a) * u
+        else:
+            x = np.clip(m.a + m.b * self._deviation(u), self.low, self.high)
+            x = np.clip(np.round(x), m.low, m.high) if self._steps else x
+        return m.nominal * x if m.scale == "relative" else m.nominal + x if m.scale == "about" else x
+
+    def _deviation(self, u):
+        """[standard deviations] of a cut normal distribution. The upper half goes by what is above, as the lower one by
+        what is below: there is no 1 - 1e-17."""
+        m = self.of
+        if m.b == 0:
+            return np.zeros_like(u)
+        low, high = (self.low - m.a) / m.b, (self.high - m.a) / m.b
+        if low > 0:
+            return -ndtri(ndtr(-high) + (ndtr(-low) - ndtr(-high)) * (1 - u))
+        return ndtri(ndtr(low) + (ndtr(high) - ndtr(low)) * u)
+
+    def from_box(self, c: Array) -> Array:
+        """Coordinates of the cube, of those of the box."""
+        m = self.of
+        if m.kind != "normal" or m.b == 0:
+            return c
+        begin, end = self._ends
+        low, high, x = ((one - m.a) / m.b for one in (self.low, self.high, begin + (end - begin) * c))
+        if low > 0:
+            return 1 - (ndtr(-x) - ndtr(-high)) / (ndtr(-low) - ndtr(-high))
+        return (ndtr(x) - ndtr(low)) / (ndtr(high) - ndtr(low))
+
+    def to_box(self, u: Array) -> Array:
+        """The reverse; what is outside the box comes to its side."""
+        m = self.of
+        if m.kind != "normal" or m.b == 0:
+            return u
+        begin, end = self._ends
+        return np.clip((m.a + m.b * self._deviation(np.clip(u, 1e-300, _BELOW_ONE)) - begin) / (end - begin), 0, 1)
+
+    def __str__(self):
+        m = self.of
+        name = self.names[0] if self.n == 1 else self.names[0].rpartition("[")[0]
+        if m.kind == "attitude":
+            return f"{name}: any attitude"
+        before = {"": "", "about": f"{m.nominal:g} + ", "relative": f"{m.nominal:g} * "}[m.scale]
+        if m.kind == "choice":
+            return f"{name}: {before}one of {', '.join(f'{x:g}' for x in m.choices)}"
+        if m.kind == "uniform":
+            return f"{name}: {before}{m.a:g} to {m.b:g}"
+        return f"{name}: {before}{self._ends[0]:g} to {self._ends[1]:g}, normal, {m.a:g} +- {m.b:g}"
+
+
+class Space:
+    """All dispersed numbers of a campaign. columns: their paths; n: the dimension of the cube; nominal: the numbers
+    of the mission's own files. Raises SetupError if nothing differs."""
+
+    def __init__(self, marginals: Mapping[str, Marginal]) -> None:
+        self.columns = list(marginals)
+        self.axes: list[Axis] = []
+        for name, marginal in marginals.items():
+            if marginal.kind == "attitude" and self.axes and self.axes[-1].of.kind == "attitude" and \
+                    self.axes[-1].n < 3:
+                self.axes[-1] = Axis([*self.axes[-1].names, name], marginal)
+            else:
+                self.axes.append(Axis([name], marginal))
+        self.n = len(self.columns)
+        self.nominal: Array = np.array([one.nominal for one in marginals.values()], float)
+        ends = self.values(np.array([[0.0] * self.n, [0.3] * self.n, [0.7] * self.n, [1.0] * self.n]))
+        if not np.ptp(ends, axis=0).any():
+            raise SetupError("there is nothing to search: " + (
+                f"each of {', '.join(self.columns)} has one value alone" if self.columns else "nothing is dispersed"))
+
+    def values(self, u: Array) -> Array:
+        """(runs, n) numbers in SI, of points of the cube."""
+        return np.hstack([axis.values(part) for axis, part in self._parts(u)])
+
+    def from_box(self, c: Array) -> Array:
+        """Points of the cube, of points of the box."""
+        return np.hstack([axis.from_box(part) for axis, part in self._parts(c)])
+
+    def to_box(self, u: Array) -> Array:
+        return np.hstack([axis.to_box(part) for axis, part in self._parts(u)])
+
+    @property
+    def choices(self) -> list[int]:
+        """Of each coordinate: of how many values it takes one; 0: of an interval."""
+        return [one.choices for one in self.axes for _ in one.names]
+
+    def _parts(self, u):
+        k = np.cumsum([0, *(one.n for one in self.axes)])
+        return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
+
+    def __str__(self):
+        return "\n".join(map(str, self.axes))
+
+
+def _attitudes(u: Array) -> Array:
+    """MRP of unit quaternions that are uniform (Shoemake 1992), |sigma| <= 1."""
+    v, w = 2 * np.pi * u[:, 1], 2 * np.pi * u[:, 2]
+    a, b = np.sqrt(1 - u[:, 0]), np.sqrt(u[:, 0])
+    q0 = b * np.cos(w)
+    scale = np.where(q0 < 0, -1.0, 1.0) / (1 + abs(q0))
+    return scale[:, None] * np.stack([a * np.sin(v), a * np.cos(v), b * np.sin(w)], axis=1)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The probability that a margin is below 0, where counting would need too many runs: importance splitting, known as
+subset simulation (Au and Beck 2001).
+
+The probability is a product of shares that are not small: of the draws of the campaign, those below a first level; of
+draws that are below it, those below a second one; until a level is 0. The draws below a level come from Markov chains
+in the space of independent standard normal numbers, by adaptive conditional sampling (Papaioannou, Betz, Zwirglmaier
+and Straub 2015): a step goes to z' = rho z + sqrt(1 - rho^2) w, and stays if that is above the level. The spread of
+independent repetitions gives the interval.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import t as student
+
+from fledge.errors import RunError
+from fledge.falsify.search import Array, known
+from fledge.falsify.space import Space
+
+SHARE = 0.1             # of the draws of a level that are below the next one
+ACCEPTED = 0.44         # of the steps of the chains
+LEVELS = 15             # at most
+CONFIDENCE = 0.95
+
+
+@dataclass
+class Probability:
+    """value: the estimate; low, high: the ends of its interval; runs: flown; parts: the estimate of each repetition, 0
+    where it found no run below 0 within the levels; levels: of each repetition, the margins that it went through"""
+    value: float
+    low: float
+    high: float
+    runs: int
+    parts: list[float]
+    levels: list[list[float]]
+
+    @property
+    def saved(self) -> float:
+        """How many times more runs counting would need for the same relative error; NaN if there is none."""
+        error = np.std(self.parts, ddof=1) / math.sqrt(len(self.parts)) / self.value if self.value else 0.0
+        return (1 - self.value) / (self.value * error**2) / self.runs if error else math.nan
+
+    def __str__(self):
+        if not self.value:
+            return f"no run of {self.runs} failed; the probability is below {self.high:.2g}"
+        return (f"{self.value:.3g}, between {self.low:.2g} and {self.high:.2g} ({CONFIDENCE:.0%}), by {self.runs} runs "
+                f"in {len(self.parts)} repetitions" + (f"; counting would need {self.saved:,.2g} times as many"
+                                                       if self.saved > 1 else ""))
+
+
+def probability(margins: Callable[[Array, int], Array], space: Space, runs: int = 1000, repetitions: int = 8,
+                seed: int = 0) -> Probability:
+    """The probability that a draw of the campaign has a margin below 0.
+
+    margins: (numbers, repetition) -> (runs,), as of search(); runs: of each level of each repetition; a margin that is
+    not known is none below 0. Raises RunError if the margins of a repetition do not differ, so that there are no levels.
+    """
+    random = np.random.default_rng(seed)
+    parts, levels, flown = [], [], 0
+    for k in range(repetitions):
+        def margin(z):
+            return known(margins(space.values(ndtr(z)), k))
+
+        part, through, n = _one(margin, space.n, runs, random)
+        parts.append(part)
+        levels.append(through)
+        flown += n
+    mean = float(np.mean(parts))
+    if not mean:
+        return Probability(0.0, 0.0, min(1.0, 3 * SHARE**min(map(len, levels)) / math.sqrt(repetitions)), flown, parts,
+                           levels)
+    # The parts are about log-normal; their mean has no bias of the first order, that of their logarithms has.
+    width = math.inf
+    if repetitions > 1:
+        relative = np.std(parts, ddof=1) / mean / math.sqrt(repetitions)
+        width = student.ppf((1 + CONFIDENCE) / 2, repetitions - 1) * math.sqrt(math.log1p(relative**2))
+    return Probability(mean, mean * math.exp(-width), min(1.0, mean * math.exp(width)), flown, parts, levels)
+
+
+def _one(margin, n, runs, random):
+    """(estimate, levels, runs flown) of one repetition."""
+    z = random.normal(size=(runs, n))
+    g = margin(z)
+    value, levels, flown, spread = 1.0, [], runs, 0.6
+    while True:
+        level = float(np.sort(g)[max(1, round(SHARE * runs)) - 1])
+        if level < 0 or len(levels) == LEVELS:
+            return value * float(np.mean(g < 0)), levels, flown
+        inside = g <= level
+        if inside.all():
+            if not levels and level >= 0 and not np.ptp(g):
+                raise RunError("the margins of all draws are the same, so that no level leads to those below 0")
+            return value * float(np.mean(g < 0)), levels, flown
+        value *= float(np.mean(inside))
+        levels.append(level)
+        z, g, spread = _chains(margin, z[inside], g[inside], level, runs, spread, random)
+        flown += len(g) - int(inside.sum())
+
+
+def _chains(margin, z, g, level, runs, spread, random):
+    """(draws below a level, their margins, the spread of the steps at the end), by chains from those that are there."""
+    deviation = np.clip(z.std(axis=0), 0.1, None)
+    all_z, all_g, made, step = [z], [g], len(z), 0
+    while made < runs:
+        step += 1
+        sigma = np.minimum(spread * deviation, 1.0)
+        tried = np.sqrt(1 - sigma**2) * z + sigma * random.normal(size=z.shape)
+        g_tried = margin(tried)
+        accepted = g_tried <= level
+        z, g = np.where(accepted[:, None], tried, z), np.where(accepted, g_tried, g)
+        all_z.append(z)
+        all_g.append(g)
+        made += len(z)
+        spread = float(np.clip(spread * math.exp((accepted.mean() - ACCEPTED) / math.sqrt(step)), 1e-3, 10.0))
+    return np.vstack(all_z), np.concatenate(all_g), spread
