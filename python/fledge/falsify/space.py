@@ -123,8 +123,7 @@ class Space:
                 self.axes.append(Axis([name], marginal))
         self.n = len(self.columns)
         self.nominal: Array = np.array([one.nominal for one in marginals.values()], float)
-        ends = self.values(np.array([[0.0] * self.n, [0.3] * self.n, [0.7] * self.n, [1.0] * self.n]))
-        if not np.ptp(ends, axis=0).any():
+        if not self.n or not np.ptp(self.values(np.linspace(0, 1, 4)[:, None].repeat(self.n, axis=1)), axis=0).any():
             raise SetupError("there is nothing to search: " + (
                 f"each of {', '.join(self.columns)} has one value alone" if self.columns else "nothing is dispersed"))
 
