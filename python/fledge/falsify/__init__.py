@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for the run in which a requirement has the least margin: `fledge falsify MISSION REQ`, or from Python
+
+    from fledge.falsify import Flights, search, probability, scenario
+
+    flights = Flights("sun_safe", "SUN-1")              # of the first campaign of its dispersions.py
+    tried = search(flights, flights.space, 1000, seed=1)
+    worst = tried.values[tried.best], tried.margins[tried.best]
+    smallest = flights.smallest(*worst)                 # if it fails
+    print(scenario(flights, smallest, "by hand"))       # a regression test
+    print(probability(flights.repetition, flights.space))
+
+    space       what a campaign may draw, as the unit cube
+    search      the stages of the search
+    splitting   failure probabilities that counting does not reach
+    flights     runs with chosen numbers, and their margins
+    smallest    the smallest counterexample
+    scenario    it as a scenario
+"""
+
+from fledge.falsify.flights import Flights
+from fledge.falsify.scenario import scenario
+from fledge.falsify.search import Tried, random_search, search
+from fledge.falsify.smallest import Counterexample, smallest
+from fledge.falsify.space import Space
+from fledge.falsify.splitting import Probability, probability
+
+__all__ = ["Counterexample", "Flights", "Probability", "Space", "Tried", "probability", "random_search", "scenario",
+           "search", "smallest"]

@@ -72,16 +72,18 @@ def search(margins: Margins, space: Space, runs: int, seed: int = 0, first: bool
 
 
 class _Search:
-    """The stages of a search, and what they have flown: `u`, points of the cube, beside `tried`."""
+    """The stages of a search. u, g: what they have flown but the nominal run, as points of the cube, and its margins,
+    finite"""
 
     def __init__(self, margins: Margins, space: Space, runs: int, seed: int, first: bool) -> None:
         self.margins, self.space, self.runs, self.only_first = margins, space, runs, first
         self.random = np.random.default_rng(seed)
         self.tried = Tried(np.empty((0, space.n)), np.empty(0))
-        self.u = np.empty((0, space.n))
+        self.u, self.g = np.empty((0, space.n)), np.empty(0)
         self.end = runs
         self.generation = int(np.clip(runs // 25, 10, max(20, 4 * space.n)))
-        self._normal = None     # mean and standard deviation of the cross-entropy, and the shares of each choice
+        # Mean and standard deviation of the cross-entropy, and the shares of each choice.
+        self._normal: tuple[Array, Array, dict[int, Array]] | None = None
 
     def run(self, stages: list[tuple[str, float, Callable]]) -> None:
         for name, share, stage in stages:
@@ -99,63 +101,66 @@ class _Search:
             if self.only_first and self.tried.first is not None:
                 break
 
-    def fly(self, u: Array, values: Array | None = None) -> Array:
-        """The margins of points of the cube, of the last ones NO_MARGIN where the budget of the stage is used up."""
+    def fly(self, u: Array) -> Array:
+        """The margins of points of the cube. Raises _Done after those that the budget of the stage allows."""
         u = u[:self.end - len(self.tried.margins)]
-        values = self.space.values(u) if values is None else values
-        found = self.margins(values)
-        self.u = np.vstack([self.u, u])
-        self.tried.values = np.vstack([self.tried.values, values])
-        self.tried.margins = np.concatenate([self.tried.margins, found])
+        found = known(self._fly(self.space.values(u)))
+        self.u, self.g = np.vstack([self.u, u]), np.concatenate([self.g, found])
         if len(self.tried.margins) >= self.end or self.only_first and (found < 0).any():
             raise _Done
-        return known(found)
+        return found
+
+    def _fly(self, values):
+        found = self.margins(values)
+        self.tried.values = np.vstack([self.tried.values, values])
+        self.tried.margins = np.concatenate([self.tried.margins, found])
+        return found
 
     # --- the stages ---
 
     def draws(self) -> None:
-        if not len(self.u):
-            # Where the nominal numbers are in the cube is of no use: what comes near them is drawn anyway.
-            self.fly(np.full((1, self.space.n), 0.5), self.space.nominal[None])
-        self.fly(qmc.LatinHypercube(self.space.n, seed=self.random).random(max(1, self.end - len(self.u))))
+        if not len(self.tried.margins):
+            self._fly(self.space.nominal[None])
+            if self.only_first and self.tried.first is not None:
+                raise _Done
+        self.fly(qmc.LatinHypercube(self.space.n, seed=self.random).random(max(1, self.end - len(self.g) - 1)))
 
     def cross_entropy(self) -> None:
         """A generation. Numbers are normal in what the standard normal distribution makes of the cube; choices have
         shares of their own."""
-        n, choices = self.space.n, np.array(self.space.choices)
+        n = self.space.n
         if self._normal is None:
-            self._normal = [np.zeros(n), np.ones(n), {k: np.full(m, 1 / m) for k, m in enumerate(choices) if m}]
-            elite = self._best_of(slice(None))
-        else:
-            mean, std, shares = self._normal
-            u = ndtr(mean + std * self.random.normal(size=(self.generation, n)))
-            for k, share in shares.items():
-                drawn = self.random.choice(len(share), self.generation, p=share)
-                u[:, k] = (drawn + self.random.random(self.generation)) / len(share)
-            begin = len(self.u)
-            self.fly(u)
-            elite = self._best_of(slice(begin, None))
+            self._normal = (np.zeros(n), np.ones(n), {k: np.full(m, 1 / m) for k, m in enumerate(self.space.choices)
+                                                      if m})
+            self._follow(slice(None))
         mean, std, shares = self._normal
-        z = ndtri(np.clip(elite, 1e-12, 1 - 1e-12))
-        self._normal[0] = SMOOTH * z.mean(axis=0) + (1 - SMOOTH) * mean
-        self._normal[1] = SMOOTH * np.maximum(z.std(axis=0), 0.05) + (1 - SMOOTH) * std
+        u = ndtr(mean + std * self.random.normal(size=(self.generation, n)))
         for k, share in shares.items():
-            counts = np.bincount((elite[:, k] * len(share)).astype(int), minlength=len(share)) / len(elite)
-            share[:] = SMOOTH * counts + (1 - SMOOTH) * share
-            share[:] = 0.9 * share + 0.1 / len(share)       # none dies out
-        if begin_anew := bool((self._normal[1] < 0.06).all()):
-            self._normal = None if begin_anew else self._normal
+            drawn = self.random.choice(len(share), self.generation, p=share)
+            u[:, k] = (drawn + self.random.random(self.generation)) / len(share)
+        begin = len(self.u)
+        self.fly(u)
+        self._follow(slice(begin, None))
+        if (self._normal[1] < 0.06).all():      # it has come to a point: begin anew
+            self._normal = None
 
-    def _best_of(self, part):
-        """The elite of some runs."""
-        margins = known(self.tried.margins[part])
-        order = np.argsort(margins, kind="stable")[:max(3, round(ELITE * len(margins)))]
-        return self.u[part][order]
+    def _follow(self, part):
+        """Move the distribution of the cross-entropy to the elite of some runs."""
+        mean, std, shares = self._normal
+        order = np.argsort(self.g[part], kind="stable")[:max(3, round(ELITE * len(self.g[part])))]
+        elite = self.u[part][order]
+        z = ndtri(np.clip(elite, 1e-12, 1 - 1e-12))
+        mean += SMOOTH * (z.mean(axis=0) - mean)
+        std += SMOOTH * (np.maximum(z.std(axis=0), 0.05) - std)
+        for k, share in shares.items():
+            counts = np.bincount(np.minimum((elite[:, k] * len(share)).astype(int), len(share) - 1),
+                                 minlength=len(share)) / len(elite)
+            share[:] = 0.9 * (SMOOTH * counts + (1 - SMOOTH) * share) + 0.1 / len(share)    # none dies out
 
     def evolution(self) -> None:
         """Differential evolution until it stands still: half of its first generation are the best of all runs."""
         n = int(np.clip(2 * self.space.n, 10, 60))
-        order = np.argsort(known(self.tried.margins), kind="stable")[:n // 2]
+        order = np.argsort(self.g, kind="stable")[:n // 2]
         new = qmc.LatinHypercube(self.space.n, seed=self.random).random(n - len(order))
         begin = np.vstack([self.space.to_box(self.u[order]), self.space.to_box(new)])
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -166,9 +171,9 @@ class _Search:
                 strategy="currenttobest1bin", maxiter=100_000, tol=1e-3, seed=self.random)
 
     def polish(self) -> None:
-        best = self.tried.best
+        best = int(self.g.argmin())
         free = np.flatnonzero(np.array(self.space.choices) == 0)
-        if best is None or not len(free) or not np.isfinite(self.tried.margins[best]):
+        if not len(free) or abs(self.g[best]) == NO_MARGIN:
             return
         at = self.space.to_box(self.u[[best]])
 

@@ -223,11 +223,14 @@ def cores() -> int:
 
 
 def declare(mission: str | os.PathLike[str], wanted: str | Callable[[Dispersions], Any] | None,
-            parameters: dict[str, Any]) -> tuple[Simulation, Dispersions, dict[str, str], str]:
+            parameters: dict[str, Any], prepare: Callable[[Simulation], Any] | None = None,
+            ) -> tuple[Simulation, Dispersions, dict[str, str], str]:
     """(a fresh simulation, its Dispersions, the campaigns that there are, the name of this one)
 
-    parameters: of the mission"""
+    parameters: of the mission; prepare(simulation): before anything is dispersed"""
     sim = missions.load(mission, **parameters)
+    if prepare:
+        prepare(sim)
     dispersions = Dispersions(sim)
     if callable(wanted):
         wanted(dispersions)

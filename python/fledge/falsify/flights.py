@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of a campaign with chosen numbers, and the margins of one requirement in them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fledge.errors import SetupError
+from fledge.falsify.search import Array
+from fledge.falsify.smallest import Counterexample, smallest
+from fledge.falsify.space import Space
+from fledge.mission.field_path import FieldPath
+from fledge.mission.scenario import chosen, set_up
+from fledge.montecarlo import Chosen
+from fledge.montecarlo.campaign import declare
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
+    from fledge.montecarlo.dispersions import Dispersions
+
+
+class _Campaign(Chosen):
+    """A campaign of a mission with one requirement; with a scenario, from what that sets before its first run, and for
+    as long as that run."""
+
+    def __init__(self, mission: str | os.PathLike[str], name: str | Callable | None, requirement: str,
+                 scenario: str | None) -> None:
+        self._requirement, self._scenario = requirement, scenario
+        super().__init__(mission, name)
+
+    def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
+        duration: list[float] = []
+
+        def prepare(sim):
+            name, function = chosen(sim, self._scenario)
+            found = set_up(sim, function)
+            if found is None:
+                raise SetupError(f"the scenario {name} begins with no run of a duration, as sim.run(10 * minute): "
+                                 "there is nothing to fly")
+            duration.append(found)
+
+        sim, d, known, name = declare(self._mission, self._function, {}, prepare if self._scenario else None)
+        if duration:
+            d.duration = duration[0]
+        d.require(self._requirement)
+        if self._values:
+            d.choose(self._values)
+        return sim, d, known, name
+
+
+class Flights:
+    """Flies runs with chosen numbers. A call takes (runs, columns) numbers of `space`, and returns the (runs,) margins
+    of the requirement: NaN of a run that ended in an error, or where the requirement is unknown.
+
+    mission: a name, or the path of a folder; requirement: the id of one of its requirements; campaign: of its
+    dispersions.py, default: the first, or a function that takes `d`; scenario: fly this one with the campaign's
+    dispersions; seed: of the random streams, the same in all runs. `flown` counts the runs; `errors` has the texts of
+    those that ended in an error, `unknown` counts those without a verdict.
+    Raises SetupError, or MissionError with the line of the mission's file.
+    """
+
+    def __init__(self, mission: str | os.PathLike[str], requirement: str, campaign: str | Callable | None = None,
+                 scenario: str | None = None, seed: int = 0, threads: int | None = None) -> None:
+        self.mission, self.requirement, self.scenario = mission, requirement, scenario
+        self.seed, self.threads = seed, threads
+        self.campaign = _Campaign(mission, campaign, requirement, scenario)
+        self.faults = self.campaign.dispersions.faults.copy()
+        self.marginals = dict(self.campaign.dispersions.marginals)
+        self.space = Space(self.marginals)
+        # The kinds of faults that are no draws: as the campaign plans them.
+        self.kinds = {f"{one}.kind": FieldPath(self.campaign.nominal, f"{one}.kind").value() for one in self.faults
+                      if f"{one}.kind" not in self.marginals}
+        self.flown, self.unknown = 0, 0
+        self.errors: list[str] = []
+        self.progress: Callable[[int], Any] | None = None
+
+    def __call__(self, values: Array, seed: int | None = None) -> Array:
+        return self.fly(dict(zip(self.space.columns, values.T)), seed)
+
+    def fly(self, values: Mapping[str, Sequence[float]], seed: int | None = None) -> Array:
+        """The margins of runs: path -> its number in each run. Other numbers are nominal."""
+        n = len(next(iter(values.values())))
+        try:
+            self.campaign.choose(values)
+        except SetupError as error:     # of one point, which is no reason to end a search
+            if n == 1:
+                self.flown += 1
+                self.errors.append(str(error))
+                return np.array([np.nan])
+            halves = [{path: numbers[part] for path, numbers in values.items()}
+                      for part in (slice(n // 2), slice(n // 2, None))]
+            return np.concatenate([self.fly(half, seed) for half in halves])
+        result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        self.flown += n
+        self.errors += result.errors.values()
+        margins = result.margins(self.requirement)
+        self.unknown += int(np.isnan(margins).sum()) - len(result.errors)
+        if self.progress:
+            self.progress(self.flown)
+        return margins
+
+    def smallest(self, values: Array, margin: float) -> Counterexample:
+        """The smallest counterexample from a failing run with these numbers of `space`."""
+        return smallest(self.fly, self.marginals, self.faults,
+                        {**dict(zip(self.space.columns, map(float, values))), **self.kinds}, margin)
+
+    def simulation(self, values: Mapping[str, float], seed: int | None = None) -> Simulation:
+        """The simulation of one run, ready to be flown for `duration`."""
+        self.campaign.choose({path: [x] for path, x in values.items()})
+        return self.campaign.simulation(0, self.seed if seed is None else seed)
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.campaign.dispersions.duration)

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A counterexample as a scenario of its mission: a regression test."""
+
+from __future__ import annotations
+
+import re
+
+from fledge import _core
+from fledge.falsify.flights import Flights
+from fledge.falsify.smallest import Counterexample
+from fledge.mission.field_path import FieldPath, index_text
+from fledge.objects.si import short_name
+
+def name_of(requirement: str) -> str:
+    """The name of the scenario: "PNT-1" gives keeps_pnt_1."""
+    return "keeps_" + re.sub(r"\W+", "_", requirement).strip("_").lower()
+
+
+def scenario(flights: Flights, found: Counterexample, command: str) -> str:
+    """The text of a file in Python whose function flies the counterexample, for a mission's scenarios.py: it fails for
+    as long as the requirement does."""
+    sim = flights.simulation(found.values)
+    changed = [path for path, m in flights.marginals.items() if ".faults[" not in path
+               and found.values[path] != m.nominal]
+    lines = [f'set_up(sim, chosen(sim, "{flights.scenario}")[1])'] if flights.scenario else []
+    lines.append(f"sim.seed = {sim.seed}")
+    for craft in dict.fromkeys(path.partition(".orbit.")[0] for path in changed if ".orbit." in path):
+        lines += [f"sim.{craft}.{name} = {[float(x) for x in getattr(_owner(sim, craft), name)]}"
+                  for name in ("r_BN_N", "v_BN_N")]
+    lines += [line for path in changed if ".orbit." not in path
+              for line in _assignments(sim, path, flights.marginals[path].nominal)]
+    for model in dict.fromkeys(one.rpartition(".")[0] for one in flights.faults if one in found.kept):
+        rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in found.removed]
+        lines.append(f"sim.{model}.faults = [" + ",\n        ".join(map(_fault, rows)) + "]")
+    return f'''"""A counterexample to {flights.requirement}, found by
+
+    {command}
+
+Copy what follows into the mission's scenarios.py; it fails until the requirement holds."""
+{"from fledge.mission.scenario import chosen, set_up" + chr(10) if flights.scenario else ""}\
+from fledge.requirements import Requirements
+from fledge.units import s
+
+
+def {name_of(flights.requirement)}(sim):
+    """{flights.requirement} holds where a search has found a margin of {found.margin:.3g}."""
+    {(chr(10) + "    ").join(lines)}
+    watch = Requirements(sim).watch(only=["{flights.requirement}"])
+    sim.run({_seconds(round(flights.duration * 1e9))})
+    outcome = watch.outcomes()[0]
+    assert outcome.verdict == "holds", f"{{outcome.requirement.id}}: the margin is {{outcome.margin}} at {{outcome.at}} s"
+'''
+
+
+def _owner(sim, path):
+    """The module or model "world.craft"."""
+    process, _, name = path.partition(".")
+    return sim.process(process).instances[name]
+
+
+def _assignments(sim, path, nominal):
+    """The lines that give a parameter its number; an inertia is symmetric."""
+    target = FieldPath(sim, path)
+    field, x = target.field, target.value()
+    text = f'"{_enumerator(field, x)}"' if field.type == "enum" else str(int(x)) if _whole(field) else repr(x)
+    note = "" if field.type == "enum" else f"  # {target.unit}{'; ' if target.unit else ''}nominal {nominal:.6g}"
+    mirror = target.elements[0] - target.elements[0] % 9 + target.elements[0] % 3 * 3 + target.elements[0] % 9 // 3
+    places = [target.elements[0]] + ([mirror] if "inertia" in field.rule and mirror != target.elements[0] else [])
+    return [f"sim.{target.full}{index_text(one, field.shape)} = {text}{note}" for one in places]
+
+
+def _fault(row):
+    """A fault as Python; what is 0 is left out."""
+    parts = []
+    for field in _core.struct(row).fields:
+        x = getattr(row, field.name)
+        if field.type == "enum":
+            parts.append(f'"{field.name}": "{_enumerator(field, x)}"')
+        elif x and not field.spare:
+            parts.append(f'"{field.name}": {_seconds(x) if field.unit == "ns" else repr(x)}')
+    return "{" + ", ".join(parts) + "}"
+
+
+def _seconds(ns):
+    """[ns] as a time in Python."""
+    return f"{ns / 1e9!r} * s"
+
+
+def _enumerator(field, x):
+    return next(short_name(field.ctype, name) for name, number in field.enumerators if number == x)
+
+
+def _whole(field):
+    return field.type not in ("f64", "f32")
