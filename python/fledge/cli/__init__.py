@@ -411,12 +411,13 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import (compare, control_room, export, flips, fly, ground, keys, montecarlo, node, packets,
+    from fledge.cli import (compare, control_room, export, falsify, flips, fly, ground, keys, montecarlo, node, packets,
                             profile, prompt, replay, rewind, up, verify)
 
     node.add_parameters(one)
     node.add(command)
     montecarlo.add(command)
+    falsify.add(command)
     export.add(command)
     fly.add(command)
     flips.add(command)

@@ -11,17 +11,17 @@
     print(probability(flights.repetition, flights.space))
 
     space       what a campaign may draw, as the unit cube
-    search      the stages of the search
+    stages      the stages of the search
     splitting   failure probabilities that counting does not reach
     flights     runs with chosen numbers, and their margins
-    smallest    the smallest counterexample
-    scenario    it as a scenario
+    reduction   the smallest counterexample
+    regression  it as a scenario
 """
 
 from fledge.falsify.flights import Flights
-from fledge.falsify.scenario import scenario
-from fledge.falsify.search import Tried, random_search, search
-from fledge.falsify.smallest import Counterexample, smallest
+from fledge.falsify.regression import scenario
+from fledge.falsify.stages import Tried, random_search, search
+from fledge.falsify.reduction import Counterexample, smallest
 from fledge.falsify.space import Space
 from fledge.falsify.splitting import Probability, probability
 

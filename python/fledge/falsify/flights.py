@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fledge.errors import SetupError
-from fledge.falsify.search import Array
-from fledge.falsify.smallest import Counterexample, smallest
+from fledge.falsify.stages import Array
+from fledge.falsify.reduction import Counterexample, smallest
 from fledge.falsify.space import Space
 from fledge.mission.field_path import FieldPath
 from fledge.mission.scenario import chosen, set_up
@@ -76,10 +76,15 @@ class Flights:
                       if f"{one}.kind" not in self.marginals}
         self.flown, self.unknown = 0, 0
         self.errors: list[str] = []
-        self.progress: Callable[[int], Any] | None = None
+        self.least = np.inf
+        self.progress: Callable[[int, float], Any] | None = None
 
     def __call__(self, values: Array, seed: int | None = None) -> Array:
         return self.fly(dict(zip(self.space.columns, values.T)), seed)
+
+    def repetition(self, values: Array, k: int) -> Array:
+        """The margins of runs whose random streams are those of the repetition k, for probability()."""
+        return self(values, self.seed + k)
 
     def fly(self, values: Mapping[str, Sequence[float]], seed: int | None = None) -> Array:
         """The margins of runs: path -> its number in each run. Other numbers are nominal."""
@@ -101,8 +106,9 @@ class Flights:
         self.errors += result.errors.values()
         margins = result.margins(self.requirement)
         self.unknown += int(np.isnan(margins).sum()) - len(result.errors)
+        self.least = np.fmin(self.least, np.fmin.reduce(margins))
         if self.progress:
-            self.progress(self.flown)
+            self.progress(self.flown, self.least)
         return margins
 
     def smallest(self, values: Array, margin: float) -> Counterexample:

@@ -20,7 +20,7 @@ from scipy.special import ndtr
 from scipy.stats import t as student
 
 from fledge.errors import RunError
-from fledge.falsify.search import Array, known
+from fledge.falsify.stages import Array, known
 from fledge.falsify.space import Space
 
 SHARE = 0.1             # of the draws of a level that are below the next one

@@ -7,9 +7,11 @@ import re
 
 from fledge import _core
 from fledge.falsify.flights import Flights
-from fledge.falsify.smallest import Counterexample
+from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
 from fledge.objects.si import short_name
+
+
 
 def name_of(requirement: str) -> str:
     """The name of the scenario: "PNT-1" gives keeps_pnt_1."""

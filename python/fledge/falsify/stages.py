@@ -33,10 +33,12 @@ NO_MARGIN = 1e30                    # of runs that say nothing
 
 @dataclass
 class Tried:
-    """What was flown, in its order. values: (runs, columns) in SI; margins: (runs,); stages: name -> its runs"""
+    """What was flown, in its order. values: (runs, columns) in SI; margins: (runs,), the first of the nominal run;
+    stages: name -> its runs; interrupted: by Ctrl-C"""
     values: Array
     margins: Array
     stages: dict[str, int] = field(default_factory=dict)
+    interrupted: bool = False
 
     @property
     def best(self) -> int | None:
@@ -97,8 +99,10 @@ class _Search:
                         break
             except _Done:
                 pass
+            except KeyboardInterrupt:
+                self.tried.interrupted = True
             self.tried.stages[name] = len(self.tried.margins) - before
-            if self.only_first and self.tried.first is not None:
+            if self.tried.interrupted or self.only_first and self.tried.first is not None:
                 break
 
     def fly(self, u: Array) -> Array:

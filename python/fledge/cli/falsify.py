@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge falsify MISSION REQ`: search for the run with the least margin of a requirement; with --probability, how
+probable it is that a run violates it.
+
+Exit codes as of all commands: 0 no run was found that violates it; 1 one was; 2 the command line, the mission or its
+files are wrong; 130 Ctrl-C, with a report on what was searched.
+"""
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from fledge.cli.arguments import add_update_limit
+from fledge.cli.console import say
+from fledge.cli.runs import alone
+from fledge.errors import Failure
+from fledge.progress import Bar
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.falsify import Counterexample, Flights, Tried
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand. command: the function of cli.parser() that adds one."""
+    one = command("falsify", falsify, "search for the run with the least margin of a requirement",
+                  "falsify sun_safe SUN-1 --runs 1000")
+    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
+    one.add_argument("requirement", help="the id of a requirement of its requirements.py")
+    one.add_argument("--campaign", metavar="NAME", help="a function of dispersions.py; default: the first")
+    one.add_argument("--scenario", metavar="NAME", help="fly this scenario with the campaign's dispersions, from what "
+                     "it sets to the end of its first run")
+    one.add_argument("--runs", type=int, metavar="N", help="at most; default: 1000. With --probability: of each level "
+                     "of each repetition; default: 500")
+    one.add_argument("--first", action="store_true", help="end with the first run that violates it")
+    one.add_argument("--probability", action="store_true", help="estimate how probable it is that a draw of the "
+                     "campaign violates it, by importance splitting")
+    one.add_argument("--repetitions", type=int, default=8, metavar="N", help="of the estimate, whose spread gives its "
+                     "interval; each has random streams of its own; default: %(default)s")
+    one.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
+                     "default: 0")
+    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
+    one.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
+    add_update_limit(one)
+
+
+def falsify(options: argparse.Namespace) -> int:
+    """Search, or estimate the probability; returns the exit code."""
+    from fledge.falsify import Flights
+
+    if options.probability and options.first:
+        raise Failure("falsify: give --probability or --first; not both")
+    if options.runs is not None and options.runs < 20:
+        raise Failure(f"falsify: --runs must be >= 20, found {options.runs}")
+    if options.repetitions < 2:
+        raise Failure(f"falsify: --repetitions must be >= 2, found {options.repetitions}")
+    flights = Flights(options.mission, options.requirement, options.campaign, options.scenario, options.seed,
+                      options.threads)
+    folder = Path(options.out) if options.out else \
+        Path("runs") / flights.campaign.nominal.name / "falsify" / options.requirement
+    with alone(folder), _Live(flights):
+        return (_estimate if options.probability else _search)(options, flights, folder)
+
+
+class _Live(Bar):
+    """The number of runs, and the least margin, while the search flies."""
+
+    def __init__(self, flights: Flights) -> None:
+        super().__init__(f"{flights.campaign.nominal.name}, {flights.requirement}")
+        self._wanted = sys.stderr.isatty()
+        flights.progress = self._at
+
+    def _at(self, flown: int, least: float) -> None:
+        if self._wanted:
+            self.draw(0.0, f"{flown} runs, least margin {least:.4g}")
+
+
+def _search(options, flights, folder):
+    import json
+
+    from fledge.falsify import regression, search
+
+    begun = time.perf_counter()
+    tried = search(flights, flights.space, options.runs or 1000, options.seed, options.first)
+    command = shlex.join(["./fledge", *options.words])
+    found = path = None
+    if tried.first is not None:
+        found = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
+        path = folder / f"{regression.name_of(flights.requirement)}.py"
+        path.write_text(regression.scenario(flights, found, command), encoding="utf-8")
+    wall = time.perf_counter() - begun
+    facts = _facts(options, flights, tried, found, path)
+    (folder / "searched.json").write_text(json.dumps({**facts, "command": command}, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        print(json.dumps(facts, indent=1))
+    else:
+        _tell(flights, tried, found, facts, wall)
+        for one in [path, folder / "searched.json"]:
+            if one:
+                say(f"  wrote     {one}")
+    if tried.interrupted:
+        return 130
+    return 1 if found else 0
+
+
+def _facts(options, flights, tried, found, path):
+    """The statement of what was searched, and what was found."""
+    best, margins = tried.best, tried.margins
+    return {
+        "mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
+        "campaign": flights.campaign.name, "scenario": flights.scenario, "duration": flights.duration,
+        "seed": options.seed, "runs": len(margins), "stages": tried.stages,
+        "searched": str(flights.space).split("\n"),
+        "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None),
+        "unit": flights.unit, "nominal": _finite(margins[0]) if len(margins) else None,
+        "least": None if best is None else _finite(margins[best]), "run": best, "first violation": tried.first,
+        "least after": {n: _finite(min(known)) for n in _counts(len(margins))
+                        if (known := [x for x in margins[:n] if x == x])},
+        "worst": {} if best is None else dict(zip(flights.space.columns, map(float, tried.values[best]))),
+        "smallest": found and {"margin": _finite(found.margin), "kept": found.kept, "removed": found.removed,
+                               "values": found.values},
+        "regression test": str(path) if path else None, "interrupted": tried.interrupted,
+    }
+
+
+def _counts(n):
+    return [*(k for k in (1, 10, 30, 100, 300, 1000, 3000, 10000, 30000, 100000) if k < n), n] if n else []
+
+
+def _finite(x):
+    """A number for JSON, which knows no infinity: a margin of a comparison of names."""
+    return float(x) if abs(x) < float("inf") else str(float(x))
+
+
+def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: dict, wall: float) -> None:
+    def margin(x):
+        return "unknown" if x is None else f"{float(x):.4g}{' ' * bool(flights.unit) + flights.unit}"
+
+    say(f"{facts['mission']}, {facts['requirement']}: {facts['text']}")
+    stages = ", ".join(f"{n} {name}" for name, n in tried.stages.items() if n)
+    say(f"  searched  {facts['runs']} runs of {flights.duration:g} s in {wall:.3g} s"
+        f" ({stages}), seed {facts['seed']}; the campaign {facts['campaign']}"
+        + (f" in the scenario {flights.scenario}" if flights.scenario else ""))
+    for line in facts["searched"]:
+        say(f"            {line}")
+    if facts["errors"]:
+        say(f"  errors    {facts['errors']} runs ended in an error; the first: {facts['error']}")
+    if facts["unknown"]:
+        say(f"  unknown   {facts['unknown']} runs, whose margin is not known")
+    say(f"  nominal   {margin(facts['nominal'])}")
+    say("  least     " + ", ".join(f"{margin(x)} after {n}" for n, x in facts["least after"].items()))
+    if not found:
+        say(f"  holds     in all runs that were flown; the least margin is {margin(facts['least'])}")
+        for name, x in facts["worst"].items():
+            say(f"            {name} = {x:.7g}")
+        return
+    say(f"  VIOLATED  first by run {tried.first}; the least margin is {margin(facts['least'])}, of run {tried.best}")
+    for name, x in facts["worst"].items():
+        say(f"            {name} = {x:.7g}")
+    say(f"  smallest  {margin(found.margin)}, with " + (f"{len(found.kept)} of {len(found.kept) + len(found.removed)} "
+        "deviations" if found.kept else "no deviation: the nominal run violates it"))
+    for one in found.kept:
+        for name, x in found.values.items():
+            if name == one or name.startswith((f"{one}.", f"{one}[")):
+                say(f"            {name} = {x:.7g}")
+
+
+def _estimate(options, flights, folder):
+    import json
+
+    from fledge.falsify import probability
+
+    found = probability(flights.repetition, flights.space, options.runs or 500, options.repetitions, options.seed)
+    facts = {"mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
+             "campaign": flights.campaign.name, "scenario": flights.scenario, "seed": options.seed,
+             "searched": str(flights.space).split("\n"), "probability": found.value, "low": found.low,
+             "high": found.high, "runs": found.runs, "repetitions": found.parts,
+             "levels": [[_finite(x) for x in one] for one in found.levels],
+             "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None)}
+    path = folder / "probability.json"
+    path.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    if options.json:
+        print(json.dumps(facts, indent=1))
+        return 0
+    say(f"{facts['mission']}, {facts['requirement']}: {facts['text']}")
+    say(f"  violated  with the probability {found}")
+    for line in facts["searched"]:
+        say(f"            {line}")
+    if facts["errors"] or facts["unknown"]:
+        say(f"  errors    {facts['errors']} runs ended in an error, and {facts['unknown']} have no known margin; they "
+            "count as none that violates it" + (f"; the first: {facts['error']}" if facts["errors"] else ""))
+    say(f"  wrote     {path}")
+    return 0
