@@ -63,21 +63,21 @@ def falsify(options: argparse.Namespace) -> int:
                       options.threads)
     folder = Path(options.out) if options.out else \
         Path("runs") / flights.campaign.nominal.name / "falsify" / options.requirement
-    with alone(folder), _Live(flights):
+    with alone(folder):
         return (_estimate if options.probability else _search)(options, flights, folder)
 
 
 class _Live(Bar):
     """The number of runs, and the least margin, while the search flies."""
 
-    def __init__(self, flights: Flights) -> None:
+    def __init__(self, flights: Flights, runs: int) -> None:
         super().__init__(f"{flights.campaign.nominal.name}, {flights.requirement}")
-        self._wanted = sys.stderr.isatty()
+        self._runs, self._wanted = runs, sys.stderr.isatty()
         flights.progress = self._at
 
     def _at(self, flown: int, least: float) -> None:
         if self._wanted:
-            self.draw(0.0, f"{flown} runs, least margin {least:.4g}")
+            self.draw(min(1.0, flown / self._runs), f"{flown} runs, least margin {least:.4g}")
 
 
 def _search(options, flights, folder):
@@ -86,11 +86,13 @@ def _search(options, flights, folder):
     from fledge.falsify import regression, search
 
     begun = time.perf_counter()
-    tried = search(flights, flights.space, options.runs or 1000, options.seed, options.first)
+    runs, found, path = options.runs or 1000, None, None
     command = shlex.join(["./fledge", *options.words])
-    found = path = None
-    if tried.first is not None:
-        found = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
+    with _Live(flights, runs):
+        tried = search(flights, flights.space, runs, options.seed, options.first)
+        if tried.first is not None:
+            found = flights.smallest(tried.values[tried.best], float(tried.margins[tried.best]))
+    if found:
         path = folder / f"{regression.name_of(flights.requirement)}.py"
         path.write_text(regression.scenario(flights, found, command), encoding="utf-8")
     wall = time.perf_counter() - begun
@@ -115,7 +117,7 @@ def _facts(options, flights, tried, found, path):
         "mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
         "campaign": flights.campaign.name, "scenario": flights.scenario, "duration": flights.duration,
         "seed": options.seed, "runs": len(margins), "stages": tried.stages,
-        "searched": str(flights.space).split("\n"),
+        "searched": flights.space.described(flights.shown),
         "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None),
         "unit": flights.unit, "nominal": _finite(margins[0]) if len(margins) else None,
         "least": None if best is None else _finite(margins[best]), "run": best, "first violation": tried.first,
@@ -138,8 +140,14 @@ def _finite(x):
 
 
 def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: dict, wall: float) -> None:
+    from fledge.requirements.formula import number_text
+
     def margin(x):
-        return "unknown" if x is None else f"{float(x):.4g}{' ' * bool(flights.unit) + flights.unit}"
+        return "unknown" if x is None else number_text(float(x), flights.unit)
+
+    def numbers(values):
+        for name, x in values.items():
+            say(f"            {name} = {flights.shown(name, x)}")
 
     say(f"{facts['mission']}, {facts['requirement']}: {facts['text']}")
     stages = ", ".join(f"{n} {name}" for name, n in tried.stages.items() if n)
@@ -156,18 +164,16 @@ def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: d
     say("  least     " + ", ".join(f"{margin(x)} after {n}" for n, x in facts["least after"].items()))
     if not found:
         say(f"  holds     in all runs that were flown; the least margin is {margin(facts['least'])}")
-        for name, x in facts["worst"].items():
-            say(f"            {name} = {x:.7g}")
+        numbers(facts["worst"])
         return
     say(f"  VIOLATED  first by run {tried.first}; the least margin is {margin(facts['least'])}, of run {tried.best}")
-    for name, x in facts["worst"].items():
-        say(f"            {name} = {x:.7g}")
+    numbers(facts["worst"])
     say(f"  smallest  {margin(found.margin)}, with " + (f"{len(found.kept)} of {len(found.kept) + len(found.removed)} "
         "deviations" if found.kept else "no deviation: the nominal run violates it"))
-    for one in found.kept:
-        for name, x in found.values.items():
-            if name == one or name.startswith((f"{one}.", f"{one}[")):
-                say(f"            {name} = {x:.7g}")
+    numbers({name: x for name, x in found.values.items()
+             if any(name == one or name.startswith((f"{one}.", f"{one}[")) for one in found.kept)})
+    if found.removed:
+        say(f"  set back  {', '.join(found.removed)}")
 
 
 def _estimate(options, flights, folder):
@@ -175,10 +181,12 @@ def _estimate(options, flights, folder):
 
     from fledge.falsify import probability
 
-    found = probability(flights.repetition, flights.space, options.runs or 500, options.repetitions, options.seed)
+    runs = options.runs or 500
+    with _Live(flights, 5 * runs * options.repetitions):
+        found = probability(flights.repetition, flights.space, runs, options.repetitions, options.seed)
     facts = {"mission": flights.campaign.nominal.name, "requirement": flights.requirement, "text": flights.text,
              "campaign": flights.campaign.name, "scenario": flights.scenario, "seed": options.seed,
-             "searched": str(flights.space).split("\n"), "probability": found.value, "low": found.low,
+             "searched": flights.space.described(flights.shown), "probability": found.value, "low": found.low,
              "high": found.high, "runs": found.runs, "repetitions": found.parts,
              "levels": [[_finite(x) for x in one] for one in found.levels],
              "unknown": flights.unknown, "errors": len(flights.errors), "error": next(iter(flights.errors), None)}

@@ -17,6 +17,7 @@ from fledge.mission.field_path import FieldPath
 from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
+from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -46,7 +47,14 @@ class _Campaign(Chosen):
         sim, d, known, name = declare(self._mission, self._function, {}, prepare if self._scenario else None)
         if duration:
             d.duration = duration[0]
+        if not Requirements(sim):
+            raise SetupError(f"the mission {sim.name} declares no requirements; expected them in "
+                             f"{sim.mission.folder / 'requirements.py'}")
+        d.requirements.clear()      # those of the campaign are not asked
         d.require(self._requirement)
+        every = d.requirements[0].declared.every
+        if every:       # sampled as a scenario samples it, so that it has the same margin there
+            d.every = every / 1e9
         if self._values:
             d.choose(self._values)
         return sim, d, known, name
@@ -68,8 +76,11 @@ class Flights:
         self.mission, self.requirement, self.scenario = mission, requirement, scenario
         self.seed, self.threads = seed, threads
         self.campaign = _Campaign(mission, campaign, requirement, scenario)
+        self.check = self.campaign.dispersions.requirements[0]
+        self.text, self.unit = self.check.declared.text, self.check.variable.unit
         self.faults = self.campaign.dispersions.faults.copy()
         self.marginals = dict(self.campaign.dispersions.marginals)
+        self.units = self.campaign.dispersions.columns
         self.space = Space(self.marginals)
         # The kinds of faults that are no draws: as the campaign plans them.
         self.kinds = {f"{one}.kind": FieldPath(self.campaign.nominal, f"{one}.kind").value() for one in self.faults
@@ -104,7 +115,7 @@ class Flights:
             raise KeyboardInterrupt
         self.flown += n
         self.errors += result.errors.values()
-        margins = result.margins(self.requirement)
+        margins = result.reached(self.check)[0]
         self.unknown += int(np.isnan(margins).sum()) - len(result.errors)
         self.least = np.fmin(self.least, np.fmin.reduce(margins))
         if self.progress:
@@ -116,6 +127,16 @@ class Flights:
         return smallest(self.fly, self.marginals, self.faults,
                         {**dict(zip(self.space.columns, map(float, values))), **self.kinds}, margin)
 
+    def shown(self, path: str, x: float) -> str:
+        """A number of a path for people: the name of an enumerator, seconds, or with its unit in SI."""
+        unit = self.units.get(path, "")
+        if ".orbit." not in path:
+            field = FieldPath(self.campaign.nominal, path).field
+            if field.type == "enum":
+                return enumerator_name(field, x)
+            unit = "" if field.unit in ("-", "SI") else field.unit
+        return f"{x / 1e9:.7g} s" if unit == "ns" else f"{x:.7g}{' ' * bool(unit)}{unit}"
+
     def simulation(self, values: Mapping[str, float], seed: int | None = None) -> Simulation:
         """The simulation of one run, ready to be flown for `duration`."""
         self.campaign.choose({path: [x] for path, x in values.items()})
@@ -125,3 +146,9 @@ class Flights:
     def duration(self) -> float:
         """[s]"""
         return float(self.campaign.dispersions.duration)
+
+
+def enumerator_name(field: Any, x: float) -> str:
+    """The name of an enumerator without what all have in common: HIGH of FAULT_HIGH."""
+    common = os.path.commonprefix([name for name, _ in field.enumerators]).rpartition("_")[0]
+    return next(name for name, number in field.enumerators if number == x).removeprefix(f"{common}_")

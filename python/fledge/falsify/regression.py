@@ -6,10 +6,10 @@ from __future__ import annotations
 import re
 
 from fledge import _core
-from fledge.falsify.flights import Flights
+from fledge.falsify.flights import Flights, enumerator_name
 from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
-from fledge.objects.si import short_name
+from fledge.requirements.formula import number_text
 
 
 
@@ -33,7 +33,8 @@ def scenario(flights: Flights, found: Counterexample, command: str) -> str:
               for line in _assignments(sim, path, flights.marginals[path].nominal)]
     for model in dict.fromkeys(one.rpartition(".")[0] for one in flights.faults if one in found.kept):
         rows = [row for i, row in enumerate(_owner(sim, model).faults) if f"{model}.faults[{i}]" not in found.removed]
-        lines.append(f"sim.{model}.faults = [" + ",\n        ".join(map(_fault, rows)) + "]")
+        lines.append(f"sim.{model}.faults = [" + "".join(f"\n        {_fault(row)}," for row in rows) + "\n    ]")
+    margin = number_text(found.margin, flights.unit)
     return f'''"""A counterexample to {flights.requirement}, found by
 
     {command}
@@ -45,7 +46,7 @@ from fledge.units import s
 
 
 def {name_of(flights.requirement)}(sim):
-    """{flights.requirement} holds where a search has found a margin of {found.margin:.3g}."""
+    """{flights.requirement} holds where a search has found a margin of {margin}."""
     {(chr(10) + "    ").join(lines)}
     watch = Requirements(sim).watch(only=["{flights.requirement}"])
     sim.run({_seconds(round(flights.duration * 1e9))})
@@ -64,7 +65,7 @@ def _assignments(sim, path, nominal):
     """The lines that give a parameter its number; an inertia is symmetric."""
     target = FieldPath(sim, path)
     field, x = target.field, target.value()
-    text = f'"{_enumerator(field, x)}"' if field.type == "enum" else str(int(x)) if _whole(field) else repr(x)
+    text = f'"{enumerator_name(field, x)}"' if field.type == "enum" else str(int(x)) if _whole(field) else repr(x)
     note = "" if field.type == "enum" else f"  # {target.unit}{'; ' if target.unit else ''}nominal {nominal:.6g}"
     mirror = target.elements[0] - target.elements[0] % 9 + target.elements[0] % 3 * 3 + target.elements[0] % 9 // 3
     places = [target.elements[0]] + ([mirror] if "inertia" in field.rule and mirror != target.elements[0] else [])
@@ -77,7 +78,7 @@ def _fault(row):
     for field in _core.struct(row).fields:
         x = getattr(row, field.name)
         if field.type == "enum":
-            parts.append(f'"{field.name}": "{_enumerator(field, x)}"')
+            parts.append(f'"{field.name}": "{enumerator_name(field, x)}"')
         elif x and not field.spare:
             parts.append(f'"{field.name}": {_seconds(x) if field.unit == "ns" else repr(x)}')
     return "{" + ", ".join(parts) + "}"
@@ -86,10 +87,6 @@ def _fault(row):
 def _seconds(ns):
     """[ns] as a time in Python."""
     return f"{ns / 1e9!r} * s"
-
-
-def _enumerator(field, x):
-    return next(short_name(field.ctype, name) for name, number in field.enumerators if number == x)
 
 
 def _whole(field):

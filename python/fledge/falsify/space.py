@@ -8,7 +8,7 @@ equal distances, so that their tails are as near as their middle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from fledge.montecarlo.dispersions import Marginal
 Array = NDArray[np.float64]
 
 SIGMAS = 4.0        # a search goes so many standard deviations from the mean of a normal distribution
+WHOLE = 20.0        # fewer whole numbers than this are choices
 _BELOW_ONE = 1 - 2.0**-53
 
 
@@ -41,10 +42,10 @@ class Axis:
 
     @property
     def choices(self) -> int:
-        """Of how many values it takes one; 0: of an interval."""
+        """Of how many values it takes one; 0: of an interval, or of as many whole numbers that it is as good as one."""
         if self.of.kind == "choice":
             return len(self.of.choices)
-        if self.of.kind == "uniform" and self._steps:
+        if self.of.kind == "uniform" and self._steps and self.of.b - self.of.a < WHOLE:
             return int(np.floor(self.of.b) - np.ceil(self.of.a)) + 1
         return 0
 
@@ -95,17 +96,22 @@ class Axis:
         begin, end = self._ends
         return np.clip((m.a + m.b * self._deviation(np.clip(u, 1e-300, _BELOW_ONE)) - begin) / (end - begin), 0, 1)
 
-    def __str__(self):
+    def described(self, text: Callable[[str, float], str]) -> str:
+        """What it may be, in words. text: a number of a path for people"""
         m = self.of
-        name = self.names[0] if self.n == 1 else self.names[0].rpartition("[")[0]
         if m.kind == "attitude":
-            return f"{name}: any attitude"
-        before = {"": "", "about": f"{m.nominal:g} + ", "relative": f"{m.nominal:g} * "}[m.scale]
+            return f"{self.names[0].rpartition('[')[0]}: any attitude"
+
+        def shown(x):
+            return f"{x:g}" if m.scale == "relative" else text(self.names[0], x)
+
+        before = {"": "", "about": f"{shown(m.nominal)} + ", "relative": f"{text(self.names[0], m.nominal)} * "}[m.scale]
         if m.kind == "choice":
-            return f"{name}: {before}one of {', '.join(f'{x:g}' for x in m.choices)}"
+            return f"{self.names[0]}: {before}one of {', '.join(map(shown, m.choices))}"
         if m.kind == "uniform":
-            return f"{name}: {before}{m.a:g} to {m.b:g}"
-        return f"{name}: {before}{self._ends[0]:g} to {self._ends[1]:g}, normal, {m.a:g} +- {m.b:g}"
+            return f"{self.names[0]}: {before}{shown(m.a)} to {shown(m.b)}"
+        return (f"{self.names[0]}: {before}{shown(self._ends[0])} to {shown(self._ends[1])}, normal with "
+                f"{shown(m.a)} +- {shown(m.b)}")
 
 
 class Space:
@@ -147,8 +153,9 @@ class Space:
         k = np.cumsum([0, *(one.n for one in self.axes)])
         return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
 
-    def __str__(self):
-        return "\n".join(map(str, self.axes))
+    def described(self, text: Callable[[str, float], str]) -> list[str]:
+        """What each number may be, in words. text: a number of a path for people"""
+        return [one.described(text) for one in self.axes]
 
 
 def _attitudes(u: Array) -> Array:
