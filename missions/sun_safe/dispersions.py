@@ -2,6 +2,8 @@
 """What may differ from the nominal tumble: `fledge montecarlo sun_safe --runs 2000`, `fledge falsify sun_safe SUN-1`."""
 from fledge.units import deg, kg, m, minute, s
 
+KINDS = "NONE", "HIGH", "LOW", "BABBLE", "DROPOUT"
+
 
 def tumbles(d):
     """Any attitude and tumble, on a body and with gyros that flight does not know."""
@@ -10,14 +12,23 @@ def tumbles(d):
     _released(d)
 
 
+def fault(d):
+    """A tumble, and a fault of one sensor of converter B, of any kind and at any time."""
+    d.duration = 8 * minute
+    d.every    = 1 * s
+    _released(d)
+    d.fault("world.adc_b", kind=d.choice(*KINDS), channels=d.choice(1, 2, 4, 8), begin=d.uniform(0 * s, 6 * minute),
+            lasts=d.uniform(5 * s, 4 * minute))
+
+
 def faults(d):
-    """A tumble, and faults of a sun sensor of each converter, of any kind and at any time."""
+    """A tumble, and a fault of each converter: of one sensor, or of all."""
     d.duration = 8 * minute
     d.every    = 1 * s
     _released(d)
     for adc in ("world.adc_a", "world.adc_b"):
-        d.fault(adc, kind=d.choice("NONE", "HIGH", "LOW", "BABBLE", "DROPOUT"), channels=d.choice(1, 2, 4, 8, 15),
-                begin=d.uniform(0 * s, 4 * minute), lasts=d.uniform(5 * s, 4 * minute))
+        d.fault(adc, kind=d.choice(*KINDS), channels=d.choice(1, 2, 4, 8, 15), begin=d.uniform(0 * s, 4 * minute),
+                lasts=d.uniform(5 * s, 4 * minute))
 
 
 def _released(d):

@@ -231,7 +231,8 @@ class Dispersions:
         if target.field.type == "enum" and not choice:
             raise SetupError(f"{path} = {draw!r}: {target.field.ctype} is an enumeration; draw it by d.choice(...), of "
                              + ", ".join(short_name(target.field.ctype, name) for name, _ in target.field.enumerators))
-        choices = [self._choice(value, target, draw) for value in draw.numbers] if choice else []
+        shown = f"{path} = {draw!r}" if choice else ""
+        choices = [self._choice(value, target, draw.scale, shown) for value in draw.numbers] if choice else []
         if choice and not choices:
             raise SetupError(f"{path} = {draw!r}: name what to choose from")
         numbers = [self._numbers(value, target, draw) for value in draw.numbers] if not choice else []
@@ -251,12 +252,12 @@ class Dispersions:
                 target.field.type not in ("f64", "f32"), target.path)) for k in group)
         self.draws[target.path] = draw
 
-    def _choice(self, value, target, draw):
+    def _choice(self, value, target, scale, shown):
         """A value of a choice as a number."""
-        field, shown = target.field, f"{target.path} = {draw!r}"
+        field = target.field
         if field.type == "enum":
             return float(enumerator(field.ctype, field.enumerators, value, shown))
-        relative = draw.scale == "relative"
+        relative = scale == "relative"
         return to_number(value, shown, "-" if relative else field.unit, _NUMBER if relative else field.dims)
 
     def _numbers(self, value, target, draw, default=None):

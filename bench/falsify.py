@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many runs `fledge falsify` needs to find planted bugs that the scenarios of sun_safe pass, against draws alone.
+
+    ./fledge bench falsify
+    ./fledge bench falsify --mutants 3 --seeds 4 --runs 500        # shorter
+
+Changes of one operator, constant, condition, returned value or statement are drawn of the flight modules of sun_safe
+(bench/mutation.py). Each is compiled into an extension of its own. A change is taken if both scenarios pass with it,
+and if one of the searches, which screen it with SCREENING runs each, finds a run of a campaign that violates a
+requirement which holds without the change. Then both look for it again with --seeds seeds: how many runs each needs to
+the first violation, at most --runs, which is also what one counts that finds none.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shlex
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from fledge.columns import columns
+from fledge.errors import Failure
+
+from bench.mutants import ROOT, Mutant, drawn, mutants_of
+
+NEEDS = ["unit"]
+MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c",
+           "flight/control/mrp_feedback.c", "flight/actuation/wheel_torques.c", "flight/protection/rate_limit.c"]
+# What holds without a change, by 3,000 runs of the search: (campaign, requirement).
+QUESTIONS = [("tumbles", "SUN-1"), ("tumbles", "SUN-2"), ("tumbles", "SUN-3"), ("stuck", "SUN-1"), ("stuck", "SUN-3")]
+SCREENING = 400         # runs of each search for each question
+LIMIT = 300.0           # [s] of a program that flies
+
+
+# --- an extension with a change --------------------------------------------------------------------
+
+class Extension:
+    """Makes the extension `_core` of the present build anew, with another object of one flight module."""
+
+    def __init__(self) -> None:
+        self.build = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release")
+        made = [path.relative_to(self.build) for path in (self.build / "python").glob("_core.*.so")]
+        if not made:
+            raise Failure(f"falsify: there is no extension in {self.build / 'python'}", 1)
+        self.name = made[0].name
+        self._commands = self._run(["ninja", "-t", "commands", str(made[0])]).stdout.splitlines()
+
+    def make(self, mutant: Mutant, folder: Path) -> str:
+        """Write the extension with a change into a folder. Returns "", "not compiled" or "equivalent"."""
+        compile_ = next(one for one in self._commands if one.endswith(f"/{mutant.file}") and " -c " in one)
+        objects = []
+        for text in (mutant.text, mutant.changed()):
+            source = folder / Path(mutant.file).name
+            source.write_text(text, encoding="utf-8")
+            made = folder / f"{len(objects)}.o"
+            words = shlex.split(re.sub(r" -M[DTF]( \S+)?(?= )", "", compile_.replace(" -MD ", " ")))
+            words[words.index("-o") + 1], words[-1] = str(made), str(source)
+            done = self._run([*words, f"-ffile-prefix-map={folder}=.", "-Wno-error"], check=False)
+            if done.returncode:
+                return "not compiled"
+            self._run(["objcopy", "--strip-debug", str(made)])
+            objects.append(made)
+        if objects[0].read_bytes() == objects[1].read_bytes():
+            return "equivalent"
+        # The linker takes from an archive only what it has not found before.
+        link = self._commands[-1].replace(" flight/libfledge_flight.a", f" {objects[1]} flight/libfledge_flight.a", 1)
+        words = [word for word in shlex.split(link) if word not in (":", "&&")]
+        words[words.index("-o") + 1] = str(folder / self.name)
+        self._run(words)
+        return ""
+
+    def _run(self, words: list[str], check: bool = True) -> subprocess.CompletedProcess:
+        done = subprocess.run(words, cwd=self.build, capture_output=True, text=True)
+        if check and done.returncode:
+            raise Failure(f"falsify: {shlex.join(words)[:200]}: {done.stderr[-1000:]}", 1)
+        return done
+
+
+def ask(folder: Path, **question: Any) -> Any:
+    """What a program with the extension of a folder answers to answer(); None if it fails or takes too long."""
+    paths = [str(folder), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(ROOT)])}
+    try:
+        done = subprocess.run([sys.executable, "-P", "-m", "bench.falsify", json.dumps(question)], env=environment,
+                              cwd=folder, capture_output=True, text=True, timeout=LIMIT)
+        return json.loads(done.stdout) if done.returncode == 0 else None
+    except (subprocess.TimeoutExpired, ValueError):
+        return None
+
+
+# --- in the program with the change ----------------------------------------------------------------
+
+def stuck(d: Any) -> None:
+    """The campaign `tumbles` of sun_safe, and a sensor of converter B that stays at an end, or babbles."""
+    from fledge.units import minute, s
+    from missions.sun_safe import dispersions
+
+    dispersions.tumbles(d)
+    d.fault("world.adc_b", kind=d.choice("HIGH", "LOW", "BABBLE"), channels=d.choice(1, 2, 4, 8),
+            begin=d.uniform(0 * s, 6 * minute), lasts=d.uniform(5 * s, 4 * minute))
+
+
+def answer(question: dict[str, Any]) -> Any:
+    """Whether the scenarios pass, if no seeds are asked; else for each seed the runs that search() and random_search()
+    needed to the first violation, None where they found none."""
+    import fledge
+    from fledge.falsify import Flights, random_search, search
+    from fledge.requirements import Requirements
+
+    if "seeds" not in question:
+        for name in ("safe", "blind"):
+            sim = fledge.load("sun_safe")
+            sim.plots = False
+            own = Requirements(sim)
+            watch = own.watch([one.id for one in own.for_scenario(name)])
+            assert sim.mission
+            sim.mission.scenarios[name](sim)
+            if any(one.verdict == "violated" for one in watch.outcomes()):
+                return False
+        return True
+    campaign = stuck if question["campaign"] == "stuck" else question["campaign"]
+    found = []
+    for seed in question["seeds"]:
+        pair = []
+        for method in (search, random_search):
+            flights = Flights("sun_safe", question["requirement"], campaign, seed=seed)
+            first = method(flights, flights.space, question["runs"], seed, first=True).first
+            pair.append(None if first is None else first + 1)
+        found.append(pair)
+    return found
+
+
+# --- the study -------------------------------------------------------------------------------------
+
+def needed(found: list[list[int | None]], runs: int) -> tuple[float, float]:
+    """The medians of the runs that both searches needed; a search that found nothing needed all."""
+    ours, theirs = ([pair[k] or runs for pair in found] for k in (0, 1))
+    return statistics.median(ours), statistics.median(theirs)
+
+
+def study(extension: Extension, order: list[Mutant], count: int, seeds: int, runs: int,
+          tell: Any = lambda _: None) -> list[dict[str, Any]]:
+    """The first `count` mutants that the scenarios pass and a campaign finds, with what both searches needed."""
+    rows: list[dict[str, Any]] = []
+    seen = dict.fromkeys(["not compiled", "equivalent", "scenarios fail", "not found"], 0)
+    with tempfile.TemporaryDirectory() as name:
+        for k, mutant in enumerate(order):
+            folder = Path(name) / str(k)
+            folder.mkdir()
+            why = extension.make(mutant, folder) or ("" if ask(folder) else "scenarios fail")
+            question = None if why else _found(folder)
+            if question is None:
+                seen[why or "not found"] += 1
+                continue
+            begun = time.monotonic()
+            found = ask(folder, **question, seeds=list(range(1, seeds + 1)), runs=runs)
+            if found is None:
+                seen["not found"] += 1
+                continue
+            before, after = mutant.lines()
+            ours, theirs = needed(found, runs)
+            rows.append({"file": mutant.file, "line": mutant.line(), "before": before, "after": after, **question,
+                         "needed": found, "ours": ours, "theirs": theirs, "ratio": theirs / ours,
+                         "missed": [sum(pair[i] is None for pair in found) for i in (0, 1)],
+                         "seconds": time.monotonic() - begun})
+            tell(rows[-1])
+            if len(rows) == count:
+                break
+    return [*rows, seen]
+
+
+def _found(folder):
+    """The question whose answer is a violation: the one that needs the most runs."""
+    hits = []
+    for campaign, requirement in QUESTIONS:
+        found = ask(folder, campaign=campaign, requirement=requirement, seeds=[0], runs=SCREENING)
+        if found and any(found[0]):
+            hits.append((min(one for one in found[0] if one), {"campaign": campaign, "requirement": requirement}))
+    return min(hits, key=lambda hit: hit[0])[1] if hits else None
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(prog="fledge bench falsify", description="Runs that a search needs to find planted "
+                                     "bugs, against draws alone.", epilog="example: ./fledge bench falsify --mutants 3")
+    parser.add_argument("--mutants", type=int, default=10, help="default: %(default)s")
+    parser.add_argument("--seeds", type=int, default=10, help="of each search; default: %(default)s")
+    parser.add_argument("--runs", type=int, default=1000, help="at most, of each search; default: %(default)s")
+    parser.add_argument("--seed", type=int, default=1, help="of the mutants; default: %(default)s")
+    parser.add_argument("--json", metavar="FILE", help="write each mutant, too")
+    chosen = parser.parse_args(arguments)
+    order = drawn(mutants_of(ROOT, MODULES, ["flight"]), chosen.seed)
+    *rows, seen = study(Extension(), order, chosen.mutants, chosen.seeds, chosen.runs,
+                        lambda row: print(*said(row), sep="\n", flush=True))
+    if chosen.json:
+        Path(chosen.json).write_text(json.dumps([*rows, seen], indent=1) + "\n", encoding="utf-8")
+    print(*columns([("mutant", "violates", "search", "draws", "ratio", "missed"),
+                    *((f"{Path(row['file']).name}:{row['line']}", row["requirement"], f"{row['ours']:g}",
+                       f"{row['theirs']:g}", f"{row['ratio']:.2g}", f"{row['missed'][0]}, {row['missed'][1]}")
+                      for row in rows)], {2, 3, 4}), sep="\n")
+    print("not taken: " + ", ".join(f"{n} {why}" for why, n in seen.items()))
+    if rows:
+        print(f"median ratio {statistics.median(row['ratio'] for row in rows):.3g}")
+    return 0 if len(rows) == chosen.mutants else 1
+
+
+def said(row: dict[str, Any]) -> list[str]:
+    return [f"{row['file']}:{row['line']}, {row['campaign']}, {row['requirement']}, {row['seconds']:.3g} s",
+            f"    {row['before']}", f"    {row['after']}"]
+
+
+if __name__ == "__main__":
+    print(json.dumps(answer(json.loads(sys.argv[1]))))
