@@ -103,6 +103,7 @@ PARTS = [
     ("new", "what `fledge new` writes"),
     ("learning wiring_picture montecarlo cosim export scene", "reset and step of reinforcement learning; the wiring as "
      "a graph; campaigns; a mission in several programs; a mission as C, with boards; a run in 3-D"),
+    ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),

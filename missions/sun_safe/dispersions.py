@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may differ from the nominal tumble: `fledge montecarlo sun_safe --runs 2000`, `fledge falsify sun_safe SUN-1`."""
+"""What may differ from the nominal tumble: `fledge montecarlo sun_safe --runs 2000`, or the search for what goes wrong,
+`fledge falsify sun_safe SUN-1`."""
 from fledge.units import deg, kg, m, minute, s
 
 KINDS = "NONE", "HIGH", "LOW", "BABBLE", "DROPOUT"

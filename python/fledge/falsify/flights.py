@@ -17,6 +17,7 @@ from fledge.mission.field_path import FieldPath
 from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
+from fledge.montecarlo.requirements import FormulaCheck
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -47,12 +48,13 @@ class _Campaign(Chosen):
         sim, d, known, name = declare(self._mission, self._function, {}, prepare if self._scenario else None)
         if duration:
             d.duration = duration[0]
+        assert sim.mission
         if not Requirements(sim):
             raise SetupError(f"the mission {sim.name} declares no requirements; expected them in "
                              f"{sim.mission.folder / 'requirements.py'}")
         d.requirements.clear()      # those of the campaign are not asked
         d.require(self._requirement)
-        every = d.requirements[0].declared.every
+        every = _check(d).declared.every
         if every:       # sampled as a scenario samples it, so that it has the same margin there
             d.every = every / 1e9
         if self._values:
@@ -76,7 +78,7 @@ class Flights:
         self.mission, self.requirement, self.scenario = mission, requirement, scenario
         self.seed, self.threads = seed, threads
         self.campaign = _Campaign(mission, campaign, requirement, scenario)
-        self.check = self.campaign.dispersions.requirements[0]
+        self.check = _check(self.campaign.dispersions)
         self.text, self.unit = self.check.declared.text, self.check.variable.unit
         self.faults = self.campaign.dispersions.faults.copy()
         self.marginals = dict(self.campaign.dispersions.marginals)
@@ -146,6 +148,13 @@ class Flights:
     def duration(self) -> float:
         """[s]"""
         return float(self.campaign.dispersions.duration)
+
+
+def _check(d: Dispersions) -> FormulaCheck:
+    """The one requirement of a campaign."""
+    check, = d.requirements
+    assert isinstance(check, FormulaCheck)
+    return check
 
 
 def enumerator_name(field: Any, x: float) -> str:

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import re
 
-from fledge import _core
+from fledge import objects
 from fledge.falsify.flights import Flights, enumerator_name
 from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
 from fledge.requirements.formula import number_text
-
 
 
 def name_of(requirement: str) -> str:
@@ -51,7 +50,7 @@ def {name_of(flights.requirement)}(sim):
     watch = Requirements(sim).watch(only=["{flights.requirement}"])
     sim.run({_seconds(round(flights.duration * 1e9))})
     outcome = watch.outcomes()[0]
-    assert outcome.verdict == "holds", f"{{outcome.requirement.id}}: the margin is {{outcome.margin}} at {{outcome.at}} s"
+    assert outcome.verdict == "holds", f"{flights.requirement}: the margin is {{outcome.margin}} at {{outcome.at}} s"
 '''
 
 
@@ -75,7 +74,7 @@ def _assignments(sim, path, nominal):
 def _fault(row):
     """A fault as Python; what is 0 is left out."""
     parts = []
-    for field in _core.struct(row).fields:
+    for field in objects.struct(row).fields:
         x = getattr(row, field.name)
         if field.type == "enum":
             parts.append(f'"{field.name}": "{enumerator_name(field, x)}"')

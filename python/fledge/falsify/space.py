@@ -105,7 +105,7 @@ class Axis:
         def shown(x):
             return f"{x:g}" if m.scale == "relative" else text(self.names[0], x)
 
-        before = {"": "", "about": f"{shown(m.nominal)} + ", "relative": f"{text(self.names[0], m.nominal)} * "}[m.scale]
+        before = text(self.names[0], m.nominal) + {"about": " + ", "relative": " * "}[m.scale] if m.scale else ""
         if m.kind == "choice":
             return f"{self.names[0]}: {before}one of {', '.join(map(shown, m.choices))}"
         if m.kind == "uniform":

@@ -43,7 +43,7 @@ class Probability:
     @property
     def saved(self) -> float:
         """How many times more runs counting would need for the same relative error; NaN if there is none."""
-        error = np.std(self.parts, ddof=1) / math.sqrt(len(self.parts)) / self.value if self.value else 0.0
+        error = float(np.std(self.parts, ddof=1)) / math.sqrt(len(self.parts)) / self.value if self.value else 0.0
         return (1 - self.value) / (self.value * error**2) / self.runs if error else math.nan
 
     def __str__(self):
@@ -59,7 +59,7 @@ def probability(margins: Callable[[Array, int], Array], space: Space, runs: int 
     """The probability that a draw of the campaign has a margin below 0.
 
     margins: (numbers, repetition) -> (runs,), as of search(); runs: of each level of each repetition; a margin that is
-    not known is none below 0. Raises RunError if the margins of a repetition do not differ, so that there are no levels.
+    not known is none below 0. Raises RunError if the margins of a repetition do not differ: there are no levels.
     """
     random = np.random.default_rng(seed)
     parts, levels, flown = [], [], 0
@@ -87,7 +87,8 @@ def _one(margin, n, runs, random):
     """(estimate, levels, runs flown) of one repetition."""
     z = random.normal(size=(runs, n))
     g = margin(z)
-    value, levels, flown, spread = 1.0, [], runs, 0.6
+    levels: list[float] = []
+    value, flown, spread = 1.0, runs, 0.6
     while True:
         level = float(np.sort(g)[max(1, round(SHARE * runs)) - 1])
         if level < 0 or len(levels) == LEVELS:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,7 @@ class _Search:
         self.end = runs
         self.generation = int(np.clip(runs // 25, 10, max(20, 4 * space.n)))
         # Mean and standard deviation of the cross-entropy, and the shares of each choice.
-        self._normal: tuple[Array, Array, dict[int, Array]] | None = None
+        self._normal: Any = None
 
     def run(self, stages: list[tuple[str, float, Callable]]) -> None:
         for name, share, stage in stages:

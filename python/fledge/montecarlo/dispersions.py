@@ -327,8 +327,9 @@ class Dispersions:
             shown = f"{path}.orbit.{name}"
             unit, dims = (("-", _NUMBER) if draw.scale == "relative" or name == "e" else
                           ("rad", ANGLE) if name in ("i", "Omega", "omega", "f") else ("m", LENGTH))
-            numbers = [to_number(x, f"{shown} = {draw!r}", unit, dims) for x in draw.numbers]
-            low, high = (x if one is None else to_number(one, f"{shown} = {draw!r}", unit, dims)
+            said = f"{shown} = {draw!r}"
+            numbers = [to_number(x, said, unit, dims) for x in draw.numbers]
+            low, high = (x if one is None else to_number(one, said, unit, dims)
                          for one, x in ((draw.low, -_INFINITY), (draw.high, _INFINITY)))
             listing = draw.kind in ("choice", "grid")
             made[name] = (draw.kind, *([0.0, 0.0] if listing else numbers), low, high, draw.scale,
@@ -345,8 +346,8 @@ class Dispersions:
                          [x for axis in axes for x in axis], origin)
         for shown, name in paths.items():
             self._orbit_columns[shown] = "" if name == "e" else "rad" if name in known[6:] else "m"
-            d = made[name]
-            self.marginals[shown] = Marginal(*d[:6], tuple(d[6]), nominal[name], False, shown)
+            kind, a, b, low, high, scale, choices, _ = made[name]
+            self.marginals[shown] = Marginal(kind, a, b, low, high, scale, tuple(choices), nominal[name], False, shown)
             self.orbit_elements[shown] = nominal[name]
             self.draws[shown] = elements[name]
 
