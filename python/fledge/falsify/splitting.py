@@ -16,11 +16,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr
 from scipy.stats import t as student
 
 from fledge.errors import RunError
-from fledge.falsify.stages import Array, known
+from fledge.falsify.stages import NO_MARGIN, Array, known
 from fledge.falsify.space import Space
 
 SHARE = 0.1             # of the draws of a level that are below the next one
@@ -100,23 +100,68 @@ def _one(margin, n, runs, random):
             return value * float(np.mean(g < 0)), levels, flown
         value *= float(np.mean(inside))
         levels.append(level)
-        z, g, spread = _chains(margin, z[inside], g[inside], level, runs, spread, random)
+        z, g, spread = _chains(margin, z, g, level, runs, spread, random)
         flown += len(g) - int(inside.sum())
 
 
 def _chains(margin, z, g, level, runs, spread, random):
-    """(draws below a level, their margins, the spread of the steps at the end), by chains from those that are there."""
+    """(draws below a level, their margins, the spread of the steps at the end), by chains from those of `z` that are.
+    Every third step is a plain one; between, a guess of the margin leads several steps that are not flown."""
+    guess = _Guess(z, g, level)
+    z, g = z[g <= level], g[g <= level]
     deviation = np.clip(z.std(axis=0), 0.1, None)
-    all_z, all_g, made, step = [z], [g], len(z), 0
+    all_z, all_g, made, step, plain = [z], [g], len(z), 0, 0
     while made < runs:
         step += 1
-        sigma = np.minimum(spread * deviation, 1.0)
-        tried = np.sqrt(1 - sigma**2) * z + sigma * random.normal(size=z.shape)
+        if guess.useful and step % 3:
+            tried = guess.lead(z, random)
+            allowed = np.log(random.random(len(z))) < guess.log_share(z) - guess.log_share(tried)
+        else:
+            plain += 1
+            sigma = np.minimum(spread * deviation, 1.0)
+            tried, allowed = np.sqrt(1 - sigma**2) * z + sigma * random.normal(size=z.shape), np.ones(len(z), bool)
         g_tried = margin(tried)
-        accepted = g_tried <= level
+        accepted = (g_tried <= level) & allowed
         z, g = np.where(accepted[:, None], tried, z), np.where(accepted, g_tried, g)
         all_z.append(z)
         all_g.append(g)
         made += len(z)
-        spread = float(np.clip(spread * math.exp((accepted.mean() - ACCEPTED) / math.sqrt(step)), 1e-3, 10.0))
+        if not guess.useful or step % 3 == 0:
+            spread = float(np.clip(spread * math.exp((accepted.mean() - ACCEPTED) / math.sqrt(plain)), 1e-3, 10.0))
     return np.vstack(all_z), np.concatenate(all_g), spread
+
+
+class _Guess:
+    """The margin as a linear function, by the draws of a level. It proposes: a step goes as the share of those that are
+    guessed to be below the level would, and what is accepted is corrected by the margin itself (delayed acceptance,
+    Christen and Fox 2005), so that a bad guess costs runs, and no truth."""
+
+    STEPS = 12
+
+    def __init__(self, z: Array, g: Array, level: float) -> None:
+        near = np.argsort(g, kind="stable")[:len(g) // 2]
+        near = near[np.abs(g[near]) < NO_MARGIN]
+        x, y = np.hstack([np.ones((len(near), 1)), z[near]]), g[near]
+        self.useful = len(near) > 4 * x.shape[1] and bool(np.ptp(y))
+        if self.useful:
+            self._slope = np.linalg.solve(x.T @ x + 1e-6 * len(near) * np.eye(x.shape[1]), x.T @ y)
+            off = float(np.std(y - x @ self._slope))
+            self.useful = off < 0.7 * float(np.std(y))
+            self._level, self._off, self._spread = level, max(off, 0.05 * float(np.std(y))), 0.6
+
+    def log_share(self, z: Array) -> Array:
+        """The logarithm of the probability that it is below the level, up to what the guess leaves open."""
+        guessed = self._slope[0] + z @ self._slope[1:]
+        return log_ndtr((self._level - guessed) / self._off)
+
+    def lead(self, z: Array, random: np.random.Generator) -> Array:
+        """Some steps from each point; none is flown."""
+        share = self.log_share(z)
+        for _ in range(self.STEPS):
+            sigma = min(self._spread, 1.0)
+            tried = math.sqrt(1 - sigma**2) * z + sigma * random.normal(size=z.shape)
+            new = self.log_share(tried)
+            accepted = np.log(random.random(len(z))) < new - share
+            z, share = np.where(accepted[:, None], tried, z), np.where(accepted, new, share)
+        self._spread = float(np.clip(self._spread * math.exp(0.5 * (accepted.mean() - ACCEPTED)), 1e-2, 2.0))
+        return z

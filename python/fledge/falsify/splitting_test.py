@@ -23,15 +23,15 @@ def linear(n, p):
     return normals(n), lambda x, _: limit - x.sum(axis=1) / math.sqrt(n)
 
 
-@pytest.mark.parametrize("p", [1e-4, 1e-6, 1e-8])
-@pytest.mark.parametrize("n", [2, 10])
+@pytest.mark.parametrize("n, p", [(2, 1e-4), (2, 1e-8), (10, 1e-6)])
 def test_a_linear_limit_state(n, p):
     space, margin = linear(n, p)
-    found = [probability(margin, space, 1000, 8, seed) for seed in range(10)]
-    assert sum(one.low <= p <= one.high for one in found) >= 8      # of intervals of 95 %
+    found = [probability(margin, space, 1000, 8, seed) for seed in range(6)]
+    assert sum(one.low <= p <= one.high for one in found) >= 5      # of intervals of 95 %
     assert np.mean([one.value for one in found]) == pytest.approx(p, rel=0.2)
     if p == 1e-6:
-        assert np.median([one.saved for one in found]) > 1000
+        parts = [x for one in found for x in one.parts]     # against counting with the same relative error
+        assert (np.mean(parts) / np.std(parts))**2 / p / (found[0].runs / 8) > 1000
 
 
 def test_counting_agrees_where_it_can():
