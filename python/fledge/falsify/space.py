@@ -154,8 +154,16 @@ class Space:
         return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
 
     def described(self, text: Callable[[str, float], str]) -> list[str]:
-        """What each number may be, in words. text: a number of a path for people"""
-        return [one.described(text) for one in self.axes]
+        """What each number may be, in words; those of an array that may be the same are one. text: a number of a path
+        for people"""
+        lines = []
+        for one in self.axes:
+            name, _, words = one.described(text).partition(": ")
+            alike = [other for other in self.axes if other.of.declared == one.of.declared]
+            if len(alike) > 1 and len({other.described(text).partition(": ")[2] for other in alike}) == 1:
+                name = f"{one.of.declared}, each"
+            lines.append(f"{name}: {words}")
+        return list(dict.fromkeys(lines))
 
 
 def _attitudes(u: Array) -> Array:
