@@ -199,8 +199,8 @@ def _kind(signal):
 
 
 def number_text(value: float, unit: str) -> str:
-    """A number in SI as people read it: "0.5 deg"."""
-    shown, factor = SHOWN.get(unit, (unit, 1.0))
+    """A number in SI as people read it: "0.5 deg"; what turns fast stays in rad/s."""
+    shown, factor = SHOWN.get(unit, (unit, 1.0)) if abs(value) < 10 else (unit, 1.0)
     return f"{value * factor:.6g}{unit_after(shown)}"
 
 
