@@ -44,7 +44,7 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
             axes.set_ylim(0, 1.1)
             axes.set_yticks([])
         else:
-            axes.plot(*thinned(time / factor, values), color="C0", 
+            axes.plot(*thinned(time / factor, values), color="C0",
                       drawstyle="default" if comparison.measured else "steps-post")
             axes.axhline(limit, color="C6", linestyle=(0, (5, 3)), linewidth=1.1)
         if names:
