@@ -8,23 +8,23 @@ KINDS = "NONE", "HIGH", "LOW", "BABBLE", "DROPOUT"
 
 def tumbles(d):
     """Any attitude and tumble, on a body and with gyros that flight does not know."""
-    d.duration = 8 * minute
+    d.duration = 5 * minute
     d.every    = 1 * s
     _released(d)
 
 
 def fault(d):
     """A tumble, and a fault of one sensor of converter B, of any kind and at any time."""
-    d.duration = 8 * minute
+    d.duration = 5 * minute
     d.every    = 1 * s
     _released(d)
-    d.fault("world.adc_b", kind=d.choice(*KINDS), channels=d.choice(1, 2, 4, 8), begin=d.uniform(0 * s, 6 * minute),
+    d.fault("world.adc_b", kind=d.choice(*KINDS), channels=d.choice(1, 2, 4, 8), begin=d.uniform(0 * s, 4 * minute),
             lasts=d.uniform(5 * s, 4 * minute))
 
 
 def faults(d):
     """A tumble, and a fault of each converter: of one sensor, or of all."""
-    d.duration = 8 * minute
+    d.duration = 5 * minute
     d.every    = 1 * s
     _released(d)
     for adc in ("world.adc_a", "world.adc_b"):
