@@ -109,6 +109,7 @@ PARTS = [
     ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
     ("profile", "what flight costs on a target"),
     ("verify", "all requirements of a mission over scenarios and targets, with a report"),
+    ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
     ("control_room", "the server of the control room, and its page"),
     ("cli", "the commands of `./fledge`"),
 ]

@@ -411,13 +411,15 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import (compare, control_room, export, falsify, flips, fly, ground, keys, montecarlo, node, packets,
-                            profile, prompt, replay, rewind, up, verify)
+    from fledge.cli import (compare, control_room, export, falsify, faults, flips, fly, ground, keys, montecarlo, node,
+                            packets, profile, prompt, replay, rewind, up, verify, versions)
 
     node.add_parameters(one)
     node.add(command)
     montecarlo.add(command)
     falsify.add(command)
+    faults.add(command)
+    versions.add(command)
     export.add(command)
     fly.add(command)
     flips.add(command)

@@ -21,7 +21,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.columns import columns
 from fledge.files import Part
@@ -184,7 +184,7 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
     data = summary(result, command)
     contents = {"summary.txt": text(data) + "\n", "summary.json": json.dumps(data, indent=1) + "\n"}
     if result.exact:
-        contents["runs.csv"] = _csv(result)
+        contents["runs.csv"] = as_csv(result)
     for name, content in contents.items():
         with Part(folder / name) as part:
             part.write_text(content, encoding="utf-8")
@@ -196,13 +196,17 @@ def write(result: Result, folder: Path | str, command: Callable[[int], str]) -> 
     return data, [*paths, *(save(figure, folder) for figure in figures(result))]
 
 
-def _csv(result: Result) -> str:
+def as_csv(result: Result) -> str:
+    """A line for each run, of a result that is exact."""
     d = result.campaign.dispersions
 
     def head(name, unit):
         return f"{name} [{unit}]" if unit else name
 
-    reached = {repr(r.variable): (result.reached(r)[0], r.variable.unit) for r in d.requirements}
+    # Of two requirements on one number, which are furthest from their limits at other samples, the second has its own.
+    reached: dict[str, Any] = {}
+    for r in d.requirements:
+        reached[repr(r) if repr(r.variable) in reached else repr(r.variable)] = result.reached(r)[0], r.variable.unit
     final = {repr(one.final): (result.final(one), one.unit) for one in d.measures()}
     draws = [*result.draws.values()]
     columns = {**{name: (result.entered(name), "s") for name in d.modes}, **final, **reached}

@@ -210,6 +210,9 @@ class Margin:
         """Those that the formula looks at: all."""
         return slice(0, len(ns))
 
+    def __repr__(self):
+        return self.measure_text
+
 
 class FormulaCheck(Requirement):
     """A formula that each run must fulfil: its margin is above 0. A margin of names alone is 1 or -1."""

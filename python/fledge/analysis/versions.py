@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two versions of flight over the same campaign: the same runs, seeds and draws; what moved, and which margin fell.
+
+    this, other = fly("nadir_spin", "HEAD~3", runs=200)
+    found = compare(this, other)        # a Change of each requirement and each measure
+    regressions(found)                  # of requirements that held in a run and are violated there now
+
+A version is a folder of results that a campaign has written (summary.json, runs.csv), or what flies to write one: a
+folder with the same mission, a tree of Fledge or of a project, or a revision in git.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge import folders
+from fledge.columns import columns
+from fledge.errors import Failure, SetupError, did_you_mean
+from fledge.files import write_files
+from fledge.mission.provenance import GIT, ROOT, identity
+from fledge.montecarlo import Campaign, report
+
+if TYPE_CHECKING:
+    import numpy as np
+
+RESULTS = ("summary.json", "runs.csv")
+SOURCES = "sources.json"
+BESIDE = ("docs", "bench", "tests", "runs", "*.md", "*_test.py", "*_test.cpp")  # what no flight depends on
+
+
+# --- results ---------------------------------------------------------------------------------------
+
+class Kept:
+    """The results of a campaign in a folder. columns: name with its unit -> (runs,), NaN where there is no number"""
+
+    def __init__(self, folder: Path) -> None:
+        import numpy as np
+
+        self.folder = folder
+        try:
+            self.summary = json.loads((folder / RESULTS[0]).read_text(encoding="utf-8"))
+            with (folder / RESULTS[1]).open(encoding="utf-8", newline="") as file:
+                head, *rows = csv.reader(file)
+        except (OSError, ValueError) as error:
+            raise SetupError(f"{folder} has no results of a campaign that can be compared: {error}") from None
+        self.passed = np.array([row[1] == "passed" for row in rows])
+        self.columns = {name: np.array([float(row[i] or "nan") for row in rows])
+                        for i, name in enumerate(head) if name not in ("run", "outcome", "failure")}
+        self.draws = {_head(one["path"], one["unit"]): one["nominal"] for one in self.summary["draws"]}
+        self.sources = json.loads((folder / SOURCES).read_text("utf-8")) if (folder / SOURCES).exists() else {}
+
+    def margins(self, requirement: dict[str, Any]) -> np.ndarray:
+        """(runs,) How far a requirement, of the summary, is from its limit: > 0 where it holds. Of one number that must
+        be another, 1 or -1."""
+        import numpy as np
+
+        text, unit = requirement["requirement"], requirement["unit"]
+        if (formula := _head(f"margin of {text}", unit)) in self.columns:
+            return self.columns[formula]
+        comparison = next(one for one in text.split()[::-1] if one in ("<", "<=", ">", ">=", "==", "!="))
+        name = text.rpartition(f" {comparison} ")[0]
+        values = self.columns[_head(text if _head(text, unit) in self.columns else name, unit)]
+        if comparison in ("==", "!="):
+            right = (values == requirement["limit"]) == (comparison == "==")
+            return np.where(np.isnan(values), np.nan, np.where(right, 1.0, -1.0))
+        return requirement["limit"] - values if comparison[0] == "<" else values - requirement["limit"]
+
+
+def _head(name, unit):
+    return f"{name} [{unit}]" if unit else name
+
+
+@dataclass
+class Change:
+    """What a requirement's margins, or a measure, did from the other version to this one, run by run.
+
+    required: whether it is a requirement; this, other: (runs,); held: how many runs hold it (other, this); worst: its
+    least margin (other, this), with the runs; lost: the runs that held it and do not now
+    """
+    name: str
+    unit: str
+    required: bool
+    other: np.ndarray
+    this: np.ndarray
+
+    @property
+    def moved(self) -> np.ndarray:
+        """(runs,) this less the other; 0 where neither has a number."""
+        import numpy as np
+
+        both = np.isnan(self.this) & np.isnan(self.other)
+        return np.where(both, 0.0, self.this - self.other)
+
+    @property
+    def lost(self) -> list[int]:
+        """The runs in which a requirement held, and does not now."""
+        return [int(i) for i in ((self.other > 0) & ~(self.this > 0)).nonzero()[0]] if self.required else []
+
+    def worst(self, values: np.ndarray) -> tuple[float, int]:
+        """(least, its run); (NaN, -1) if there is no number."""
+        import numpy as np
+
+        return (float(np.nanmin(values)), int(np.nanargmin(values))) if not np.isnan(values).all() else (np.nan, -1)
+
+
+def compare(this: Kept, other: Kept) -> list[Change]:
+    """The changes, requirements first. Raises SetupError unless both flew the same runs with the same draws."""
+    import numpy as np
+
+    for name in ("campaign", "seed", "runs", "duration", "points"):
+        if this.summary.get(name) != other.summary.get(name):
+            raise SetupError(f"{this.folder} and {other.folder} are of different runs: {name} is "
+                             f"{this.summary.get(name)} and {other.summary.get(name)}")
+    for kept in (this, other):
+        if kept.summary["flown"] < kept.summary["runs"]:
+            raise SetupError(f"{kept.folder}: only {kept.summary['flown']} of {kept.summary['runs']} runs were flown")
+    for name in sorted({*this.draws, *other.draws}):
+        here, there = this.columns.get(name), other.columns.get(name)
+        # A parameter of flight that is drawn about its nominal value differs with that.
+        if here is None or there is None or this.draws.get(name) == other.draws.get(name) and not np.array_equal(
+                here, there, equal_nan=True):
+            raise SetupError(f"the draws of {name} differ: both versions need the same dispersions")
+    found = []
+    known = {one["requirement"]: one for one in other.summary["requirements"]}
+    for one in this.summary["requirements"]:
+        if one["requirement"] in known:
+            found.append(Change(one["requirement"], one["unit"], True, other.margins(known[one["requirement"]]),
+                                this.margins(one)))
+    found += [Change(name, "", False, other.columns[name], values) for name, values in this.columns.items()
+              if name not in this.draws and name in other.columns]
+    return found
+
+
+def regressions(found: Sequence[Change]) -> list[Change]:
+    """Those of requirements that hold in fewer runs: of which a run has held, and does not now."""
+    return [one for one in found if one.lost]
+
+
+# --- words -----------------------------------------------------------------------------------------
+
+def text(this: Kept, other: Kept, found: Sequence[Change]) -> list[str]:
+    """Lines: the requirements with their least margins, then what moved."""
+    import numpy as np
+
+    def number(x: float) -> str:
+        return "-" if np.isnan(x) else f"{x:.4g}"
+
+    lines = [f"{this.summary['mission']}, {this.summary['campaign']}: {this.summary['runs']} runs, seed "
+             f"{this.summary['seed']}", *(f"  {name:8} {kept.folder}" + "".join(
+                 f", {what} {revision}" for what, revision in kept.sources.items())
+                 for name, kept in (("this", this), ("other", other)))]
+    rows: list[tuple[str, ...]] = [("required", "held", "of the other", "least margin", "of the other", "run",
+                                    "lost in", "")]
+    for one in found:
+        if one.required:
+            (now, at), (then, _) = one.worst(one.this), one.worst(one.other)
+            rows.append((one.name, str(int((one.this > 0).sum())), str(int((one.other > 0).sum())), number(now),
+                         number(then), str(at) if at >= 0 else "-", str(len(one.lost)),
+                         "FELL, run " + ", ".join(map(str, one.lost[:5])) if one.lost else
+                         "fell" if now < then else "rose" if now > then else "same"))
+    if len(rows) > 1:
+        lines += ["", *columns(rows, right=set(range(1, 7)), indent="  ")]
+    rows = [("moved", "median", "most", "run")]
+    for one in found:
+        sizes = np.abs(one.moved)
+        if not one.required and np.nan_to_num(sizes, nan=np.inf).any():
+            at = int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))
+            rows.append((one.name, number(float(np.nanmedian(one.moved))), number(float(one.moved[at])), str(at)))
+    lines += ["", *columns(rows, right={1, 2, 3}, indent="  ")] if len(rows) > 1 else ["", "  nothing moved by a bit"]
+    only = [(name, {one["requirement"] for one in a.summary["requirements"]} -
+             {one["requirement"] for one in b.summary["requirements"]})
+            for name, a, b in (("this", this, other), ("other", other, this))]
+    lines += [f"  not compared: {one} is required in the {name} version alone" for name, texts in only
+              for one in sorted(texts)]
+    return lines
+
+
+def as_csv(this: Kept, found: Sequence[Change]) -> str:
+    """A line for each run: its draws; the margins and measures of both versions."""
+    import io
+
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    named = [(f"margin: {one.name}" if one.required else one.name, one) for one in found]
+    draws = sorted(this.draws)
+    writer.writerow(["run", *draws, *(f"{name}, {which}" for name, _ in named for which in ("other", "this"))])
+    for i in range(len(this.passed)):
+        writer.writerow([i, *(repr(float(this.columns[name][i])) for name in draws), *(
+            "" if value != value else repr(float(value)) for _, one in named for value in (one.other[i], one.this[i]))])
+    return out.getvalue()
+
+
+# --- flying ----------------------------------------------------------------------------------------
+
+def fly(mission: str, against: str, campaign: str | None = None, runs: int = 100, seed: int = 0,
+        folder: Path | None = None, threads: int | None = None) -> tuple[Kept, Kept]:
+    """Fly this version and the other one; returns the results of both.
+
+    against: see above. folder: for the results of both, in `this` and `other`; default: runs/MISSION/versions.
+    Raises SetupError on a version that does not exist, Failure if the other tree does not fly.
+    """
+    ours = Campaign(mission, campaign)
+    folder = folder or Path("runs") / ours.nominal.name / "versions"
+    other = _version(ours.folder, against, folder)      # before the runs: it may not exist
+    place = Path(against)
+    this = _flown(ours, runs, seed, folder / "this", threads)
+    if (place / RESULTS[0]).exists():
+        return this, Kept(place)
+    tree, theirs = other
+    if tree is None:
+        return this, _flown(Campaign(theirs, ours.name), runs, seed, folder / "other", threads)
+    return this, _by_launcher(tree, theirs, ours.name, runs, seed, folder / "other", threads)
+
+
+def _flown(campaign, runs, seed, folder, threads):
+    result = campaign.fly(runs, seed, threads)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    summary = report.summary(result, lambda index: f"./fledge montecarlo {campaign.nominal.name} {campaign.name} "
+                             f"--seed {seed} --only {index}")
+    write_files({RESULTS[0]: json.dumps(summary, indent=1) + "\n", RESULTS[1]: report.as_csv(result),
+                 SOURCES: json.dumps(identity(campaign.folder), indent=1) + "\n"}, folder)
+    return Kept(folder)
+
+
+def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, Path]:
+    """(the tree whose launcher flies, or None for this Fledge; the folder of the mission) of a version."""
+    place = Path(against)
+    if (place / RESULTS[0]).exists() or folders.is_mission(place):
+        return None, place.resolve()
+    top = _git(mission, "rev-parse", "--show-toplevel")
+    inside = mission.relative_to(Path(top).resolve()) if top else None
+    if place.is_dir():
+        tree = place.resolve()
+        relative = inside if inside and folders.is_mission(tree / inside) else Path("missions") / mission.name
+        if not folders.is_mission(tree / relative):
+            raise SetupError(f"--against {against}: it has neither results of a campaign, nor a mission, nor the "
+                             f"mission {relative}")
+        return (tree if _builds(tree) else None), tree / relative
+    if not top or inside is None:
+        raise SetupError(f"--against {against}: there is no such folder, and the mission {mission} is not in git")
+    revision = _git(mission, "rev-parse", "--verify", "--quiet", f"{against}^{{commit}}")
+    if not revision:
+        known = (_git(mission, "for-each-ref", "--format=%(refname:short)") or "").split()
+        raise SetupError(f"--against {against}: there is no such folder, and no such revision in {top}"
+                         + did_you_mean(against, known).rstrip(";"))
+    beside = [f":(exclude){one}" for one in (inside.parent.as_posix() if len(inside.parts) > 1 else ".", *BESIDE)]
+    same = not _builds(Path(top)) or subprocess.run(
+        [*GIT, "-C", top, "diff", "--quiet", revision, "--", ".", *beside], check=False).returncode == 0
+    tree = scratch.resolve() / f"revision-{revision[:12]}"
+    if not tree.exists():
+        _extract(top, revision, [inside.parent.as_posix()] if same and len(inside.parts) > 1 else ["."], tree)
+    if not folders.is_mission(tree / inside):
+        raise SetupError(f"--against {against}: the mission {inside} is not there")
+    return (None if same else tree), tree / inside
+
+
+def _builds(tree):
+    """Whether a tree has C of its own to be built: Fledge itself, or a project."""
+    file = tree / "CMakeLists.txt"
+    return (tree / "fledge").is_file() or (file.exists() and "fledge_project" in file.read_text("utf-8"))
+
+
+def _extract(top, revision, paths, folder):
+    """The files of a revision, in a folder."""
+    part = folder.with_name(f"{folder.name}.part-{os.getpid()}")
+    part.mkdir(parents=True)
+    with subprocess.Popen([*GIT, "-C", top, "archive", revision, "--", *paths], stdout=subprocess.PIPE) as archive:
+        done = subprocess.run(["tar", "-x", "-C", part], stdin=archive.stdout, check=False)
+    if archive.returncode or done.returncode:
+        import shutil
+
+        shutil.rmtree(part)
+        raise SetupError(f"the revision {revision[:12]} of {top} cannot be read")
+    part.rename(folder)
+
+
+def _git(folder: Path, *words: str) -> str:
+    """What git says; "" if it fails or is not there."""
+    try:
+        done = subprocess.run([*GIT, "-C", str(folder), *words], capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def _by_launcher(tree: Path, mission: Path, campaign: str, runs: int, seed: int, folder: Path,
+                 threads: int | None) -> Kept:
+    """Have another tree build and fly the campaign."""
+    own = (tree / "fledge").is_file()
+    launcher = [str(tree / "fledge")] if own else [str(ROOT / "fledge"), "--project", str(tree)]
+    words = [*launcher, "montecarlo", str(mission), campaign, "--runs", str(runs), "--seed", str(seed), "--out",
+             str(folder.resolve()), *(["--threads", str(threads)] if threads else [])]
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "FLEDGE_PROJECT")}
+    done = subprocess.run(words, env=environment, stdout=subprocess.DEVNULL, stderr=sys.stderr, check=False)
+    if done.returncode not in (0, 1):
+        raise Failure(f"versions: {' '.join(words)} ended with {done.returncode}", 1)
+    (folder / SOURCES).write_text(json.dumps({"tree": str(tree)}) + "\n", encoding="utf-8")
+    return Kept(folder)

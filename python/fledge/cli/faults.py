@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge faults MISSION`: each fault of each unit in each mode, flown and compared with the flight without it (FMEA).
+
+Exit codes: 0 all were flown; 2 the command line or the mission is wrong; 130 Ctrl-C.
+"""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fledge.cli.arguments import add_update_limit
+from fledge.cli.node import add_parameters, given_parameters
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("faults", faults, "fly each fault of each unit, and say what flight makes of it",
+                  "faults sun_safe --begin 5min")
+    one.add_argument("mission", help="the name of a mission, or its folder; its faults.py may say more")
+    one.add_argument("--scenario", action="append", default=[], metavar="NAME", help="may be repeated; default: the "
+                     "first")
+    one.add_argument("--unit", action="append", default=[], metavar="PATH", help="only this one, as world.gyro; may be "
+                     "repeated")
+    one.add_argument("--kind", action="append", default=[], metavar="KIND", help="only faults of this kind, as DEAD; "
+                     "may be repeated")
+    one.add_argument("--begin", metavar="TIMES", help="when they begin: 90s, or 5min,1h; default: those of faults.py, "
+                     "or the middle of each mode's first stay")
+    one.add_argument("--lasts", metavar="DURATION", help="for how long; default: that of faults.py, or for ever")
+    one.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
+    one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--jobs", type=int, metavar="N", help="processes at a time; default: one for each core")
+    one.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
+    add_update_limit(one)
+    add_parameters(one)
+
+
+def faults(options: argparse.Namespace) -> int:
+    import shlex
+    import sys
+    import time
+
+    from fledge.analysis import Matrix, fly, page
+    from fledge.cli.arguments import parse_duration
+    from fledge.cli.console import counted, say
+    from fledge.cli.runs import alone
+    from fledge.progress import Bar
+
+    matrix = Matrix(options.mission, options.seed, **given_parameters(options))
+    name = matrix.simulation.name
+    wanted = matrix.faults(options.unit, options.kind)
+    begin = [parse_duration(one, "--begin") for one in options.begin.split(",")] if options.begin else None
+    lasts = parse_duration(options.lasts, "--lasts") if options.lasts else None
+    folder = Path(options.out) if options.out else Path("runs") / name / "faults"
+    with alone(folder):
+        say(f"{name}: {counted(len(wanted), 'fault')} of {counted(len({one.unit for one in wanted}), 'unit')}")
+        begun = time.perf_counter()
+        with Bar(name) as bar:
+            shown = sys.stderr.isatty()
+            flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs,
+                          lambda done, all_: bar.draw(done / all_, f"{done} of {all_}") if shown else None)
+        wall = time.perf_counter() - begun
+        paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
+    say("\n".join(page.text(flights)))
+    for one in [one for one in flights if page.hidden(one)][:8]:
+        say(f"  hidden   {one.scenario}, {one.begin:g} s: {' and '.join(map(str, one.faults))}: "
+            + (", ".join(one.violated) or one.text))
+    say(f"  flown    {counted(len(flights), 'flight')} in {wall:.3g} s")
+    for path in paths:
+        say(f"  report   {path}")
+    return 0

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge versions MISSION --against VERSION`: the same campaign with two versions of flight, and what moved.
+
+Exit codes: 0 every requirement holds in the runs in which it held; 1 one does not; 2 the command line, a mission or a
+version is wrong; 130 Ctrl-C.
+"""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("versions", versions, "fly a campaign with two versions of flight, and compare",
+                  "versions nadir_spin --against HEAD~1 --runs 200")
+    one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
+    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
+    one.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "
+                     "tree of Fledge or of the project, the mission as it was, or results of this campaign")
+    one.add_argument("--runs", type=int, default=100, metavar="N", help="default: %(default)s")
+    one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
+    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    one.add_argument("--out", metavar="DIR", help="for the results of both and versions.csv; default: "
+                     "runs/MISSION/versions")
+
+
+def versions(options: argparse.Namespace) -> int:
+    import sys
+
+    from fledge import mission as missions
+    from fledge.analysis import versions as comparing
+    from fledge.cli.console import counted, say
+    from fledge.cli.runs import alone
+    from fledge.files import write_files
+
+    folder = Path(options.out) if options.out else Path("runs") / missions.find(options.mission).name / "versions"
+    with alone(folder):
+        this, other = comparing.fly(options.mission, options.against, options.campaign, options.runs, options.seed,
+                                    folder, options.threads)
+        found = comparing.compare(this, other)
+        say("\n".join(comparing.text(this, other, found)))
+        for path in write_files({"versions.csv": comparing.as_csv(this, found)}, folder):
+            say(f"  report   {path}")
+    fell = comparing.regressions(found)
+    for one in fell:
+        print(f"fledge: {one.name} held in {counted(len(one.lost), 'run')} in which it does not hold now, as in run "
+              f"{one.lost[0]}", file=sys.stderr)
+    return 1 if fell else 0
