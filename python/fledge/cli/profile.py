@@ -30,6 +30,11 @@ def add(command: Callable) -> None:
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
+    one.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
+                     "flights with the mission's dispersions; SCENARIO may be several, A,B")
+    one.add_argument("--campaign", metavar="NAME", help="with --longest: a function of dispersions.py; default: the "
+                     "first")
+    one.add_argument("--jobs", type=int, metavar="N", help="with --longest: flights at a time; default: all cores")
     one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
                      "runs/MISSION/profile")
     add_parameters(one)
@@ -57,6 +62,8 @@ def profile(options: argparse.Namespace) -> int:
         raise Failure("profile: --free is without a scenario, and needs --for")
     name = Path(options.mission).name
     folder = Path(options.out) if options.out else Path("runs") / name / "profile"
+    if options.longest is not None:
+        return _longest(options, folder, duration)
     with alone(folder):
         job = Job(options.mission, options.scenario, duration, options.seed, folder=folder, free=options.free,
                   parameters=given_parameters(options))
@@ -73,6 +80,36 @@ def profile(options: argparse.Namespace) -> int:
     for problem in problems:
         print(f"fledge: {problem}", file=sys.stderr)
     return 1 if problems else 0
+
+
+def _longest(options, folder, duration):
+    """Search the longest path of each task."""
+    import sys
+
+    from fledge.analysis import timing
+    from fledge.cli.console import counted, say
+    from fledge.cli.runs import alone
+    from fledge.errors import Failure
+    from fledge.files import write_files
+    from fledge.progress import Bar
+
+    if _names(options) != ["leon3"] or options.free:
+        raise Failure("profile: --longest is for --on leon3, where the emulator counts cycles, and for scenarios")
+    with alone(folder):
+        search = timing.Search(options.mission, options.scenario.split(",") if options.scenario else [None],
+                               options.campaign, duration, options.seed, options.process, folder,
+                               **given_parameters(options))
+        with Bar(Path(options.mission).name) as bar:
+            shown = sys.stderr.isatty()
+            found = search.search(options.longest, options.jobs, lambda done: bar.draw(
+                done / options.longest, f"{done} of {options.longest}") if shown else None)
+        say(f"{search.jobs[0].title}, {', '.join(one.scenario for one in search.jobs)}: the longest paths in "
+            f"{counted(found.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
+                                                  else ", which differ in their noise: there is no dispersions.py"))
+        say("\n".join(timing.text(found)))
+        for path in write_files({"timing.csv": timing.as_csv(found), "timing.json": timing.as_json(found)}, folder):
+            say(f"  figures  {path}")
+    return 0
 
 
 def _names(options: argparse.Namespace) -> list[str]:

@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The longest observed path of each task of flight on a board, with its inputs: by a search over scenarios, seeds and
+the dispersions of a campaign.
+
+    found = Search("mars_orbiter", ["safe", "pointing"]).search(runs=40)
+    found.longest["sensing", "safe"].share      # of the task's period
+
+Half of the runs are drawn as those of the campaign are. Each of the others begins at the longest path so far of a task,
+those with the least margin first, and changes a part of its draws. Runs are independent of how many processes fly them.
+
+The program is flight's own, but each task is a function of its own: the emulator stops where it begins and ends. A path
+includes what interrupts it.
+"""
+
+from __future__ import annotations
+
+import csv
+import ctypes
+import io
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge import objects
+from fledge.columns import columns
+from fledge.errors import Failure, SetupError
+from fledge.mission.field_path import FieldPath
+from fledge.montecarlo import Campaign, disperse
+from fledge.profile.board import Memory
+from fledge.targets import TARGETS, Job, build
+from fledge.targets.leon3 import board as boards
+
+if TYPE_CHECKING:
+    from fledge.targets import Part
+
+# The compiler would put a task into its only caller.
+APART = ["-fno-inline-functions-called-once", "-fno-inline-small-functions", "-fno-ipa-sra", "-fno-ipa-cp"]
+TICK = "all of an instant"      # from the tick to flight's answer
+STEP = 0.3      # of the deviation of the draws so far: how far a local change goes
+
+
+@dataclass
+class Longest:
+    """The longest path of a task in a mode: its time and period [s], and where it was.
+
+    run: its index; scenario, seed; t: [s] the instant; draws: path -> number of the dispersions; inputs: path ->
+    numbers of the messages that its modules read
+    """
+    task: str
+    mode: str
+    period: float
+    time: float
+    cycles: int
+    run: int
+    scenario: str
+    seed: int
+    t: float
+    draws: dict[str, float]
+    inputs: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def share(self) -> float:
+        """Of the period."""
+        return self.time / self.period
+
+    @property
+    def margin(self) -> float:
+        """[%] of the period that is left."""
+        return 100 * (1 - self.share)
+
+
+@dataclass
+class Found:
+    """The longest paths: (task, mode) -> Longest. stack, heap: [bytes] used at most in any run; stack_size: what there
+    is; runs: how many were flown"""
+    longest: dict[tuple[str, str], Longest]
+    stack: int
+    stack_size: int
+    heap: int
+    runs: int
+
+
+@dataclass
+class Run:
+    """One of the search. index: of the campaign's draws; changed: those that are not as drawn."""
+    scenario: int
+    index: int
+    changed: dict[str, float] = field(default_factory=dict)
+
+
+class Search:
+    """A mission on a board, ready for runs. Raises SetupError or Failure if it cannot fly there."""
+
+    def __init__(self, mission: str, scenarios: Sequence[str | None] = (None,), campaign: str | None = None,
+                 duration: float | None = None, seed: int = 0, process: str | None = None,
+                 folder: Path | str | None = None, **parameters: Any) -> None:
+        target, = TARGETS.ready(["leon3"], "profile")
+        self.target, self.seed = target, seed
+        self.jobs = [Job(mission, one, duration, seed, folder=folder, parameters=parameters) for one in scenarios]
+        if process is None and len(self.jobs[0].parts) > 1:
+            raise Failure(f"{self.jobs[0].title} has several flight processes; choose one with --process: "
+                          + ", ".join(one.process for one in self.jobs[0].parts))
+        self.parts = [one.part(process) if process else one.parts[0] for one in self.jobs]
+        first = self.parts[0]
+        self.campaign = Campaign(mission, campaign) if campaign or (
+            self.jobs[0].start.mission.folder / "dispersions.py").exists() else None
+        # What is compiled into flight stays as it is there.
+        self.dispersed = [path for path in (self.campaign.dispersions.drawn if self.campaign else ())
+                          if not path.startswith(f"{first.process}.")]
+        self.fixed = set(self.campaign.dispersions.orbit_elements) if self.campaign else set()
+        self.programs = [boards.program(part.folder / f"timing{i}", part.mission.name,
+                                        [*part.sources(), *boards.FLIGHT], part.includes(), APART, self.target.board)
+                         for i, part in enumerate(self.parts)]
+        self.tables = [part.tables() for part in self.parts]
+        self.clock = boards.read_board(self.target.board)["clock"]
+        self.mode_at = _mode_place(first) if first.mission.modes else None
+
+    def fly(self, run: Run) -> tuple[dict[tuple[str, str], Longest], int, int, int]:
+        """The longest paths of one run; the stack, its size, and the heap [bytes]."""
+        from fledge.emulator import Board
+
+        part, job = self.parts[run.scenario], self.jobs[run.scenario]
+        sim = job.begun()
+        sim.plots = False
+        if self.campaign:
+            self.campaign.plan.seed = self.seed
+            disperse(self.campaign.nominal, sim, self.campaign.plan, run.index)
+            for path, value in run.changed.items():
+                _set(sim, path, value)
+        else:
+            sim.seed = self.seed + run.index
+        draws = {path: FieldPath(sim, path).value() for path in self.dispersed if path not in self.fixed}
+        board = Board(self.target.board, self.programs[run.scenario])
+        board.fly(sim, self.tables[run.scenario], part.process)
+        board.in_flight.script = [(one.t, one.packet) for one in part.script]
+        found = _Watch(self, part, board, run, job, draws).fly(job.duration)
+        memory = Memory(board)
+        low, high = map(board.address, ("leon3_stack", "leon3_stack_end"))
+        return found, memory.stack(), high - low, memory.heap()
+
+    def search(self, runs: int, jobs: int | None = None, progress: Callable[[int], Any] = lambda done: None) -> Found:
+        """Fly so many runs."""
+        import numpy as np
+
+        if runs < 1:
+            raise SetupError(f"runs must be >= 1, found {runs}")
+        jobs = len(os.sched_getaffinity(0)) if jobs is None else jobs
+        found, random = Found({}, 0, 0, 0, 0), np.random.default_rng(self.seed)
+        origin: dict[tuple[str, str], Run] = {}     # of each longest path
+        free = [path for path in self.dispersed if path not in self.fixed]
+        seen: dict[str, list[float]] = {path: [] for path in free}
+
+        def local(n: int) -> Iterator[Run]:
+            hardest = sorted(found.longest, key=lambda key: found.longest[key].margin)
+            for k in range(n):
+                best, one = origin[hardest[k % len(hardest)]], found.longest[hardest[k % len(hardest)]]
+                some = map(str, random.permutation(free)[:max(1, len(free) // 2)]) if free else ()
+                changed = {path: float(np.clip(one.draws[path] + STEP * np.std(seen[path]) * random.standard_normal(),
+                                               min(seen[path]), max(seen[path]))) for path in some}
+                yield Run(best.scenario, best.index if free else runs + k, {**best.changed, **changed})
+
+        drawn = [Run(i % len(self.jobs), i // len(self.jobs)) for i in range((runs + 1) // 2)]
+        left = runs - len(drawn)
+        with _pool(self, jobs) as fly:
+            for batch in (lambda: drawn, lambda: list(local((left + 1) // 2)), lambda: list(local(left // 2))):
+                flown = batch()
+                for run, (paths, stack, size, heap) in zip(flown, fly(flown)):
+                    found.runs += 1
+                    found.stack, found.heap = max(found.stack, stack), max(found.heap, heap)
+                    found.stack_size = max(found.stack_size, size)
+                    for key, one in paths.items():
+                        for path in free if key[0] == TICK else ():
+                            seen[path].append(one.draws[path])
+                        if key not in found.longest or one.cycles > found.longest[key].cycles:
+                            found.longest[key], origin[key] = one, run
+                    progress(found.runs)
+        return found
+
+
+class _Watch:
+    """The tasks of a flight on a board, as they begin and end."""
+
+    def __init__(self, search: Search, part: Part, board: Any, run: Run, job: Job, draws: dict[str, float]) -> None:
+        self.search, self.part, self.board, self.draws = search, part, board, draws
+        self.run, self.job = run, job
+        self.found: dict[tuple[str, str], Longest] = {}
+        self.begins = {}
+        for task in part.mission.tasks:
+            names = [name for name in board.core.symbols() if name.partition(".")[0] == f"run_{task.name}"]
+            if not names:
+                raise Failure(f"the compiler has left no function of the task {task.title}")
+            self.begins[board.address(names[0])] = task
+        self.ends: dict[int, Any] = {}
+        self.begun: tuple[Any, int] | None = None
+        self.t = -1
+
+    def fly(self, duration: float) -> dict[tuple[str, str], Longest]:
+        """Fly for a time [s]; returns the longest path of each task in each mode."""
+        board = self.board
+        flight, link, period = board.in_flight, board._link, self.part.step()
+        tick = flight.tick
+        for place in self.begins:
+            board.breakpoint(place)
+        board.on_stop = self._stopped
+
+        def counted(t: int) -> bool:
+            self.t = t
+            before, mode = link.cycles, self._mode() if t >= 0 else ""
+            answered = tick(t)
+            if t > 0:       # the first one also begins the record
+                self._keep(TICK, mode, period, link.cycles - before, [])
+            return answered
+
+        flight.tick = counted
+        board.sim.run(until=duration, progress=False)
+        return self.found
+
+    def _mode(self):
+        if self.search.mode_at is None or not self.board._link.ticks:
+            return ""
+        mission = self.part.mission
+        index = int.from_bytes(self.board.peek(self.board._link.mission() + self.search.mode_at, 4), "big")
+        return mission.mode_titles[mission.modes[index]] if index < len(mission.modes) else ""
+
+    def _stopped(self, reason):
+        core = self.board.core
+        registers = core.registers()
+        place = registers["%pc"]
+        if self.begun and self.ends.get(place) is self.begun[0]:
+            task, cycles = self.begun
+            self.begun = None
+            self._keep(task.title, self._mode(), task.period, core.cycles - cycles, task.run)
+        if place in self.begins:
+            after = registers["%o7"] + 8
+            if after not in self.ends:
+                self.ends[after] = self.begins[place]
+                self.board.breakpoint(after)
+            self.begun = self.begins[place], core.cycles
+
+    def _keep(self, task, mode, period, cycles, modules):
+        key = task, mode
+        if self.t <= 0 or key in self.found and self.found[key].cycles >= cycles:
+            return
+        self.found[key] = Longest(
+            task, mode, period / 1e9, cycles / self.search.clock, cycles, self.run.index, self.job.scenario,
+            self.search.seed, self.t / 1e9, self.draws, {path: numbers for one in modules
+                                                         for path, numbers in self._inputs(one.name)})
+
+    def _inputs(self, module):
+        """(path, numbers) of each field that a module has read."""
+        process = self.part.process
+        instance = self.board.sim.process(process).instances.get(module)
+        variable = self.board.in_flight.modules._found.get(module)
+        for port in objects.struct(instance).fields if instance is not None and variable is not None else ():
+            if port.group == "in" and port.type == "struct":
+                message = getattr(variable, port.name)
+                for one in port.struct.fields:
+                    if not one.spare and one.type not in ("struct", "char") and not port.shape:
+                        value = getattr(message, one.name)
+                        yield (f"{process}.{module}.{port.name}.{one.name}",
+                               value.tolist() if hasattr(value, "tolist") else value)
+
+
+def _set(sim, path, value):
+    """Set one number of a parameter, an initial state or an array."""
+    import numpy as np
+
+    target = FieldPath(sim, path)
+    before = getattr(target.holder, target.field.name)
+    if target.field.type.startswith("f"):
+        whole, element = np.array(before, float), target.elements[0]
+        whole.flat[element] = value
+        if "inertia" in target.field.rule:      # symmetric: of these the upper triangle is drawn
+            whole.flat[element - element % 9 + element % 3 * 3 + element % 9 // 3] = value
+        setattr(target.holder, target.field.name, whole if whole.shape else float(whole))
+
+
+def _mode_place(part: Part) -> int:
+    """[bytes] Where the mode in force lies in the mission's memory, the same on all computers."""
+    text = (f'#include "{part.mission.name}.h"\n#include <stddef.h>\n'
+            f"const unsigned fledge_mode_place = offsetof({part.mission.struct()}, mode.current);\n")
+    part.written     # the header
+    folder = part.folder / "timing_mode"
+    folder.mkdir(parents=True, exist_ok=True)
+    source = (folder / "mode.c").resolve()
+    source.write_text(text, encoding="utf-8")
+    library = build.program(folder, "mode.so", [source], part.includes(), flags=["-fPIC"], link=["-shared"],
+                            entry="fledge_mode_place")
+    return int(ctypes.c_uint.in_dll(ctypes.CDLL(str(library.resolve())), "fledge_mode_place").value)
+
+
+_search: Any = None     # of this process' children, which begin as copies of it
+
+
+class _pool:
+    """Flies runs in processes, which are copies of this one; gives what they found in their order."""
+
+    def __init__(self, search: Search, jobs: int) -> None:
+        global _search
+        _search = search
+        if jobs < 1:
+            raise SetupError(f"jobs must be >= 1, found {jobs}")
+        self.pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("fork"))
+
+    def __enter__(self) -> Callable[[Sequence[Run]], Iterator[Any]]:
+        return lambda runs: self.pool.map(_fly, runs)
+
+    def __exit__(self, *_):
+        self.pool.shutdown(cancel_futures=True)
+
+
+def _fly(run):
+    try:
+        return _search.fly(run)
+    except SetupError:
+        if not run.changed:
+            raise
+        return {}, 0, 1, 0      # what was changed together makes no sense together, as some inertias
+
+
+# --- reports ---------------------------------------------------------------------------------------
+
+def text(found: Found) -> list[str]:
+    """Lines: the margin of each task in each mode, the least first; then stack and heap."""
+    rows = [("task", "mode", "period", "longest", "margin", "run", "at", "scenario")]
+    rows += [(one.task, one.mode or "-", f"{1e3 * one.period:g} ms", f"{1e6 * one.time:,.1f} us", f"{one.margin:.3f} %",
+              str(one.run), f"{one.t:g} s", one.scenario)
+             for one in sorted(found.longest.values(), key=lambda one: one.margin)]
+    return [*columns(rows, right={2, 3, 4, 5, 6}, indent="  "),
+            f"  stack    {found.stack:,} of {found.stack_size:,} bytes were used, "
+            f"{100 * (1 - found.stack / found.stack_size):.1f} % are left",
+            f"  heap     {found.heap:,} bytes"]
+
+
+def as_csv(found: Found) -> str:
+    """A line for each task and mode."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["task", "mode", "period [s]", "longest [s]", "longest [cycles]", "margin [%]", "scenario", "seed",
+                     "run", "at [s]"])
+    for one in found.longest.values():
+        writer.writerow([one.task, one.mode, one.period, repr(one.time), one.cycles, f"{one.margin:.6f}", one.scenario,
+                         one.seed, one.run, one.t])
+    return out.getvalue()
+
+
+def as_json(found: Found) -> str:
+    """The same with the draws and inputs of each."""
+    from dataclasses import asdict
+
+    return json.dumps({"runs": found.runs, "stack": found.stack, "stack_size": found.stack_size, "heap": found.heap,
+                       "longest": [{**asdict(one), "margin": one.margin} for one in found.longest.values()]},
+                      indent=1) + "\n"
