@@ -133,6 +133,10 @@ def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
     assert follow("sensors.md", Shell(tmp_path)) == 7
 
 
+def test_faults_versions_and_the_time_of_tasks(tmp_path):
+    assert follow("fault-analysis.md", Shell(tmp_path)) == 5
+
+
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 6
 
