@@ -198,9 +198,14 @@ def _kind(signal):
     return f"{signal.shape or 'a number'} in {signal.unit or '-'}"
 
 
+def shown_in(unit: str, value: float) -> tuple[str, float]:
+    """(unit, factor) in which people read a number in SI."""
+    return SHOWN.get(unit, (unit, 1.0)) if abs(value) < 10 else (unit, 1.0)
+
+
 def number_text(value: float, unit: str) -> str:
     """A number in SI as people read it: "0.5 deg"; what turns fast stays in rad/s."""
-    shown, factor = SHOWN.get(unit, (unit, 1.0)) if abs(value) < 10 else (unit, 1.0)
+    shown, factor = shown_in(unit, value)
     return f"{value * factor:.6g}{unit_after(shown)}"
 
 

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from fledge.objects.si import short_name
-from fledge.requirements.formula import SHOWN
+from fledge.requirements.formula import shown_in
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,7 +31,7 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
     if not len(time):
         return ""
     signal = comparison.signal
-    unit, scale = SHOWN.get(comparison.unit, (comparison.unit, 1.0))
+    unit, scale = shown_in(comparison.unit, comparison.limit)
     limit, values = scale * comparison.limit, scale * np.asarray(values, float)
     name, factor = time_unit(float(time[-1]))
     with style.context(STYLE), rc_context({"svg.fonttype": "none", "svg.hashsalt": "fledge"}):

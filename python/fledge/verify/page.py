@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from fledge.report.numbers import number, unit
 from fledge.report.run import templates, versions
-from fledge.requirements.formula import SHOWN
+from fledge.requirements.formula import shown_in
 from fledge.requirements.judge import HOLDS
 from fledge.verify import coverage, evidence
 from fledge.verify.evidence import Row
@@ -65,7 +65,7 @@ def margin(shown: Shown) -> Markup:
         return Markup("\N{EN DASH}")
     if not shown.unit:
         return Markup("{} % of the limit").format(number(100 * shown.margin, 3))
-    name, factor = SHOWN.get(shown.unit, (shown.unit, 1.0))
+    name, factor = shown_in(shown.unit, shown.margin)
     text = Markup(Markup("{} {}").format(number(shown.margin * factor, 4), unit(name)).strip())
     if shown.limit and shown.verdict == HOLDS:
         return text + Markup('<br><small class="aside">{:.3g} % of the limit</small>').format(
