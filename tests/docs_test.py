@@ -129,6 +129,11 @@ def test_a_mission_is_verified(tmp_path):
     assert (tmp_path / "verification/nadir_spin/report.html").stat().st_size > 20_000
 
 
+def test_a_search_finds_a_run_that_fails(tmp_path):
+    assert follow("falsification.md", Shell(tmp_path)) == 1
+    assert "keeps_sun_1(sim)" in (tmp_path / "runs/sun_safe/falsify/SUN-1/keeps_sun_1.py").read_text()
+
+
 def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
     assert follow("sensors.md", Shell(tmp_path)) == 7
 
