@@ -18,10 +18,10 @@ sys.path[:] = [*(path for path in sys.path if path not in ("", os.getcwd())), *F
 # The programs that tests start.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), *FOLDERS]))
 
-# Tests of the launcher, of documents, of generated sources, of programs of targets, of pages in a browser, and of Python
-# that flies what other tests fly: the sanitizers look into none of these. And the tests of Dask, which leave threads
-# behind: if a thread holds the lock of the sanitizer's allocator while the test forks, the child waits for that lock
-# forever.
+# Tests of the launcher, of documents, of generated sources, of programs of targets, of pages in a browser, and of
+# Python that flies what other tests fly: the sanitizers look into none of these. And the tests of Dask, which leave
+# threads behind: if a thread holds the lock of the sanitizer's allocator while the test forks, the child waits for that
+# lock forever.
 IN_RELEASE = [ROOT / path for path in (
     "bench/mutants_test.py", "introspect", "python/fledge/analysis", "python/fledge/export", "python/fledge/falsify",
     "python/fledge/montecarlo/scheduler_test.py", "python/fledge/scene", "python/fledge/targets",

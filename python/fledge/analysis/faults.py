@@ -664,7 +664,7 @@ def _judge(found, baseline, seen, begin):
             never.discard(key[0])
             away.append(times[wrong[-1]] if wrong[-1] < n - 1 else math.inf)
     if not never and max(away) < math.inf and all(stays[-1:] and stays[-1][1] == baseline.modes[process][-1][1]
-                                    for process, stays in seen.modes.items()):
+                                                  for process, stays in seen.modes.items()):
         found.back = float(max(away)) - begin
 
 

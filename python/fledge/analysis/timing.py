@@ -99,7 +99,7 @@ class Search:
     def __init__(self, mission: str, scenarios: Sequence[str | None] = (None,), campaign: str | None = None,
                  duration: float | None = None, seed: int = 0, process: str | None = None,
                  folder: Path | str | None = None, **parameters: Any) -> None:
-        target, = TARGETS.ready(["leon3"], "profile")
+        target: Any = TARGETS.ready(["leon3"], "profile")[0]
         self.target, self.seed = target, seed
         self.jobs = [Job(mission, one, duration, seed, folder=folder, parameters=parameters) for one in scenarios]
         if process is None and len(self.jobs[0].parts) > 1:
