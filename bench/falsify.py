@@ -33,9 +33,8 @@ from bench.mutants import ROOT, Mutant, drawn, mutants_of
 
 NEEDS = ["unit"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
-# What holds without a change, by 3,000 runs of the search: (campaign, requirement).
-QUESTIONS = [("tumbles", "SUN-1"), ("tumbles", "SUN-3"), ("stuck", "SUN-1"), ("stuck", "SUN-3")]
-EASY = 10               # runs: what is found by so few is no case for a search
+QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
+EASY = 5                # runs: what is found by so few is no case for a search
 SCREENING = 150         # runs of each search for each question
 LIMIT = 1800.0          # [s] of a program that flies
 
@@ -109,13 +108,19 @@ def stuck(d: Any) -> None:
 
 
 def answer(question: dict[str, Any]) -> Any:
-    """Whether the scenarios pass, if no seeds are asked; else for each seed the runs that search() and random_search()
-    needed to the first violation, None where they found none."""
+    """Without a question: whether the scenarios pass, and the requirement that a search finds violated, None if it was
+    none, or an easy one. Of a requirement: for each seed the runs that search() and random_search() needed to the first
+    violation, None where they found none."""
     import fledge
     from fledge.falsify import Flights, random_search, search
     from fledge.requirements import Requirements
 
-    if "seeds" not in question:
+    def first(method, requirement, runs, seed):
+        flights = Flights("sun_safe", requirement, stuck, seed=seed)
+        found = method(flights, flights.space, runs, seed, first=True).first
+        return None if found is None else found + 1
+
+    if not question:
         for name in ("safe", "blind"):
             sim = fledge.load("sun_safe")
             sim.plots = False
@@ -124,18 +129,15 @@ def answer(question: dict[str, Any]) -> Any:
             assert sim.mission
             sim.mission.scenarios[name](sim)
             if any(one.verdict == "violated" for one in watch.outcomes()):
-                return False
-        return True
-    campaign = stuck if question["campaign"] == "stuck" else question["campaign"]
-    found = []
-    for seed in question["seeds"]:
-        pair = []
-        for method in (search, random_search):
-            flights = Flights("sun_safe", question["requirement"], campaign, seed=seed)
-            first = method(flights, flights.space, question["runs"], seed, first=True).first
-            pair.append(None if first is None else first + 1)
-        found.append(pair)
-    return found
+                return False, None
+        for requirement in QUESTIONS:
+            for method in (search, random_search):
+                n = first(method, requirement, SCREENING, 0)
+                if n:
+                    return True, requirement if n > EASY else None
+        return True, None
+    return [[first(method, question["requirement"], question["runs"], seed) for method in (search, random_search)]
+            for seed in question["seeds"]]
 
 
 # --- the study -------------------------------------------------------------------------------------
@@ -156,36 +158,23 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
         for k, mutant in enumerate(order):
             folder = Path(name) / str(k)
             folder.mkdir()
-            why = extension.make(mutant, folder) or ("" if ask(folder) else "scenarios fail")
-            question = None if why else _found(folder)
-            if question is None:
-                seen[why or "not found"] += 1
-                continue
+            why = extension.make(mutant, folder)
+            passes, requirement = (False, None) if why else ask(folder) or (False, None)
             begun = time.monotonic()
-            found = ask(folder, **question, seeds=list(range(1, seeds + 1)), runs=runs)
-            if found is None:
-                seen["not found"] += 1
+            found = requirement and ask(folder, requirement=requirement, seeds=list(range(1, seeds + 1)), runs=runs)
+            if not found:
+                seen[why or ("not found" if passes else "scenarios fail")] += 1
                 continue
             before, after = mutant.lines()
             ours, theirs = needed(found, runs)
-            rows.append({"file": mutant.file, "line": mutant.line(), "before": before, "after": after, **question,
-                         "needed": found, "ours": ours, "theirs": theirs, "ratio": theirs / ours,
+            rows.append({"file": mutant.file, "line": mutant.line(), "before": before, "after": after,
+                         "requirement": requirement, "needed": found, "ours": ours, "theirs": theirs, "ratio": theirs / ours,
                          "missed": [sum(pair[i] is None for pair in found) for i in (0, 1)],
                          "seconds": time.monotonic() - begun})
             tell(rows)
             if len(rows) == count:
                 break
     return [*rows, seen]
-
-
-def _found(folder):
-    """The first question that a search answers by a violation; None if it is an easy one."""
-    for campaign, requirement in QUESTIONS:
-        found = ask(folder, campaign=campaign, requirement=requirement, seeds=[0], runs=SCREENING)
-        if found and any(found[0]):
-            easy = min(filter(None, found[0])) <= EASY
-            return None if easy else {"campaign": campaign, "requirement": requirement}
-    return None
 
 
 def main(arguments: list[str]) -> int:
@@ -217,7 +206,7 @@ def main(arguments: list[str]) -> int:
 
 
 def said(row: dict[str, Any]) -> list[str]:
-    return [f"{row['file']}:{row['line']}, {row['campaign']}, {row['requirement']}, {row['seconds']:.3g} s: "
+    return [f"{row['file']}:{row['line']}, {row['requirement']}, {row['seconds']:.3g} s: "
             f"{row['ours']:g} runs of the search, {row['theirs']:g} draws",
             f"    {row['before']}", f"    {row['after']}"]
 

@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 Margins = Callable[[Array], Array]      # (runs, columns) numbers of a Space -> (runs,) margins, NaN where unknown
 
 DRAWS, CROSS_ENTROPY, EVOLUTION = 0.15, 0.4, 0.85   # of the budget are spent when a stage ends
-ELITE, SMOOTH = 0.15, 0.7           # of a generation; how far its distribution goes to that of its elite
+ELITE, SMOOTH = 0.2, 0.7            # of a generation; how far its distribution goes to that of its elite
+NEW = 0.2                           # of a generation are draws of the campaign: the least margins may mislead
 NO_MARGIN = 1e30                    # of runs that say nothing
 
 
@@ -84,7 +85,7 @@ class _Search:
         self.tried = Tried(np.empty((0, space.n)), np.empty(0))
         self.u, self.g = np.empty((0, space.n)), np.empty(0)
         self.end = runs
-        self.generation = int(np.clip(runs // 25, 10, max(20, 4 * space.n)))
+        self.generation = int(np.clip(runs // 20, 15, 60))
         # Mean and standard deviation of the cross-entropy, and the shares of each choice.
         self._normal: Any = None
 
@@ -143,6 +144,8 @@ class _Search:
         for k, share in shares.items():
             drawn = self.random.choice(len(share), self.generation, p=share)
             u[:, k] = (drawn + self.random.random(self.generation)) / len(share)
+        new = self.random.random(self.generation) < NEW
+        u[new] = self.random.random((int(new.sum()), n))
         begin = len(self.u)
         self.fly(u)
         self._follow(slice(begin, None))
@@ -152,7 +155,7 @@ class _Search:
     def _follow(self, part):
         """Move the distribution of the cross-entropy to the elite of some runs."""
         mean, std, shares = self._normal
-        order = np.argsort(self.g[part], kind="stable")[:max(3, round(ELITE * len(self.g[part])))]
+        order = np.argsort(self.g[part], kind="stable")[:max(4, round(ELITE * len(self.g[part])))]
         elite = self.u[part][order]
         z = ndtri(np.clip(elite, 1e-12, 1 - 1e-12))
         mean += SMOOTH * (z.mean(axis=0) - mean)
