@@ -85,8 +85,7 @@ class Extension:
 
 def ask(folder: Path, **question: Any) -> Any:
     """What a program with the extension of a folder answers to answer(); None if it fails or takes too long."""
-    paths = [str(folder), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*paths, str(ROOT)])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])}
     try:
         done = subprocess.run([sys.executable, "-P", "-m", "bench.falsify", json.dumps(question)], env=environment,
                               cwd=folder, capture_output=True, text=True, timeout=LIMIT)

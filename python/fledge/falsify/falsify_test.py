@@ -113,7 +113,7 @@ def test_a_scenario_repeats_faults_orbits_and_inertias(tumbler):
 
 def test_its_probability_is_that_of_the_draws(tumbler):
     flights = Flights(tumbler, "R-4", seed=1)
-    found = probability(flights.repetition, flights.space, 400, 4, seed=1)
+    found = probability(flights.repetition, flights.space, 300, 4, seed=1)
     p = norm.sf(4.9)
     assert found.low < p < found.high < 10 * p and found.runs < 0.01 / p and flights.flown == found.runs
 

@@ -85,7 +85,7 @@ class _Search:
         self.tried = Tried(np.empty((0, space.n)), np.empty(0))
         self.u, self.g = np.empty((0, space.n)), np.empty(0)
         self.end = runs
-        self.generation = int(np.clip(runs // 20, 15, 60))
+        self.generation = int(np.clip(runs // 40, 15, 60))
         # Mean and standard deviation of the cross-entropy, and the shares of each choice.
         self._normal: Any = None
 
