@@ -152,7 +152,7 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
     """The first `count` mutants that the scenarios pass and a search finds, with what both searches needed; and how
     many were not taken. tell(rows) is called after each."""
     rows: list[dict[str, Any]] = []
-    seen = dict.fromkeys(["not compiled", "equivalent", "scenarios fail", "not found"], 0)
+    seen = dict.fromkeys(["not compiled", "equivalent", "scenarios fail", "not found", "alike"], 0)
     with tempfile.TemporaryDirectory() as name:
         for k, mutant in enumerate(order):
             folder = Path(name) / str(k)
@@ -164,10 +164,14 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
             if not found:
                 seen[why or ("not found" if passes else "scenarios fail")] += 1
                 continue
+            if any(found == row["needed"] for row in rows):     # it does the same as another
+                seen["alike"] += 1
+                continue
             before, after = mutant.lines()
             ours, theirs = needed(found, runs)
             rows.append({"file": mutant.file, "line": mutant.line(), "before": before, "after": after,
-                         "requirement": requirement, "needed": found, "ours": ours, "theirs": theirs, "ratio": theirs / ours,
+                         "requirement": requirement, "needed": found, "ours": ours, "theirs": theirs,
+                         "ratio": theirs / ours,
                          "missed": [sum(pair[i] is None for pair in found) for i in (0, 1)],
                          "seconds": time.monotonic() - begun})
             tell(rows)

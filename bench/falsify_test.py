@@ -33,7 +33,8 @@ def test_changes_that_are_no_planted_bugs_are_counted(extension):
     refused = mutant(file, "return vec_scale(fm_tan(0.25 * angle), e);", "return 0;")
     same = noticed._replace(change=Change(0, 0, ""))
     assert falsify.study(extension, [noticed, refused, same], 1, 1, 100) == [
-        {"not compiled": 1, "equivalent": 1, "scenarios fail": 1, "not found": 0}]
+        {"not compiled": 1, "equivalent": 1, "scenarios fail": 1, "not found": 0,
+         "alike": 0}]
 
 
 def test_without_a_change_nothing_is_found(tmp_path):
