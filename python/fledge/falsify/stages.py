@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 Margins = Callable[[Array], Array]      # (runs, columns) numbers of a Space -> (runs,) margins, NaN where unknown
 
 DRAWS, CROSS_ENTROPY, EVOLUTION = 0.15, 0.4, 0.85   # of the budget are spent when a stage ends
-ELITE, SMOOTH = 0.2, 0.7            # of a generation; how far its distribution goes to that of its elite
-NEW = 0.2                           # of a generation are draws of the campaign: the least margins may mislead
+ELITE, SMOOTH = 0.2, 0.5            # of a generation; how far its distribution goes to that of its elite
+NEW = 0.1                           # of a generation are draws of the campaign: the least margins may mislead
 NO_MARGIN = 1e30                    # of runs that say nothing
 
 
