@@ -186,6 +186,11 @@ def test_chosen_runs_fly_as_drawn_ones(processes):
         assert chosen.retained[path] == pytest.approx(drawn.retained[path], rel=tolerance, abs=tolerance)
 
 
+def test_chosen_runs_are_not_for_other_machines():
+    with pytest.raises(SetupError, match="this machine alone"):
+        Chosen("sun_safe", spread).recipe       # what a scheduler's workers would make of it
+
+
 def test_a_number_that_its_parameter_cannot_have_is_one_run_without_a_margin(tumbler):
     flights = Flights(tumbler, "R-1")
     values = np.tile(flights.space.nominal, (5, 1))

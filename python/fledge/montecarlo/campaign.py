@@ -204,6 +204,10 @@ class Chosen(Campaign):
 
     _values: Mapping[str, Sequence[float]] = {}
 
+    @property
+    def recipe(self) -> tuple[Any, tuple]:
+        raise SetupError("runs with chosen numbers fly on this machine alone, not by a scheduler")
+
     def choose(self, values: Mapping[str, Sequence[float]]) -> None:
         """The numbers of the runs that fly() flies next, as of Dispersions.choose(). Raises SetupError on a number that
         its parameter cannot have."""
