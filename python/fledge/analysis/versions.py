@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from fledge import folders
 from fledge.columns import columns
 from fledge.errors import Failure, SetupError, did_you_mean
-from fledge.files import write_files
+from fledge.files import build_folder, write_files
 from fledge.mission.provenance import GIT, ROOT, identity
 from fledge.montecarlo import Campaign, report
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 RESULTS = ("summary.json", "runs.csv")
 SOURCES = "sources.json"
+REVISION = "revision-"      # begins the name of the folder with its files
 BESIDE = ("docs", "bench", "tests", "runs", "*.md", "*_test.py", "*_test.cpp")  # what no flight depends on
 
 
@@ -253,14 +254,19 @@ def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, P
         raise SetupError(f"--against {against}: there is no such folder, and no such revision in {top}"
                          + did_you_mean(against, known).rstrip(";"))
     beside = [f":(exclude){one}" for one in (inside.parent.as_posix() if len(inside.parts) > 1 else ".", *BESIDE)]
-    same = not _builds(Path(top)) or subprocess.run(
-        [*GIT, "-C", top, "diff", "--quiet", revision, "--", ".", *beside], check=False).returncode == 0
-    tree = scratch.resolve() / f"revision-{revision[:12]}"
+    same = not _builds(Path(top)) or not _differ(top, revision, beside)
+    tree = scratch.resolve() / f"{REVISION}{revision[:12]}"
     if not tree.exists():
         _extract(top, revision, [inside.parent.as_posix()] if same and len(inside.parts) > 1 else ["."], tree)
     if not folders.is_mission(tree / inside):
         raise SetupError(f"--against {against}: the mission {inside} is not there")
     return (None if same else tree), tree / inside
+
+
+def _differ(top, revision, beside):
+    """Whether the files of a repository differ from those of a revision, but for some."""
+    done = subprocess.run([*GIT, "-C", top, "diff", "--quiet", revision, "--", ".", *beside], check=False)
+    return done.returncode != 0
 
 
 def _builds(tree):
@@ -295,13 +301,19 @@ def _git(folder: Path, *words: str) -> str:
 def _by_launcher(tree: Path, mission: Path, campaign: str, runs: int, seed: int, folder: Path,
                  threads: int | None) -> Kept:
     """Have another tree build and fly the campaign."""
-    own = (tree / "fledge").is_file()
-    launcher = [str(tree / "fledge")] if own else [str(ROOT / "fledge"), "--project", str(tree)]
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "FLEDGE_PROJECT")}
+    launcher = [str(tree / "fledge")] if (tree / "fledge").is_file() else [str(ROOT / "fledge"), "--project", str(tree)]
+    revision = tree.name.removeprefix(REVISION)
+    if revision != tree.name and (tree / "fledge").is_file() and not _differ(str(ROOT), revision, [
+            f":(exclude){one}" for one in ("missions", "python/fledge/**.py", *BESIDE)]):
+        # Nothing that is compiled differs: its Python takes the extension of this build.
+        launcher = [sys.executable, "-P", str(tree / "python/fledge/cli/__main__.py")]
+        environment["PYTHONPATH"] = os.pathsep.join(map(str, (tree / "python", tree, build_folder() / "python")))
     words = [*launcher, "montecarlo", str(mission), campaign, "--runs", str(runs), "--seed", str(seed), "--out",
              str(folder.resolve()), *(["--threads", str(threads)] if threads else [])]
-    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "FLEDGE_PROJECT")}
     done = subprocess.run(words, env=environment, stdout=subprocess.DEVNULL, stderr=sys.stderr, check=False)
     if done.returncode not in (0, 1):
         raise Failure(f"versions: {' '.join(words)} ended with {done.returncode}", 1)
-    (folder / SOURCES).write_text(json.dumps({"tree": str(tree)}) + "\n", encoding="utf-8")
+    sources = {"fledge": revision if revision != tree.name else str(tree)}
+    (folder / SOURCES).write_text(json.dumps(sources) + "\n", encoding="utf-8")
     return Kept(folder)
