@@ -88,8 +88,8 @@ class Flight:
     the scenario; "unknown": one cannot be judged; "failed": the run did not come to its end
     detected, by: when flight first said that something is wrong, and how
     isolated, as_: when it took a unit that has the fault out of use; wrongly: units without a fault that it took out
-    back: when flight was back for good: in the modes of the undisturbed flight, and within the requirements; None: it
-    was not by the end. 0: it never left
+    back: when flight was back for good: in the modes of the undisturbed flight, and with each comparison of a violated
+    requirement true that is true there; None: it was not by the end. 0: it never left
     ends: the mode at the end; violated, unknown: requirement -> its margin in words; least: of those that hold, the one
     that lost most: (requirement, share of the undisturbed margin that is left, the margin in words)
     text: the check or the error that ended it; off, off_end: [deg] from the attitude of the undisturbed flight, at most
@@ -660,7 +660,7 @@ def _judge(found, baseline, seen, begin):
     for key, (times, held) in seen.traces.items():
         n = min(len(times), len(baseline.traces[key][0]))
         wrong = (~held[:n] & baseline.traces[key][1][:n] & (times[:n] >= begin)).nonzero()[0]
-        if len(wrong):
+        if key[0] in found.violated and len(wrong):
             never.discard(key[0])
             away.append(times[wrong[-1]] if wrong[-1] < n - 1 else math.inf)
     if not never and max(away) < math.inf and all(stays[-1:] and stays[-1][1] == baseline.modes[process][-1][1]
