@@ -5,12 +5,13 @@ from .vehicle import PLACE
 
 
 def matrix(m):
-    """The units by their places in flight's table; single wheels and thrusters too."""
+    """The units by their places in flight's table; faults of a single wheel too."""
     wheels = sum(1 << PLACE[f"wheel {k}"] for k in range(1, 5))
     arrays = sum(1 << PLACE[f"array {k}"] for k in (1, 2))
     m.isolates("flight.protection.table.faulted", {
         "world.adc_a": 1 << PLACE["converter a"], "world.adc_b": 1 << PLACE["converter b"],
         "world.wheels": wheels, "world.driver": wheels, "world.drive": arrays})
+    m.nominal("FDP-2", "FDP-4", "FDP-5")
     m.detects("flight.protection.table.wrong", "flight.pyramids.status.unresolved")
     for kind in ("HIGH", "LOW", "BABBLE", "DROPOUT", "DEAD"):
         size = {} if kind in ("DROPOUT", "DEAD") else {"size": 0.2}

@@ -16,6 +16,7 @@ A mission may say more in its faults.py, in one function that takes `m`:
         m.without("world.css", "DELAY", "BIAS")                 # not flown; without kinds: none of the unit
         m.detects("flight.sun.status.faulty")                   # flight says here that something is wrong
         m.isolates("flight.sun.status.faulty", {"world.adc_a": 0b01, "world.adc_b": 0b10})
+        m.nominal("FDP-4")                                      # not judged: a requirement for where nothing fails
 """
 
 from __future__ import annotations
@@ -132,6 +133,7 @@ class Matrix:
         self.detecting: list[str] = []
         self.isolating: dict[str, dict[str, int]] = {}
         self.named: dict[str, dict[int, str]] = {}      # path -> what its bits mean, of flight's tables
+        self.left_out: set[str] = set()     # ids of requirements
         self._tables()
         assert sim.mission
         if (sim.mission.folder / FILE).exists():
@@ -189,6 +191,10 @@ class Matrix:
             if not isinstance(bits, int) or bits <= 0:
                 raise SetupError(f"m.isolates({path!r}): {unit}: expected bits, a whole number > 0; found {bits!r}")
         self.isolating[path] = {**self.isolating.get(path, {}), **units}
+
+    def nominal(self, *ids: str) -> None:
+        """Requirements for flights in which nothing fails, as that no unit is isolated: they are not judged here."""
+        self.left_out |= {Requirements(self.simulation).of(id).id for id in ids}
 
     def _number(self, path):
         """Refuse what is no whole number of an output of flight."""
@@ -364,7 +370,7 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
     assert sim.mission
     _, function = chosen(sim, name)
     sim.plots = False
-    watch = _watch(sim, name)
+    watch = _watch(sim, name, matrix.left_out)
     _on_the_way(sim, list(stops), then)
     problem, failed = "", ""
     try:
@@ -383,10 +389,10 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
                  _traces(watch) if watch and not failed else {})
 
 
-def _watch(sim, name):
+def _watch(sim, name, left_out):
     """Judge the requirements that a scenario shows while it flies; None: there are none."""
     requirements = Requirements(sim)
-    found = [one.id for one in requirements.for_scenario(name)]
+    found = [one.id for one in requirements.for_scenario(name) if one.id not in left_out]
     return requirements.watch(found, traces=True) if found else None
 
 

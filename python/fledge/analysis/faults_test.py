@@ -168,6 +168,7 @@ def test_wrong_words_are_refused(mission, tmp_path, capsys, words, wrong):
     ('m.detects("world.craft.state.sigma_BN")', "world.craft.state.sigma_BN is no output of flight"),
     ('m.detects("flight.safe.error.sigma_BR")', "expected a whole number"),
     ('m.isolates("flight.sun.status.faulty", {"world.adc_a": 0})', "expected bits"),
+    ('m.nominal("SUN-2")', "there is no requirement 'SUN-2'; did you mean 'SUN-1'?"),
     ('m.begins = 1', "did you mean 'begin'?")])
 def test_a_wrong_line_of_the_mission_is_named(mission, tmp_path, capsys, line, wrong):
     folder = shutil.copytree(mission, tmp_path / "wrong")
@@ -175,6 +176,14 @@ def test_a_wrong_line_of_the_mission_is_named(mission, tmp_path, capsys, line, w
     assert cli.main(["faults", str(folder), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert wrong in said and "faults.py, line 2" in said
+
+
+def test_a_requirement_for_flights_without_a_fault_is_left_out(mission):
+    matrix = Matrix(mission)
+    matrix.nominal("SUN-1")
+    fault = Fault("world.gyro", "DEAD")
+    left, judged = [fly(one, faults=[fault], begin=[200 * s])[0] for one in (matrix, Matrix(mission))]
+    assert (left.effect, judged.effect) == ("tolerated", "violated") and left.off == judged.off > 0
 
 
 def test_a_fault_that_its_model_refuses_is_named(mission):
