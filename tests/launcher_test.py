@@ -790,7 +790,7 @@ def complete(request, tmp_path):
 def test_the_shell_completes_commands_and_their_arguments(complete):
     assert complete("fledge ") == sorted([*COMMANDS, "help"]) == complete("fledge help ")
     assert complete("fledge mo") == ["montecarlo"]
-    assert complete("fledge run --s") == ["--seed", "--set", "--strict"]
+    assert complete("fledge run --s") == ["--seed", "--set", "--stop", "--strict"]
     assert complete("fledge setup --o") == complete("fledge --preset debug setup --o") == ["--on"]
     assert complete("fledge setup --v") == ["--view"]       # of the second line of its usage
     assert complete("fledge --preset r") == complete("fledge test --preset r") == ["release"]
