@@ -29,6 +29,7 @@ import os
 import pickle
 import select
 import signal
+import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -473,7 +474,7 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
                     name, _mode_at(baseline, ns / 1e9), ns / 1e9, faults, "failed",
                     text=f"the process that flew it ended with {os.waitstatus_to_exitcode(status)}")
                 if isinstance(found[index], str):
-                    raise _Done(f"{' and '.join(map(str, faults))}: {found[index]}")
+                    raise _Done(SetupError(f"{' and '.join(map(str, faults))}: {found[index]}"))
                 done += 1
                 progress(done, len(tasks))
 
@@ -497,9 +498,15 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
         if at == stops[-1]:
             raise _Done
 
+    def careful(sim, at):
+        try:
+            branch(sim, at)
+        except KeyboardInterrupt:
+            raise _Done(KeyboardInterrupt()) from None      # which a script of the ground would take for its own
+
     stops = sorted({max(0, ns - LEAD) for ns, _ in tasks})
     try:
-        seen = _flight(matrix, name, stops, branch)
+        seen = _flight(matrix, name, stops, careful)
         if mine:
             index, pipe = mine
             ns, faults = tasks[index]
@@ -509,11 +516,12 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
             os._exit(0)
     except _Done as end:
         if end.args:
-            raise SetupError(*end.args) from None
+            raise end.args[0] from None
         return found
     finally:
         if mine:
-            traceback.print_exc()
+            if not isinstance(sys.exc_info()[1], KeyboardInterrupt):    # the parent tells of that
+                traceback.print_exc()
             os._exit(1)
         for pipe, (_, child, _) in flying.items():
             os.kill(child, signal.SIGTERM)
