@@ -6,8 +6,8 @@
 
 Changes of one operator, constant, condition, returned value or statement are drawn of the flight modules of sun_safe
 (bench/mutation.py). Each is compiled into an extension of its own. A change is taken if both scenarios pass with it,
-and if one of the searches, which screen it with SCREENING runs each, finds a run of a campaign that violates a
-requirement which holds without the change, and neither does so by its first EASY runs. Then both look for it again with
+and if one of the searches, which screen it with --screening runs each, finds a run of a campaign that violates a
+requirement which holds without the change, but not by its first --easy runs. Then both look for it again with
 --seeds seeds: how many runs each needs to the first violation, at most --runs, which is also what counts for one that
 finds none.
 """
@@ -35,7 +35,7 @@ NEEDS = ["unit"]
 MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight/guidance/sun_safe.c"]
 QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
 EASY = 5                # runs: what is found by so few is no case for a search
-SCREENING = 150         # runs of each search for each question
+SCREENING = 150         # runs of each search for each requirement
 LIMIT = 1800.0          # [s] of a program that flies
 
 
@@ -107,9 +107,9 @@ def stuck(d: Any) -> None:
 
 
 def answer(question: dict[str, Any]) -> Any:
-    """Without a question: whether the scenarios pass, and the requirement that a search finds violated, None if it was
-    none, or an easy one. Of a requirement: for each seed the runs that search() and random_search() needed to the first
-    violation, None where they found none."""
+    """Without a requirement: whether the scenarios pass, and the requirement that a search finds violated by
+    `screening` runs, None if it was none, or found by the first `easy` ones. Of a requirement: for each seed the runs
+    that search() and random_search() needed to the first violation, None where they found none."""
     import fledge
     from fledge.falsify import Flights, random_search, search
     from fledge.requirements import Requirements
@@ -119,7 +119,7 @@ def answer(question: dict[str, Any]) -> Any:
         found = method(flights, flights.space, runs, seed, first=True).first
         return None if found is None else found + 1
 
-    if not question:
+    if "requirement" not in question:
         for name in ("safe", "blind"):
             sim = fledge.load("sun_safe")
             sim.plots = False
@@ -131,9 +131,9 @@ def answer(question: dict[str, Any]) -> Any:
                 return False, None
         for requirement in QUESTIONS:
             for method in (search, random_search):
-                n = first(method, requirement, SCREENING, 0)
+                n = first(method, requirement, question["screening"], 0)
                 if n:
-                    return True, requirement if n > EASY else None
+                    return True, requirement if n > question["easy"] else None
         return True, None
     return [[first(method, question["requirement"], question["runs"], seed) for method in (search, random_search)]
             for seed in question["seeds"]]
@@ -147,8 +147,8 @@ def needed(found: list[list[int | None]], runs: int) -> tuple[float, float]:
     return statistics.median(ours), statistics.median(theirs)
 
 
-def study(extension: Extension, order: list[Mutant], count: int, seeds: int, runs: int,
-          tell: Any = lambda _: None) -> list[dict[str, Any]]:
+def study(extension: Extension, order: list[Mutant], count: int, seeds: int, runs: int, easy: int = EASY,
+          screening: int = SCREENING, tell: Any = lambda _: None) -> list[dict[str, Any]]:
     """The first `count` mutants that the scenarios pass and a search finds, with what both searches needed; and how
     many were not taken. tell(rows) is called after each."""
     rows: list[dict[str, Any]] = []
@@ -158,7 +158,8 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
             folder = Path(name) / str(k)
             folder.mkdir()
             why = extension.make(mutant, folder)
-            passes, requirement = (False, None) if why else ask(folder) or (False, None)
+            passes, requirement = (False, None) if why else \
+                ask(folder, easy=easy, screening=screening) or (False, None)
             begun = time.monotonic()
             found = requirement and ask(folder, requirement=requirement, seeds=list(range(1, seeds + 1)), runs=runs)
             if not found:
@@ -187,6 +188,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--mutants", type=int, default=10, help="default: %(default)s")
     parser.add_argument("--seeds", type=int, default=10, help="of each search; default: %(default)s")
     parser.add_argument("--runs", type=int, default=1000, help="at most, of each search; default: %(default)s")
+    parser.add_argument("--easy", type=int, default=EASY, metavar="N", help="leave out what one of the searches finds "
+                        "by its first N runs; default: %(default)s")
+    parser.add_argument("--screening", type=int, default=SCREENING, metavar="N", help="runs of each search that say "
+                        "whether a mutant can be found; default: %(default)s")
     parser.add_argument("--seed", type=int, default=1, help="of the mutants; default: %(default)s")
     parser.add_argument("--json", metavar="FILE", help="write each mutant, too")
     chosen = parser.parse_args(arguments)
@@ -197,7 +202,8 @@ def main(arguments: list[str]) -> int:
         if chosen.json:
             Path(chosen.json).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
-    *rows, seen = study(Extension(), order, chosen.mutants, chosen.seeds, chosen.runs, tell)
+    *rows, seen = study(Extension(), order, chosen.mutants, chosen.seeds, chosen.runs, chosen.easy, chosen.screening,
+                        tell)
     print(*columns([("mutant", "violates", "search", "draws", "ratio", "missed"),
                     *((f"{Path(row['file']).name}:{row['line']}", row["requirement"], f"{row['ours']:g}",
                        f"{row['theirs']:g}", f"{row['ratio']:.2g}", f"{row['missed'][0]}, {row['missed'][1]}")

@@ -38,7 +38,7 @@ def test_changes_that_are_no_planted_bugs_are_counted(extension):
 
 
 def test_without_a_change_nothing_is_found(tmp_path):
-    assert falsify.ask(tmp_path) == [True, None]
+    assert falsify.ask(tmp_path, easy=5, screening=100) == [True, None]
 
 
 def test_what_a_search_needed_counts_all_runs_where_it_found_nothing():
