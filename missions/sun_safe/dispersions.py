@@ -37,3 +37,4 @@ def _released(d):
     d["world.craft.omega_BN_B"] = d.uniform(-3 * deg / s, 3 * deg / s)
     d["world.craft.I_B"]        = d.nominal + d.normal(0, 3 * kg * m**2, low=-9 * kg * m**2, high=9 * kg * m**2)
     d["world.gyro.bias"]        = d.normal(0, 0.02 * deg / s, low=-0.06 * deg / s, high=0.06 * deg / s)
+    d.require("SUN-1", "SUN-2", "SUN-3")
