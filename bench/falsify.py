@@ -36,7 +36,7 @@ MODULES = ["flight/sensing/sun_pyramids.c", "flight/sensing/sun_line.c", "flight
 QUESTIONS = ["SUN-1", "SUN-3"]      # requirements that hold without a change, by 3,000 runs of the search in `stuck`
 EASY = 5                # runs: what is found by so few is no case for a search
 SCREENING = 150         # runs of each search for each requirement
-LIMIT = 1800.0          # [s] of a program that flies
+LIMIT = 60.0            # [s] of the scenarios and the screening: a change may make an endless loop
 
 
 # --- an extension with a change --------------------------------------------------------------------
@@ -83,12 +83,12 @@ class Extension:
         return done
 
 
-def ask(folder: Path, **question: Any) -> Any:
+def ask(folder: Path, limit: float = LIMIT, **question: Any) -> Any:
     """What a program with the extension of a folder answers to answer(); None if it fails or takes too long."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT), *filter(None, sys.path)])}
     try:
         done = subprocess.run([sys.executable, "-P", "-m", "bench.falsify", json.dumps(question)], env=environment,
-                              cwd=folder, capture_output=True, text=True, timeout=LIMIT)
+                              cwd=folder, capture_output=True, text=True, timeout=limit)
         return json.loads(done.stdout) if done.returncode == 0 else None
     except (subprocess.TimeoutExpired, ValueError):
         return None
@@ -161,7 +161,8 @@ def study(extension: Extension, order: list[Mutant], count: int, seeds: int, run
             passes, requirement = (False, None) if why else \
                 ask(folder, easy=easy, screening=screening) or (False, None)
             begun = time.monotonic()
-            found = requirement and ask(folder, requirement=requirement, seeds=list(range(1, seeds + 1)), runs=runs)
+            found = requirement and ask(folder, 30 * LIMIT, requirement=requirement,
+                                        seeds=list(range(1, seeds + 1)), runs=runs)
             if not found:
                 seen[why or ("not found" if passes else "scenarios fail")] += 1
                 continue
