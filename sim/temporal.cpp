@@ -99,8 +99,8 @@ void TemporalMonitor::reset()
         anew.what = node.what;
         anew.parent = node.parent, anew.second = node.second, anew.instant = node.instant, anew.front = node.front;
         switch (node.what.kind) {
-        case FormulaNode::ALWAYS: anew.value = true_now; break;
-        case FormulaNode::EVENTUALLY: anew.value = true_now; break; // of its negation
+        case FormulaNode::ALWAYS:
+        case FormulaNode::EVENTUALLY: anew.value = true_now; break; // of the negation
         case FormulaNode::UNTIL: anew.value = false_now, anew.before = true_now; break;
         case FormulaNode::ONCE: anew.value = false_now; break;
         default: break;

@@ -60,7 +60,8 @@ def any_attitude(d):
 def here(tmp_path, monkeypatch):
     """A folder with nadir_spin, which begins at rest, points after a minute, and never comes to its third mode."""
     folder = tmp_path / "missions" / "modal"
-    shutil.copytree(ROOT / "missions" / "nadir_spin", folder, ignore=shutil.ignore_patterns("*_test.py", "__pycache__"))
+    shutil.copytree(ROOT / "missions" / "nadir_spin", folder,
+                    ignore=shutil.ignore_patterns("*_test.py", "__pycache__", "requirements.py"))
     flight, world = folder / "flight.py", folder / "world.py"
     flight.write_text(flight.read_text().partition('    f.task("gnc"')[0] + FLIGHT)
     world.write_text(world.read_text().replace("f.tracking.attitude,", "[f.tracking.attitude, f.fine.attitude],"))

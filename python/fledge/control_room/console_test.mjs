@@ -85,8 +85,10 @@ await run({
 
     async "a packet's bits, and why another one did not decode"() {
         const page = await open("packets");
-        await row(page, "Power").click();
-        await page.locator(".inspect h2", {hasText: "Power"}).waitFor();
+        while (!await page.locator(".inspect h2", {hasText: "Power"}).isVisible()) {
+            await row(page, "Power").click();       // rows move as packets come: it may meet another one
+            await page.waitForTimeout(200);
+        }
         await page.locator(".inspect .tr", {hasText: "mode"}).hover();
         await page.locator(".said-bits", {hasText: "bit 144 to 151, from byte 18, bit 0"}).waitFor();
         const lit = await page.evaluate(() => [...document.querySelectorAll(".inspect .hex span")].flatMap((one, k) =>

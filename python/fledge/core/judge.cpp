@@ -31,6 +31,7 @@ const char *const relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
 int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns, std::optional<Ns>>> &rows)
 {
     std::vector<FormulaNode> nodes;
+    nodes.reserve(rows.size());
     for (const auto &[kind, a, b, from, to] : rows) {
         nodes.push_back({named<FormulaNode::Kind>(kinds, kind), a, b, from, to.value_or(sim::no_end)});
     }
@@ -69,6 +70,7 @@ int source_of_event(Judge &judge, sim::Simulation &simulation, const std::string
 void play(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
 {
     std::vector<std::span<const double>> spans;
+    spans.reserve(sources.size());
     for (const auto &one : sources) {
         spans.emplace_back(one.data(), static_cast<std::size_t>(one.size()));
     }
