@@ -37,7 +37,7 @@ typedef struct SunLine {
         double length;        ///< [-] required, > 0: standard deviation of the Sun's brightness, |d|, from 1
         double rate_noise;    ///< [rad^2/s]   required, > 0: variance that the angle gains per second
         double walk;          ///< [rad^2/s^3] required, > 0: variance that b gains per second
-        double rate_std;      ///< [rad/s] required, > 0: standard deviation of b at the start
+        double rate_std;      ///< [rad/s] required, > 0: standard deviation of b at the start, about each axis
         double gate;          ///< [-] required, > 0: standard deviations from which on a cosine does not fit
         double good;          ///< [rad] required, > 0: standard deviation up to which the direction is good
         double hold;          ///< [s] required, > 0: longest time between updates or rates that can be bridged

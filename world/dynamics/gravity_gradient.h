@@ -5,8 +5,10 @@
 #include "world/msg/craft.h"
 
 /** The torque by which gravity turns a spacecraft, a part of it: of all bodies in the spacecraft's `gravity`, at each
- *  stage of the integrator.
- *  Assumptions: the bodies attract as points (oblateness changes the torque by about 0.5 % in low orbits of the Earth).
+ *  stage of the integrator. It turns the body by the inertia of the whole about its centre of mass: wheels, tanks,
+ *  panels and pendulums count, where they are at that stage.
+ *  Assumptions: panels and propellant feel no torque along their own coordinates; the bodies attract as points
+ *  (oblateness changes the torque by about 0.5 % in low orbits of the Earth).
  *  Source: Schaub and Junkins, section 4.4. */
 typedef struct GravityGradient {
     struct {

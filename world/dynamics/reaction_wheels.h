@@ -10,6 +10,8 @@
  *  Assumptions: the motor gives the commanded torque at once, up to its limit;
  *  Coulomb friction holds a wheel at rest until the motor overcomes it. Friction and speed limit
  *  act by whole updates, so the task's period bounds how sharply a wheel stops.
+ *  The static imbalance of a wheel with the axis g points along u cos theta + g x u sin theta, with u along g x b1, b1
+ *  the body's first axis; where |g . b1| is 0.6 or more, along g x b2.
  *  The channels of its faults: 0 to 7 the torques of the motors, 8 to 15 the measured speeds.
  *  Source: thesis Eqs. (A.1) to (A.3); imbalances and their frames: docs/dynamics.md. */
 typedef struct ReactionWheels {
@@ -37,7 +39,7 @@ typedef struct ReactionWheels {
         double unbalance[WHEELS_MAX]; ///< [kg m]   count n, in [0, 1e3], initial: static imbalance
         double couple[WHEELS_MAX];    ///< [kg m^2] count n, in [0, 1e3], initial: dynamic imbalance
         Vec3 r_WB_B[WHEELS_MAX];      ///< [m]      count n, in [-1e3, 1e3], initial: centres; they count if imbalanced
-        double theta[WHEELS_MAX];     ///< [rad]    count n, in [-1e6, 1e6], initial: angles; they count if imbalanced
+        double theta[WHEELS_MAX];     ///< [rad]    count n, in [-1e6, 1e6], initial: angles of their imbalances
         uint32_t jitter;              ///< [-]      in [0, 1], initial: 1: an imbalance acts as added force and torque
         uint32_t spare_2;
     } par;

@@ -157,8 +157,31 @@ def _asked(name, doc):
     return property(_core.asked, ask, None, doc)
 
 
+class _Signature:
+    """The signature of a model's class with all its keywords, for help(). It is made when asked for, since importing
+    inspect takes longer than importing the world."""
+
+    def __init__(self, names):
+        self.names = names
+
+    def __get__(self, model, cls):
+        import inspect
+
+        own = inspect.signature(eval(f"lambda {cls.__text_signature__[1:-1]}: 0"))
+        more = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in self.names]
+        return own.replace(parameters=[*own.parameters.values(), *more])
+
+
 def add_attributes(types: dict[str, Any]) -> None:
-    """Give the models of `types`, by name, their further attributes."""
+    """Give the models of `types`, by name, their further attributes, which are keywords of their classes too."""
+    before = {name: set(vars(one)) for name, one in types.items()}
+    _add_attributes(types)
+    for name, one in types.items():
+        if more := [attribute for attribute in vars(one) if attribute not in before[name]]:
+            one.__signature__ = _Signature(more)
+
+
+def _add_attributes(types):
     craft = types["Spacecraft"]
     craft.parts = property(_core.parts, _set_parts, None, "The parts, such as reaction wheels; assigning adds.")
     craft.gravity = property(_get_gravity, _set_gravity, None, "The bodies that attract it; assigning adds.")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What surrounds a spacecraft, as a mission uses it."""
 
+import inspect
 import os
 from pathlib import Path
 
@@ -154,6 +155,16 @@ def test_the_world_magnetic_model_in_a_sky():
 
 
 # --- what is refused -------------------------------------------------------------------------------
+
+def test_help_has_all_keywords_of_a_model():
+    for name, one in world.TYPES.items():
+        if one.__base__.__name__ == "Model":
+            keywords = inspect.signature(one).parameters
+            own = [attribute for attribute, what in vars(one).items() if isinstance(what, property)]
+            assert set(own) <= set(keywords), name
+    assert str(inspect.signature(world.Magnetism)) == (
+        "(*, dipole_P=0, spin=0, degree=0, sky=None, body=None, coefficients=None)")
+
 
 def test_what_cannot_be_is_refused_before_the_first_step():
     says("world.craft.mass is 0, but one of its parts adds forces", lambda: fly(1, **surroundings(mass=0)))
