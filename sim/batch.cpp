@@ -242,10 +242,13 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     if (plan_.every <= 0) {
         throw SetupError("the duration of a step must be > 0, found " + format_time(plan_.every));
     }
-    if (const auto found = callables(nominal); !found.empty()) {
-        throw SetupError("a simulation that calls Python cannot be stepped in a batch, where threads would share what "
+    if (const auto found = callables(nominal, true); !found.empty()) {
+        throw SetupError("a simulation that calls Python cannot be stepped in a batch, where clones would share what "
                          "its functions use: " +
                          format_list(found));
+    }
+    if (!callables(nominal).empty()) {
+        plan_.threads = 1; // the others would wait for Python's lock
     }
     nominal_ = nominal.clone();
     if (nominal_->prepared()) {
@@ -359,7 +362,7 @@ std::size_t Batch::drawn() const
     return dispersed_elements(plan_.campaign);
 }
 
-void Batch::begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot)
+void Batch::begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot) const
 {
     Simulation &simulation = *clone.simulation;
     clone.run = run;
@@ -506,6 +509,25 @@ std::unique_ptr<Simulation> Batch::copy(std::size_t clone) const
         throw SetupError("clone " + std::to_string(clone) + " has not begun: reset it first");
     }
     return clones_[clone].simulation->clone();
+}
+
+std::unique_ptr<Simulation> Batch::repeat(std::size_t clone, std::size_t steps, std::span<const double> rows) const
+{
+    if (time(clone) < 0 && failure(clone).empty()) {
+        throw SetupError("clone " + std::to_string(clone) + " has not begun: reset it first");
+    }
+    Clone alone;
+    alone.simulation = nominal_->clone();
+    lay_out(alone);
+    begin(alone, run(clone), {});
+    for (std::size_t i = 0; i < steps && alone.failure.empty(); i++) {
+        alone.ahead = false;
+        advance(alone, rows.subspan(i * actions_, actions_), {});
+    }
+    if (!alone.failure.empty()) {
+        throw RunError(alone.failure);
+    }
+    return std::move(alone.simulation);
 }
 
 } // namespace fledge::sim

@@ -86,13 +86,17 @@ public:
     /// A copy of a clone as it stands. Throws SetupError if it has not begun.
     std::unique_ptr<Simulation> copy(std::size_t clone) const;
 
+    /// The run of a clone anew from time 0, alone, with the actions of (steps, actions()) by rows. Throws SetupError if
+    /// the clone has not begun, RunError where the run fails.
+    std::unique_ptr<Simulation> repeat(std::size_t clone, std::size_t steps, std::span<const double> rows) const;
+
 private:
     struct Clone;
     class Crew;
 
     void add_target(const Simulation &original, const BatchField &action);
     void lay_out(Clone &clone) const;
-    void begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot);
+    void begin(Clone &clone, BatchRun run, std::span<const std::byte> snapshot) const;
     bool advance(Clone &clone, std::span<const double> actions, const RunControl &control) const;
     void look(const Clone &clone, std::span<double> row) const;
     void check_actions(std::span<const double> actions) const;

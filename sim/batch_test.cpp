@@ -280,7 +280,7 @@ TEST(Batch, RefusesWhatCannotBe)
     event.predicate = [] { return false; };
     event.action = [] {};
     nominal.sim.process("world").add_event(event);
-    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("calls Python cannot be stepped in a batch, where threads would "
+    EXPECT_THAT(refused([](BatchPlan &) {}), HasSubstr("calls Python cannot be stepped in a batch, where clones would "
                                                        "share what its functions use: event world.calls"));
 }
 

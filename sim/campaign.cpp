@@ -376,7 +376,7 @@ std::size_t dispersed_elements(const CampaignPlan &plan)
     return n;
 }
 
-std::vector<std::string> callables(const Simulation &simulation)
+std::vector<std::string> callables(const Simulation &simulation, bool sharing)
 {
     std::vector<std::string> found;
     for (const auto &process : simulation.processes()) {
@@ -386,7 +386,7 @@ std::vector<std::string> callables(const Simulation &simulation)
             }
         }
         for (const auto &instance : process->instances()) {
-            if (instance->script.update) {
+            if (instance->script.update && (instance->script.shares || !sharing)) {
                 found.push_back(instance->path);
             }
         }

@@ -97,7 +97,8 @@ struct CampaignProgress {
 };
 
 /// The events and modules that have a callable. Callables may share data, so threads must not fly such runs.
-std::vector<std::string> callables(const Simulation &simulation);
+/// sharing: only those that may
+std::vector<std::string> callables(const Simulation &simulation, bool sharing = false);
 
 /// Throws SetupError on a path that is no dispersible parameter (with the valid ones), elements
 /// outside it, or a distribution that cannot keep the parameter's own rule: a bounded one must lie

@@ -21,6 +21,7 @@ struct Script {
     std::function<void(Instance &)> reset;        ///< of a flight module; may be empty
     std::function<void(Instance &)> prepare;      ///< of a world model, as Model::prepare(); may be empty
     std::function<void(Instance &, Tick)> begin;  ///< of a world model, as Model::reset(); may be empty
+    bool shares = true; ///< whether it may keep data outside of the instance's memory, which clones would share
 };
 
 /// Owns the C struct of a module or the interface of a model. The memory is zeroed, aligned to 64 bytes,

@@ -104,6 +104,12 @@ void bind_batch(py::module_ &m)
         .def("observe", observe)
         .def("failure", &Batch::failure)
         .def("copy", &Batch::copy)
+        .def("repeat",
+             [](const Batch &b, std::size_t clone, const Rows &rows) {
+                 py::gil_scoped_release release;
+                 return b.repeat(clone, static_cast<std::size_t>(rows.shape(0)),
+                                 {rows.data(), static_cast<std::size_t>(rows.size())});
+             })
         .def_property_readonly(
             "failed",
             [](const Batch &b) { return column<bool>(b, [&](std::size_t i) { return !b.failure(i).empty(); }); })

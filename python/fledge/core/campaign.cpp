@@ -218,7 +218,7 @@ void bind_campaign(py::module_ &m)
             },
             "an array (runs, samples, elements) of each variable");
 
-    m.def("callables", sim::callables);
+    m.def("callables", [](const sim::Simulation &s) { return sim::callables(s); });
     m.def("mode_names", sim::mode_names);
     m.def(
         "fly_one",

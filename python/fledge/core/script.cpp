@@ -191,6 +191,7 @@ void give_class(sim::Instance &instance, PyObject *cls)
     };
     const py::object update = method("update"), reset = method("reset"), prepare = method("prepare");
     instance.script.update = Call(update.ptr(), cls);
+    instance.script.shares = false; // prototypes that would are refused
     if (reset && instance.model()) {
         instance.script.begin = [call = Call(reset.ptr(), cls)](sim::Instance &one, Tick t) { call.begin(one, t); };
     } else if (reset) {

@@ -164,9 +164,27 @@ class Batch:
 
     def simulation(self, clone: int) -> Simulation:
         """A clone as a simulation of its own, as it stands: to look at, to record, or to take a snapshot of."""
+        self._check_clone(clone)
+        return self._simulation._around(self._core.copy(clone))
+
+    def _check_clone(self, clone):
         if not 0 <= clone < self.n:
             raise SetupError(f"batch: there is no clone {clone}; there are {self.n}")
-        return self._simulation._around(self._core.copy(clone))
+
+    def repeat(self, clone: int, actions: Any) -> Simulation:
+        """The run of a clone flown alone from its start, with a row of actions for each step, as step() takes it.
+
+        actions: (steps, ...) in SI, a column for each of action_names
+
+        From time 0, also of a clone that went on from a snapshot. The simulation then stands where the clone stood
+        after those steps, with its bits. Raises SetupError where the clone has not begun, RunError where the run fails.
+        """
+        self._check_clone(clone)
+        rows = _floats(actions, "actions")
+        if rows.shape[1:] != (len(self.action_names),):
+            raise SetupError(f"batch: actions: expected the shape (steps, {len(self.action_names)}), "
+                             f"found {rows.shape}")
+        return self._simulation._around(self._core.repeat(clone, rows))
 
     def _chosen(self, which):
         import numpy as np

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError
+from fledge import SetupError, prototype, world
 from fledge.montecarlo import Campaign
 from fledge.units import N, m, minute, s
 
@@ -61,6 +61,63 @@ def test_a_clone_is_the_run_of_the_campaign_whatever_the_threads(threads):
         error = alone.flight.tracking.error
         np.testing.assert_array_equal(seen[clone], [*error.sigma_BR, *error.omega_BR_B])
         assert batch.draws["world.wheels.J[0]"][clone] == alone.world.wheels.J[0]
+
+
+def test_a_plain_run_repeats_a_row(sim):
+    noisy = sim.clone()
+    noisy.world.nav.rate_noise = [1e-4] * 3
+    campaign = Campaign("nadir_spin")
+    batch = make(noisy, 4, [TORQUE], ERROR, every=2 * s, seed=5, dispersions=campaign)
+    batch.reset()
+    batch.reset([2])                        # it flies its second run
+    actions = np.random.default_rng(1).normal(0, 0.01, (5, 4, len(batch.action_names)))
+    for rows in actions:
+        seen = batch.step(rows)
+    assert batch.runs.tolist() == [0, 1, 6, 3]
+    for clone in range(4):
+        alone = batch.repeat(clone, actions[:, clone])
+        error = alone.flight.tracking.error
+        np.testing.assert_array_equal(seen[clone], [*error.sigma_BR, *error.omega_BR_B])
+        assert alone.snapshot() == batch.simulation(clone).snapshot()
+    actions[3, 0, 0] = 0.02
+    assert batch.repeat(0, actions[:, 0]).snapshot() != batch.simulation(0).snapshot()
+    with pytest.raises(SetupError, match=r"expected the shape \(steps, 8\), found \(5, 3\)"):
+        batch.repeat(0, actions[:, 0, :3])
+    with pytest.raises(SetupError, match="there is no clone 4"):
+        batch.repeat(4, actions[:, 0])
+
+
+def test_prototypes_fly_in_a_batch(tmp_path):
+    class Lag(prototype.Model):
+        """A torque that decays."""
+        load = prototype.out(world.ForceTorque, "for the spacecraft")
+        rate = prototype.par(float, "[1/s] > 0, required: of the decay")
+        now = prototype.mem(float, "[N m] the torque")
+
+        def reset(self, t):
+            self.now = 0.1 * self.uniform()
+
+        def update(self, t, dt):
+            self.now -= self.rate * self.now * dt
+            self.load.torque_B = [self.now, 0, 0]
+            self.publish(self.load)
+
+    sim = fledge.load("nadir_spin")
+    w = sim.world
+    w.lag = Lag(rate=0.1)
+    w.connect(w.lag.load >> w.craft.external)
+    w.task("lag", every=1 * s, run=[w.lag])
+    batch = make(sim, 3, (), [*ERROR, "world.lag.now"], every=1 * s, seed=3)
+    batch.reset()
+    seen = [batch.step() for _ in range(5)][-1]
+    assert len(set(seen[:, -1])) == 3
+    for clone in range(3):
+        alone = batch.repeat(clone, np.empty((5, 0)))
+        np.testing.assert_array_equal(seen[clone], [*alone.flight.tracking.error.sigma_BR,
+                                                    *alone.flight.tracking.error.omega_BR_B, alone.world.lag.now])
+    batch.reset(seed=3)
+    w.lag.rate = 0.2                        # the clones keep what they were made with
+    np.testing.assert_array_equal([batch.step() for _ in range(5)][-1], seen)
 
 
 def test_random_streams_differ_between_clones_and_after_a_snapshot(sim):

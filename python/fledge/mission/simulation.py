@@ -433,8 +433,8 @@ class Simulation:
         threads: default: all cores
 
         The batch takes the parameters as they are now; its clones begin at time 0, whatever the time is here.
-        Raises SetupError if a path is none, an action would have no effect, or events or modules call Python, because
-        threads would share what such functions use.
+        Prototypes make it fly on one thread, since they share Python's lock. Raises SetupError if a path is none, an
+        action would have no effect, or events or functions of modules are Python: clones would share what they use.
         """
         from fledge.mission.batch import Batch
 
