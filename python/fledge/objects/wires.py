@@ -70,7 +70,9 @@ class Choice:
         self.name = name
         for output, _, _ in self.sources:
             if not isinstance(output, _core.Message):
-                raise SetupError(f"{name}: expected outputs, as in {name}(a.torque, b.torque); found {output!r}")
+                raise SetupError(f"{name}: expected outputs, as in {name}(a.torque, b.torque); found "
+                                 + (_core.path(output) if isinstance(output, (_core.Module, _core.Model)) else
+                                    repr(output)))
         seen = [(id(_core.root(output)), _core.path(output), mode) for output, _, mode in self.sources]
         for one in seen:
             if seen.count(one) > 1:
