@@ -263,11 +263,11 @@ static const char *check(void)
     for (const ExecutiveWire *wire = executive.wires; wire != NULL; wire = wire->next) {
         const ExecutiveModule *from = module_at(wire->from);
         if (wire->by != EXEC_SOLE && !from->scheduled) {
-            return wrong("", fledge_script.places[from - executive.modules].name,
-                         " is in no task, and an input is to choose its output");
+            return wrong("the script has inputs that choose an output of ",
+                         fledge_script.places[from - executive.modules].name, ", which is in no task");
         }
         if (wire->mode != NULL && executive_find_mode(wire->mode) == NULL) {
-            return wrong("a wire is for the mode ", wire->mode, ", which is not there");
+            return wrong("the script has a wire for the mode ", wire->mode, ", which is not there");
         }
     }
     for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {

@@ -115,7 +115,12 @@ CASES = [
     ("f.connect = fsw.Noise()", "flight.connect: this name is taken by the process itself"),
     ("f.more = 3", "flight.more: expected a module; found 3"),
     ("f.reset_by(f.noise.hint)", "flight.reset_by: expected an input of a module of this process, a ComputerReset"),
-    # What the tables do not have, after the script.
+    # What is complete only after the script.
+    ("f.connect(fsw.by_mode(idle=f.noise.kinds, busy=f.other.kinds) >> f.other.hint)",
+     "the script has a wire for the mode flight.busy, which is not there", THERE),
+    ("f.connect(fsw.newest(f.noise.kinds, f.flags.kinds) >> f.other.hint)",
+     "the script has inputs that choose an output of flight.flags, which is in no task", THERE),
+    # What the tables do not have.
     ('f.mode("more", [])', "the script does not make, at its place, the mode flight.more", THERE),
     ('f.event("more", when=k.x > 1, enter=work)',
      "the script does not make, at its place, the event flight.more", THERE),

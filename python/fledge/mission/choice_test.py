@@ -133,7 +133,8 @@ def test_what_is_no_choice_is_refused_with_its_reason():
     refused(r"^newest\(flight.a.reference, flight.a.reference\): flight.a.reference stands in it twice",
             lambda f: fsw.newest(f.a.reference, f.a.reference) >> f.other.base)
     refused("expected two outputs or more", lambda f: fsw.best(f.a.reference) >> f.other.base)
-    refused(r"expected outputs, as in first\(a.torque, b.torque\); found flight.a$", lambda f: fsw.first(f.a, f.b) >> f.other.base)
+    refused(r"expected outputs, as in first\(a.torque, b.torque\); found flight.a$",
+            lambda f: fsw.first(f.a, f.b) >> f.other.base)
     refused("flight.reader.base is already written by flight.a.reference",
             lambda f: fsw.best(f.a.reference, f.b.reference) >> f.reader.base)
     refused("a latency is for an input with one wire",
