@@ -41,7 +41,7 @@ struct WireOptions {
     int latency = 0;
     /// [ns] The wire lowers the quality of a message that is older than this; 0: never.
     Ns stale_after = 0;
-    /// Of several wires into one input, all of which have the same: which one counts, in the order of their declaration.
+    /// Of several wires into one input, which have the same: which one counts, in the order of their declaration.
     ExecChoice by = EXEC_SOLE;
     std::string mode = {}; ///< EXEC_IN_MODE: the wire is carried in this mode of its process
     bool more = false;     ///< whether it joins the wires that its input has

@@ -163,6 +163,6 @@ def test_outputs_of_another_process_are_refused():
               fsw.first(w.one.attitude, w.two.attitude) >> f.tracking.attitude)
     f.task("tracking", every=1 * s, run=[f.tracking])
     w.task("dynamics", every=1 * s, run=[w.craft, w.one, w.two])
-    with pytest.raises(SetupError, match="world.two.attitude >> flight.tracking.attitude, first: outputs to choose from "
-                                         "are of the process of their reader, flight"):
+    with pytest.raises(SetupError, match="world.two.attitude >> flight.tracking.attitude, first: outputs to choose "
+                                         "from are of the process of their reader, flight"):
         sim.run(1 * s)

@@ -75,7 +75,8 @@ class Link:
         """Its choice, its latency and its age limit, in words."""
         late = "one exchange late" if self.latency == 1 else f"{self.latency} exchanges late"
         stale = f"stale after {self.stale_after / 1e9:g} s"
-        return ([self.choice] if self.choice else []) + ([late] if self.latency else []) + ([stale] if self.stale_after else [])
+        return [text for text, is_so in ((self.choice, self.choice), (late, self.latency), (stale, self.stale_after))
+                if is_so]
 
 
 class Wiring:

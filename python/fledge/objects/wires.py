@@ -28,7 +28,8 @@ def caller() -> tuple[str, int]:
 # --- wires -----------------------------------------------------------------------------------------
 
 class Wire:
-    """Wires from one output, or one of several, as `a.output >> b.input` or `a.output >> [b.input, c.input]` makes them.
+    """Wires from one output, or from several of which one counts, as `a.output >> b.input` or
+    `a.output >> [b.input, c.input]` makes them.
 
     They take effect in connect(). With `(a >> b).latency(1)` the consumer reads the producer's message at the
     end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)` lowers the

@@ -107,8 +107,8 @@ def test_an_input_of_several_outputs_takes_the_same_bits_everywhere(tmp_path, ca
     (mission / "flight.py").write_text(CHOICES)
     (mission / "world.py").write_text(CHOICES_WORLD)
     names = [name for name in everywhere().split(",") if name in OTHER_CODE]
-    assert cli.main(["fly", str(mission), "--for", "3min", "--on", ",".join(names), "--out", str(tmp_path / "out")]) == 0, (
-        capsys.readouterr())
+    arguments = ["fly", str(mission), "--for", "3min", "--on", ",".join(names), "--out", str(tmp_path / "out")]
+    assert cli.main(arguments) == 0, capsys.readouterr()
     desktop = Archive(tmp_path / "out/desktop.mcap")
     for name in names[1:]:
         assert compare(desktop, Archive(tmp_path / f"out/{name}.mcap"),
