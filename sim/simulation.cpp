@@ -38,7 +38,7 @@ Process &Simulation::add_process(const std::string &name)
     return *processes().back();
 }
 
-void Simulation::connect(const Port &from, const Port &to, WireOptions options)
+void Simulation::connect(const Port &from, const Port &to, const WireOptions &options)
 {
     const std::string wire = from.path() + " >> " + to.path();
     for (const Port *port : {&from, &to}) {
