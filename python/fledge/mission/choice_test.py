@@ -3,6 +3,8 @@
 refused."""
 
 import random
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -104,6 +106,37 @@ def choosing(rule):
     f.mode("safe", ["a", "b"])
     f.mode("point", ["b"])
     return sim
+
+
+@pytest.mark.parametrize("inputs", [["flight.motor.torque.torque_B"], ["flight.control.torque.torque_B"]])
+def test_the_linear_system_is_that_of_the_chosen_wire(inputs, tmp_path):
+    """Of an input, and of an output that one reads: as with the wire of the law that is chosen alone."""
+    found = []
+    for law in ("f.control.torque", "fsw.best(f.weak.torque, f.control.torque)"):
+        folder = tmp_path / f"spin_{len(found)}"
+        shutil.copytree(Path(fledge.__file__).parents[2] / "missions/nadir_spin", folder)
+        text = (folder / "flight.py").read_text()
+        for old, new in (("f.control.torque     >>", f"{law} >>"),
+                         ("    f.motor    =", "    f.weak     = fsw.MrpFeedback(K=1, P=1)\n    f.motor    ="),
+                         ("f.tracking.error     >> f.control.error", "f.tracking.error >> f.control.error,\n"
+                          "        f.spin.reference >> f.late.reference, f.late.error >> f.weak.error"),
+                         ("    f.tracking =", "    f.late     = fsw.TrackingError()\n    f.tracking ="),
+                         (">> f.control.vehicle", ">> [f.control.vehicle, f.weak.vehicle]"),
+                         ("f.tracking, f.control, f.motor]", "f.tracking, f.late, f.control, f.weak, f.motor]")):
+            assert old in text
+            text = text.replace(old, new)
+        (folder / "flight.py").write_text(text)
+        world = (folder / "world.py").read_text().replace(
+            "w.nav.attitude  >> f.tracking.attitude,", "w.nav.attitude >> f.tracking.attitude,\n"
+            "        (w.nav.attitude >> f.late.attitude).latency(1).stale_after(1e-9 * s),")
+        (folder / "world.py").write_text(world)
+        sim = fledge.load(folder)
+        sim.run(20 * 60 * s)
+        if "best" in law:
+            assert int(sim.flight.weak.torque.head.quality) == 2 and int(sim.flight.motor.torque.head.quality) == 3
+        found.append(sim.linearize(inputs, ["world.craft.state.omega_BN_B"], discrete=True))
+    one, two = found
+    assert one.A.tobytes() == two.A.tobytes() and one.B.tobytes() == two.B.tobytes() and abs(one.B).max() > 0
 
 
 def test_each_wire_is_shown_with_its_choice():
