@@ -31,10 +31,24 @@ inline void copy_words(const Word *from, Word *to, std::uint32_t n)
     }
 }
 
-/// Returns whether the message became stale.
-inline bool carry(const Copy &copy, Ns t)
+/// Whether an input that holds this message takes the one of the copy.
+inline bool takes(const Copy &copy, const Word *held, std::int32_t mode, Ns t)
 {
-    copy_words(copy.from, copy.to, copy.words);
+    if (copy.by == EXEC_IN_MODE) {
+        return copy.mode == mode;
+    }
+    Head heads[2];
+    std::memcpy(&heads[0], held, sizeof(Head));
+    std::memcpy(&heads[1], copy.from, sizeof(Head));
+    return exec_takes(copy.by, heads[0], heads[1], t, copy.stale_after);
+}
+
+/// Returns whether the message became stale.
+inline bool carry(const Copy &copy, std::int32_t mode, Ns t)
+{
+    if (copy.by == EXEC_SOLE || takes(copy, copy.to, mode, t)) {
+        copy_words(copy.from, copy.to, copy.words);
+    }
     if (copy.stale_after) {
         Head head;
         std::memcpy(&head, copy.to, sizeof head);
@@ -83,7 +97,7 @@ void clear_modules(const Process &process)
 
 Copy copy_of(const Wire &wire, const Word *from)
 {
-    return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0};
+    return {from, words(wire.to.bytes()), wire.to.field->size / 8, wire.options.stale_after, 0, EXEC_SOLE, -1};
 }
 
 /// The parameters of an instance, which lie together in its memory.
@@ -222,16 +236,25 @@ void Runtime::lay_out_wires(const Instance &consumer)
             exchanges_.push_back({&wire, from, n, period, -1, std::vector<std::uint64_t>(n)});
             from = exchanges_.back().held.data();
         }
-        copies_.push_back(copy_of(wire, from));
-        if (wire.options.stale_after) {
-            copies_.back().age = health.watch_age(wire.to);
+        Copy copy = copy_of(wire, from);
+        const auto first =
+            std::find_if(copies_.begin(), copies_.end(), [&](const Copy &one) { return one.to == copy.to; });
+        if (wire.options.by == EXEC_IN_MODE) {
+            copy.by = EXEC_IN_MODE;
+            copy.mode = reader.mode_index(wire.options.mode);
+        } else if (first != copies_.end()) {
+            copy.by = wire.options.by;
         }
+        if (wire.options.stale_after) {
+            copy.age = first == copies_.end() ? health.watch_age(wire.to) : first->age;
+        }
+        copies_.push_back(copy);
     }
     for (const Feed &feed : structure.feeds) {
         if (feed.to.instance.get() == &consumer && feed.messages) {
             const std::uint32_t n = feed.to.field->size / 8;
             fed_.push_back({&feed, 0, std::vector<std::uint64_t>(n)});
-            copies_.push_back({fed_.back().held.data(), words(feed.to.bytes()), n, feed.stale_after, 0});
+            copies_.push_back({fed_.back().held.data(), words(feed.to.bytes()), n, feed.stale_after, 0, EXEC_SOLE, -1});
             if (feed.stale_after) {
                 copies_.back().age = health.watch_age(feed.to);
             }
@@ -376,7 +399,8 @@ void Runtime::restart(RunProcess &process, Ns t)
             continue;
         }
         if (from.configuration && from.process != process.process) { // as the exchange still holds it
-            carry({words(wire.from.bytes()), words(wire.to.bytes()), wire.to.field->size / 8, 0, 0}, t);
+            carry({words(wire.from.bytes()), words(wire.to.bytes()), wire.to.field->size / 8, 0, 0, EXEC_SOLE, -1}, -1,
+                  t);
         } else {
             std::memset(wire.to.bytes(), 0, wire.to.field->size);
         }
@@ -464,7 +488,7 @@ void Runtime::publish(Configuration &module, Ns t)
         module.instance->update({t, 0});
     }
     for (const Copy &copy : module.copies) {
-        carry(copy, t);
+        carry(copy, -1, t);
     }
 }
 
@@ -671,12 +695,16 @@ void Runtime::see_parameters(const RunProcess &process)
 
 std::span<const std::byte> Runtime::incoming(const Port &input) const
 {
-    const auto found =
-        std::find_if(copies_.begin(), copies_.end(), [&](const Copy &one) { return one.to == words(input.bytes()); });
-    if (found == copies_.end()) {
-        return {input.bytes(), input.field->size}; // of configuration, which is there already; or without a wire
+    // If nothing is carried: of configuration, which is there already; without a wire; or not in this mode.
+    const Word *const own = words(input.bytes()), *found = own;
+    const auto reads = [&](const RunProcess &one) { return one.process == roles_.at(input.instance.get()).process; };
+    const std::int32_t mode = std::find_if(processes_.begin(), processes_.end(), reads)->mode;
+    for (const Copy &one : copies_) {
+        if (one.to == own && (one.by == EXEC_SOLE || takes(one, found, mode, time()))) {
+            found = one.from;
+        }
     }
-    return {reinterpret_cast<const std::byte *>(found->from), input.field->size};
+    return {reinterpret_cast<const std::byte *>(found), input.field->size};
 }
 
 bool Runtime::override_input(const Port &input, std::uint32_t place, double value)
@@ -684,8 +712,8 @@ bool Runtime::override_input(const Port &input, std::uint32_t place, double valu
     const Word *message = words(input.bytes());
     Word *to = words(input.bytes() + place);
     const auto is = [&](const Word *end) { return [=](const Copy &one) { return one.to == end; }; };
-    const auto comes = std::find_if(copies_.begin(), copies_.end(), is(message));
-    if (comes == copies_.end()) {
+    const auto last = std::find_if(copies_.rbegin(), copies_.rend(), is(message)); // of several, behind all
+    if (last == copies_.rend()) {
         return false;
     }
     std::uint64_t bits;
@@ -698,8 +726,8 @@ bool Runtime::override_input(const Port &input, std::uint32_t place, double valu
         }
     }
     // One more copy, of a word, behind that of the message.
-    const auto at = static_cast<std::uint32_t>(comes - copies_.begin()) + 1;
-    copies_.insert(copies_.begin() + at, {&overrides_.emplace_back(bits), to, 1, 0, 0});
+    const auto at = static_cast<std::uint32_t>(copies_.rend() - last);
+    copies_.insert(copies_.begin() + at, {&overrides_.emplace_back(bits), to, 1, 0, 0, EXEC_SOLE, -1});
     for (Step &step : steps_) {
         step.first_copy += step.first_copy >= at;
         step.last_copy += step.last_copy >= at;
@@ -720,11 +748,12 @@ inline void Runtime::run_task(RunTask &task, Ns t)
         flight(t);
     }
     const Tick tick = exec_begin(&task.state, task.rate, t);
+    const std::int32_t mode = task.process->mode;
     running_->task.store(task.task, std::memory_order_relaxed);
     for (std::uint32_t i = task.first_step; i < task.last_step; i++) {
         const Step &step = steps_[i];
         for (std::uint32_t k = step.first_copy; k < step.last_copy; k++) {
-            if (carry(copies_[k], t)) {
+            if (carry(copies_[k], mode, t)) {
                 health.was_stale(copies_[k].age, t);
             }
         }

@@ -26,6 +26,8 @@ struct Copy {
     std::uint32_t words;
     Ns stale_after;    ///< 0: never
     std::uint32_t age; ///< its number in Health, if it ages
+    ExecChoice by;     ///< EXEC_SOLE: it is carried, whatever the input holds
+    std::int32_t mode; ///< EXEC_IN_MODE: it is carried in this one
 };
 
 struct Step {

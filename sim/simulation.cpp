@@ -38,7 +38,7 @@ Process &Simulation::add_process(const std::string &name)
     return *processes().back();
 }
 
-void Simulation::connect(const Port &from, const Port &to, WireOptions options)
+void Simulation::connect(const Port &from, const Port &to, const WireOptions &options)
 {
     const std::string wire = from.path() + " >> " + to.path();
     for (const Port *port : {&from, &to}) {
@@ -66,8 +66,11 @@ void Simulation::connect(const Port &from, const Port &to, WireOptions options)
     if (options.stale_after < 0) {
         throw SetupError(wire + ": stale_after must be >= 0, found " + format_time(options.stale_after));
     }
+    if (options.latency && options.by != EXEC_SOLE) {
+        throw SetupError(wire + ": a latency is for an input with one wire, this is one of several");
+    }
     for (const Wire &other : structure_.wires) {
-        if (other.to.instance == to.instance && other.to.field == to.field) {
+        if (other.to.instance == to.instance && other.to.field == to.field && !options.more) {
             throw SetupError(wire + ": " + to.path() + " is already written by " + other.from.path());
         }
     }

@@ -57,7 +57,7 @@ public:
     /// the input already has a writer. A wire with latency 1 is exchanged after the instants that are
     /// multiples of the longest task period of the two processes that it joins; until the first, it
     /// holds what the producer published at its reset.
-    void connect(const Port &from, const Port &to, WireOptions options = {});
+    void connect(const Port &from, const Port &to, const WireOptions &options = {});
     const std::vector<Wire> &wires() const { return structure_.wires; }
 
     /// Give an input its messages by hand, in place of a wire. One that has a feed with messages gets others at any

@@ -162,6 +162,12 @@ Ns longest_period(const Process &process)
     return longest;
 }
 
+std::string WireOptions::choice() const
+{
+    static constexpr const char *words[] = {"", "newest", "first", "best", "in "};
+    return words[by] + mode;
+}
+
 std::vector<const Instance *> with_parts(const Process &process, const Instance &instance)
 {
     std::vector<const Instance *> all{&instance};
@@ -178,9 +184,41 @@ std::vector<const Instance *> with_parts(const Process &process, const Instance 
     return all;
 }
 
+namespace {
+
+/// Wires of several into one input.
+void check_choices(const Structure &structure, const Roles &roles, Faults &faults)
+{
+    for (const Wire &wire : structure.wires) {
+        const Role &from = roles.at(wire.from.instance.get()), &to = roles.at(wire.to.instance.get());
+        const std::string choice = wire.from.path() + " >> " + wire.to.path() + ", " + wire.options.choice();
+        if (wire.options.by == EXEC_SOLE) {
+            continue;
+        }
+        if (from.process != to.process) {
+            faults.add(choice + ": outputs to choose from are of the process of their reader, " + to.process->name +
+                       "; let a module of it read this one");
+        }
+        if (from.configuration) {
+            faults.add(choice + ": no task runs " + wire.from.instance->path + ", so that it writes only once");
+        }
+        std::vector<std::string> modes;
+        for (const Mode &mode : to.process->modes()) {
+            modes.push_back(mode.name);
+        }
+        if (wire.options.by == EXEC_IN_MODE &&
+            std::find(modes.begin(), modes.end(), wire.options.mode) == modes.end()) {
+            faults.add(choice + ": the modes of " + to.process->name + " are " + format_list(modes));
+        }
+    }
+}
+
+} // namespace
+
 void check(const Structure &structure, const Roles &roles)
 {
     Faults faults;
+    check_choices(structure, roles, faults);
     for (const auto &process : structure.processes) {
         std::vector<std::string> modes;
         for (const Mode &mode : process->modes()) {

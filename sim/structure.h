@@ -5,6 +5,7 @@
 #pragma once
 
 #include "flight/command/command.h"
+#include "flight/exec/message.h"
 #include "sim/carrier.h"
 #include "sim/condition.h"
 #include "sim/error.h"
@@ -40,6 +41,13 @@ struct WireOptions {
     int latency = 0;
     /// [ns] The wire lowers the quality of a message that is older than this; 0: never.
     Ns stale_after = 0;
+    /// Of several wires into one input, which have the same: which one counts, in the order of their declaration.
+    ExecChoice by = EXEC_SOLE;
+    std::string mode = {}; ///< EXEC_IN_MODE: the wire is carried in this mode of its process
+    bool more = false;     ///< whether it joins the wires that its input has
+
+    /// How it is chosen, in words: "newest", "in safe"; "": it is the only one.
+    std::string choice() const;
 };
 
 struct Wire {

@@ -46,8 +46,8 @@ static void take(BDot *m, int64_t t)
     m->mem.readings += m->mem.readings < 2u;
     m->mem.B_B = B;
     m->mem.last = read;
-    m->out.field.B_B = B;
-    m->out.field.head = head_next(m->out.field.head, read, quality_through(field->head));
+    m->out.measured.B_B = B;
+    m->out.measured.head = head_next(m->out.measured.head, read, quality_through(field->head));
     if ((turns || m->mem.readings == 2u) && vec_finite(w)) {
         m->mem.known = 1u;
         m->out.rate.omega_BN_B = w;
@@ -62,7 +62,8 @@ void b_dot_update(BDot *m, Tick t)
     if (measures || !cycles) {
         take(m, t.t);
     }
-    const int lost = m->mem.known == 0u || (!cycles && data_lost(t, m->mem.last, m->par.hold));
+    const int lost = !measures && (m->mem.known == 0u || (!cycles && data_lost(t, m->mem.last, m->par.hold)));
+    const Quality quality = measures ? quality_through(m->in.field.head) : m->out.rate.head.quality;
     torque->torque_B = vec_scale(lost || measures ? 0.0 : -m->par.gain, m->out.rate.omega_BN_B);
-    torque->head = head_next(torque->head, t.t, lost ? QUALITY_DEGRADED : m->out.rate.head.quality);
+    torque->head = head_next(torque->head, t.t, lost || quality == QUALITY_NONE ? QUALITY_DEGRADED : quality);
 }

@@ -8,15 +8,15 @@
 
 /** Ask of magnetic rods (RodTorques) for the torque that ends a tumble:
  *     L = -gain w,   w = omega - (omega . B) B / B^2
- *  with w the rate across the field. With a gyro, omega is its rate. Without one, the field's change in the body shows it:
- *  a field that turns slowly in N changes by dB = -omega x B, so w = dB x B / B^2, from two readings. RodTorques then
- *  gives the dipole -gain dB / B^2. Without a gyro, a body at rest keeps turning with the field, at twice the orbital rate.
+ *  with w the rate across the field. With a gyro, omega is its rate. Without one, the field's change in the body shows
+ *  it: a field that rests in N changes by dB = -omega x B, so w = dB x B / B^2, from two readings. RodTorques then gives
+ *  the dipole -gain dB / B^2, and a body keeps turning with the field, twice in an orbit.
  *  The rods disturb the magnetometer. So with `act`, cycles alternate: for `measure` there is no torque, then for `act`
- *  there is the one of the last readings; readings while the rods act do not count. RodTorques then takes the output `field`.
+ *  there is that of the last readings; readings while the rods act do not count, and RodTorques takes `measured`.
  *  A gain of 4 pi / T (1 + sin i) J_min, with the orbital period T, the inclination i to the magnetic equator and the
  *  least moment of inertia J_min, ends a tumble in few orbits.
- *  Readings below field_min do not count. Where none tells the rate, in this cycle or (without cycles) since `hold`, there
- *  is no torque, degraded.
+ *  Readings below field_min do not count. Where none tells the rate, in this cycle or (without cycles) since `hold`,
+ *  there is no torque, degraded.
  *  Source: Avanzini and Giulietti 2012. */
 typedef struct BDot {
     struct {
@@ -24,9 +24,9 @@ typedef struct BDot {
         GyroRate gyro; ///< optional: without it, the field's change says how the body turns
     } in;
     struct {
-        BodyTorque torque;   ///< wanted of the rods
-        MeasuredField field; ///< the last one that counts
-        GyroRate rate;       ///< w, as the torque has it
+        BodyTorque torque;      ///< wanted of the rods
+        MeasuredField measured; ///< the field by the last reading that counts
+        GyroRate rate;          ///< w, as the torque has it
     } out;
     struct {
         double gain;      ///< [N m s] required, > 0: torque per rate

@@ -134,7 +134,7 @@ TEST(BDot, the_rods_rest_while_the_field_is_measured)
                 EXPECT_EQ(vec_norm(vec_sub(held, m.out.torque.torque_B)), 0.0)
                     << "readings of these times do not count";
             }
-            EXPECT_EQ(m.out.field.head.t, (k % 5 >= 2 ? k - k % 5 + 1 : k) * second);
+            EXPECT_EQ(m.out.measured.head.t, (k % 5 >= 2 ? k - k % 5 + 1 : k) * second);
         });
     }
 }

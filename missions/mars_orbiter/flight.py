@@ -115,7 +115,6 @@ def guidance(f):
     f.plan         = fsw.BurnPlan(n=1, start=[4e8] * s, dv_N=[[1, 0, 0]] * m / s)
     f.along        = fsw.BurnPointing()
     f.burn_axes    = fsw.EulerRotation(angles=[90, 0, 90] * deg)
-    f.reference    = fsw.ReferenceSelect()
     f.tracking     = fsw.TrackingError(hold=5 * s)
     f.arrays       = fsw.ArrayPointing(**ARRAYS, **TURNED, dead_band=0.02 * rad, persistence=10 * s)
     f.connect(
@@ -128,12 +127,8 @@ def guidance(f):
         f.to_two.reference    >> f.two_axes.base,
         f.plan.command        >> f.along.command,
         f.along.reference     >> f.burn_axes.base,
-        f.rest.reference  >> f.reference.a,
-        f.sun_axes.reference  >> f.reference.b,
-        f.mars_axes.reference >> f.reference.c,
-        f.two_axes.reference  >> f.reference.d,
-        f.burn_axes.reference >> f.reference.e,
-        f.reference.reference >> f.tracking.reference,
+        fsw.newest(f.rest.reference, f.sun_axes.reference, f.mars_axes.reference, f.two_axes.reference,
+                   f.burn_axes.reference) >> f.tracking.reference,
         f.differ.attitude     >> f.tracking.attitude,
         f.line.heading        >> f.arrays.sun,
     )
@@ -145,12 +140,10 @@ def control(f):
     f.sun_safe    = fsw.SunSafe(axis_B=[-1, 0, 0], search_B=[0, 0.3, 0] * deg / s, hold=60 * s)
     f.safe_law = fsw.MrpFeedback(K=2.531 * N * m, P=45 * N * m * s, hold=2 * s)
     f.law      = fsw.MrpFeedback(K=2.531 * N * m, P=45 * N * m * s, hold=2 * s)
-    f.torque   = fsw.TorqueSelect()
     f.monitor  = fsw.WheelMonitor(torque_max=0.08 * N * m, persistence=6, least=3)
     f.motor    = fsw.WheelTorques(hold=2 * s)
     f.drive    = fsw.WheelDriveCounts(**MOTOR, hold=2 * s)
     f.dump     = fsw.MomentumDump(gain=0.02 / s, torque_max=0.5 * N * m, h_start=20 * N * m * s, h_stop=2 * N * m * s)
-    f.push     = fsw.TorqueSelect()
     f.mapping  = fsw.ThrusterMapping(hold=2 * s)
     f.firing   = fsw.ThrusterFiring(period=GNC, min_on=20 * ms, level_on=0.75, level_off=0.25)
     f.pulses   = fsw.PropulsionManager(n=8, armed=1, persistence=2 * s, silent_after=2 * s)
@@ -162,13 +155,10 @@ def control(f):
         f.speeds.speeds        >> [f.safe_law.speeds, f.law.speeds, f.drive.speeds, f.monitor.speeds, f.dump.speeds],
         f.vehicle.vehicle      >> [f.safe_law.vehicle, f.law.vehicle],
         f.wheels.wheels        >> [f.safe_law.wheels, f.law.wheels, f.motor.wheels, f.monitor.wheels, f.dump.wheels],
-        f.safe_law.torque      >> f.torque.a,
-        f.law.torque           >> f.torque.b,
-        (f.torque.torque       >> f.motor.torque).stale_after(2 * s),     # of a law that its mode has suspended
+        (fsw.newest(f.safe_law.torque, f.law.torque)
+         >> f.motor.torque).stale_after(2 * s),     # of a law that its mode has suspended
         f.motor.command        >> [f.drive.command, f.monitor.command],
         f.monitor.availability >> f.motor.availability,
-        f.dump.torque          >> f.push.a,
-        (f.push.torque         >> f.mapping.torque).stale_after(2 * s),
         f.thrusters.thrusters  >> [f.mapping.thrusters, f.firing.thrusters],
         f.mapping.forces       >> f.firing.forces,
         f.firing.times         >> f.pulses.times,
@@ -194,7 +184,7 @@ def burns(f):
         f.burn.engines     >> f.engines.times,
         f.steering.command >> f.servo.command,
         f.vehicle.vehicle  >> f.servo.vehicle,
-        f.servo.torque     >> f.push.b,
+        (fsw.newest(f.dump.torque, f.servo.torque) >> f.mapping.torque).stale_after(2 * s),
     )
 
 
@@ -206,13 +196,12 @@ def modes(f):
     guide = [(name, f.task(f"guide {name}", every=GNC, run=run)) for name, run in (
         ("sun", [f.to_sun, f.sun_axes]), ("inertial", [f.rest]), ("mars", [f.to_mars, f.mars_axes]),
         ("two_body", [f.to_two, f.two_axes]), ("delta_v", [f.plan, f.along, f.burn_axes]))]
-    point  = f.task("point", every=GNC, run=[f.reference, f.tracking])
+    point  = f.task("point", every=GNC, run=[f.tracking])
     safe   = f.task("safe", every=GNC, run=[f.sun_safe, f.safe_law])
     law    = f.task("law", every=GNC, run=[f.law])
     burn   = f.task("burn", every=GNC, run=[f.sum, f.burn, f.engines, f.steering, f.servo])
     dump   = f.task("dump", every=GNC, run=[f.dump])
-    act    = f.task("act", every=GNC, run=[f.monitor, f.torque, f.motor, f.drive, f.push, f.mapping, f.firing,
-                                           f.pulses, f.arrays])
+    act    = f.task("act", every=GNC, run=[f.monitor, f.motor, f.drive, f.mapping, f.firing, f.pulses, f.arrays])
 
     # Where to point is asked for only where the attitude is known; so are the bodies, but for the inertial one.
     attitude = f.watch(f.differ.attitude)

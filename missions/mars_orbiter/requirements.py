@@ -47,7 +47,7 @@ def pointing(r):
     """Pointing."""
     mode = _mode(r)
     sigma, off = r.signal("world.craft.state.sigma_BN"), r.signal("flight.arrays.state.off")
-    wanted = r.signal("flight.reference.reference.sigma_RN")
+    wanted = r.signal("flight.rest.reference.sigma_RN")
     error = (4 * (sigma - wanted).norm()).named("the angle to the wanted attitude")
     r.require("PNT-1", "The orbiter shall point its instrument at Mars up to 0.5 mrad within 10 minutes of the mode "
               "mars, and until that ends.", _holds(mode == "mars", _to_mars(r) < INSTRUMENT),

@@ -10,6 +10,7 @@ from math import sqrt as _sqrt
 from fledge import _core
 from fledge.objects import project as _project
 from fledge.objects.lookup import lookup
+from fledge.objects.wires import best, by_mode, first, newest  # noqa: F401
 
 TYPES = {**_core.library("flight"), **_project.types("flight")}
 # Spin axes in B of four wheels in a pyramid, each at 45 degrees to the plane of b1 and b2 (thesis, table 2.2).

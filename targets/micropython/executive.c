@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/micropython/executive.h"
 
-#include "flight/exec/message.h"
 #include "targets/micropython/arena.h"
 #include "targets/micropython/procedure.h"
 
@@ -227,7 +226,8 @@ static void link_wires(void)
     }
     for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
         const ScriptInput *in = &fledge_script.inputs[i];
-        executive.inputs[i] = (ExecutiveWire){NULL, in->from, in->to, in->size, in->stale_after};
+        executive.inputs[i] =
+            (ExecutiveWire){.from = in->from, .to = in->to, .size = in->size, .stale_after = in->stale_after};
         link_wire(&executive.inputs[i]);
     }
 }
@@ -258,6 +258,16 @@ static const char *check(void)
             if (place->type->fields[k].group == SCRIPT_IN) {
                 return wrong("", place->name, " is in no task");
             }
+        }
+    }
+    for (const ExecutiveWire *wire = executive.wires; wire != NULL; wire = wire->next) {
+        const ExecutiveModule *from = module_at(wire->from);
+        if (wire->by != EXEC_SOLE && !from->scheduled) {
+            return wrong("the script has inputs that choose an output of ",
+                         fledge_script.places[from - executive.modules].name, ", which is in no task");
+        }
+        if (wire->mode != NULL && executive_find_mode(wire->mode) == NULL) {
+            return wrong("the script has a wire for the mode ", wire->mode, ", which is not there");
         }
     }
     for (const ExecutiveTask *task = executive.tasks; task != NULL; task = task->next) {
@@ -309,10 +319,23 @@ static int differs(const ScriptPlace *place)
 
 /* --- running --------------------------------------------------------------------------------------- */
 
+static int takes(const ExecutiveWire *wire, int64_t t)
+{
+    if (wire->by == EXEC_IN_MODE) {
+        return executive.current != NULL && strcmp(wire->mode, executive.current->name) == 0;
+    }
+    Head held, next;
+    memcpy(&held, at(wire->to), sizeof held);
+    memcpy(&next, at(wire->from), sizeof next);
+    return wire->before == 0u || exec_takes((ExecChoice)wire->by, held, next, t, wire->stale_after);
+}
+
 static void carry(const ExecutiveWire *wire, int64_t t)
 {
     uint8_t *to = at(wire->to);
-    memcpy(to, at(wire->from), wire->size);
+    if (wire->by == EXEC_SOLE || takes(wire, t)) {
+        memcpy(to, at(wire->from), wire->size);
+    }
     if (wire->stale_after != 0) {
         Head head;
         memcpy(&head, to, sizeof head);
@@ -673,6 +696,7 @@ static void describe_module(Sink sink, uint16_t i)
 {
     enum { ROW = 32 };
     static const uint8_t zeros[ROW];
+    static const char *const choices[] = {"", "newest", "first", "best", "in"};
     const ScriptPlace *place = &fledge_script.places[i];
     two_words(sink, "module", place->name, place->type->name);
     if (executive.modules[i].update != place->type->update) {
@@ -702,6 +726,13 @@ static void describe_module(Sink sink, uint16_t i)
             put_port(wire->from);
             put_port(wire->to);
             put_word_number(wire->stale_after);
+            if (wire->by != EXEC_SOLE) {
+                put_word(choices[wire->by]);
+                if (wire->mode != NULL) {
+                    put_word(wire->mode);
+                }
+                put_word_number(wire->before);
+            }
             sink(line.text);
         }
     }

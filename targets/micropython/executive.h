@@ -7,6 +7,7 @@
 #define TARGETS_MICROPYTHON_EXECUTIVE_H
 
 #include "flight/exec/condition.h"
+#include "flight/exec/message.h"
 #include "flight/exec/task.h"
 #include "flight/telemetry/telemetry.h"
 #include "targets/micropython/tables.h"
@@ -42,7 +43,8 @@ void *executive_parameters(uint16_t block);
  *     python NAME                   its update is the script's
  *     bytes NAME OFFSET HEX         at most 32 bytes as they lie in memory, unless all are zero
  *     differs NAME                  its parameters are not those of the desktop (ScriptPlace.crc)
- *     wire A.OUTPUT B.INPUT AGE     [ns] within the process, with stale_after; by modules
+ *     wire A.OUTPUT B.INPUT AGE     [ns] within the process, with stale_after; by modules. Of several into one input
+ *                                   "newest", "first", "best" or "in MODE" follows, and how many came before
  *     task NAME PERIOD OFFSET PRIORITY      [ns]; in the order of equal times
  *     runs TASK MODULE
  *     mode NAME
@@ -81,6 +83,9 @@ typedef struct ExecutiveWire {
     uint32_t from, to;   ///< [bytes]
     uint32_t size;       ///< [bytes]
     int64_t stale_after; ///< [ns]; 0: never, as of configuration
+    const char *mode;    ///< EXEC_IN_MODE: it is carried in this one, perhaps one that comes later
+    uint8_t by;          ///< ExecChoice, of several into one input
+    uint8_t before;      ///< how many of them are carried before this one
 } ExecutiveWire;
 
 /** What runs for a place. When it is named, its functions are those of its type; a script's own replace them. */

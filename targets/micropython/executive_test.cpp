@@ -276,8 +276,22 @@ struct Composition {
         work.name = "work";
         work.n = 1;
         work.tasks = working;
-        wires[0] = {nullptr, offsetof(Mission, constant.out.y), offsetof(Mission, second.in.a), sizeof(Number), 5};
-        wires[1] = {nullptr, offsetof(Mission, first.out.y), offsetof(Mission, third.in.a), sizeof(Number), 0};
+        wires[0] = {nullptr,
+                    offsetof(Mission, constant.out.y),
+                    offsetof(Mission, second.in.a),
+                    sizeof(Number),
+                    5,
+                    nullptr,
+                    EXEC_SOLE,
+                    0};
+        wires[1] = {nullptr,
+                    offsetof(Mission, first.out.y),
+                    offsetof(Mission, third.in.a),
+                    sizeof(Number),
+                    0,
+                    nullptr,
+                    EXEC_SOLE,
+                    0};
         high.relation = EXEC_GREATER;
         high.of.operands[0] = element(offsetof(Mission, third.out.y.x));
         high.of.operands[1] = number(11.5);

@@ -143,6 +143,10 @@ static MP_DEFINE_CONST_FUN_OBJ_1(flight_named_object, flight_named);
 
 static const mp_rom_map_elem_t flight_table[] = {
     {MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_flight)},
+    {MP_ROM_QSTR(MP_QSTR_newest), MP_ROM_PTR(&script_newest)},
+    {MP_ROM_QSTR(MP_QSTR_first), MP_ROM_PTR(&script_first)},
+    {MP_ROM_QSTR(MP_QSTR_best), MP_ROM_PTR(&script_best)},
+    {MP_ROM_QSTR(MP_QSTR_by_mode), MP_ROM_PTR(&script_by_mode)},
     {MP_ROM_QSTR(MP_QSTR___getattr__), MP_ROM_PTR(&flight_named_object)},
 };
 static MP_DEFINE_CONST_DICT(flight_globals, flight_table);

@@ -5,6 +5,7 @@
 
 #include "targets/micropython/objects.h"
 
+#include "flight/exec/message.h"
 #include "targets/micropython/assign.h"
 #include "targets/micropython/script.h"
 #include "targets/micropython/update.h"
@@ -459,11 +460,28 @@ MP_DEFINE_CONST_OBJ_TYPE(script_array_type, MP_QSTR_array, MP_TYPE_FLAG_ITER_IS_
 
 // --- wires -----------------------------------------------------------------------------------------
 
-static void print_wire(const mp_print_t *print, mp_obj_t object, mp_print_kind_t kind)
+static const char *const choices[] = {"", "newest", "first", "best", "by_mode"};
+
+static void print_choice(const mp_print_t *print, mp_obj_t object, mp_print_kind_t kind)
 {
     (void)kind;
+    const ScriptChoice *choice = MP_OBJ_TO_PTR(object);
+    mp_print_str(print, choices[choice->by]);
+    mp_print_str(print, choice->by ? "(" : "");
+    for (uint32_t i = 0; i < choice->n; i++) {
+        mp_print_str(print, i ? ", " : "");
+        if (choice->of[i].mode) {
+            mp_printf(print, "%s=", choice->of[i].mode);
+        }
+        objects_print_path(print, choice->of[i].output);
+    }
+    mp_print_str(print, choice->by ? ")" : "");
+}
+
+static void print_wire(const mp_print_t *print, mp_obj_t object, mp_print_kind_t kind)
+{
     const ScriptWire *wire = MP_OBJ_TO_PTR(object);
-    objects_print_path(print, wire->source);
+    print_choice(print, MP_OBJ_FROM_PTR(wire->source), kind);
     for (uint32_t i = 0; i < wire->n; i++) {
         mp_print_str(print, i ? ", " : " >> ");
         objects_print_path(print, wire->targets[i]);
@@ -556,15 +574,11 @@ static ScriptNode *wire_target(const ScriptNode *source, mp_obj_t value)
     return target;
 }
 
-static mp_obj_t view_binary(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
+static mp_obj_t make_wire(const ScriptChoice *source, mp_obj_t right)
 {
-    if (op != MP_BINARY_OP_RSHIFT) {
-        return MP_OBJ_NULL;
-    }
     if (objects_is_inert(right)) {
         return right;
     }
-    ScriptNode *source = MP_OBJ_TO_PTR(left);
     size_t n = 1;
     mp_obj_t *items = &right;
     if (mp_obj_is_type(right, &mp_type_list)) {
@@ -574,11 +588,114 @@ static mp_obj_t view_binary(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
     *wire = (ScriptWire){.base = {&script_wire_type}, .source = source};
     for (size_t i = 0; i < n; i++) {
         if (!objects_is_inert(items[i])) {
-            wire->targets[wire->n++] = wire_target(source, items[i]);
+            for (uint32_t k = 0; k < source->n; k++) {
+                wire->targets[wire->n] = wire_target(source->of[k].output, items[i]);
+            }
+            wire->n++;
         }
     }
     return MP_OBJ_FROM_PTR(wire);
 }
+
+static mp_obj_t choice_binary(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
+{
+    return op == MP_BINARY_OP_RSHIFT ? make_wire(MP_OBJ_TO_PTR(left), right) : MP_OBJ_NULL;
+}
+
+static MP_DEFINE_CONST_OBJ_TYPE(choice_type, MP_QSTR_Choice, MP_TYPE_FLAG_NONE, print, print_choice, binary_op,
+                                choice_binary);
+
+static ScriptChoice *new_choice(ExecChoice by, size_t n)
+{
+    ScriptChoice *choice = m_malloc0(sizeof *choice + n * sizeof *choice->of);
+    *choice = (ScriptChoice){.base = {&choice_type}, .by = by, .n = (uint32_t)n};
+    return choice;
+}
+
+static mp_obj_t view_binary(mp_binary_op_t op, mp_obj_t left, mp_obj_t right)
+{
+    if (op != MP_BINARY_OP_RSHIFT || objects_is_inert(right)) {
+        return op != MP_BINARY_OP_RSHIFT ? MP_OBJ_NULL : right;
+    }
+    ScriptChoice *source = new_choice(EXEC_SOLE, 1);
+    source->of[0].output = MP_OBJ_TO_PTR(left);
+    return make_wire(source, right);
+}
+
+/* args: outputs; of by_mode, n names with an output behind each. */
+static mp_obj_t choose(ExecChoice by, size_t n, const mp_obj_t *args)
+{
+    const size_t step = by == EXEC_IN_MODE ? 2u : 1u;
+    ScriptChoice *choice = new_choice(by, n);
+    for (size_t i = 0; i < n; i++) {
+        const mp_obj_t output = args[step * i + step - 1u];
+        if (objects_is_inert(output)) {
+            return output; /* of another process, as its reader */
+        }
+        ScriptNode *node = objects_struct(output);
+        if (!node || objects_is_module(node)) {
+            mp_printf(objects_error(), "%s: expected outputs, as in %s(a.torque, b.torque); found ", choices[by],
+                      choices[by]);
+            objects_print_found(&appended, output);
+            objects_raise();
+        }
+        choice->of[i].output = node;
+        choice->of[i].mode = by == EXEC_IN_MODE ? mp_obj_str_get_str(args[step * i]) : NULL;
+    }
+    for (size_t i = 0; i < n && by != EXEC_IN_MODE; i++) {
+        for (size_t k = 0; k < i; k++) {
+            if (choice->of[i].output == choice->of[k].output) {
+                print_choice(objects_error(), MP_OBJ_FROM_PTR(choice), PRINT_STR);
+                mp_print_str(&appended, ": ");
+                objects_print_path(&appended, choice->of[i].output);
+                mp_print_str(&appended, " stands in it twice");
+                objects_raise();
+            }
+        }
+    }
+    if (n < 2u) {
+        print_choice(objects_error(), MP_OBJ_FROM_PTR(choice), PRINT_STR);
+        mp_print_str(&appended, ": expected two outputs or more");
+        objects_raise();
+    }
+    return MP_OBJ_FROM_PTR(choice);
+}
+
+static mp_obj_t newest(size_t n, const mp_obj_t *args)
+{
+    return choose(EXEC_NEWEST, n, args);
+}
+MP_DEFINE_CONST_FUN_OBJ_VAR(script_newest, 0, newest);
+
+static mp_obj_t first(size_t n, const mp_obj_t *args)
+{
+    return choose(EXEC_FIRST, n, args);
+}
+MP_DEFINE_CONST_FUN_OBJ_VAR(script_first, 0, first);
+
+static mp_obj_t best(size_t n, const mp_obj_t *args)
+{
+    return choose(EXEC_BEST, n, args);
+}
+MP_DEFINE_CONST_FUN_OBJ_VAR(script_best, 0, best);
+
+static mp_obj_t by_mode(size_t n, const mp_obj_t *args, mp_map_t *keywords)
+{
+    (void)args;
+    if (n > 0u) {
+        objects_refuse("by_mode: name the modes, as in by_mode(safe=a.torque, point=b.torque)");
+    }
+    mp_obj_t *pairs = m_new(mp_obj_t, 2u * keywords->used);
+    size_t used = 0;
+    for (size_t i = 0; i < keywords->alloc; i++) {
+        if (mp_map_slot_is_filled(keywords, i)) {
+            pairs[2u * used] = keywords->table[i].key;
+            pairs[2u * used++ + 1u] = keywords->table[i].value;
+        }
+    }
+    return choose(EXEC_IN_MODE, used, pairs);
+}
+MP_DEFINE_CONST_FUN_OBJ_KW(script_by_mode, 0, by_mode);
 
 MP_DEFINE_CONST_OBJ_TYPE(script_view_type, MP_QSTR_Message, MP_TYPE_FLAG_NONE, print, print_struct, attr, attribute,
                          binary_op, view_binary);

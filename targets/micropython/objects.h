@@ -35,10 +35,21 @@ typedef struct ScriptRoot {
     uint8_t given[2]; ///< a bit for each field: whether the script gave it. There are more behind it for long types
 } ScriptRoot;
 
+/** An output, or several of which an input takes one: `newest(a.torque, b.torque)`. */
+typedef struct ScriptChoice {
+    mp_obj_base_t base;
+    uint32_t by; ///< ExecChoice
+    uint32_t n;
+    struct {
+        ScriptNode *output;
+        const char *mode; ///< of by_mode, else NULL
+    } of[];
+} ScriptChoice;
+
 /** `source >> target`, or `source >> [a, b]` without those that stand in for the world. */
 typedef struct ScriptWire {
     mp_obj_base_t base;
-    ScriptNode *source;
+    const ScriptChoice *source;
     int64_t stale_after; ///< [ns]; 0: never
     int32_t latency;     ///< [exchanges]
     uint32_t n;
@@ -46,6 +57,7 @@ typedef struct ScriptWire {
 } ScriptWire;
 
 extern const mp_obj_type_t script_module_type, script_view_type, script_array_type, script_wire_type;
+extern const mp_obj_fun_builtin_var_t script_newest, script_first, script_best, script_by_mode;
 extern const mp_obj_type_t script_inert_type, mp_type_SetupError;
 
 /** What stands in for the world and other processes: it accepts everything, gives itself, and allocates nothing. */

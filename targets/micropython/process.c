@@ -643,8 +643,9 @@ static const char *new_name(mp_obj_t given, const char *kind)
     return name;
 }
 
-static void connect_one(const ScriptNode *source, const ScriptNode *target, const ScriptWire *given)
+static void connect_one(const ScriptNode *target, const ScriptWire *given, uint32_t k)
 {
+    const ScriptNode *source = given->source->of[k].output;
     Text from, to;
     objects_print_path(text_begin(&from), source);
     objects_print_path(text_begin(&to), target);
@@ -659,9 +660,12 @@ static void connect_one(const ScriptNode *source, const ScriptNode *target, cons
     wire->to = mission_offset(target);
     wire->size = target->type->size;
     wire->stale_after = given->stale_after;
+    wire->mode = given->source->of[k].mode;
+    wire->by = (uint8_t)given->source->by;
+    wire->before = (uint8_t)k;
     int taken = 0;
     for (const ExecutiveWire *one = executive.wires; one != NULL; one = one->next) {
-        taken |= one->to == wire->to;
+        taken |= k == 0u && one->to == wire->to;
     }
     for (uint16_t i = 0u; i < fledge_script.n_inputs; i++) {
         taken |= fledge_script.inputs[i].to == wire->to;
@@ -687,7 +691,9 @@ static mp_obj_t process_connect(size_t n, const mp_obj_t *args)
         }
         const ScriptWire *wire = MP_OBJ_TO_PTR(args[i]);
         for (uint32_t k = 0u; k < wire->n; k++) {
-            connect_one(wire->source, wire->targets[k], wire);
+            for (uint32_t i = 0u; i < wire->source->n; i++) {
+                connect_one(wire->targets[k], wire, i);
+            }
         }
     }
     return mp_const_none;

@@ -640,18 +640,19 @@ void bind_simulation(py::module_ &m)
             "process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
             py::return_value_policy::reference_internal)
         .def("connect",
-             [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after) {
-                 s.connect(port_of(from), port_of(to), {latency, stale_after});
+             [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after, int by,
+                const std::string &mode, bool more) {
+                 s.connect(port_of(from), port_of(to), {latency, stale_after, ExecChoice(by), mode, more});
              })
         .def_property_readonly(
             "wires",
             [](const sim::Simulation &s) {
                 return list_of(s.wires(), [](const sim::Wire &wire) {
                     return py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
-                                          wire.options.stale_after);
+                                          wire.options.stale_after, wire.options.choice());
                 });
             },
-            "(from, to, latency, stale_after) of each")
+            "(from, to, latency, stale_after, choice) of each")
         .def("feed", feed)
         .def_property_readonly(
             "feeds",

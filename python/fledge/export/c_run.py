@@ -32,12 +32,24 @@ def function(head: str, lines: list[str], about: str = "") -> str:
     return "\n".join([*(doc(about) if about else []), head, "{", *lines, "}", ""])
 
 
-def carry(wire: Wire) -> list[str]:
-    """The copy of one message, and its ageing."""
-    lines = [f"    m->{wire.target} = m->{wire.source};"]
-    if wire.stale_after:
-        lines.append(f"    exec_age(&m->{wire.target}.head, t.t, {wire.stale_after}); "
-                     f"/* {seconds(wire.stale_after)} */")
+def carry(mission: Mission, wires: list[Wire]) -> list[str]:
+    """The copies of messages, the choice of those that go to one input, and their ageing."""
+    lines: list[str] = []
+    begun: set[str] = set()
+    for wire in wires:
+        copy, by = f"m->{wire.target} = m->{wire.source};", wire.choice.partition(" ")
+        if by[0] == "in":
+            name = next(c for c, title in mission.mode_titles.items() if title == by[2])
+            lines += [f"    if ({in_modes(mission, [name])}) {{", f"        {copy}", "    }"]
+        elif wire.target in begun:
+            lines += [f"    if (exec_takes(EXEC_{by[0].upper()}, m->{wire.target}.head, m->{wire.source}.head, t.t, "
+                      f"{wire.stale_after})) {{", f"        {copy}", "    }"]
+        else:
+            lines.append(f"    {copy}")
+        begun.add(wire.target)
+        if wire.stale_after:
+            lines.append(f"    exec_age(&m->{wire.target}.head, t.t, {wire.stale_after}); "
+                         f"/* {seconds(wire.stale_after)} */")
     return lines
 
 
@@ -46,8 +58,7 @@ def carry(wire: Wire) -> list[str]:
 def configuration(mission: Mission) -> Iterator[str]:
     for module in mission.configuration:
         lines = [f"    {module.function}_update(&m->{module.name}, (Tick){{t, 0}});"]
-        for wire in mission.published[module.name]:
-            lines += carry(wire)
+        lines += carry(mission, mission.published[module.name])
         yield function(f"void {mission.name}_publish_{module.name}({mission.struct()} *m, int64_t t)", lines)
 
 
@@ -59,8 +70,7 @@ def tasks(mission: Mission) -> Iterator[str]:
         lines: list[str] = []
         for module in task.run:
             lines += [""] if lines else []
-            for wire in mission.wires[module.name]:
-                lines += carry(wire)
+            lines += carry(mission, mission.wires[module.name])
             lines.append(f"    {module.function}_update(&m->{module.name}, t);")
         where = f", in {', '.join(mission.mode_titles[m] for m in task.modes)}" if task.modes is not None else ""
         about = f"The task {task.title}, every {seconds(task.period)}{where}."

@@ -56,6 +56,7 @@ class Wire:
     source: str                      # m->in.nav_attitude, without the m->
     target: str                      # tracking.in.attitude
     stale_after: int                 # [ns]; 0: never
+    choice: str = ""                 # of several into one input: "newest", "first", "best", "in MODE"
 
 
 @dataclass
@@ -217,7 +218,7 @@ class _Reader:
         in_task = {name for t in self.flight.tasks for name in t[4]}
         running = {name for t in self.chosen for name in t[4]}
         wanted = set(running)
-        for source, target, _, _ in self.sim.wires:
+        for source, target, *_ in self.sim.wires:
             process, name, _ = source.split(".")
             to_process, to_name, _ = target.split(".")
             if process == to_process == self.flight.name and name not in in_task and to_name in running:
@@ -252,7 +253,7 @@ class _Reader:
     def read_wires(self, mission):
         order: dict[str, Message] = {}
         crossing = {(wire.source, wire.port): wire for wire in crossing_wires(self.sim)}
-        for source, target, latency, stale_after in self.sim.wires:
+        for source, target, latency, stale_after, choice in self.sim.wires:
             from_process, from_name, from_port = source.split(".")
             to_process, to_name, to_port = target.split(".")
             inside = from_process == self.flight.name and from_name in self.modules
@@ -271,7 +272,7 @@ class _Reader:
                 if from_name not in self.running:
                     mission.published[producer.name].append(Wire(start, end, 0))
                 else:
-                    mission.wires[module.name].append(Wire(start, end, stale_after))
+                    mission.wires[module.name].append(Wire(start, end, stale_after, choice))
             else:
                 field = next(f for f in module.struct.fields if f.name == to_port)
                 wire = crossing.get((source, target))   # None: from the rest of this process
@@ -282,7 +283,7 @@ class _Reader:
                                        f"{target}; an exported mission reads it once: give both the same")
                 message.optional &= field.optional
                 message.ends.append(target)
-                mission.wires[module.name].append(Wire(source, end, wire.stale_after if wire else stale_after))
+                mission.wires[module.name].append(Wire(source, end, wire.stale_after if wire else stale_after, choice))
         for target, source, stale_after in self.sim.feeds:
             process, name, port = target.split(".")
             if process == self.flight.name and name in self.modules:

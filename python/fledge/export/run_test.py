@@ -144,6 +144,65 @@ def modes(tmp_path):
     return folder
 
 
+# One set of wheels, three laws in three modes, and a fourth mode without one; two sensors.
+CHOICES = '''
+"""Three laws drive one set of wheels."""
+from fledge import flight as fsw
+from fledge.units import N, deg, kg, m, ms, s
+
+
+def build(f):
+    f.vehicle  = fsw.VehicleConfig(I_B=[700, 700, 800] * kg * m**2)
+    f.wheels   = fsw.WheelConfig(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.15 * kg * m**2, u_max=0.2 * N * m)
+    f.guidance = fsw.HillPointing()
+    f.spin     = fsw.EulerRotation(rates=[0, 0, 0.3] * deg / s)
+    f.rest     = fsw.InertialPointing(sigma_RN=[0, 0.1, 0])
+    f.tracking = fsw.TrackingError(sigma_BcB=[0, 0, 1])
+    f.backup   = fsw.TrackingError(sigma_BcB=[0, 0, 1])
+    f.brake    = fsw.MrpFeedback(K=0.5 * N * m, P=80.0 * N * m * s)
+    f.slew     = fsw.MrpFeedback(K=5 * N * m, P=60.0 * N * m * s)
+    f.fine     = fsw.MrpFeedback(K=2.5 * N * m, P=45.0 * N * m * s)
+    f.motor    = fsw.WheelTorques(hold=2 * s)
+    f.connect(
+        f.guidance.reference >> f.spin.base,
+        (fsw.newest(f.spin.reference, f.rest.reference) >> [f.tracking.reference, f.backup.reference]),
+        fsw.first(f.tracking.error, f.backup.error) >> [f.brake.error, f.fine.error],
+        (fsw.best(f.backup.error, f.tracking.error) >> f.slew.error).stale_after(500 * ms),
+        (fsw.by_mode(calm=f.brake.torque, turn=f.slew.torque, point=f.fine.torque)
+         >> f.motor.torque).stale_after(1 * s),
+        f.vehicle.vehicle    >> [f.brake.vehicle, f.slew.vehicle, f.fine.vehicle],
+        f.wheels.wheels      >> [f.brake.wheels, f.slew.wheels, f.fine.wheels, f.motor.wheels],
+    )
+    f.task("guide", every=1 * s, run=[f.guidance, f.spin])
+    f.task("still", every=1 * s, run=[f.rest])
+    f.task("track", every=100 * ms, run=[f.tracking])
+    f.task("look",  every=700 * ms, run=[f.backup])
+    f.task("laws",  every=200 * ms, run=[f.brake, f.slew, f.fine, f.motor])
+    f.mode("calm",  ["still", "track"])
+    f.mode("turn",  ["still", "look"])
+    f.mode("point", ["guide", "track", "look"])
+    f.mode("drift", ["look"])
+    command = f.watch(f.motor.command).head.quality
+    f.event("braked",  when=command >= 2, hold=30 * s, modes=["calm"], enter="turn")
+    f.event("slewed",  when=command >= 2, hold=50 * s, modes=["turn"], enter="point")
+    f.event("pointed", when=command >= 2, hold=70 * s, modes=["point"], enter="drift")
+    f.event("drifted", when=f.watch(f.backup.error).head.quality >= 2, hold=20 * s, modes=["drift"], enter="calm")
+'''
+CHOICES_WORLD = WORLD.replace(
+    "(w.nav.attitude >> f.tracking.attitude).stale_after(150 * ms)",
+    "(w.slow.attitude >> f.tracking.attitude).stale_after(1.1 * s), w.nav.attitude >> f.backup.attitude").replace(
+    "w.wheels.speeds >> f.control.speeds", "w.wheels.speeds >> [f.brake.speeds, f.slew.speeds, f.fine.speeds]")
+
+
+@pytest.fixture()
+def choices(tmp_path):
+    folder = tmp_path / "choices"
+    folder.mkdir()
+    (folder / "flight.py").write_text(CHOICES)
+    (folder / "world.py").write_text(CHOICES_WORLD)
+    return folder
+
+
 def entered(sim, seen, duration):
     """Run, and note the modes that were in effect."""
     for _ in range(round(duration / 5)):
@@ -160,6 +219,15 @@ def test_modes_events_rates_and_stale_wires_are_the_same_bits(modes, all_instant
     seen = []
     assert first_difference(sim, mission, c, lambda s: entered(s, seen, 2500.0), all_instants=all_instants) is None
     assert {"wait", "point", "rest"} <= set(seen) and len(seen) > 4, seen     # or this would show nothing
+
+
+def test_an_input_of_several_outputs_takes_the_same_bits(choices, tmp_path):
+    sim = fledge.load(choices)
+    mission = export.read(sim)
+    c = Compiled(mission, tmp_path / "c")
+    seen = []
+    assert first_difference(sim, mission, c, lambda s: entered(s, seen, 500.0)) is None
+    assert seen[:5] == ["calm", "turn", "point", "drift", "calm"]
 
 
 def test_a_mode_that_is_asked_for_from_outside(modes, tmp_path):

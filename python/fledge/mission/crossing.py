@@ -25,7 +25,7 @@ def crossing_wires(simulation: Simulation) -> list[Crossing]:
     order = [process.name for process in simulation.processes]
     run = {f"{p.name}.{one}" for p in simulation.processes for task in p.tasks for one in task.run}
     found = []
-    for source, port, latency, stale_after in simulation.wires:
+    for source, port, latency, stale_after, _ in simulation.wires:
         writer, reader = source.partition(".")[0], port.partition(".")[0]
         if writer == reader:
             continue

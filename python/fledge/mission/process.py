@@ -488,7 +488,8 @@ class Process:
     # --- wires, tasks, modes, events ---
 
     def connect(self, *wires: Wire) -> None:
-        """Join outputs to inputs: `connect(a.output >> b.input, ...)`.
+        """Join outputs to inputs: `connect(a.output >> b.input, ...)`. An input takes one of several outputs by
+        fledge.flight.newest(), first(), best() or by_mode(): `connect(fsw.newest(a.torque, b.torque) >> motor.torque)`.
 
         Forces add up: for each output beyond the first that is joined to the `external` of a spacecraft `craft`, that
         gets a part of the type ExternalForce, `craft_external_2` and so on.
@@ -500,7 +501,9 @@ class Process:
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
             for target in one.targets:
                 target = self._with_room(one.source, target)
-                self._core_simulation.connect(one.source, target, one.options["latency"], one.options["stale_after"])
+                for i, (source, by, mode) in enumerate(one.sources):
+                    self._core_simulation.connect(source, target, one.options["latency"], one.options["stale_after"],
+                                                  by, mode, i > 0)
                 self.declare(_core.path(target), one.declared_at)
 
     def _with_room(self, source, target):

@@ -26,8 +26,12 @@ def instances(processes: Any) -> dict[str, str]:
 
 
 def wires(simulation: Any) -> dict[str, str]:
-    """The wires from their ends: "flight.control.error" -> "flight.tracking.error"."""
-    return {target: source for source, target, *_ in simulation.wires}
+    """The wires from their ends: "flight.control.error" -> "flight.tracking.error"; of several into an input, as
+    "flight.a.error (newest), flight.b.error (newest)"."""
+    found: dict[str, str] = {}
+    for source, target, _, _, choice in simulation.wires:
+        found[target] = (f"{found[target]}, " if target in found else "") + source + (f" ({choice})" if choice else "")
+    return found
 
 
 def parameters(processes: Any) -> dict[str, str]:

@@ -196,8 +196,9 @@ class Simulation:
         return max(self._core.now, 0) / 1e9
 
     @property
-    def wires(self) -> list[tuple[str, str, int, int]]:
-        """(path of the output, path of the input, latency, stale_after [ns]) of each wire."""
+    def wires(self) -> list[tuple[str, str, int, int, str]]:
+        """(path of the output, path of the input, latency, stale_after [ns], choice) of each wire. choice: of several
+        into one input, "newest", "first", "best" or "in MODE"; "": it is the only one."""
         return self._core.wires
 
     @property

@@ -228,7 +228,7 @@ class State:
         """Whether what an input reads acts from one instant to the next: it was written after its reader had run; or
         nothing writes it, and its reader is a model."""
         owner = target.rpartition(".")[0]
-        for source, one, latency, _ in self.simulation.wires:
+        for source, one, latency, *_ in self.simulation.wires:
             if one == target:
                 return bool(latency) or self.position(source.rpartition(".")[0]) >= self.position(owner)
         return isinstance(self.nodes[owner].instance, _core.Model)

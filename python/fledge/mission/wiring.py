@@ -45,6 +45,7 @@ class Link:
     message: str            # the name of its type
     latency: int            # [exchanges]
     stale_after: int        # [ns]
+    choice: str = ""        # of several into one input: which one counts
     fed: bool = False
     back: bool = False      # whether its reader sees the data only at a later instant
 
@@ -71,10 +72,11 @@ class Link:
 
     @property
     def options(self) -> list[str]:
-        """Its latency and its age limit, in words."""
+        """Its choice, its latency and its age limit, in words."""
         late = "one exchange late" if self.latency == 1 else f"{self.latency} exchanges late"
         stale = f"stale after {self.stale_after / 1e9:g} s"
-        return ([late] if self.latency else []) + ([stale] if self.stale_after else [])
+        return [text for text, is_so in ((self.choice, self.choice), (late, self.latency), (stale, self.stale_after))
+                if is_so]
 
 
 class Wiring:
@@ -94,7 +96,7 @@ class Wiring:
                     for process in simulation.processes for one in process
                     for f in _core.struct(one).fields if f.group in ("in", "out")}
         links = [Link(wire[0], wire[1], messages[wire[0]], *wire[2:]) for wire in simulation._core.wires]
-        links += [Link(source, target, messages[target], 0, stale_after, True)
+        links += [Link(source, target, messages[target], 0, stale_after, fed=True)
                   for target, source, stale_after in simulation.feeds]
         self.links: list[Link] = [link for link in links if link.start in self.nodes or link.to in self.nodes]
         ports = dict.fromkeys(port for link in self.links for port in (link.source, link.target))
@@ -133,7 +135,9 @@ class Wiring:
 
     def outline(self) -> str:
         """The wiring as text: the order in which the nodes run, and the source of each input."""
-        sources = {link.target: link for link in self.links}
+        sources: dict[str, list[Link]] = {}
+        for link in self.links:
+            sources.setdefault(link.target, []).append(link)
         lines: list[str] = []
         for process in self.processes:
             lines += ["", process.name] if lines else [process.name]
@@ -149,13 +153,13 @@ class Wiring:
                                  + (f"; part of {node.host.partition('.')[2]}" if node.host else ""))
                     ports = max((len(f.name) for f in node.inputs), default=0)
                     for port in node.inputs:
-                        link = sources.get(f"{node.path}.{port.name}")
+                        links = sources.get(f"{node.path}.{port.name}", [])
                         start = f"    {' ' * width}    {port.name.ljust(ports)}  "
-                        if link is None:
+                        if not links:
                             lines.append(f"{start}-- not wired" + (", optional" if port.optional else ""))
-                        else:
-                            source = link.source.removeprefix(f"{process.name}.")
-                            lines.append(f"{start}<< " + ", ".join([source, *link.options]))
+                        for one in links:
+                            source = one.source.removeprefix(f"{process.name}.")
+                            lines.append(f"{start}<< " + ", ".join([source, *one.options]))
             for word, rows in (("mode", process.modes), ("event", process.events)):
                 lines += [f"  {word} {name}: {text}" if name else f"  {word} {text}" for name, text in rows]
             if process.integrator:

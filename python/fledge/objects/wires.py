@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from typing import Any
 
 from fledge import _core
@@ -27,7 +28,8 @@ def caller() -> tuple[str, int]:
 # --- wires -----------------------------------------------------------------------------------------
 
 class Wire:
-    """Wires from one output, as `a.output >> b.input` or `a.output >> [b.input, c.input]` makes them.
+    """Wires from one output, or from several of which one counts, as `a.output >> b.input` or
+    `a.output >> [b.input, c.input]` makes them.
 
     They take effect in connect(). With `(a >> b).latency(1)` the consumer reads the producer's message at the
     end of the previous exchange, so that both may run in parallel; `(a >> b).stale_after(2 * s)` lowers the
@@ -37,6 +39,8 @@ class Wire:
     def __init__(self, source: Any, targets: list[Any]) -> None:
         self.source = source
         self.targets = targets
+        # (output, what chooses it as in ExecChoice of flight/exec/message.h, the mode of its own)
+        self.sources = source.sources if isinstance(source, Choice) else [(source, 0, "")]
         self.declared_at = caller()
         self.options = {"latency": 0, "stale_after": 0}
 
@@ -55,7 +59,61 @@ class Wire:
 
     def __repr__(self):
         targets = [_core.path(t) for t in self.targets]
-        return f"{_core.path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
+        return f"{_path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
+
+
+class Choice:
+    """Outputs of which an input takes one: `newest(a.torque, b.torque) >> motor.torque`. See newest(), first(), best()
+    and by_mode()."""
+
+    def __init__(self, name: str, by: int, outputs: Iterable[tuple[Any, str]]) -> None:
+        self.sources = [(output, by, mode) for output, mode in outputs]
+        self.name = name
+        for output, _, _ in self.sources:
+            if not isinstance(output, _core.Message):
+                raise SetupError(f"{name}: expected outputs, as in {name}(a.torque, b.torque); found "
+                                 + (_core.path(output) if isinstance(output, (_core.Module, _core.Model)) else
+                                    repr(output)))
+        seen = [(id(_core.root(output)), _core.path(output), mode) for output, _, mode in self.sources]
+        for one in seen:
+            if seen.count(one) > 1:
+                raise SetupError(f"{self!r}: {one[1]} stands in it twice")
+        if len(seen) < 2:
+            raise SetupError(f"{self!r}: expected two outputs or more")
+
+    def __rshift__(self, target: Any) -> Wire:
+        return wire(self, target)
+
+    def __repr__(self) -> str:
+        return f"{self.name}({', '.join((f'{mode}=' if mode else '') + _path(one) for one, _, mode in self.sources)})"
+
+
+def newest(*outputs: Any) -> Choice:
+    """The output with the latest time; of equal ones the first. So modules in tasks of different modes drive one
+    reader: one that its mode has suspended writes nothing new."""
+    return Choice("newest", 1, [(one, "") for one in outputs])
+
+
+def first(*outputs: Any) -> Choice:
+    """In order of preference: the first output whose quality is DEGRADED or GOOD; if none has it, as best(). With
+    stale_after() an output that is older counts as STALE."""
+    return Choice("first", 2, [(one, "") for one in outputs])
+
+
+def best(*outputs: Any) -> Choice:
+    """The output with the highest quality; of equal ones the first. With stale_after() an output that is older counts
+    as STALE."""
+    return Choice("best", 3, [(one, "") for one in outputs])
+
+
+def by_mode(**outputs: Any) -> Choice:
+    """The output of the mode in force: `by_mode(safe=a.torque, point=b.torque, slew=b.torque)`. In a mode that it does
+    not name the input keeps its message, which grows old as on any wire."""
+    return Choice("by_mode", 4, [(one, mode) for mode, one in outputs.items()])
+
+
+def _path(source):
+    return repr(source) if isinstance(source, Choice) else _core.path(source)
 
 
 def wire(source: Any, target: Any) -> Wire:
@@ -63,6 +121,10 @@ def wire(source: Any, target: Any) -> Wire:
     if isinstance(target, list):
         wires = [wire(source, one) for one in target]
         return Wire(source, [t for w in wires for t in w.targets])
+    if isinstance(source, Choice):
+        for one, _, _ in source.sources:
+            wire(one, target)
+        return Wire(source, [target])
     start = f"{_core.path(source)} >> "
     if not isinstance(target, _core.Message):
         if isinstance(target, (_core.Module, _core.Model)):

@@ -44,8 +44,8 @@ def wired_input(obj: Any, path: str) -> str:
     """The error text for an assignment to a field, by its path, of an input that has a wire or a feed."""
     process = _core.context(obj)()      # None: its simulation is gone
     port = ".".join(path.split(".")[:3])
-    sources = {target: source for source, target, *_ in process._core_simulation.wires} if process else {}
-    if source := sources.get(port):
+    wires = process._core_simulation.wires if process else []
+    if source := next((source for source, target, *_ in wires if target == port), ""):
         return (f"{path}: {source} >> {port} writes this input before each update, so that an assignment has no "
                 f"effect. Change what {source.rpartition('.')[0]} works with; or leave out the wire, and give the "
                 f"messages by sim.feed({port}, ...)")
@@ -193,7 +193,7 @@ def _wiring(obj, field):
     if field.group == "in":
         sources = [source for source, target, *_ in wires if target == path]
         sources += [source for target, source, _ in process._core_simulation.feeds if target == path]
-        return "<< " + sources[0] if sources else "not wired, optional" if field.optional else "not wired"
+        return "<< " + ", ".join(sources) if sources else "not wired, optional" if field.optional else "not wired"
     targets = [target for source, target, *_ in wires if source == path]
     return ">> " + ", ".join(targets) if targets else ""
 

@@ -98,6 +98,23 @@ def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
     assert 0 < sequence[-1] < len(sequence)           # there was a mode in which it rested
 
 
+def test_an_input_of_several_outputs_takes_the_same_bits_everywhere(tmp_path, capsys):
+    """Three laws, one set of wheels: by mode, newest, first and best."""
+    from fledge.export.run_test import CHOICES, CHOICES_WORLD
+
+    mission = tmp_path / "choices"
+    mission.mkdir()
+    (mission / "flight.py").write_text(CHOICES)
+    (mission / "world.py").write_text(CHOICES_WORLD)
+    names = [name for name in everywhere().split(",") if name in OTHER_CODE]
+    arguments = ["fly", str(mission), "--for", "3min", "--on", ",".join(names), "--out", str(tmp_path / "out")]
+    assert cli.main(arguments) == 0, capsys.readouterr()
+    desktop = Archive(tmp_path / "out/desktop.mcap")
+    for name in names[1:]:
+        assert compare(desktop, Archive(tmp_path / f"out/{name}.mcap"),
+                       [t for t in desktop.topics if t.startswith("/flight/")]) == []
+
+
 def test_latency_and_random_draws_cross_a_board_too(tmp_path):
     """The measurements of a sensor with noise, and the commands of flight, one exchange late."""
     mission = tmp_path / "late"

@@ -64,8 +64,9 @@ def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[st
     for name in sorted(set(ours["python"]) ^ set(theirs.get("python", []))):
         yield f"the update of {name} is Python only {'here' if name in ours['python'] else 'there'}"
     for line in sorted(set(ours["wire"]) ^ set(theirs.get("wire", []))):
-        start, end, age = line.split()
-        yield (f"the wire {start} >> {end}" + (f", stale after {int(age) / 1e9:g} s," if int(age) else "")
+        start, end, age, *choice = line.split()
+        yield (f"the wire {start} >> {end}" + (f", {' '.join(choice)}," if choice else "")
+               + (f", stale after {int(age) / 1e9:g} s," if int(age) else "")
                + f" is only {'here' if line in ours['wire'] else 'there'}")
     theirs["sets"] = [one for line in theirs.get("sets", []) for one in _bytewise(*line.rsplit(" ", 2))]
     for kind, what in LISTED.items():
@@ -121,8 +122,11 @@ def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
         return f"{titles[name]}.{port}"
 
     for wires in (*mission.wires.values(), *mission.published.values()):
-        lines["wire"] += [f"{end(w.source)} {end(w.target)} {w.stale_after}" for w in wires
-                          if not w.source.startswith("in.")]
+        for i, w in enumerate(wires):
+            before = sum(one.target == w.target for one in wires[:i])
+            if not w.source.startswith("in."):
+                lines["wire"].append(f"{end(w.source)} {end(w.target)} {w.stale_after}"
+                                     + (f" {w.choice} {before}" if w.choice else ""))
     lines["python"] = [name for name, one in flight.instances.items() if script(one)]
     for task in sorted(flight.tasks, key=lambda one: -one.priority):
         lines["task"].append(f"{task.name} {task.period} {task.offset} {task.priority}")

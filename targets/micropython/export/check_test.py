@@ -94,3 +94,5 @@ def test_what_one_of_them_lacks_is_a_difference(composed, kind):
 def test_a_wire_is_named_with_its_ends(composed):
     text = difference(composed, lambda lines: [*lines, "wire a.out b.in 2000000000"])
     assert text == "the wire a.out >> b.in, stale after 2 s, is only there"
+    text = difference(composed, lambda lines: [*lines, "wire a.out b.in 0 newest 1"])
+    assert text == "the wire a.out >> b.in, newest 1, is only there"

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which of several outputs an input takes: against a plain search, with random times, qualities and modes; and what is
+refused."""
+
+import random
+import shutil
+from pathlib import Path
+
+import pytest
+
+import fledge
+from fledge import SetupError
+from fledge import flight as fsw
+from fledge.mission.wiring import Wiring
+from fledge.units import s
+
+NS = 1_000_000_000
+MODES = ("safe", "point", "idle")
+RULES = {"newest": fsw.newest, "first": fsw.first, "best": fsw.best,
+         "by_mode": lambda a, b, c: fsw.by_mode(safe=b, point=a)}
+
+
+def flying(rule, stale_after, seed):
+    """(simulation, log): three sources write at random; the log has what they and their reader's input hold."""
+    rng, log = random.Random(seed), []
+    sim = fledge.Simulation("choice")
+    f = sim.flight
+
+    def write(m, t, dt):
+        if rng.random() < 0.4:
+            m.reference.head.t = max(0, round(t) - rng.randrange(4)) * NS
+            m.reference.head.quality = rng.choice(("NONE", "STALE", "DEGRADED", "GOOD"))
+            m.reference.sigma_RN[0] = rng.random()
+
+    def state(reference):
+        return reference.head.t, int(reference.head.quality), float(reference.sigma_RN[0])
+
+    f.a, f.b, f.c = (fsw.InertialPointing(update=write) for _ in range(3))
+    f.reader = fsw.EulerRotation(update=lambda m, t, dt: log.append(
+        (round(t) * NS, [state(one.reference) for one in (f.a, f.b, f.c)], state(m.base))))
+    wire = RULES[rule](f.a.reference, f.b.reference, f.c.reference) >> f.reader.base
+    f.connect(wire.stale_after(stale_after * s) if stale_after else wire)
+    f.task("all", every=1 * s, run=[f.a, f.b, f.c, f.reader])
+    for name in MODES:
+        f.mode(name, [])
+    return sim, log
+
+
+def searched(rule, sources, mode, held):
+    """What the input takes of messages (t, quality, content) that have aged."""
+    if rule == "newest":
+        return max((one for one in sources if one[1]), key=lambda one: one[0], default=sources[0])
+    if rule == "by_mode":
+        return {"safe": sources[1], "point": sources[0]}.get(mode, held)
+    usable = [one for one in sources if one[1] >= 2]
+    return usable[0] if rule == "first" and usable else max(sources, key=lambda one: one[1])
+
+
+@pytest.mark.parametrize("stale_after", [0, 2])
+@pytest.mark.parametrize("rule", RULES)
+def test_an_input_takes_what_a_search_finds(rule, stale_after):
+    sim, log = flying(rule, stale_after, seed=5)
+    rng, held, taken = random.Random(7), (0, 0, 0.0), set()
+    for _ in range(60):
+        mode = rng.choice(MODES)
+        sim.flight.enter(mode)
+        log.clear()
+        sim.run(5 * s)
+
+        def aged(one, t):
+            return (one[0], 1, one[2]) if stale_after and one[1] > 1 and t - one[0] > stale_after * NS else one
+
+        for t, sources, found in log:
+            held = aged(searched(rule, [aged(one, t) for one in sources], sim.mode, held), t)
+            assert found == held
+            taken |= {i for i, one in enumerate(sources) if one[2] == found[2] != 0}
+    assert taken == ({0, 1} if rule == "by_mode" else {0, 1, 2})
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_clones_and_snapshots_choose_as_the_simulation_does(rule):
+    sim = choosing(rule)
+    sim.run(7 * s)
+    twin, data = sim.clone(), sim.snapshot()
+    sim.run(9 * s)
+    twin.run(9 * s)
+    assert twin.snapshot() == sim.snapshot()
+    sim.restore(data)
+    sim.run(9 * s)
+    assert twin.snapshot() == sim.snapshot()
+    assert twin.wires == sim.wires
+
+
+def choosing(rule):
+    """Two references, of which one reader takes one."""
+    sim = fledge.Simulation("choosing")
+    f = sim.flight
+    f.a = fsw.InertialPointing(sigma_RN=[0.1, 0, 0])
+    f.b = fsw.InertialSpin(omega_RR0_R0=[0, 0.01, 0])
+    f.reader = fsw.EulerRotation(rates=[0, 0, 0.1])
+    f.connect(f.a.reference >> f.b.base)
+    f.connect({"by_mode": lambda *two: fsw.by_mode(safe=two[0], point=two[1])}.get(rule, RULES[rule])(
+        f.a.reference, f.b.reference) >> f.reader.base)
+    f.task("a", every=1 * s, run=[f.a])
+    f.task("b", every=2 * s, run=[f.b, f.reader])
+    f.mode("safe", ["a", "b"])
+    f.mode("point", ["b"])
+    return sim
+
+
+@pytest.mark.parametrize("inputs", [["flight.motor.torque.torque_B"], ["flight.control.torque.torque_B"]])
+def test_the_linear_system_is_that_of_the_chosen_wire(inputs, tmp_path):
+    """Of an input, and of an output that one reads: as with the wire of the law that is chosen alone."""
+    found = []
+    for law in ("f.control.torque", "fsw.best(f.weak.torque, f.control.torque)"):
+        folder = tmp_path / f"spin_{len(found)}"
+        shutil.copytree(Path(fledge.__file__).parents[2] / "missions/nadir_spin", folder)
+        text = (folder / "flight.py").read_text()
+        for old, new in (("f.control.torque     >>", f"{law} >>"),
+                         ("    f.motor    =", "    f.weak     = fsw.MrpFeedback(K=1, P=1)\n    f.motor    ="),
+                         ("f.tracking.error     >> f.control.error", "f.tracking.error >> f.control.error,\n"
+                          "        f.spin.reference >> f.late.reference, f.late.error >> f.weak.error"),
+                         ("    f.tracking =", "    f.late     = fsw.TrackingError()\n    f.tracking ="),
+                         (">> f.control.vehicle", ">> [f.control.vehicle, f.weak.vehicle]"),
+                         ("f.tracking, f.control, f.motor]", "f.tracking, f.late, f.control, f.weak, f.motor]")):
+            assert old in text
+            text = text.replace(old, new)
+        (folder / "flight.py").write_text(text)
+        world = (folder / "world.py").read_text().replace(
+            "w.nav.attitude  >> f.tracking.attitude,", "w.nav.attitude >> f.tracking.attitude,\n"
+            "        (w.nav.attitude >> f.late.attitude).latency(1).stale_after(1e-9 * s),")
+        (folder / "world.py").write_text(world)
+        sim = fledge.load(folder)
+        sim.run(20 * 60 * s)
+        if "best" in law:
+            assert int(sim.flight.weak.torque.head.quality) == 2 and int(sim.flight.motor.torque.head.quality) == 3
+        found.append(sim.linearize(inputs, ["world.craft.state.omega_BN_B"], discrete=True))
+    one, two = found
+    assert one.A.tobytes() == two.A.tobytes() and one.B.tobytes() == two.B.tobytes() and abs(one.B).max() > 0
+
+
+def test_each_wire_is_shown_with_its_choice():
+    sim = choosing("first")
+    sim.run(1 * s)
+    assert [wire for wire in sim.wires if wire[4]] == [
+        ("flight.a.reference", "flight.reader.base", 0, 0, "first"),
+        ("flight.b.reference", "flight.reader.base", 0, 0, "first")]
+    outline = Wiring(sim).outline()
+    assert "<< a.reference, first" in outline and "<< b.reference, first" in outline
+    assert "<< flight.a.reference, flight.b.reference" in repr(sim.flight.reader)
+
+
+def refused(text, build, run=False):
+    sim = choosing("newest")
+    sim.flight.other = fsw.EulerRotation(rates=[0, 0, 0.1])
+    with pytest.raises(SetupError, match=text):
+        sim.flight.connect(build(sim.flight))
+        sim.flight.task("other", every=1 * s, run=[sim.flight.other])
+        if run:
+            sim.run(1 * s)
+
+
+def test_what_is_no_choice_is_refused_with_its_reason():
+    refused("the output is VehicleData, the input takes AttReference",
+            lambda f: fsw.newest(f.a.reference, fsw.VehicleConfig(I_B=1).vehicle) >> f.other.base)
+    refused(r"^newest\(flight.a.reference, flight.a.reference\): flight.a.reference stands in it twice",
+            lambda f: fsw.newest(f.a.reference, f.a.reference) >> f.other.base)
+    refused("expected two outputs or more", lambda f: fsw.best(f.a.reference) >> f.other.base)
+    refused(r"expected outputs, as in first\(a.torque, b.torque\); found flight.a$",
+            lambda f: fsw.first(f.a, f.b) >> f.other.base)
+    refused("flight.reader.base is already written by flight.a.reference",
+            lambda f: fsw.best(f.a.reference, f.b.reference) >> f.reader.base)
+    refused("a latency is for an input with one wire",
+            lambda f: (fsw.best(f.a.reference, f.b.reference) >> f.other.base).latency(1))
+
+
+def test_modes_and_tasks_that_are_not_there_are_refused_at_the_start():
+    refused("flight.b.reference >> flight.other.base, in sleep: the modes of flight are safe and point",
+            lambda f: fsw.by_mode(safe=f.a.reference, sleep=f.b.reference) >> f.other.base, run=True)
+
+    def idle(f):
+        f.idle = fsw.InertialPointing()
+        return fsw.newest(f.a.reference, f.idle.reference) >> f.other.base
+
+    refused("flight.idle.reference >> flight.other.base, newest: no task runs flight.idle", idle, run=True)
+
+
+def test_outputs_of_another_process_are_refused():
+    sim = choosing("newest")
+    f, w = sim.flight, sim.world
+    f.tracking = fsw.TrackingError()
+    w.craft = fledge.world.Spacecraft(I_B=1, gravity=[fledge.world.MARS],
+                                      orbit=fledge.Orbit(fledge.world.MARS, altitude=4e5))
+    w.one, w.two = fledge.world.Navigation(), fledge.world.Navigation()
+    w.connect(w.craft.state >> [w.one.truth, w.two.truth], f.reader.reference >> f.tracking.reference,
+              fsw.first(w.one.attitude, w.two.attitude) >> f.tracking.attitude)
+    f.task("tracking", every=1 * s, run=[f.tracking])
+    w.task("dynamics", every=1 * s, run=[w.craft, w.one, w.two])
+    with pytest.raises(SetupError, match="world.two.attitude >> flight.tracking.attitude, first: outputs to choose "
+                                         "from are of the process of their reader, flight"):
+        sim.run(1 * s)
