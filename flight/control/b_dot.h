@@ -9,8 +9,8 @@
 /** Ask of magnetic rods (RodTorques) for the torque that ends a tumble:
  *     L = -gain w,   w = omega - (omega . B) B / B^2
  *  with w the rate across the field. With a gyro, omega is its rate. Without one, the field's change in the body shows
- *  it: a field that rests in N changes by dB = -omega x B, so w = dB x B / B^2, from two readings. RodTorques then gives
- *  the dipole -gain dB / B^2, and a body keeps turning with the field, twice in an orbit.
+ *  it: a field that rests in N changes by dB = -omega x B, so w = dB x B / B^2, from two readings. RodTorques then
+ *  gives the dipole -gain dB / B^2, and a body keeps turning with the field, twice in an orbit.
  *  The rods disturb the magnetometer. So with `act`, cycles alternate: for `measure` there is no torque, then for `act`
  *  there is that of the last readings; readings while the rods act do not count, and RodTorques takes `measured`.
  *  A gain of 4 pi / T (1 + sin i) J_min, with the orbital period T, the inclination i to the magnetic equator and the
