@@ -180,7 +180,6 @@ def test_a_leon3_is_looked_into(tmp_path):
     assert follow("leon3-debugging.md", shell) >= 12
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 def test_what_stands_beside_the_names_of_others_exists():
     text = (ROOT / "docs/from-basilisk.md").read_text()
     named = {name for row in re.findall(r"^\| .* \| (.*) \|$", text.partition("## Modules")[2], re.M)
@@ -188,6 +187,7 @@ def test_what_stands_beside_the_names_of_others_exists():
     assert len(named) > 50 and not named - {*world.TYPES, *fsw.TYPES, "Sky"}
 
 
+@pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
     printed, status = Shell(tmp_path).run("fledge docs")
     assert status == 0, printed
