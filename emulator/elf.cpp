@@ -12,9 +12,9 @@ namespace fledge::emulator {
 namespace {
 
 /// Reads numbers of a file, and throws if they are not in it.
-class Reader {
+class FileReader {
 public:
-    Reader(std::span<const std::byte> file, const std::string &path) : file_(file), path_(path) {}
+    FileReader(std::span<const std::byte> file, const std::string &path) : file_(file), path_(path) {}
 
     [[noreturn]] void fail(const std::string &why) const { throw Error(path_ + ": " + why); }
 
@@ -146,7 +146,7 @@ void Program::read_records(std::string_view text)
 
 void Program::read_elf(std::span<const std::byte> file)
 {
-    const Reader r(file, path_);
+    const FileReader r(file, path_);
     const auto ident = r.bytes(0, EI_NIDENT, "the head");
     const std::uint32_t machine = std::to_integer<int>(ident[EI_DATA]) == ELFDATA2LSB
                                       ? __builtin_bswap32(r.half(18, "the head")) >> 16

@@ -25,7 +25,7 @@ namespace fledge::emulator {
 
 namespace {
 
-constexpr std::uint64_t second = 1'000'000'000;
+constexpr std::uint64_t ns_per_second = 1'000'000'000;
 
 std::unique_ptr<Engine> make_engine(EngineKind kind)
 {
@@ -221,8 +221,8 @@ struct Machine::Impl final : DeviceHost {
 
     std::uint64_t cycles_at(Ns t) const
     {
-        const auto product = static_cast<unsigned __int128>(std::max<Ns>(t, 0)) * board.clock + (second - 1);
-        return static_cast<std::uint64_t>(std::min<unsigned __int128>(product / second, never - 1));
+        const auto product = static_cast<unsigned __int128>(std::max<Ns>(t, 0)) * board.clock + (ns_per_second - 1);
+        return static_cast<std::uint64_t>(std::min<unsigned __int128>(product / ns_per_second, never - 1));
     }
 
     std::uint64_t next_event() const
@@ -436,7 +436,8 @@ void Machine::stop()
 
 Ns Machine::now() const
 {
-    return static_cast<Ns>(static_cast<unsigned __int128>(impl_->core.state.cycles) * second / impl_->board.clock);
+    return static_cast<Ns>(static_cast<unsigned __int128>(impl_->core.state.cycles) * ns_per_second /
+                           impl_->board.clock);
 }
 
 std::uint64_t Machine::instructions() const

@@ -32,9 +32,9 @@ private:
     std::vector<std::byte> out_;
 };
 
-class Reader {
+class SnapshotReader {
 public:
-    explicit Reader(std::span<const std::byte> in) : in_(in) {}
+    explicit SnapshotReader(std::span<const std::byte> in) : in_(in) {}
     std::span<const std::byte> bytes(std::uint64_t n)
     {
         if (n > in_.size()) {
@@ -112,7 +112,7 @@ std::vector<std::byte> Snapshot::write() const
 
 std::shared_ptr<const Snapshot> Snapshot::read(std::span<const std::byte> bytes, std::uint64_t board)
 {
-    Reader r(bytes);
+    SnapshotReader r(bytes);
     if (!std::ranges::equal(r.bytes(sizeof magic), std::as_bytes(std::span(magic)))) {
         throw Error("this is no snapshot, or one of another version");
     }

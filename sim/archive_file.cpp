@@ -45,7 +45,7 @@ std::string in_words(int error, const std::string &part)
 }
 
 // Of MCAP: https://mcap.dev/spec
-constexpr std::size_t magic = 8, prefix = 9, chunk_head = 49, message_head = 26;
+constexpr std::size_t magic = 8, record_head = 9, chunk_head = 49, message_head = 26;
 constexpr std::uint8_t schema_op = 0x03, channel_op = 0x04, message_op = 0x05, chunk_op = 0x06, metadata_op = 0x0C;
 
 /// A file that is read as memory; empty if it cannot be.
@@ -91,8 +91,8 @@ std::uint64_t number(const std::uint8_t *at, std::size_t n)
 std::size_t chunk_at(std::span<const std::uint8_t> bytes, const McapMark &mark)
 {
     std::size_t at = mark.position;
-    while (bytes.size() - at > prefix && bytes[at] == metadata_op) {
-        at += prefix + std::min<std::size_t>(number(&bytes[at + 1], 8), bytes.size() - at - prefix);
+    while (bytes.size() - at > record_head && bytes[at] == metadata_op) {
+        at += record_head + std::min<std::size_t>(number(&bytes[at + 1], 8), bytes.size() - at - record_head);
     }
     return at;
 }
@@ -254,11 +254,11 @@ void ArchiveFile::take_over(const McapMark &mark)
 /// Whole records, which this writer has written: their checksum is right.
 void ArchiveFile::copy(std::span<const std::uint8_t> records)
 {
-    for (std::size_t n = 0; !records.empty(); records = records.subspan(prefix + n)) {
+    for (std::size_t n = 0; !records.empty(); records = records.subspan(record_head + n)) {
         n = number(records.data() + 1, 8);
-        const std::uint8_t *at = records.data() + prefix, *end = at + n;
+        const std::uint8_t *at = records.data() + record_head, *end = at + n;
         if (records[0] == chunk_op) {
-            copy({at + chunk_head - prefix, end});
+            copy({at + chunk_head - record_head, end});
         } else if (records[0] == schema_op) {
             const std::uint64_t id = number(at, 2);
             at += 2;

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstring>
-#include <limits>
 #include <mutex>
 #include <thread>
 
@@ -19,8 +18,7 @@ namespace fledge::sim {
 
 namespace {
 
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t line = 64; ///< [bytes] of a cache
+constexpr std::size_t cache_line = 64; ///< [bytes] of a cache
 
 std::shared_ptr<Instance> find(const Simulation &simulation, const std::string &path)
 {
@@ -152,7 +150,7 @@ private:
     using Clock = std::chrono::steady_clock;
     static constexpr auto pause = std::chrono::milliseconds(50);
 
-    struct alignas(line) Part {
+    struct alignas(cache_line) Part {
         std::atomic<std::size_t> next{0};
         std::size_t end = 0;
     };
@@ -223,7 +221,7 @@ private:
 
 // ---- the batch
 
-struct alignas(line) Batch::Clone {
+struct alignas(cache_line) Batch::Clone {
     std::unique_ptr<Simulation> simulation;
     std::vector<std::byte *> heads; ///< of the inputs that are actions
     std::vector<Place> actions, observations;
@@ -272,7 +270,7 @@ Batch::Batch(const Simulation &nominal, BatchPlan plan) : plan_(std::move(plan))
     clones_ = std::vector<Clone>(plan_.clones);
     for (Clone &clone : clones_) {
         clone.simulation = nominal_->clone();
-        clone.draws.assign(drawn(), none);
+        clone.draws.assign(drawn(), no_number);
         lay_out(clone);
     }
     nominal_->prepare();
@@ -369,7 +367,7 @@ void Batch::begin(Clone &clone, BatchRun run, std::span<const std::byte> snapsho
     clone.at = -1;
     clone.ahead = false;
     clone.failure.clear();
-    clone.draws.assign(drawn(), none);
+    clone.draws.assign(drawn(), no_number);
     CampaignPlan plan = snapshot.empty() ? plan_.campaign : CampaignPlan{};
     plan.seed = run.seed;
     try {
@@ -468,7 +466,7 @@ bool Batch::step(std::span<const double> actions, std::span<double> observed, co
 void Batch::look(const Clone &clone, std::span<double> row) const
 {
     if (clone.at < 0 || !clone.failure.empty()) {
-        std::fill(row.begin(), row.end(), none);
+        std::fill(row.begin(), row.end(), no_number);
         return;
     }
     for (const Place &place : clone.observations) {

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstring>
-#include <limits>
 #include <mutex>
 #include <numbers>
 #include <thread>
@@ -22,8 +21,7 @@ namespace {
 
 using std::numbers::pi;
 constexpr int draws_max = 10'000; ///< tries to draw between the bounds of a normal distribution
-constexpr double none = std::numeric_limits<double>::quiet_NaN();
-constexpr double far = 8.0; ///< standard deviations; practically no draw is farther from the mean
+constexpr double far = 8.0;       ///< standard deviations; practically no draw is farther from the mean
 
 /// By its path; by the name of a process alone its executive, whose mode is "flight.mode".
 std::shared_ptr<Instance> find_instance(const Simulation &simulation, std::string_view path)
@@ -65,7 +63,7 @@ std::vector<std::string> dispersible(const FledgeStruct &type)
 }
 
 /// A field of an instance, or of a struct inside it.
-struct Place {
+struct FieldPlace {
     std::shared_ptr<Instance> instance;
     const FledgeField *top = nullptr; ///< the instance's, null if the path names none
     const FledgeField *field = nullptr;
@@ -99,11 +97,11 @@ struct Place {
 };
 
 /// What a path "process.instance.field" or "process.instance.field[1].inner" names; throws SetupError.
-Place find_path(const Simulation &simulation, const std::string &path)
+FieldPlace find_path(const Simulation &simulation, const std::string &path)
 {
     const auto first = path.find('.'), second = path.find('.', first + 1);
     const std::string owner = path.substr(0, second == std::string::npos ? first : second);
-    Place place{find_instance(simulation, owner)};
+    FieldPlace place{find_instance(simulation, owner)};
     if (!place.instance) {
         throw SetupError(path + ": there is no instance " + (second == std::string::npos ? path : owner) +
                          "; there are " + format_list(instance_paths(simulation)));
@@ -177,7 +175,7 @@ double draw(const Distribution &distribution, Random &random, std::size_t point,
 }
 
 /// Whether the draws of one element can keep the rule in the header. Throws SetupError.
-void check_reach(const Place &place, std::size_t element, const Distribution &d, const std::string &path)
+void check_reach(const FieldPlace &place, std::size_t element, const Distribution &d, const std::string &path)
 {
     const double nominal = place.nominal(element);
     const Instance &instance = *place.instance;
@@ -267,7 +265,7 @@ public:
         : nominal_(nominal), own_(own), plan_(plan)
     {
         for (const Retained &variable : plan.retained) {
-            const Place place = find_path(own, variable.port);
+            const FieldPlace place = find_path(own, variable.port);
             logs_.push_back(own.recorder().record(place.instance, *place.field, plan.every));
         }
     }
@@ -284,7 +282,8 @@ public:
             RunControl control;
             control.poll = [&](Ns) { return !stop; };
             if (!own_.run_until(plan_.duration, control)) {
-                std::fill_n(result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()), draws.size(), none);
+                std::fill_n(result.draws.begin() + static_cast<std::ptrdiff_t>(run * draws.size()), draws.size(),
+                            no_number);
                 return;
             }
         } catch (const std::exception &error) {
@@ -295,7 +294,7 @@ public:
         std::size_t mode = run * (result.entered.size() / plan_.runs);
         visit_modes(own_, [&](const Process &process, const Mode &one) {
             const Tally tally = process.entered(one);
-            result.entered[mode++] = tally.count ? static_cast<double>(tally.first) / 1e9 : none;
+            result.entered[mode++] = tally.count ? static_cast<double>(tally.first) / 1e9 : no_number;
         });
         for (std::size_t i = 0; i < logs_.size(); i++) {
             keep(*logs_[i], plan_.retained[i], result.samples, result.failures[run].empty(),
@@ -321,7 +320,7 @@ private:
             for (; k < std::min(samples, end); k++) {
                 for (std::size_t j = 0; j < variable.elements; j++) {
                     to[k * variable.elements + j] =
-                        there ? element_read(variable.type, from + j * element_size(variable.type)) : none;
+                        there ? element_read(variable.type, from + j * element_size(variable.type)) : no_number;
                 }
             }
         }
@@ -341,10 +340,10 @@ CampaignResult room_for(const Simulation &simulation, const CampaignPlan &plan)
     result.flown.resize(plan.runs);
     result.failures.resize(plan.runs);
     result.health.resize(plan.runs);
-    result.draws.assign(plan.runs * dispersed_elements(plan), none);
-    result.entered.assign(plan.runs * mode_names(simulation).size(), none);
+    result.draws.assign(plan.runs * dispersed_elements(plan), no_number);
+    result.entered.assign(plan.runs * mode_names(simulation).size(), no_number);
     for (const Retained &variable : plan.retained) {
-        result.retained.emplace_back(plan.runs * result.samples * variable.elements, none);
+        result.retained.emplace_back(plan.runs * result.samples * variable.elements, no_number);
     }
     return result;
 }
@@ -396,7 +395,7 @@ std::vector<std::string> callables(const Simulation &simulation, bool sharing)
 
 void check_dispersion(const Simulation &nominal, const Dispersion &dispersion)
 {
-    const Place place = find_path(nominal, dispersion.path);
+    const FieldPlace place = find_path(nominal, dispersion.path);
     const FledgeField *field = place.field;
     if (!field || place.top->group != FLEDGE_PAR || !element_size(field->type) || field->type == FLEDGE_CHAR) {
         throw SetupError(dispersion.path + " is no parameter that can be dispersed; " + place.instance->path + " has " +
@@ -438,7 +437,7 @@ void check_composition(const Simulation &nominal, const Composition &composition
 {
     std::size_t elements = 0;
     for (const std::string &path : composition.parameters) {
-        const Place place = find_path(nominal, path);
+        const FieldPlace place = find_path(nominal, path);
         if (!place.field || place.top->group != FLEDGE_PAR || place.whole()) {
             throw SetupError(path + " is no parameter that can be dispersed");
         }
@@ -482,7 +481,7 @@ void check_composition(const Simulation &nominal, const Composition &composition
 
 void check_retained(const Simulation &nominal, const Retained &variable)
 {
-    const Place place = find_path(nominal, variable.port);
+    const FieldPlace place = find_path(nominal, variable.port);
     const FledgeField *field = place.field;
     if (!field || field->type != FLEDGE_STRUCT || (field->group != FLEDGE_IN && field->group != FLEDGE_OUT)) {
         throw SetupError(variable.port + " is no input or output, and only these are retained; " +
@@ -513,7 +512,7 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
     };
     for (const Dispersion &dispersion : plan.dispersions) {
         check_dispersion(nominal, dispersion);
-        const Place place = find_path(nominal, dispersion.path);
+        const FieldPlace place = find_path(nominal, dispersion.path);
         for (std::size_t element : dispersion.elements) {
             add(dispersion.path + index_text(*place.field, std::min(element, place.mirror(element))));
         }
@@ -521,7 +520,7 @@ void check_plan(const Simulation &nominal, const CampaignPlan &plan)
     for (const Composition &composition : plan.compositions) {
         check_composition(nominal, composition);
         for (const std::string &path : composition.parameters) {
-            const Place place = find_path(nominal, path);
+            const FieldPlace place = find_path(nominal, path);
             for (std::size_t element = 0; element < field_elements(*place.field); element++) {
                 add(path + index_text(*place.field, element));
             }
@@ -558,7 +557,7 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
     simulation.set_seed(Random(plan.seed, run).bits());
     std::vector<double> draws;
     for (const Dispersion &dispersion : plan.dispersions) {
-        const Place from = find_path(nominal, dispersion.path);
+        const FieldPlace from = find_path(nominal, dispersion.path);
         const auto to = find_instance(simulation, from.instance->path);
         const auto set = [&](std::size_t element, double x) {
             draws.push_back(from.set(to->memory(), element, x, dispersion.path));
@@ -588,7 +587,7 @@ std::vector<double> disperse(const Simulation &nominal, Simulation &simulation, 
         draws.insert(draws.end(), drawn.begin(), drawn.end());
         auto next = values.begin();
         for (const std::string &path : composition.parameters) {
-            const Place from = find_path(nominal, path);
+            const FieldPlace from = find_path(nominal, path);
             const auto to = find_instance(simulation, from.instance->path);
             for (std::size_t element = 0; element < field_elements(*from.field); element++) {
                 from.set(to->memory(), element, *next++, path);

@@ -9,10 +9,14 @@
 
 #include <atomic>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
 namespace fledge::sim {
+
+/// Where a run has no number: it was not flown, or drew none.
+constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
 
 /// The distribution of a parameter. Numbers are SI.
 struct Distribution {

@@ -15,7 +15,7 @@ namespace {
 struct Type {
     std::array<FledgeField, 2> fields{};
     FledgeStruct table{};
-} type;
+} interface_type;
 
 FledgeField output(const char *name, std::size_t offset, std::size_t size, const FledgeStruct &message)
 {
@@ -36,24 +36,24 @@ FledgeField output(const char *name, std::size_t offset, std::size_t size, const
 
 void set_executive_types(const FledgeStruct &mode, const FledgeStruct &activity)
 {
-    type.fields = {output("mode", 0, sizeof(ProcessMode), mode),
-                   output("activity", sizeof(ProcessMode), sizeof(Activity), activity)};
-    type.table.name = "Executive";
-    type.table.doc = "What the executive of a process says of itself.";
-    type.table.header = type.table.folder = "";
-    type.table.kind = FLEDGE_MODULE;
-    type.table.size = sizeof(ProcessMode) + sizeof(Activity);
-    type.table.align = alignof(ProcessMode);
-    type.table.n = 2;
-    type.table.fields = type.fields.data();
+    interface_type.fields = {output("mode", 0, sizeof(ProcessMode), mode),
+                             output("activity", sizeof(ProcessMode), sizeof(Activity), activity)};
+    interface_type.table.name = "Executive";
+    interface_type.table.doc = "What the executive of a process says of itself.";
+    interface_type.table.header = interface_type.table.folder = "";
+    interface_type.table.kind = FLEDGE_MODULE;
+    interface_type.table.size = sizeof(ProcessMode) + sizeof(Activity);
+    interface_type.table.align = alignof(ProcessMode);
+    interface_type.table.n = 2;
+    interface_type.table.fields = interface_type.fields.data();
 }
 
 void Executive::begin(const std::string &process)
 {
-    if (!type.table.n) {
+    if (!interface_type.table.n) {
         return;
     }
-    instance_ = std::make_shared<Instance>(type.table);
+    instance_ = std::make_shared<Instance>(interface_type.table);
     instance_->name = instance_->path = process;
 }
 

@@ -38,16 +38,16 @@ std::string often(const Tally &tally, std::uint64_t updates)
 }
 
 /// Where in its process an instance runs.
-struct Place {
+struct TaskPlace {
     const Process *process;
     const Task *task;
     std::size_t task_order; ///< among the tasks of the process, at equal times
     std::size_t order;      ///< in the task
 };
 
-std::map<const Instance *, Place> places_of(const Structure &structure)
+std::map<const Instance *, TaskPlace> places_of(const Structure &structure)
 {
-    std::map<const Instance *, Place> places;
+    std::map<const Instance *, TaskPlace> places;
     for (const auto &process : structure.processes) {
         const std::vector<const Task *> tasks = in_order(*process);
         for (std::size_t k = 0; k < tasks.size() && !process->stands_in; k++) {
@@ -63,7 +63,7 @@ std::map<const Instance *, Place> places_of(const Structure &structure)
 }
 
 /// Whether both run in some mode, and at some equal times.
-bool coincide(const Place &a, const Place &b)
+bool coincide(const TaskPlace &a, const TaskPlace &b)
 {
     bool together = a.process->modes().empty();
     for (int mode = 0; mode < static_cast<int>(a.process->modes().size()); mode++) {
@@ -72,7 +72,7 @@ bool coincide(const Place &a, const Place &b)
     return together && (a.task->offset - b.task->offset) % std::gcd(a.task->period, b.task->period) == 0;
 }
 
-std::string every(const Place &place)
+std::string every(const TaskPlace &place)
 {
     return place.process->name + "." + place.task->name + " (every " + format_time(place.task->period) + ")";
 }
@@ -110,12 +110,12 @@ std::vector<Finding> structural_findings(const Structure &structure)
     // The steps that read what a step of the same process writes at the same instant.
     std::map<std::pair<const Task *, std::size_t>, std::set<std::pair<const Task *, std::size_t>>> readers;
     for (const Wire &wire : structure.wires) {
-        const Place *from = place_of(wire.from), *to = place_of(wire.to);
+        const TaskPlace *from = place_of(wire.from), *to = place_of(wire.to);
         if (from && to && from->process == to->process && !wire.options.latency) {
             readers[{from->task, from->order}].insert({to->task, to->order});
         }
     }
-    const auto leads_to = [&](const Place &from, const Place &to) {
+    const auto leads_to = [&](const TaskPlace &from, const TaskPlace &to) {
         std::set<std::pair<const Task *, std::size_t>> seen;
         std::vector<std::pair<const Task *, std::size_t>> next{{from.task, from.order}};
         while (!next.empty()) {
@@ -130,12 +130,12 @@ std::vector<Finding> structural_findings(const Structure &structure)
         }
         return false;
     };
-    const auto before = [](const Place &a, const Place &b) {
+    const auto before = [](const TaskPlace &a, const TaskPlace &b) {
         return std::pair{a.task_order, a.order} < std::pair{b.task_order, b.order};
     };
     std::set<std::pair<const Task *, const Task *>> uneven;
     for (const Wire &wire : structure.wires) {
-        const Place *from = place_of(wire.from), *to = place_of(wire.to);
+        const TaskPlace *from = place_of(wire.from), *to = place_of(wire.to);
         if (!from || !to) {
             continue;
         }

@@ -18,6 +18,11 @@ inline Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> view(const
     return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(a.m[0]);
 }
 
+inline bool is_zero(const Vec3 &a)
+{
+    return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
+}
+
 inline Vec3 vec(const Eigen::Vector3d &a)
 {
     return vec3(a[0], a[1], a[2]);

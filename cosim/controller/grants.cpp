@@ -7,7 +7,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr std::size_t most_records = 32'768; // in one tick
+constexpr std::size_t most_ahead = 32'768; // in one tick
 
 } // namespace
 
@@ -37,7 +37,7 @@ Ns Grants::grant(NodeId id) const
                 until = std::min(most, t);
             }
         }
-        if (until <= node.reached || n == 1 || count_deliverable(id, until) <= most_records) {
+        if (until <= node.reached || n == 1 || count_deliverable(id, until) <= most_ahead) {
             return std::max(until, node.reached);
         }
     }

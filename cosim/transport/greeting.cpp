@@ -8,7 +8,7 @@ namespace fledge::cosim {
 
 namespace {
 
-constexpr std::chrono::milliseconds look{100}; ///< between two looks whether the program has stopped
+constexpr std::chrono::milliseconds stop_check{100}; ///< between two looks whether the program has stopped
 
 void fill_in(std::string &text, const char *what, const char *variable)
 {
@@ -68,7 +68,7 @@ Frame Member::ask()
     const auto in_time = [&](const auto &attempt) {
         for (;;) {
             const auto rest = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
-            if (attempt(std::min(rest, look))) {
+            if (attempt(std::min(rest, stop_check))) {
                 return true;
             }
             if (config.stopped && *config.stopped) {

@@ -11,7 +11,7 @@ namespace fledge::emulator {
 
 namespace {
 
-constexpr std::uint32_t sign = 0x80000000u;
+constexpr std::uint32_t sign_bit = 0x80000000u;
 
 class Execution {
 public:
@@ -58,7 +58,7 @@ private:
 
     void set_icc(std::uint32_t result, bool overflow, bool carry_out)
     {
-        s_.psr = (s_.psr & ~psr::icc) | ((result & sign) != 0 ? psr::negative : 0) | (result == 0 ? psr::zero : 0) |
+        s_.psr = (s_.psr & ~psr::icc) | ((result & sign_bit) != 0 ? psr::negative : 0) | (result == 0 ? psr::zero : 0) |
                  (overflow ? psr::overflow : 0) | (carry_out ? psr::carry : 0);
     }
 
@@ -80,7 +80,7 @@ private:
         const auto result = static_cast<std::uint32_t>(sum);
         set(i_.rd, result);
         if (cc) {
-            set_icc(result, ((a ^ result) & (b ^ result) & sign) != 0, sum >> 32 != 0);
+            set_icc(result, ((a ^ result) & (b ^ result) & sign_bit) != 0, sum >> 32 != 0);
         }
         return trap::none;
     }
@@ -92,7 +92,7 @@ private:
         const auto result = static_cast<std::uint32_t>(difference);
         set(i_.rd, result);
         if (cc) {
-            set_icc(result, ((a ^ b) & (a ^ result) & sign) != 0, difference >> 32 != 0);
+            set_icc(result, ((a ^ b) & (a ^ result) & sign_bit) != 0, difference >> 32 != 0);
         }
         return trap::none;
     }
@@ -103,7 +103,7 @@ private:
         const std::uint32_t a = rs1(), b = operand2(), result = subtraction ? a - b : a + b;
         const bool carry_out = subtraction ? b > a : result < a;
         const std::uint32_t signs = subtraction ? (a ^ b) & (a ^ result) : (a ^ result) & (b ^ result);
-        const bool overflow = (signs & sign) != 0 || ((a | b) & 3) != 0;
+        const bool overflow = (signs & sign_bit) != 0 || ((a | b) & 3) != 0;
         if (overflow && trapping) {
             return trap::tag_overflow;
         }
@@ -116,11 +116,11 @@ private:
     {
         const bool n = (s_.psr & psr::negative) != 0, v = (s_.psr & psr::overflow) != 0;
         const std::uint32_t multiplicand = rs1();
-        const std::uint32_t a = multiplicand >> 1 | (n != v ? sign : 0), b = (s_.y & 1) != 0 ? operand2() : 0;
+        const std::uint32_t a = multiplicand >> 1 | (n != v ? sign_bit : 0), b = (s_.y & 1) != 0 ? operand2() : 0;
         const std::uint32_t result = a + b;
         s_.y = s_.y >> 1 | multiplicand << 31;
         set(i_.rd, result);
-        set_icc(result, ((a ^ result) & (b ^ result) & sign) != 0, result < a);
+        set_icc(result, ((a ^ result) & (b ^ result) & sign_bit) != 0, result < a);
         return trap::none;
     }
 

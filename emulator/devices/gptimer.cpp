@@ -7,7 +7,7 @@ namespace fledge::emulator {
 
 namespace {
 enum : std::uint32_t { scaler_value = 0x00, scaler_reload = 0x04, config = 0x08 };
-enum : std::uint32_t { enable = 1, restart = 2, load = 4, interrupt_enable = 8, pending = 16, chain = 32 };
+enum : std::uint32_t { enable = 1, restart = 2, load = 4, interrupt_enable = 8, interrupt_pending = 16, chain = 32 };
 enum : std::uint32_t { separate_interrupts = 1 << 8, disable_freeze = 1 << 9 };
 } // namespace
 
@@ -68,7 +68,7 @@ std::uint64_t Gptimer::count(std::uint32_t index, std::uint64_t ticks)
         t.control &= ~enable;
     }
     if (t.control & interrupt_enable) {
-        t.control |= pending;
+        t.control |= interrupt_pending;
         host_.raise(settings_.interrupt + index);
     }
     if (is_watchdog(index)) {
@@ -161,7 +161,8 @@ void Gptimer::write(std::uint32_t offset, std::uint32_t value)
         case 4: t.reload = value; break;
         case 8:
             // Storing 1 clears the pending bit; `load` shows as 0.
-            t.control = (value & (enable | restart | interrupt_enable | chain)) | (t.control & ~value & pending);
+            t.control =
+                (value & (enable | restart | interrupt_enable | chain)) | (t.control & ~value & interrupt_pending);
             t.counter = value & load ? t.reload : t.counter;
             break;
         default: break;

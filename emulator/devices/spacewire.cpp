@@ -6,9 +6,9 @@
 namespace fledge::emulator {
 
 namespace {
-enum : std::uint32_t { control = 0x00, status = 0x04, dma = 0x20, descriptor = 0x28 };
+enum : std::uint32_t { control_at = 0x00, status_at = 0x04, dma_at = 0x20, descriptor_at = 0x28 };
 enum : std::uint32_t { run_state = 5 << 21 };
-enum : std::uint32_t { transmitter = 1 << 0, packet_sent = 1 << 5, bus_error = 1 << 7 };
+enum : std::uint32_t { transmitter_on = 1 << 0, packet_sent = 1 << 5, bus_error = 1 << 7 };
 enum : std::uint32_t { header_size = 0xFF, enabled = 1 << 12, wraps = 1 << 13, data_size = 0xFFFFFF };
 constexpr std::uint32_t table_size = 1024, descriptor_size = 16;
 } // namespace
@@ -16,10 +16,10 @@ constexpr std::uint32_t table_size = 1024, descriptor_size = 16;
 std::uint32_t SpaceWire::read(std::uint32_t offset)
 {
     switch (offset) {
-    case control: return state_.control;
-    case status: return runs() ? std::uint32_t{run_state} : 0;
-    case dma: return state_.dma;
-    case descriptor: return state_.next;
+    case control_at: return state_.control;
+    case status_at: return runs() ? std::uint32_t{run_state} : 0;
+    case dma_at: return state_.dma;
+    case descriptor_at: return state_.next;
     default: return 0;
     }
 }
@@ -27,14 +27,14 @@ std::uint32_t SpaceWire::read(std::uint32_t offset)
 void SpaceWire::write(std::uint32_t offset, std::uint32_t value)
 {
     switch (offset) {
-    case control: state_.control = value & 3; break;
-    case dma: state_.dma = (state_.dma & ~value & (packet_sent | bus_error)) | (value & transmitter); break;
-    case descriptor: state_.next = value & ~(descriptor_size - 1); break;
+    case control_at: state_.control = value & 3; break;
+    case dma_at: state_.dma = (state_.dma & ~value & (packet_sent | bus_error)) | (value & transmitter_on); break;
+    case descriptor_at: state_.next = value & ~(descriptor_size - 1); break;
     default: return;
     }
-    while (runs() && (state_.dma & transmitter)) {
+    while (runs() && (state_.dma & transmitter_on)) {
         if (!send_next()) {
-            state_.dma = (state_.dma & ~transmitter) | bus_error;
+            state_.dma = (state_.dma & ~transmitter_on) | bus_error;
         }
     }
 }
@@ -50,7 +50,7 @@ bool SpaceWire::send_next()
     }
     const auto flags = static_cast<std::uint32_t>(words[0]);
     if (!(flags & enabled)) {
-        state_.dma &= ~transmitter;
+        state_.dma &= ~transmitter_on;
         return true;
     }
     packet_.clear();

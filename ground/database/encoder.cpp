@@ -404,9 +404,9 @@ private:
             if (const auto whole = plain(given)->whole; whole && type.scale == std::trunc(type.scale) &&
                                                         std::abs(type.scale) < 1e15 && std::abs(type.offset) < 1e15 &&
                                                         type.offset == std::trunc(type.offset)) {
-                const Wide over = *whole - static_cast<Wide>(type.offset), by = static_cast<Wide>(type.scale);
-                if (over % by == 0) { // else a fraction, rounded below
-                    raw.whole = over / by;
+                const Wide excess = *whole - static_cast<Wide>(type.offset), by = static_cast<Wide>(type.scale);
+                if (excess % by == 0) { // else a fraction, rounded below
+                    raw.whole = excess / by;
                 }
             }
         } else if (calibrator->what != Calibrator::What::none) {

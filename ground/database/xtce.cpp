@@ -23,6 +23,7 @@ namespace {
 
 using Node = pugi::xml_node;
 using View = std::string_view;
+using Sort = Type::Sort;
 
 constexpr View of_argument = "/yamcs/cmd/arg/";
 constexpr std::size_t deepest = 64; // of nested systems, types and conditions
@@ -611,7 +612,6 @@ private:
 
     static std::optional<Type::Sort> sort_of(View name)
     {
-        using Sort = Type::Sort;
         static const std::map<View, Sort> sorts = {{"Integer", Sort::integer},
                                                    {"Float", Sort::real},
                                                    {"Enumerated", Sort::enumerated},

@@ -9,7 +9,6 @@ namespace fledge::ground {
 
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr std::size_t most_pattern = 1000; // characters of a pattern
 constexpr std::size_t most_matched = 4096; // bytes of a text that a pattern is compared with
 

@@ -5,11 +5,14 @@
 #include "ground/database/decoder.h"
 
 #include <array>
+#include <limits>
 #include <map>
 #include <memory>
 #include <regex>
 
 namespace fledge::ground {
+
+constexpr double infinite = std::numeric_limits<double>::infinity();
 
 /// low and high by the level.
 using Bands = std::map<Concern, std::pair<double, double>>;

@@ -10,7 +10,6 @@ namespace fledge::ground {
 
 namespace {
 
-constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr std::size_t most_words = 1 << 22; // of a trigger's rows
 
 bool is_bytes(Kind kind)

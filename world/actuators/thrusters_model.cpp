@@ -17,7 +17,7 @@ namespace {
 
 constexpr double g0 = 9.80665; // [m/s^2] by definition
 using std::numbers::pi;
-constexpr Ns never = INT64_MAX;
+constexpr Ns no_time = INT64_MAX;
 
 /// r x (a x r)
 Vec3 swing(const Vec3 &r, const Vec3 &a)
@@ -111,7 +111,7 @@ void ThrustersModel::start(const Vec3 &, double *)
     }
     state_ = {};
     state_.is_new = 1;
-    state_.dry = never;
+    state_.dry = no_time;
     state_.faults.reset(seeded_);
     interface_.out = {};
     interface_.mem = {};
@@ -174,7 +174,7 @@ bool ThrustersModel::stretch(Ns t, Ns &end)
         move(t); // so that its series stays short
     }
     end = std::min(end, state_.next);
-    state_.dry = never;
+    state_.dry = no_time;
     const double rest = total_ - state_.used;
     if (state_.acts && total_ > 0.0 && burnt(since(end)) >= rest) {
         const double flow = state_.flow.at;
@@ -189,7 +189,7 @@ bool ThrustersModel::begin(Ns t, bool faulty)
 {
     const auto &par = interface_.par;
     move(t);
-    state_.next = never;
+    state_.next = no_time;
     for (std::size_t k = 0; faulty && k < par.n_faults; k++) {
         for (const Ns edge : {par.faults[k].begin, exec_later(par.faults[k].begin, par.faults[k].lasts)}) {
             state_.next = edge > t ? std::min(state_.next, edge) : state_.next;

@@ -2,6 +2,7 @@
 #include "world/avionics/link_budget.h"
 
 #include "flight/math/elementary.h"
+#include "world/constants.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +12,7 @@ namespace fledge::world {
 
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 
 double error_function(double x)
 {

@@ -6,8 +6,6 @@
 
 namespace fledge::world {
 
-inline constexpr double speed_of_light = 299792458.0; // [m/s]
-
 double decibels(double ratio);
 double ratio(double decibels);
 

@@ -3,6 +3,7 @@
 
 #include "flight/math/attitude.h"
 #include "world/avionics/link_budget.h"
+#include "world/constants.h"
 #include "world/eigen.h"
 
 #include <Eigen/Dense>
@@ -19,8 +20,6 @@ using sim::Ns;
 
 namespace {
 
-constexpr double boltzmann = 1.380649e-23; // [J/K]
-constexpr Ns never = std::numeric_limits<Ns>::max();
 constexpr std::uint32_t usual_room = 1u << 16;
 constexpr double floor_below_axis = 30.0; // [dB]
 
@@ -320,7 +319,7 @@ std::vector<sim::Packet> RadioModel::take(Ns t)
 Ns RadioModel::next(const Way &way) const
 {
     if (way.begin == way.end) {
-        return never;
+        return std::numeric_limits<Ns>::max();
     }
     const Sent &sent = unit(way, way.begin);
     return way.begin < way.open ? sent.arrives : sent.ends + way.light_time;

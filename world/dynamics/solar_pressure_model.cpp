@@ -2,13 +2,12 @@
 #include "world/dynamics/solar_pressure_model.h"
 
 #include "sim/text.h"
+#include "world/constants.h"
 #include "world/eigen.h"
 
 namespace fledge::world {
 
 namespace {
-
-constexpr double speed_of_light = 299792458.0; // [m/s]
 
 } // namespace
 

@@ -42,11 +42,6 @@ void put(double *x, std::size_t i, Vec3 a)
     x[i + 3] = 0.0;
 }
 
-bool is_zero(Vec3 a)
-{
-    return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
-}
-
 bool differ(Vec3 a, Vec3 b)
 {
     return a.v[0] != b.v[0] || a.v[1] != b.v[1] || a.v[2] != b.v[2];

@@ -3,6 +3,7 @@
 
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/constants.h"
 #include "world/environment/bytes.h"
 #include "world/environment/text_input.h"
 
@@ -16,14 +17,8 @@ namespace fledge::world {
 
 namespace {
 
-constexpr double day = 86'400.0;      // [s]
 constexpr double mjd_j2000 = 51544.5; // [d]
 constexpr std::size_t table_head = 16, row_head = 12;
-
-[[noreturn]] void refuse(const std::string &path, const std::string &what)
-{
-    throw sim::SetupError(path + ": " + what);
-}
 
 /// Reads table.dat: big-endian, strings behind their length.
 class Description {
@@ -32,7 +27,7 @@ public:
     {
         skip(8); // the mark and the length of it all
         if (bytes_.compare(0, 4, "\xbe\xbe\xbe\xbe") != 0 || string() != "Table") {
-            refuse(path_, "is no description of a casacore table");
+            refuse_file(path_, "is no description of a casacore table");
         }
         skip(4); // version
         rows = integer();
@@ -51,7 +46,7 @@ public:
     {
         const auto found = numbers_.find(name);
         if (found == numbers_.end() || !std::isfinite(found->second)) {
-            refuse(path_, "is damaged: it has no keyword " + name);
+            refuse_file(path_, "is damaged: it has no keyword " + name);
         }
         return found->second;
     }
@@ -69,7 +64,7 @@ private:
     {
         skip(8); // version, length
         if (string() != "RecordDesc") {
-            refuse(path_, "is damaged: a record of keywords has no description");
+            refuse_file(path_, "is damaged: a record of keywords has no description");
         }
         skip(4); // version
         std::vector<std::pair<std::string, std::uint32_t>> fields(integer());
@@ -95,7 +90,8 @@ private:
             } else if (type == type_ints) {
                 integers(name);
             } else {
-                refuse(path_, "is damaged: its keyword " + name + " is of the unknown type " + std::to_string(type));
+                refuse_file(path_,
+                            "is damaged: its keyword " + name + " is of the unknown type " + std::to_string(type));
             }
         }
     }
@@ -108,7 +104,7 @@ private:
         skip(4 * integer());
         const std::uint32_t count = integer();
         if (kind != "Array<Int>" || count > bytes_.size()) {
-            refuse(path_, "is damaged: its keyword " + name + " is no list of integers");
+            refuse_file(path_, "is damaged: its keyword " + name + " is no list of integers");
         }
         for (std::uint32_t i = 0; i < count; i++) {
             layout.push_back(static_cast<std::int32_t>(integer()));
@@ -118,7 +114,7 @@ private:
     const char *take(std::size_t n)
     {
         if (n > bytes_.size() - at_) {
-            refuse(path_, "is cut short");
+            refuse_file(path_, "is cut short");
         }
         at_ += n;
         return bytes_.data() + at_ - n;
@@ -148,26 +144,26 @@ struct Column {
 SegmentFile read_de405(const std::string &folder)
 {
     if (!std::filesystem::exists(folder + "/table.dat")) {
-        refuse(folder, "JPL's ephemeris DE405 is not there; install the Debian package "
-                       "casacore-data-jpl-de405, or give the folder that holds its table.dat");
+        refuse_file(folder, "JPL's ephemeris DE405 is not there; install the Debian package "
+                            "casacore-data-jpl-de405, or give the folder that holds its table.dat");
     }
     const Description description(folder + "/table.dat");
     const double row_days = description.number("dMJD");
-    const double begin = (description.number("MJD0") + row_days - mjd_j2000) * day;
+    const double begin = (description.number("MJD0") + row_days - mjd_j2000) * day_s;
     const double earth_moon_ratio = description.number("EMRAT");
     const std::size_t rows = description.rows;
     const std::vector<std::int32_t> &layout = description.layout;
     constexpr std::size_t columns = 13;
     if (!(description.number("DENUM") == 405.0 && description.number("CENTER") == 0.0 && row_days > 0.0 &&
           earth_moon_ratio > 0.0 && rows > 0 && layout.size() == 3 * columns)) {
-        refuse(folder + "/table.dat", "is damaged, or of an ephemeris other than DE405");
+        refuse_file(folder + "/table.dat", "is damaged, or of an ephemeris other than DE405");
     }
 
     const std::string path = folder + "/table.f0i";
     const std::string table = read_whole(path);
     const auto refuse_size = [&] {
-        refuse(path, "is damaged or cut short: it has " + std::to_string(table.size()) + " bytes, which do not hold " +
-                         std::to_string(rows) + " rows");
+        refuse_file(path, "is damaged or cut short: it has " + std::to_string(table.size()) +
+                              " bytes, which do not hold " + std::to_string(rows) + " rows");
     };
     if (table.size() < table_head + row_head) {
         refuse_size();
@@ -183,7 +179,7 @@ SegmentFile read_de405(const std::string &folder)
         if (load<std::uint32_t>(head, description.order) != 1 ||
             load<std::uint32_t>(head + 4, description.order) != 1 ||
             load<std::uint32_t>(head + 8, description.order) != row_words) {
-            refuse(path, "is damaged: row " + std::to_string(row + 1) + " has no head");
+            refuse_file(path, "is damaged: row " + std::to_string(row + 1) + " has no head");
         }
     }
 
@@ -207,14 +203,14 @@ SegmentFile read_de405(const std::string &folder)
         if (first < 0 || count < 1 || count > 100 || parts < 1 || parts > 100 ||
             static_cast<std::size_t>(first) + 3 * static_cast<std::size_t>(count) * static_cast<std::size_t>(parts) >
                 row_words) {
-            refuse(folder + "/table.dat", "is damaged: its layout goes beyond a row");
+            refuse_file(folder + "/table.dat", "is damaged: its layout goes beyond a row");
         }
         ChebyshevSegment s;
         s.target = column.target;
         s.center = column.center;
         s.first = s.start = begin;
-        s.last = begin + static_cast<double>(rows) * row_days * day;
-        s.length = row_days * day / parts;
+        s.last = begin + static_cast<double>(rows) * row_days * day_s;
+        s.length = row_days * day_s / parts;
         s.coefficients = count;
         s.record_words = 2 + 3 * static_cast<std::size_t>(count);
         s.count = rows * static_cast<std::size_t>(parts);
@@ -234,7 +230,7 @@ SegmentFile read_de405(const std::string &folder)
             }
         }
         if (!std::all_of(records.begin(), records.end(), [](double x) { return std::isfinite(x); })) {
-            refuse(path, "is damaged: it holds coefficients that are not finite");
+            refuse_file(path, "is damaged: it holds coefficients that are not finite");
         }
         s.records = records.data();
         result.segments.push_back(std::move(s));

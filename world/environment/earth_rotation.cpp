@@ -4,6 +4,7 @@
 #include "flight/math/elementary.h"
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/constants.h"
 #include "world/environment/text_input.h"
 
 #include <erfa.h>
@@ -21,7 +22,6 @@ namespace {
 
 constexpr double two_pi = 6.28318530717958647692;
 constexpr double arcsecond = two_pi / 1'296'000.0;
-constexpr double day = 86'400.0; // [s]
 constexpr std::int64_t day_ns = 86'400'000'000'000;
 constexpr double j2000 = 2'451'545.0;           // [d] Julian date
 constexpr int mjd_2000 = 51'544;                // of 2000-01-01
@@ -210,7 +210,7 @@ EarthRotation::Values EarthRotation::knot(Epoch epoch) const
     const Measured now = measured(epoch);
     const double tt = static_cast<double>(time_.tt(epoch)) / static_cast<double>(day_ns); // [d] past J2000
     const auto tai_ns = static_cast<double>(time_.tai(epoch));
-    const double ut1 = (tai_ns / 1e9 + now.ut1_tai) / day;
+    const double ut1 = (tai_ns / 1e9 + now.ut1_tai) / day_s;
     double X, Y, s;
     if (theory_ == EarthData::Theory::iau2006) {
         eraXys06a(j2000, tt, &X, &Y, &s);
@@ -285,7 +285,7 @@ Turn turn(Epoch epoch, double tau, const EarthRotation::Values &values)
 {
     // Whole days and the rest: the angle turns fast, and keeps its resolution so.
     const std::int64_t days = epoch.ns / day_ns;
-    const double rest = (static_cast<double>(epoch.ns - days * day_ns) / 1e9 + tau + values[at_ut1]) / day;
+    const double rest = (static_cast<double>(epoch.ns - days * day_ns) / 1e9 + tau + values[at_ut1]) / day_s;
     const double turns = turns_j2000 + excess * (static_cast<double>(days) + rest) + rest;
     Turn turn;
     fm_sincos(two_pi * (turns - std::floor(turns)) - values[at_s], &turn.s, &turn.c);
@@ -351,7 +351,7 @@ BodyAttitude EarthRotation::at(Epoch epoch, double tau, Window &window) const
     const Matrix3d M = to_pole(X, Y);
     const RowVector3d pole(dX, dY, -(X * dX + Y * dY) / M(2, 2));
     const double w1 = -pole.dot(M.row(1)), w2 = pole.dot(M.row(0)), w3 = (dX * Y - X * dY) / (1.0 + M(2, 2));
-    const double spin = two_pi * (1.0 + excess) / day * (1.0 + rates[at_ut1]) - rates[at_s];
+    const double spin = two_pi * (1.0 + excess) / day_s * (1.0 + rates[at_ut1]) - rates[at_s];
     const Vector3d turned(c * w1 + s * w2, c * w2 - s * w1, w3 + spin);
     const double sx = small_sin(values[at_x]), cx = small_cos(values[at_x]);
     const double sy = small_sin(values[at_y]), cy = small_cos(values[at_y]);

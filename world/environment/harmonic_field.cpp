@@ -14,7 +14,7 @@ namespace fledge::world {
 
 namespace {
 
-constexpr int highest_degree = 10'000; // a header beyond it is damaged: 1.6 GB of numbers
+constexpr int highest_in_header = 10'000; // a header beyond it is damaged: 1.6 GB of numbers
 
 /// sqrt((2 - d_m0) (2 n + 1) (n - m)! / (n + m)!): C = C' / this for an unnormalised C'.
 double normalisation(int n, int m)
@@ -93,9 +93,9 @@ private:
 HarmonicField HarmonicField::zero(double mu, double radius, int degree)
 {
     if (!(mu > 0.0 && std::isfinite(mu) && radius > 0.0 && std::isfinite(radius) && degree >= 0 &&
-          degree <= highest_degree)) {
+          degree <= highest_in_header)) {
         throw sim::SetupError("gravity field: mu and the radius must be > 0 and the degree 0 to " +
-                              std::to_string(highest_degree) + "; found " + sim::format_number(mu) + ", " +
+                              std::to_string(highest_in_header) + "; found " + sim::format_number(mu) + ", " +
                               sim::format_number(radius) + " and " + std::to_string(degree));
     }
     HarmonicField field;
@@ -128,7 +128,7 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     const auto radius = number(0), mu = number(1);
     const auto degree = integer(3), order = integer(4), normalised = integer(5);
     if (!radius || !mu || !degree || !order || !normalised || *radius <= 0.0 || *mu <= 0.0 || *degree < 0 ||
-        *degree > highest_degree || *order < 0 || *order > *degree) {
+        *degree > highest_in_header || *order < 0 || *order > *degree) {
         refuse_line(path, 1,
                     "expected the header of a SHADR file: radius, mu, sigma of mu, degree, "
                     "order, 1 if normalised");

@@ -42,7 +42,7 @@ namespace {
 constexpr double large = 0x1p+830, small = 0x1p-830;
 constexpr int highest_degree = 2400;
 
-constexpr int block = 4; // orders at a time
+constexpr int order_block = 4; // orders at a time
 
 /// The sums of two columns.
 template <typename Pair> struct Columns {
@@ -87,10 +87,10 @@ Harmonics::Harmonics(const HarmonicField &field, int degree) : mu_(field.mu), ra
     const auto S = [&](int n, int m) { return field.S[HarmonicField::index(n, m)]; };
     std::vector<double> scale(at(degree) + 1);
     double sectoral = small;
-    for (int first = 0; first <= degree; first += block) {
+    for (int first = 0; first <= degree; first += order_block) {
         const std::size_t begin = terms_.size();
         terms_.resize(begin + 2 * at(degree - first + 1), Terms{});
-        for (int m = first; m < std::min(first + block, degree + 1); m++) {
+        for (int m = first; m < std::min(first + order_block, degree + 1); m++) {
             if (m > 0) {
                 sectoral *= std::sqrt(m == 1 ? 3.0 : (2.0 * m + 1.0) / (2.0 * m));
             }
@@ -132,7 +132,7 @@ Vector3d Harmonics::gravity(const Vector3d &r_P, double *potential) const
     Pair value = {}, radial = {}, u = {}, v = {}, w = {};
     Pair order = {0.0, 1.0};
     const Terms *t = terms_.data();
-    for (int first = 0; first <= degree_; first += block) {
+    for (int first = 0; first <= degree_; first += order_block) {
         const int last = degree_ - first; // the highest n - m
         Columns<Pair> low, high;
         low.add(t[0]);

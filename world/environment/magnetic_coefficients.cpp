@@ -14,8 +14,8 @@ namespace fledge::world {
 
 namespace {
 
-constexpr double a = 6371.2e3; // [m]
-constexpr int most = 20;       // degrees; the model itself has 12
+constexpr double reference_radius = 6371.2e3; // [m]
+constexpr int most = 20;                      // degrees; the model itself has 12
 
 struct Row {
     int n, m;
@@ -53,7 +53,7 @@ MagneticCoefficients MagneticCoefficients::read(const std::string &path, int deg
     if (!epoch || *epoch < 1900.0 || *epoch > 2200.0) {
         refuse_line(path, 1, "expected the header of a .COF file: epoch in years, name, date");
     }
-    HarmonicField main = HarmonicField::zero(a * a, a, most), rate = main;
+    HarmonicField main = HarmonicField::zero(reference_radius * reference_radius, reference_radius, most), rate = main;
     main.name = rate.name = header[1];
     int n = 1, m = 0; // what comes next
     for (std::size_t i = 1;; i++) {
@@ -95,7 +95,7 @@ MagneticCoefficients MagneticCoefficients::read(const std::string &path, int deg
 Eigen::Vector3d MagneticCoefficients::field(const Eigen::Vector3d &r_P, double year) const
 {
     // Both fields contain the point mass, which is no part of the magnetic one.
-    const Eigen::Vector3d point = point_mass_gravity(a * a, r_P);
+    const Eigen::Vector3d point = point_mass_gravity(reference_radius * reference_radius, r_P);
     return -1e-9 * ((main_.gravity(r_P) - point) + (year - epoch_) * (rate_.gravity(r_P) - point));
 }
 

@@ -15,7 +15,7 @@ using sim::Ns;
 
 namespace {
 
-constexpr int earth = 399;
+constexpr int earth_id = 399;
 constexpr double seconds_a_year = 365.2425 * 86400.0;
 
 /// Decimal, as the World Magnetic Model counts: the share of the calendar year that has passed.
@@ -53,7 +53,7 @@ void MagnetismModel::refresh()
     if (dipole) {
         refuse(".dipole_P: the file " + path_ + " has the dipole already");
     }
-    if (bodies()[0].naif != earth) {
+    if (bodies()[0].naif != earth_id) {
         refuse(".coefficients: " + path_ + " is the field of EARTH (399); found " + bodies()[0].name);
     }
     if (!sky()) {

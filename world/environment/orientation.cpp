@@ -4,6 +4,7 @@
 #include "flight/math/elementary.h"
 #include "sim/error.h"
 #include "sim/text.h"
+#include "world/constants.h"
 #include "world/environment/bodies.h"
 #include "world/environment/text_input.h"
 
@@ -21,9 +22,8 @@ namespace {
 
 using std::numbers::pi;
 constexpr double degree = pi / 180.0;
-constexpr double day = 86'400.0;            // [s]
-constexpr double century = 36'525.0;        // [d]
-constexpr double century_s = century * day; // [s]
+constexpr double century = 36'525.0;          // [d]
+constexpr double century_s = century * day_s; // [s]
 
 // All in degrees, per century, per day for pm.
 
@@ -261,7 +261,7 @@ BodyAttitude Orientation::at(Epoch epoch, double tau) const
     constexpr std::int64_t day_ns = 86'400'000'000'000;
     const std::int64_t days = epoch.ns / day_ns;
     const auto whole = static_cast<double>(days);
-    const double rest = (static_cast<double>(epoch.ns - days * day_ns) / 1e9 + tau) / day;
+    const double rest = (static_cast<double>(epoch.ns - days * day_ns) / 1e9 + tau) / day_s;
     const double T = (whole + rest) / century;
 
     double ra = evaluate(ra_, T), ra_rate = slope(ra_, T) / century_s;
@@ -269,7 +269,7 @@ BodyAttitude Orientation::at(Epoch epoch, double tau) const
     double W = evaluate(pm_, whole);
     W -= 2.0 * pi * std::floor(W / (2.0 * pi));
     W += rest * (slope(pm_, whole) + pm_[2] * rest);
-    double W_rate = slope(pm_, whole + rest) / day;
+    double W_rate = slope(pm_, whole + rest) / day_s;
     for (const Term &term : terms_) {
         double s, c;
         fm_sincos(evaluate(term.E, T), &s, &c);

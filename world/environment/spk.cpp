@@ -5,6 +5,7 @@
 #include "sim/text.h"
 #include "world/environment/bodies.h"
 #include "world/environment/bytes.h"
+#include "world/environment/text_input.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -26,14 +27,9 @@ constexpr int icrf = 1;                  // NAIF's number of the frame J2000
 constexpr double farthest = 1e15;        // [km] a hundred light years; [km/s] none so fast
 constexpr std::string_view transfer_check("FTPSTR:\r:\n:\r\n:\r\0:\x81:\x10\xce:ENDFTP", 28);
 
-[[noreturn]] void refuse(const std::string &path, const std::string &what)
-{
-    throw sim::SetupError(path + ": " + what);
-}
-
 [[noreturn]] void refuse_system(const std::string &path, const char *what)
 {
-    refuse(path, std::string(what) + ": " + std::strerror(errno));
+    refuse_file(path, std::string(what) + ": " + std::strerror(errno));
 }
 
 /// The whole of a file in memory, until it is destroyed.
@@ -52,7 +48,7 @@ public:
         }
         ::close(file);
         if (size_ == 0) {
-            refuse(path, "is empty or no file; expected a SPICE SPK kernel");
+            refuse_file(path, "is empty or no file; expected a SPICE SPK kernel");
         }
         if (bytes_ == MAP_FAILED) {
             refuse_system(path, "cannot be mapped into memory");
@@ -82,15 +78,15 @@ public:
         std::size_t record = first;
         for (std::size_t visited = 0; record != 0; visited++) {
             if (record > file_->size() / record_bytes || visited > file_->size() / record_bytes) {
-                refuse(path_, "is damaged or cut short: summary record " + std::to_string(record) +
-                                  " is beyond its end or was met before");
+                refuse_file(path_, "is damaged or cut short: summary record " + std::to_string(record) +
+                                       " is beyond its end or was met before");
             }
             const double *summaries = words_ + (record - 1) * record_words;
             const std::size_t next = index(summaries[0], "the next summary record");
             const std::size_t count = index(summaries[2], "the number of summaries");
             if (count > (record_words - 3) / summary_words) {
-                refuse(path_, "is damaged: a summary record holds " + std::to_string(count) +
-                                  " summaries; there is room for 25");
+                refuse_file(path_, "is damaged: a summary record holds " + std::to_string(count) +
+                                       " summaries; there is room for 25");
             }
             for (std::size_t i = 0; i < count; i++) {
                 const std::size_t at = (record - 1) * record_bytes + 8 * (3 + i * summary_words);
@@ -99,7 +95,7 @@ public:
             record = next;
         }
         if (result.segments.empty()) {
-            refuse(path_, "holds no segments");
+            refuse_file(path_, "holds no segments");
         }
         result.memory = turned_ ? std::shared_ptr<const void>(turned_) : file_;
         return result;
@@ -112,18 +108,18 @@ private:
         const char *bytes = file_->bytes();
         const std::string_view magic(bytes, std::min<std::size_t>(8, file_->size()));
         if (magic.starts_with("DAFETF")) {
-            refuse(path_, "is a transfer file (.xsp); turn it into a binary kernel first, with "
-                          "NAIF's tobin");
+            refuse_file(path_, "is a transfer file (.xsp); turn it into a binary kernel first, with "
+                               "NAIF's tobin");
         }
         if (magic.starts_with("DAF/") && magic != "DAF/SPK ") {
-            refuse(path_, "is a kernel of kind \"" + std::string(magic) + "\"; expected \"DAF/SPK \"");
+            refuse_file(path_, "is a kernel of kind \"" + std::string(magic) + "\"; expected \"DAF/SPK \"");
         }
         if (magic != "DAF/SPK " && magic != "NAIF/DAF") {
-            refuse(path_, "is no SPICE SPK kernel: it does not begin with \"DAF/SPK \"");
+            refuse_file(path_, "is no SPICE SPK kernel: it does not begin with \"DAF/SPK \"");
         }
         if (file_->size() < record_bytes) {
-            refuse(path_,
-                   "is cut short: it has " + std::to_string(file_->size()) + " bytes, less than the first record");
+            refuse_file(path_,
+                        "is cut short: it has " + std::to_string(file_->size()) + " bytes, less than the first record");
         }
         const std::string_view order(bytes + 88, 8);
         if (order == "LTL-IEEE") {
@@ -133,21 +129,21 @@ private:
         } else if (magic == "NAIF/DAF") { // older files have no mark: ND shows the order
             order_ = load<std::int32_t>(bytes + 8, std::endian::little) == 2 ? std::endian::little : std::endian::big;
         } else {
-            refuse(path_, "is damaged: its byte order is marked neither LTL-IEEE nor BIG-IEEE");
+            refuse_file(path_, "is damaged: its byte order is marked neither LTL-IEEE nor BIG-IEEE");
         }
         const auto nd = load<std::int32_t>(bytes + 8, order_);
         const auto ni = load<std::int32_t>(bytes + 12, order_);
         if (nd != 2 || ni != 6) {
-            refuse(path_, "is damaged: summaries of " + std::to_string(nd) + " doubles and " + std::to_string(ni) +
-                              " integers; SPK kernels have 2 and 6");
+            refuse_file(path_, "is damaged: summaries of " + std::to_string(nd) + " doubles and " + std::to_string(ni) +
+                                   " integers; SPK kernels have 2 and 6");
         }
         const std::string_view check(bytes + 699, transfer_check.size());
         if (check.starts_with("FTPSTR") && check != transfer_check) {
-            refuse(path_, "was damaged by a transfer as text; transfer it as binary");
+            refuse_file(path_, "was damaged by a transfer as text; transfer it as binary");
         }
         const auto first = load<std::int32_t>(bytes + 76, order_);
         if (first < 1) {
-            refuse(path_, "is damaged: its first summary record is " + std::to_string(first));
+            refuse_file(path_, "is damaged: its first summary record is " + std::to_string(first));
         }
         return static_cast<std::size_t>(first);
     }
@@ -171,8 +167,8 @@ private:
     std::size_t index(double value, const char *what) const
     {
         if (!(value >= 0.0 && value < 1e15 && value == std::floor(value))) {
-            refuse(path_, std::string("is damaged: ") + what + " is " + sim::format_number(value) +
-                              "; expected a whole number");
+            refuse_file(path_, std::string("is damaged: ") + what + " is " + sim::format_number(value) +
+                                   "; expected a whole number");
         }
         return static_cast<std::size_t>(value);
     }
@@ -193,7 +189,7 @@ private:
         const int frame = integers[2], type = integers[3];
         const std::string name = "segment " + std::to_string(number) + ", " + body_name(s.target) + " relative to " +
                                  body_name(s.center) + ", ";
-        const auto refuse_segment = [&](const std::string &what) { refuse(path_, name + what); };
+        const auto refuse_segment = [&](const std::string &what) { refuse_file(path_, name + what); };
 
         if (type != 2 && type != 3) {
             refuse_segment("is of type " + std::to_string(type) + "; types 2 and 3 (Chebyshev polynomials) are read");

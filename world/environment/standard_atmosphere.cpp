@@ -13,10 +13,10 @@ namespace {
 
 // All constants are the standard's. Lengths in km above 86 km.
 constexpr double R = 8314.32;                     // [N m/(kmol K)]
-constexpr double g0 = 9.80665;                    // [m/s^2]
+constexpr double g0_1976 = 9.80665;               // [m/s^2]
 constexpr double M0 = 28.9644;                    // [kg/kmol] of the air at sea level
 constexpr double r0 = 6356.766;                   // [km] effective radius of the Earth
-constexpr double boltzmann = 1.380622e-23;        // [N m/K]
+constexpr double boltzmann_1976 = 1.380622e-23;   // [N m/K]
 constexpr double avogadro = 6.022169e26;          // [1/kmol]
 constexpr double lowest = -5.0, highest = 1000.0; // [km]
 constexpr double joint = 86.0;                    // [km] where the two parts meet
@@ -38,7 +38,7 @@ struct Layer {
 /// In a layer: molecular-scale temperature and pressure at a geopotential height [km].
 void in_layer(const Layer &layer, double height, double &temperature, double &pressure)
 {
-    const double dh = height - layer.base, lapse = 1e3 * g0 * M0 / R; // [K/km]
+    const double dh = height - layer.base, lapse = 1e3 * g0_1976 * M0 / R; // [K/km]
     temperature = layer.temperature + layer.gradient * dh;
     pressure =
         layer.pressure * (layer.gradient == 0.0 ? fm_exp(-lapse * dh / layer.temperature)
@@ -110,7 +110,7 @@ double temperature(double Z, double &slope)
 
 double gravity_at(double Z)
 {
-    return g0 * (r0 / (r0 + Z)) * (r0 / (r0 + Z));
+    return g0_1976 * (r0 / (r0 + Z)) * (r0 / (r0 + Z));
 }
 
 /// [m^2/s] the coefficient of turbulent diffusion.
@@ -224,7 +224,7 @@ StandardAtmosphere::StandardAtmosphere()
     for (std::size_t i = 0; i < below.size(); i++) {
         const double Z = joint + static_cast<double>(i);
         const double density = (mass[i] + hydrogen[i] * M_H) / avogadro;
-        const double pressure = (below[i] + hydrogen[i]) * boltzmann * temperature(Z, unused);
+        const double pressure = (below[i] + hydrogen[i]) * boltzmann_1976 * temperature(Z, unused);
         knots_.push_back({fm_log(density), fm_log(pressure), 0.0, 0.0});
     }
     for (std::size_t i = 0; i < knots_.size(); i++) {

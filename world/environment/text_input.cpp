@@ -93,6 +93,11 @@ std::optional<int> parse_integer(std::string_view text)
     return value;
 }
 
+void refuse_file(const std::string &path, const std::string &what)
+{
+    throw sim::SetupError(path + ": " + what);
+}
+
 void refuse_line(const std::string &file, std::size_t line, const std::string &what)
 {
     throw sim::SetupError(file + ":" + std::to_string(line) + ": " + what);

@@ -24,6 +24,9 @@ std::optional<double> parse_number(std::string_view text);
 /// A decimal integer; nothing if the text is anything else.
 std::optional<int> parse_integer(std::string_view text);
 
+/// Throws SetupError "path: what".
+[[noreturn]] void refuse_file(const std::string &path, const std::string &what);
+
 /// Throws SetupError "file:line: what".
 [[noreturn]] void refuse_line(const std::string &file, std::size_t line, const std::string &what);
 

@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "world/sensors/navigation_model.h"
 
+#include "world/eigen.h"
+
 namespace fledge::world {
-
-namespace {
-
-bool is_zero(const Vec3 &a)
-{
-    return a.v[0] == 0.0 && a.v[1] == 0.0 && a.v[2] == 0.0;
-}
-
-} // namespace
 
 /// The bias, with noise where there is any.
 Vec3 NavigationModel::error(const Vec3 &bias, const Vec3 &deviation)

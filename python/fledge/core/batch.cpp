@@ -55,7 +55,7 @@ void reset(Batch &batch, const Column<std::int64_t> &which, const Column<std::ui
     unlocked([&](const Batch::Poll &poll) { batch.reset(clones, chosen, from, poll); });
 }
 
-Rows step(Batch &batch, const Rows &actions)
+Rows step_clones(Batch &batch, const Rows &actions)
 {
     Rows observed({batch.clones(), batch.observations()});
     const std::span given(actions.data(), static_cast<std::size_t>(actions.size()));
@@ -100,7 +100,7 @@ void bind_batch(py::module_ &m)
     py::class_<Batch>(m, "Batch")
         .def(py::init<const sim::Simulation &, BatchPlan>())
         .def("reset", reset)
-        .def("step", step, "The observations after the step; `actions` must have a row for each clone.")
+        .def("step", step_clones, "The observations after the step; `actions` must have a row for each clone.")
         .def("observe", observe)
         .def("failure", &Batch::failure)
         .def("copy", &Batch::copy)

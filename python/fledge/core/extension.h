@@ -74,6 +74,9 @@ template <class T> T named(const char *const *names, const std::string &name)
     return static_cast<T>(i);
 }
 
+/// Python's names of ExecRelation, and of Judge::Relation.
+inline constexpr const char *relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
+
 template <class Range, class F> pybind11::list list_of(const Range &range, F make)
 {
     pybind11::list list;

@@ -21,11 +21,10 @@ using sim::Ns;
 
 template <class T> using Array = py::array_t<T, py::array::c_style | py::array::forcecast>;
 
-const char *const kinds[] = {"atom",       "constant", "not",  "and",    "or",    "always",
-                             "eventually", "until",    "once", "begins", "clock", nullptr};
+const char *const node_kinds[] = {"atom",       "constant", "not",  "and",    "or",    "always",
+                                  "eventually", "until",    "once", "begins", "clock", nullptr};
 const char *const operations[] = {"source", "constant", "element", "norm",  "max_abs", "abs",
                                   "+",      "-",        "scaled",  "angle", "turned",  nullptr};
-const char *const relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
 
 /// Nodes as (kind, a, b, from [ns], to [ns] or None).
 int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns, std::optional<Ns>>> &rows)
@@ -33,7 +32,7 @@ int formula(Judge &judge, const std::vector<std::tuple<std::string, int, int, Ns
     std::vector<FormulaNode> nodes;
     nodes.reserve(rows.size());
     for (const auto &[kind, a, b, from, to] : rows) {
-        nodes.push_back({named<FormulaNode::Kind>(kinds, kind), a, b, from, to.value_or(sim::no_end)});
+        nodes.push_back({named<FormulaNode::Kind>(node_kinds, kind), a, b, from, to.value_or(sim::no_end)});
     }
     return judge.formula(std::move(nodes));
 }
@@ -67,7 +66,7 @@ int source_of_event(Judge &judge, sim::Simulation &simulation, const std::string
     throw std::invalid_argument(process + " has no event " + name);
 }
 
-void play(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
+void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<double>> &sources)
 {
     std::vector<std::span<const double>> spans;
     spans.reserve(sources.size());
@@ -110,7 +109,7 @@ void bind_judge(py::module_ &m)
         .def(
             "watch", [](const std::shared_ptr<Judge> &judge, sim::Simulation &s) { s.recorder().watch(judge); },
             py::keep_alive<1, 2>())
-        .def("play", play)
+        .def("play", play_signals)
         .def("finish", &Judge::finish)
         .def("value", value)
         .def_property_readonly("went_back", &Judge::went_back)

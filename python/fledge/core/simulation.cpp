@@ -50,7 +50,6 @@ py::bytes bytes_of(const std::vector<std::byte> &bytes)
 
 // Python's names of the enumerators of conditions.
 const char *const measures[] = {"element", "norm", "max_abs", nullptr};
-const char *const relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
 const char *const joins[] = {"", "&", "|", "~"};
 
 /// An element or a measure of a field of a message or module. `index` picks an element; the measures "norm" and

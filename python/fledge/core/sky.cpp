@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The solar system for world.Sky, and gravity fields from files.
 #include "core/extension.h"
+#include "core/triple.h"
 
 #include "sim/error.h"
 #include "world/environment/bodies.h"
@@ -21,13 +22,6 @@ namespace {
 
 using sim::Ns;
 using world::Sky;
-using Triple = std::array<double, 3>;
-
-Triple triple(const Eigen::Vector3d &x)
-{
-    return {x[0], x[1], x[2]};
-}
-
 std::shared_ptr<Sky> make_sky(const std::string &epoch, int center, const std::vector<std::string> &kernels,
                               const std::optional<std::string> &leap_seconds, const std::optional<std::string> &pck,
                               const std::optional<world::EarthData> &earth, bool principal_axes)

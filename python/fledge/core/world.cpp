@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A spacecraft's parts and gravity; orbits.
 #include "core/extension.h"
+#include "core/triple.h"
 
 #include "sim/error.h"
 #include "world/avionics/radio_model.h"
@@ -16,17 +17,6 @@ namespace py = pybind11;
 namespace fledge::core {
 
 namespace {
-
-using Triple = std::array<double, 3>;
-
-Eigen::Vector3d vector(const Triple &x)
-{
-    return {x[0], x[1], x[2]};
-}
-Triple triple(const Eigen::Vector3d &x)
-{
-    return {x[0], x[1], x[2]};
-}
 
 world::SpacecraftModel &craft_of(py::handle object)
 {

@@ -251,7 +251,6 @@ Bands bands_of(const py::dict &given)
             throw Refusal("a level is watch, warning, distress, critical or severe; found " + name);
         }
         const auto ends = value.cast<std::array<std::optional<double>, 2>>();
-        constexpr double infinite = std::numeric_limits<double>::infinity();
         made[static_cast<Concern>(found - std::begin(levels))] = {ends[0].value_or(-infinite),
                                                                   ends[1].value_or(infinite)};
     }
