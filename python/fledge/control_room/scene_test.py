@@ -236,7 +236,7 @@ def served(folder, text):
     thread = Thread(target=loop.run_until_complete, args=(serve(room, ready.put, over),))
     thread.start()
     try:
-        yield ready.get(timeout=60), room
+        yield ready.get(), room
     finally:
         loop.call_soon_threadsafe(over.set)
         thread.join()
