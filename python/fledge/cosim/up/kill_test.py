@@ -78,7 +78,7 @@ def cycle(folder, mark, phase, victim, rng):
         return out, process.returncode
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
 
 
 def chosen():
@@ -160,7 +160,7 @@ def fly_processes(folder, mark, on_loss, kills):
                     + steered(folder))
     process = start(file, mark)
     record = folder / "runs" / simulation / "flight.mcap.part"
-    least = 20_000
+    least = 40_000              # of at least 50 s
 
     def grown():
         return record.exists() and record.stat().st_size > least
@@ -194,7 +194,7 @@ def test_what_is_left_of_a_process_that_was_killed_is_named(mark, tmp_path):
     part = folder / "flight.mcap.part"
     there = re.search(rf"  left     \S*{part.name}: its program was lost; it has the data up to t = ([\d.]+) s\n", out)
     with Archive(part) as archive:
-        assert f"{archive.good_until:g}" == there[1] and archive.good_until > 30     # half a second of wall time
+        assert f"{archive.good_until:g}" == there[1] and archive.good_until > 30
         assert archive.topics["/flight/tracking/error"].count > 30
     start(folder.parents[1] / "pair.toml", mark).communicate()
     assert not part.exists() and (folder / "flight.mcap").exists()       # each run begins with what is its own

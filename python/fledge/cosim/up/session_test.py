@@ -217,7 +217,7 @@ def test_the_limits_and_users_of_the_file_are_the_controllers_and_nodes(mark, tm
         assert process.returncode == 0, out
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
         mark.kill()
     assert "--greet 7.5 --reply 0.0 " in command and ("--any-user" in command) == any_user
     assert f"others: {'1' if any_user else None}\n" in logs(tmp_path)["spring"]
@@ -325,7 +325,7 @@ def test_one_may_be_started_by_hand_and_again(mark, tmp_path):
         assert second.wait() == 0
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
         mark.kill()
 
 
@@ -373,7 +373,7 @@ def test_a_stranger_that_greets_and_hangs_up_ends_no_run(mark, tmp_path):
         assert logs(tmp_path)["controller"].startswith("warning: without keys, any program that reaches tcp://0.0.0.0:")
     finally:
         process.kill()
-        process.communicate()
+        process.wait()
         mark.kill()
 
 
