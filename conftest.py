@@ -5,6 +5,7 @@ The launcher sets PYTHONPATH itself, to the build under test, and that one wins.
 """
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -17,6 +18,14 @@ FOLDERS = [str(ROOT / part) for part in ("python", ".", f"build/{os.environ.get(
 sys.path[:] = [*(path for path in sys.path if path not in ("", os.getcwd())), *FOLDERS]
 # The programs that tests start.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), *FOLDERS]))
+
+# A script's `&` ignores Ctrl-C, nohup ignores that the terminal is closed, and programs inherit what is ignored or
+# blocked. The tests and what they start begin with signals as usual; only the tests themselves go on after nohup.
+signal.pthread_sigmask(signal.SIG_SETMASK, ())
+for number in signal.valid_signals() - {signal.SIGPIPE, signal.SIGXFSZ}:    # Python ignores these, its children do not
+    if signal.getsignal(number) == signal.SIG_IGN:
+        signal.signal(number, {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: lambda *_: None}.get(
+            number, signal.SIG_DFL))
 
 # Tests of the launcher, of documents, of generated sources, of programs of targets, of pages in a browser, and of
 # Python that flies what other tests fly: the sanitizers look into none of these. And the tests of Dask, which leave

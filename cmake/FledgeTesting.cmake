@@ -31,7 +31,7 @@ function(fledge_add_test name)
     endif()
     add_dependencies(tests ${name})
     add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES TIMEOUT 600 LABELS gtest)
+    set_tests_properties(${name} PROPERTIES TIMEOUT 1200 LABELS gtest)
 endfunction()
 
 # fledge_precompile_test_headers(<header>...): compile headers of the system once, for all tests that

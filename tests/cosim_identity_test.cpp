@@ -3,6 +3,7 @@
 // memory: every message has the same bytes, whatever the transport, the latencies, the order in which
 // programs start, and the time that they take.
 #include "cosim/node/simulation_node.h"
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/router/router.h"
 #include "flight/actuation/wheel_torques.h"
 #include "flight/control/mrp_feedback.h"
@@ -246,7 +247,7 @@ void be_node(const std::string &process, const std::string &address, const Case 
     record(s, process);
     Slow slow(node, c.draw + is_world);
     zmq::context_t context;
-    cosim::Delegate(context, {"nadir_spin", process, address, std::chrono::seconds(20), {}}).serve(slow);
+    cosim::Delegate(context, {"nadir_spin", process, address, cosim::patience, {}}).serve(slow);
     for (const auto &[topic, hash] : hashes(s)) {
         const std::string line = topic + " " + std::to_string(hash) + "\n";
         if (write(out, line.data(), line.size()) != static_cast<ssize_t>(line.size())) {

@@ -26,6 +26,7 @@ import pytest
 import fledge
 from fledge import cosim
 from fledge.files import build_folder
+from tests.waiting import PATIENCE
 
 CONTROLLER = build_folder() / "cosim" / "fledge_controller"
 MISSIONS = Path(__file__).resolve().parents[1] / "missions"
@@ -147,7 +148,7 @@ def be_node(folder, process, address, wait, delay):
     def work():
         time.sleep(wait)
         sim = prepared(folder)
-        assert cosim.split(sim, process).serve(address, simulation="identity", timeout=60, delay=delay) == ""
+        assert cosim.split(sim, process).serve(address, simulation="identity", timeout=PATIENCE, delay=delay) == ""
         return hashes(sim)
     return Fork(work)
 
@@ -390,7 +391,7 @@ def test_two_namespaces_give_the_bits_of_one(mission, namespaces, keys, host, tm
              "--node", "world", "--node", "flight", "--address", address, "--keys", str(keys)],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True))
         for program in programs:
-            text = program.communicate(timeout=600 if LONG else 120)[0]
+            text = program.communicate()[0]
             assert program.returncode == 0, text
     finally:
         for program in programs:

@@ -43,7 +43,7 @@ class Shell:
         script = (f"source {self.state}\n{command}\nstatus=$?\n"
                   f"{{ declare -px; printf 'cd %q\\n' \"$PWD\"; }} > {self.state}\nexit $status\n")
         done = subprocess.run(["bash", "-c", script], input=typed, text=True, env=self.environment,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300)
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         return done.stdout, done.returncode
 
     def here(self):

@@ -4,6 +4,7 @@
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -40,6 +41,7 @@ STAND_INS = {
     "ninja": 'echo "$*" >> "$FAKE/ninja"; . "$FAKE/during" "$0"\n'
              '[ ! -e "$FAKE/broken" ] || { cat "$FAKE/broken"; exit 1; }; echo "ninja: no work to do."',
     "ctest": 'while [ $# -gt 0 ]; do case $1 in --output-junit) report=$2 ;; -E) exit 0 ;; esac; shift; done\n'
+             'grep SigIgn /proc/$$/status > "$FAKE/ignored"\n'
              '[ ! -e "$FAKE/report" ] || cat "$FAKE/report" > "$report"\n'
              'exit "$(cat "$FAKE/status")"',
 }
@@ -93,7 +95,7 @@ def launch():
 
     def run(*arguments, **options):
         process = start(*arguments, **options)
-        out, error = process.communicate(timeout=300)
+        out, error = process.communicate()
         return subprocess.CompletedProcess(process.args, process.returncode, out, error)
 
     def said(name):
@@ -359,8 +361,8 @@ def test_two_first_commands_do_not_collide(launch):
     (launch.fake / "status").write_text("0")
     (launch.fake / "report").write_text(report(0))
     (launch.fake / "go").touch()
-    assert "list in" in first.communicate(timeout=300)[0]
-    out, error = second.communicate(timeout=300)
+    assert "list in" in first.communicate()[0]
+    out, error = second.communicate()
     assert first.returncode == second.returncode == 0, out + error
     (for_run,) = (line for line in launch.said("apt") if " cmake, " in line)
 
@@ -376,7 +378,7 @@ def test_the_second_build_waits_for_the_first(launch):
     assert second.stderr.readline() == "fledge: waiting for another fledge, which builds (release)\n"
     (launch.fake / "go").touch()
     for one in (first, second):
-        assert "list in" in one.communicate(timeout=300)[0]
+        assert "list in" in one.communicate()[0]
 
 
 @pytest.fixture
@@ -667,7 +669,7 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
     (tmp_path / "m").mkdir()
     (tmp_path / "m/flight.py").write_text("import numpy\ndef build(f):\n    pass\n")
     done = subprocess.run([ROOT / "fledge", "run", "m", "--for", "1s"], capture_output=True, text=True, cwd=tmp_path,
-                          env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module}, timeout=300)
+                          env={**os.environ, "PYTHONPATH": str(tmp_path), "INTERRUPTS": module})
     assert done.returncode in (130, -2), done.stderr
     told = [line for line in done.stderr.splitlines() if "waiting for another fledge" not in line]  # a test beside it
     assert told in ([], ["fledge: interrupted"])
@@ -712,6 +714,22 @@ def test_help_of_a_command_is_what_the_command_says():
 def test_it_prints_the_version():
     done = subprocess.run([ROOT / "fledge", "--version"], capture_output=True, text=True)
     assert done.stdout == f"fledge {fledge.__version__}\n"
+
+
+def test_tests_have_default_signals_in_the_background_of_a_script(launch):
+    (launch.fake / "updated").touch()
+    (launch.fake / "status").write_text("0")
+    (launch.fake / "report").write_text(report(0))
+    done = launch("test", user=["/usr/bin/env", "--ignore-signal=INT,QUIT"])
+    assert done.returncode == 0, done.stderr
+    assert int(launch.said("ignored")[0].split()[1], 16) & (1 << signal.SIGINT - 1 | 1 << signal.SIGQUIT - 1) == 0
+
+
+def test_no_file_takes_the_place_of_a_standard_stream_that_is_closed(launch):
+    (launch.fake / "updated").touch()
+    done = launch("exec", "/bin/sh", "-c", "echo; readlink /proc/$$/fd/0 /proc/$$/fd/2 > $FAKE/streams",
+                  user=["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh"])
+    assert (done.returncode, launch.said("streams")) == (0, ["/dev/null"] * 2)
 
 
 def test_exec_finds_the_python_that_the_extension_is_built_for(launch):
@@ -779,7 +797,7 @@ def complete(request, tmp_path):
 
     def offered(line):
         done = subprocess.run([request.param, "-c", script, request.param, line], cwd=tmp_path, text=True,
-                              capture_output=True, check=True, env={"PATH": f"{ROOT}:/usr/bin:/bin"}, timeout=60)
+                              capture_output=True, check=True, env={"PATH": f"{ROOT}:/usr/bin:/bin"})
         assert done.stderr == ""
         return done.stdout.split()
 

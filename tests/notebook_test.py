@@ -24,7 +24,7 @@ def test_no_cell_fails(path, tmp_path):
     client = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
     notebook = nbformat.read(path, 4)
-    client.NotebookClient(notebook, kernel_name="python3", timeout=300,
+    client.NotebookClient(notebook, kernel_name="python3",
                           resources={"metadata": {"path": str(tmp_path)}}).execute()
     outputs = [one for cell in notebook.cells for one in cell.get("outputs", ())]
     kinds = [set(one.get("data", ())) for one in outputs]
@@ -41,7 +41,7 @@ def test_a_figure_is_shown_once_in_its_cell_and_again_where_it_is_asked_for(tmp_
     draw = "figure = log.plot('sigma_BR')\n"
     cells = [begin + draw + "figure", "figure", draw + "1"]
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source) for source in cells])
-    client.NotebookClient(notebook, kernel_name="python3", timeout=300,
+    client.NotebookClient(notebook, kernel_name="python3",
                           resources={"metadata": {"path": str(tmp_path)}}).execute()
     pictures = [sum("image/png" in one.get("data", ()) for one in cell.outputs) for cell in notebook.cells]
     assert pictures == [1, 1, 1]

@@ -94,9 +94,9 @@ def fly(start, spring, until=1.0, options=(), mass_network=None, **network):
     with Proxy(address, **(mass_network or {})) as near_mass, Proxy(address, **network) as near_spring:
         mass = start(sys.executable, "-c", MASS, near_mass.address)
         other = start(*SPRINGS[spring], near_spring.address)
-        complaints = controller.communicate(timeout=100)[1]
-        seen = None if complaints else json.loads(mass.communicate(timeout=60)[0])
-    said = other.communicate(timeout=60)[1]
+        complaints = controller.communicate()[1]
+        seen = None if complaints else json.loads(mass.communicate()[0])
+    said = other.communicate()[1]
     return complaints, seen, other.returncode, said
 
 

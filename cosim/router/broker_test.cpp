@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Observers and asynchronous programs, on real sockets around a real run.
 #include "cosim/node/observer.h"
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/router/testing/nodes.h"
 
 #include <gtest/gtest.h>
@@ -15,6 +16,19 @@ namespace {
 
 using namespace std::chrono_literals;
 using namespace testing_nodes;
+
+/// Waits in its second step until the test lets it go on.
+class Held final : public Counter {
+public:
+    using Counter::Counter;
+    void before_step(Ns t) override
+    {
+        while (t == 10 && !go) {
+            std::this_thread::sleep_for(1ms);
+        }
+    }
+    std::atomic<bool> go = false;
+};
 
 TEST(ByteRing, EntriesPassBetweenTwoThreadsCompleteAndInOrder)
 {
@@ -120,7 +134,7 @@ public:
         config.simulation = "test";
         config.node = name;
         config.address = router.address();
-        config.connect_timeout = 20s;
+        config.connect_timeout = patience;
         config.keys = keys;
         return config;
     }
@@ -190,13 +204,13 @@ TEST_P(Broadcast, AnObserverFromTheBeginningSeesAllMessagesInOrder)
     EXPECT_EQ(observer.schema("/a/n"), make_schema("Word", word_text));
     EXPECT_THROW(observer.schema("/c/n"), LinkError);
     observer.subscribe("/a/");
-    auto first = observer.next(20s);
+    auto first = observer.next(patience);
     ASSERT_TRUE(first);
     EXPECT_EQ(first->count, 0u); // the initial value, before any step
     EXPECT_EQ(first->t, -1);
     run.let(for_ever);
     for (std::uint32_t k = 1; k <= 101; k++) {
-        const auto seen = observer.next(20s);
+        const auto seen = observer.next(patience);
         ASSERT_TRUE(seen) << k;
         EXPECT_EQ(seen->topic, "/a/n");
         EXPECT_EQ(seen->node, "a");
@@ -205,7 +219,7 @@ TEST_P(Broadcast, AnObserverFromTheBeginningSeesAllMessagesInOrder)
         EXPECT_EQ(word_of(seen->payload), 2 * k - 1);
         EXPECT_EQ(seen->missed, 0u);
     }
-    EXPECT_FALSE(observer.next(20s));
+    EXPECT_FALSE(observer.next(patience));
     EXPECT_TRUE(observer.over());
     EXPECT_EQ(observer.reason(), "");
     EXPECT_EQ(observer.missed(), 0u);
@@ -220,7 +234,7 @@ TEST_P(Broadcast, ALateObserverGetsTheLastMessageOfEachTopicAtOnce)
     Observer first(context, run.observer("viewer"));
     first.subscribe("");
     while (true) {
-        const auto seen = first.next(20s);
+        const auto seen = first.next(patience);
         ASSERT_TRUE(seen);
         if (seen->topic == "/b/n" && seen->t == 500) {
             break;
@@ -230,7 +244,7 @@ TEST_P(Broadcast, ALateObserverGetsTheLastMessageOfEachTopicAtOnce)
     late.subscribe("/");
     std::map<std::string, Observed> got;
     for (int i = 0; i < 2; i++) {
-        const auto seen = late.next(20s);
+        const auto seen = late.next(patience);
         ASSERT_TRUE(seen);
         got[seen->topic] = *seen;
     }
@@ -241,7 +255,7 @@ TEST_P(Broadcast, ALateObserverGetsTheLastMessageOfEachTopicAtOnce)
     // The first observer does not get the message again, and sees no gap.
     run.let(510);
     for (const char *topic : {"/a/n", "/b/n"}) {
-        const auto seen = first.next(20s);
+        const auto seen = first.next(patience);
         ASSERT_TRUE(seen);
         EXPECT_EQ(seen->topic, topic);
         EXPECT_EQ(seen->count, 52u);
@@ -270,16 +284,18 @@ TEST(Broker, AnEarlyObserverWaitsForTheMatching)
     observer.address = router.address();
     observer.connect_timeout = 300ms;
     EXPECT_THROW(Observer(other, observer), LinkError);
-    observer.connect_timeout = 20s;
+    observer.connect_timeout = patience;
     auto watch = std::async(std::launch::async, [&] {
         Observer viewer(other, observer);
         return viewer.topics().count("/a/n");
     });
-    std::this_thread::sleep_for(200ms);
-    Counter a("", "/a/n", Latency::same_instant);
-    EXPECT_EQ(serve(other, router.address(), "a", a), "");
-    EXPECT_EQ(run.get(), "");
+    std::this_thread::sleep_for(200ms); // by then it waits
+    Held a("", "/a/n", Latency::same_instant);
+    auto serve_a = std::async(std::launch::async, [&] { return serve(other, router.address(), "a", a); });
     EXPECT_EQ(watch.get(), 1u);
+    a.go = true;
+    EXPECT_EQ(serve_a.get(), "");
+    EXPECT_EQ(run.get(), "");
 }
 
 TEST(Broker, NodesAndObserversSeeAsynchronousMessages)
@@ -289,13 +305,13 @@ TEST(Broker, NodesAndObserversSeeAsynchronousMessages)
     Observer ground(context, run.observer("ground"));
     Observer viewer(context, run.observer("viewer"));
     viewer.subscribe("/ground/");
-    ASSERT_TRUE(viewer.next(20s)); // the initial value
+    ASSERT_TRUE(viewer.next(patience)); // the initial value
     for (std::uint64_t x = 1; x <= 20; x++) {
         ground.write("/ground/command", word(100 + x));
     }
     std::vector<std::pair<Ns, std::uint64_t>> seen_by_reader;
     for (std::uint32_t k = 1; k <= 20; k++) {
-        const auto seen = viewer.next(20s);
+        const auto seen = viewer.next(patience);
         ASSERT_TRUE(seen);
         EXPECT_EQ(seen->node, "ground");
         EXPECT_EQ(seen->count, k);
@@ -370,14 +386,13 @@ TEST(Broker, InvalidMessagesAreCountedAndHarmless)
     Observer viewer(context, run.observer("viewer"));
     viewer.subscribe("/ground/command");
     for (std::uint64_t x = 0; x != 42;) {
-        const auto seen = viewer.next(20s);
+        const auto seen = viewer.next(patience);
         ASSERT_TRUE(seen);
         x = word_of(seen->payload);
     }
-    for (int i = 0; i < 1000 && run.router.broker()->counts().refused < sent; i++) {
+    while (run.router.broker()->counts().refused < sent) {
         std::this_thread::sleep_for(10ms);
     }
-    EXPECT_GE(run.router.broker()->counts().refused, sent);
     run.let(for_ever);
     EXPECT_EQ(run.run.get(), "");
 }
@@ -392,16 +407,7 @@ TEST(Broker, ASlowObserverSeesTheGapByTheCountAndSlowsNoNode)
     auto run_config = config_of({{"a", Policy::abort}}, 1'000'000);
     run_config.watched = {"/a/n"};
     Router router(context, run_config, config);
-    struct Held : Counter {
-        using Counter::Counter;
-        void before_step(Ns t) override
-        {
-            while (t == 10 && !go) {
-                std::this_thread::sleep_for(1ms);
-            }
-        }
-        std::atomic<bool> go{false};
-    } a("", "/a/n", Latency::same_instant);
+    Held a("", "/a/n", Latency::same_instant);
     auto run = std::async(std::launch::async, [&] { return router.run(); });
     auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
     MemberConfig slow;
@@ -411,13 +417,13 @@ TEST(Broker, ASlowObserverSeesTheGapByTheCountAndSlowsNoNode)
     slow.waiting = 10;
     Observer observer(other, slow);
     observer.subscribe("/a/n");
-    EXPECT_TRUE(observer.next(20s));
+    EXPECT_TRUE(observer.next(patience));
     a.go = true;
     EXPECT_EQ(run.get(), "");
     EXPECT_EQ(serve_a.get(), "");
     std::uint64_t seen = 0, missed = 0;
     std::uint32_t last = 0;
-    for (; const auto message = observer.next(20s); seen++) {
+    for (; const auto message = observer.next(patience); seen++) {
         EXPECT_EQ(message->count, last + message->missed + 1);
         last = message->count;
         missed += message->missed;
@@ -533,7 +539,7 @@ TEST(Broker, OnlyAllowedKeysObserveOrWrite)
     Observer viewer(context, run.observer("viewer", keys.of("viewer")));
     viewer.subscribe("/ground/");
     for (std::uint64_t x = 0; x != 5;) {
-        const auto seen = viewer.next(20s);
+        const auto seen = viewer.next(patience);
         ASSERT_TRUE(seen);
         x = word_of(seen->payload);
     }
@@ -613,19 +619,6 @@ TEST(Broker, ImpossibleConfigurationsAreRefused)
     stop = true;
 }
 
-/// Waits in its second step until the test lets it go on.
-class Held final : public Counter {
-public:
-    using Counter::Counter;
-    void before_step(Ns t) override
-    {
-        while (t == 10 && !go) {
-            std::this_thread::sleep_for(1ms);
-        }
-    }
-    std::atomic<bool> go = false;
-};
-
 TEST(Broker, AnObserverWhoseQueueIsFullOutlivesTheRun)
 {
     // libzmq ends a program whose heartbeat comes due between the loss of a connection and the reading of a full queue.
@@ -648,7 +641,7 @@ TEST(Broker, AnObserverWhoseQueueIsFullOutlivesTheRun)
             member.waiting = 10;
             observer = std::make_unique<Observer>(elsewhere, member);
             observer->subscribe("");
-            const bool any = observer->next(20s).has_value();
+            const bool any = observer->next(patience).has_value();
             a.go = true;
             return any;
         });

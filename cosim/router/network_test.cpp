@@ -2,6 +2,7 @@
 // Controllers and nodes on real sockets, with nodes that count. tests/cosim_identity_test.cpp
 // flies the mission this way.
 #include "cosim/node/simulation_node.h"
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/router/router.h"
 #include "cosim/router/testing/nodes.h"
 
@@ -181,9 +182,9 @@ TEST(Router, ADeadHangingOrInvalidNodeEndsTheRunWithItsName)
             Link link(other, {});
             link.socket().connect(welcome.address);
             link.send({1, Hello{1, 1, "test", "b"}});
-            EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(10s).message));
+            EXPECT_TRUE(std::holds_alternative<Initialize>(link.wait(patience).message));
             link.send({1, Initialized{{{10, 0}}}});
-            EXPECT_TRUE(std::holds_alternative<ProvideDesired>(link.wait(10s).message));
+            EXPECT_TRUE(std::holds_alternative<ProvideDesired>(link.wait(patience).message));
             mischief(link, other, welcome.address);
             run.wait();
         }
@@ -255,7 +256,7 @@ TEST(Delegate, ItEndsWhenItsControllerIsGone)
         const std::string own = link.bind(address + "-1");
         greetings.send(peer, zmq::send_flags::sndmore);
         greetings.send(zmq::buffer(encode({1, Welcome{own}})), zmq::send_flags::none);
-        EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(10s).message));
+        EXPECT_TRUE(std::holds_alternative<Hello>(link.wait(patience).message));
     }
     EXPECT_EQ(serve_a.get(), "threw: the controller is gone");
 }
@@ -295,10 +296,12 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
             killed = std::async(std::launch::async, [this] {
                 std::this_thread::sleep_for(100ms); // by then it waits for Start, which never comes
                 victim->kill();
+                dead = true;
             });
             return Counter::match(asked);
         }
         const Program *victim = nullptr;
+        std::atomic<bool> dead = false;
         std::future<void> killed;
     };
     zmq::context_t context;
@@ -308,10 +311,14 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
         using Counter::Counter;
         std::vector<Publication> match(const std::vector<Channel> &asked) override
         {
-            std::this_thread::sleep_for(300ms);
+            while (!*dead) {
+                std::this_thread::sleep_for(1ms);
+            }
             return Counter::match(asked);
         }
+        const std::atomic<bool> *dead = nullptr;
     } b("/a/n", "/b/n", Latency::same_instant);
+    b.dead = &a.dead;
     auto serve_b = std::async(std::launch::async, [&] { return serve(context, config.address, "b", b); });
     EXPECT_EQ(serve(context, config.address, "a", a), "threw: the controller is gone");
     EXPECT_EQ(serve_b.get(), "threw: the controller is gone");
@@ -364,7 +371,7 @@ TEST(SharedMemory, ANodeThatWritesNonsenseIntoItIsShutOut)
         zmq::context_t context;
         Scribbler b("/a/n", "/b/n", Latency::same_instant);
         serve(context, config.address, "b", b);
-        std::this_thread::sleep_for(10s); // it stays connected
+        pause(); // it stays connected
     });
     zmq::context_t context;
     Router router(context, two_nodes(1000), config);

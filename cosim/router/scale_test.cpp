@@ -3,6 +3,7 @@
 // Forty programs by default; all that this machine bears:
 //
 //     FLEDGE_SCALE_PROGRAMS=500 cosim_scale_test        also FLEDGE_SCALE_TRANSPORT=shm, tcp; prints the time to start
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/router/testing/nodes.h"
 
 #include <gtest/gtest.h>
@@ -86,7 +87,7 @@ TEST(Scale, AControllerTakesAsManyProgramsAsTheSystemAllows)
             Counter node("/" + std::to_string((i + 1) % n) + "/count", "/" + std::to_string(i) + "/count",
                          Latency::next_exchange);
             zmq::context_t context;
-            std::string why = serve(context, address.data(), std::to_string(i), node, "", std::chrono::seconds(60));
+            std::string why = serve(context, address.data(), std::to_string(i), node, "", patience);
             // At the k-th instant it sees what its neighbour wrote at the one before: k.
             return why.empty() && node.heard != 9 ? "it heard " + std::to_string(node.heard) : why;
         }));

@@ -4,6 +4,7 @@
 #include "cosim/router/testing/nodes.h"
 
 #include "cosim/node/observer.h"
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/transport/handshake.h"
 
 #include <gtest/gtest.h>
@@ -59,7 +60,7 @@ struct Running : Reports {
     }
 
     /// The reason of the end. If the run does not end by itself, it is ended.
-    std::string reason(std::chrono::seconds most = 20s)
+    std::string reason(std::chrono::seconds most = patience)
     {
         stop = result.wait_for(most) != std::future_status::ready;
         return stop ? "it goes on; " + result.get() : result.get();
@@ -77,7 +78,7 @@ struct Played {
     Played(const std::string &address, const std::string &keys = "")
     {
         greetings.set(zmq::sockopt::linger, 0);
-        greetings.set(zmq::sockopt::rcvtimeo, 20'000);
+        greetings.set(zmq::sockopt::rcvtimeo, static_cast<int>(std::chrono::milliseconds(patience).count()));
         if (!keys.empty()) {
             own = read_client_keys(keys, "b");
             use_keys(greetings, *own);
@@ -106,7 +107,7 @@ struct Played {
     Frame serve_until(Ns t)
     {
         for (;;) {
-            Frame request = link.wait(20s);
+            Frame request = link.wait(patience);
             const auto *tick = std::get_if<Tick>(&request.message);
             if ((tick && tick->until >= t) || std::holds_alternative<Finish>(request.message)) {
                 return request;
@@ -248,7 +249,7 @@ TEST_P(Connections, ASecondConnectionHidesNoDeath)
         zmq::socket_t events = monitor(context, socket);
         socket.connect(b.address_of_b);
         zmq::pollitem_t item{events.handle(), 0, ZMQ_POLLIN, 0};
-        poll({&item, 1}, 20s); // until it is connected
+        poll({&item, 1}, patience); // until it is connected
         zmq_socket_monitor(socket.handle(), nullptr, 0);
         (void)socket.send(zmq::str_buffer("no frame"), zmq::send_flags::dontwait);
         (void)socket.send(zmq::buffer(encode({1, Ready{}})), zmq::send_flags::dontwait);
@@ -502,7 +503,7 @@ constexpr uid_t other_uid = 65534;
 /// What a program of another user sees of a run; each is a bit of its exit code.
 enum Seen { greeted = 1, own_socket = 2, frontend = 4, backend = 8, memory = 16 };
 
-/// Whether a socket completes its connection in time.
+/// Whether a socket completes its connection, rather than that the other side breaks it off.
 bool connects(zmq::context_t &context, zmq::socket_type type, const std::string &address)
 {
     zmq::socket_t socket(context, type);
@@ -510,10 +511,14 @@ bool connects(zmq::context_t &context, zmq::socket_type type, const std::string 
     zmq::socket_t events = monitor(context, socket);
     socket.connect(address);
     std::uint16_t kind = 0;
-    for (int i = 0; i < 50 && kind != ZMQ_EVENT_HANDSHAKE_SUCCEEDED; i++) {
-        for (std::uint32_t value = 0; kind != ZMQ_EVENT_HANDSHAKE_SUCCEEDED && next_event(events, kind, value);) {
+    const auto over = [&] {
+        return kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED || kind == ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL ||
+               kind == ZMQ_EVENT_DISCONNECTED;
+    };
+    for (std::uint32_t value = 0; !over();) {
+        if (!next_event(events, kind, value)) {
+            std::this_thread::sleep_for(10ms);
         }
-        std::this_thread::sleep_for(10ms);
     }
     zmq_socket_monitor(socket.handle(), nullptr, 0);
     return kind == ZMQ_EVENT_HANDSHAKE_SUCCEEDED;

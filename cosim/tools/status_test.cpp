@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the router measures a node's time, with nodes that sleep; and the lines of the status stream.
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/tools/status.h"
 
 #include <gtest/gtest.h>
@@ -114,7 +115,7 @@ TEST(Status, TimeIsSpentComputingOnTheWayOrWaiting)
     Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 8ms);
     Sleeper quick("/slow/n", "/quick/n", Latency::same_instant, 2ms);
     const auto serve = [&](const char *name, Node &node) {
-        return Delegate(context, {"test", name, router.address(), 10s, {}}).serve(node);
+        return Delegate(context, {"test", name, router.address(), patience, {}}).serve(node);
     };
     const auto begun = std::chrono::steady_clock::now();
     auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
@@ -226,7 +227,7 @@ TEST(Status, TheTimeToComeBackBeginsWithTheLoss)
     Sleeper first("/slow/n", "/quick/n", Latency::same_instant, 0ms), second = first;
     first.quits_at = 840; // later than `join` after the start
     const auto serve = [&](const char *name, Node &node) {
-        return Delegate(context, {"test", name, router.address(), 10s, {}, {}}).serve(node);
+        return Delegate(context, {"test", name, router.address(), patience, {}, {}}).serve(node);
     };
     auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
     auto b = std::async(std::launch::async, [&] {

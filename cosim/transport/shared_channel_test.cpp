@@ -3,6 +3,7 @@
 // two sides; and whatever a peer writes into the memory, the other side says so or goes on.
 #include "cosim/transport/shared_channel.h"
 
+#include "cosim/protocol/testing/patience.h"
 #include "cosim/transport/link.h"
 
 #include <gtest/gtest.h>
@@ -54,9 +55,9 @@ void sleep(WakeUp &wake_up, const SharedChannel &channel)
     pollfd fd{wake_up.fd(), POLLIN, 0};
     bool rang = false;
     if (!channel.pending() && rests) {
-        wake_up.rest(10'000ms);
+        wake_up.rest(patience);
     } else if (!channel.pending()) {
-        rang = poll(&fd, 1, 10'000) == 1;
+        rang = poll(&fd, 1, static_cast<int>(std::chrono::milliseconds(patience).count())) == 1;
     }
     wake_up.disarm(rang);
 }
@@ -64,7 +65,7 @@ void sleep(WakeUp &wake_up, const SharedChannel &channel)
 TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
 {
     for (const auto spin : {0ns, 20'000ns}) {
-        const auto start = std::chrono::steady_clock::now(); // a wake that is lost costs ten seconds
+        const auto start = std::chrono::steady_clock::now(); // a wake that is lost costs all of them
         Ends ends({}, spin);
         constexpr std::uint32_t n = 3000;
         // Each side sends all without waiting for the other, so both rings are full most of the time.
@@ -76,7 +77,7 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
                 } else if (ends.node.receive(frame)) {
                     ASSERT_EQ(frame, frame_of(got++ + n));
                 } else if (sent == n || !ends.node.flush()) {
-                    ends.node.wait(10'000ms);
+                    ends.node.wait(patience);
                 }
             }
         });
@@ -92,7 +93,7 @@ TEST(SharedChannel, FramesOfAnyLengthArriveInOrder)
         }
         ends.wake_up.wake();
         node.join();
-        EXPECT_LT(std::chrono::steady_clock::now() - start, 60s);
+        EXPECT_LT(std::chrono::steady_clock::now() - start, patience);
     }
 }
 
@@ -108,7 +109,7 @@ TEST(SharedChannel, ASleepingProgramIsWokenByTheOther)
             Bytes frame;
             for (int i = 0; i < 2000; i++) {
                 while (!node.receive(frame)) {
-                    node.wait(10'000ms);
+                    node.wait(patience);
                 }
                 node.send(frame);
             }
@@ -127,7 +128,7 @@ TEST(SharedChannel, ASleepingProgramIsWokenByTheOther)
         }
         ASSERT_EQ(frame, frame_of(i));
     }
-    EXPECT_LT(std::chrono::steady_clock::now() - start, 60s);
+    EXPECT_LT(std::chrono::steady_clock::now() - start, patience);
     int status = -1;
     waitpid(child, &status, 0);
     EXPECT_EQ(status, 0);

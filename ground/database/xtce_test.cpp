@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <ctime>
 #include <random>
 
 namespace fledge::ground {
@@ -137,13 +137,13 @@ TEST(Xtce, HostileXmlIsSurvived)
               "");
     EXPECT_NE(refusal(std::string("\xFF\xFE<\0S\0", 6)), "");
     EXPECT_NE(refusal(std::string(1 << 20, '<')), "");
-    const auto start = std::chrono::steady_clock::now();
+    const auto start = std::clock();
     std::string many;
     for (int i = 0; i < 20'000; i++) {
         many += integer("t" + std::to_string(i), 8) + "\n";
     }
     EXPECT_EQ(refusal(file(many, "", "")), "");
-    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20)); // not by the square of its length
+    EXPECT_LT(std::clock() - start, 20 * CLOCKS_PER_SEC); // not by the square of its length
 }
 
 TEST(Xtce, FilesReferToOneAnother)

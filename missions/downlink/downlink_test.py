@@ -52,7 +52,7 @@ def flown(programs):
         out = programs / "-".join(["run", *options])
         done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", programs / "downlink.toml", "--exchange",
                                "--logs", "--until", f"{UNTIL}s", "--out", out, *options], env=environment,
-                              text=True, capture_output=True, timeout=100)
+                              text=True, capture_output=True)
         assert done.returncode == 0, done.stdout + done.stderr
         return Archive(out / "exchange.mcap")
 

@@ -4,15 +4,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from fledge.archive import Archive
 from fledge.archive.compare import compare
-from fledge.cosim.up.testing import mark
+from fledge.cosim.up.testing import mark, set_pace, steered
 from fledge.targets import TARGETS
+from tests.waiting import wait_for
 
 HERE = Path(__file__).resolve().parent
 TARGET = "linux" if TARGETS["leon3"].missing() else "leon3"
@@ -26,22 +26,21 @@ def fly(folder, mark, lost, room=False):
     for file in ("up.toml", "control_room.toml"):
         text = (HERE / file).read_text().replace("../../runs", "runs").replace('"leon3"', f'"{TARGET}"')
         text = text.replace("until = 86400", 'until = 48\nsimulation = "orbiter"\nexchange = true')
-        text = text.replace("save_every = 60", "save_every = 10").replace("pace  = 50", f"pace = {8 if room else 0}")
+        text = text.replace("save_every = 60", "save_every = 10").replace("pace  = 50", f"pace = {1 if room else 0}")
         for name, t in lost.items():
             text = text.replace(f'process = "{name}"\n', f'process = "{name}"\nkilled = {t}\n')
-        (folder / file).write_text(text if file == "up.toml" else f'port = 0\n{text}')
+        (folder / file).write_text(text + steered(folder) if file == "up.toml" else f'port = 0\n{text}')
     run = folder / "runs/orbiter"
     with subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "up.toml"], cwd=folder, env=mark.env, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
-        while room:
+        if room:
             log = run / "log/ground.log"
-            if log.exists() and "the console is at" in log.read_text():
-                os.kill(next(pid for pid, command in mark.processes() if " ground serve " in command
-                             and "guard" not in command), signal.SIGKILL)
-                break
-            assert process.poll() is None, process.communicate()[0]
-            time.sleep(0.05)
-        out, _ = process.communicate(timeout=300)
+            wait_for(lambda: log.exists() and "the console is at" in log.read_text(), process)
+            os.kill(next(pid for pid, command in mark.processes() if " ground serve " in command
+                         and "guard" not in command), signal.SIGKILL)
+            wait_for(lambda: log.read_text().count("the console is at") == 2, process)
+            set_pace(folder, 0)
+        out, _ = process.communicate()
     assert process.returncode == 0, out
     return out, run
 

@@ -65,5 +65,5 @@ def linked(folder, program, *arguments):
     objects = sorted(map(str, folder.glob("*.o")))
     subprocess.run(["g++", "-fsanitize=thread", *objects, "-lgtest", "-lgtest_main", "-lpthread", "-o", str(program)],
                    check=True)
-    return subprocess.run([str(program), *arguments], capture_output=True, text=True, timeout=200,
+    return subprocess.run([str(program), *arguments], capture_output=True, text=True,
                           env={"TSAN_OPTIONS": "halt_on_error=1"})

@@ -14,6 +14,7 @@ from fledge.archive.compare import compare
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.fly_test import WHOLE, nothing_is_left, processes, started
 from fledge.targets.leon3 import Leon3, board as boards
+from tests.waiting import wait_for
 
 pytestmark = pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for SPARC is not installed")
 QEMU = pytest.param("qemu", marks=pytest.mark.skipif(bool(TARGETS["leon3-qemu"].missing()), reason="no QEMU"))
@@ -23,7 +24,7 @@ def ran(computer, program, *options):
     """A program on a computer until it ends."""
     command = {"qemu": ["qemu-system-sparc", "-M", "leon3_generic", "-m", "8M", "-nographic", "-kernel", program],
                "leon3": [build.native("fledge_leon3", "emulator/tools"), boards.BOARD, program, *options]}[computer]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, stdin=subprocess.DEVNULL)
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module", params=[False, True])
@@ -149,13 +150,10 @@ def test_an_interrupt_ends_the_computer_too(name, program, tmp_path):
     process = started(tmp_path, "--on", name)
     try:
         part = tmp_path / f"{name}.mcap.part"
-        for _ in range(6000):
-            if part.exists() and part.stat().st_size > 100_000:
-                break
-            signal.sigtimedwait([], 0.01)
+        wait_for(lambda: part.exists() and part.stat().st_size > 100_000, process)
         assert [words for _, words in processes(tmp_path) if words[0].endswith(program)]
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+        process.communicate()
     finally:
         process.kill()
         process.wait()

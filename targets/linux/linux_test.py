@@ -6,12 +6,12 @@ import os
 import shutil
 import signal
 import subprocess
-import time
 
 import pytest
 
 from fledge.archive import Archive
 from fledge.targets import TARGETS, Job
+from tests.waiting import wait_for
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_by_the_clock_it_says_how_late_it_was(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run([built.resolve(), "--clock", "--for", "1.2", "--record", "clock.mcap"], cwd=job.folder,
-                          capture_output=True, text=True, timeout=60)
+                          capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     said = dict(line.split(maxsplit=1) for line in done.stdout.splitlines())
     assert said["ticks"] == "3"
@@ -85,8 +85,7 @@ def test_without_the_privilege_it_says_so(folder):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     built = TARGETS["linux"].build(job.parts[0])
     done = subprocess.run(["setpriv", "--bounding-set", "-all", "--inh-caps", "-all", "prlimit", "--memlock=0",
-                           "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True,
-                          timeout=60)
+                           "--rtprio=0", built.resolve(), "--clock", "--for", "0.1"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "scheduling shared, not real-time: the system refused SCHED_FIFO (Operation not permitted)\n" in done.stdout
     assert "memory not locked: the system refused mlockall (" in done.stdout
@@ -101,12 +100,9 @@ def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
                           stdout=subprocess.PIPE, text=True) as process:
         try:
             part = job.folder / "stopped.mcap.part"
-            for _ in range(2000):
-                if part.exists() and part.stat().st_size > 8000:
-                    break
-                time.sleep(0.01)
+            wait_for(lambda: part.exists() and part.stat().st_size > 8000, process)
             process.send_signal(signal.SIGTERM)
-            assert process.wait(timeout=30) == 0
+            assert process.wait() == 0
         finally:
             process.kill()
     with Archive(job.folder / "stopped.mcap") as record:
@@ -119,7 +115,7 @@ def test_stopped_by_the_clock_it_leaves_a_whole_record(folder):
 def test_it_says_how_it_is_called(folder, arguments, wrong):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     built = TARGETS["linux"].build(job.parts[0])
-    done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([built.resolve(), *arguments], capture_output=True, text=True)
     first, *others = done.stderr.splitlines()
     assert done.returncode == 2 and not done.stdout
     assert first.startswith("usage: ") if wrong is None else f": cannot use {wrong} here" in first
@@ -129,10 +125,9 @@ def test_it_says_how_it_is_called(folder, arguments, wrong):
 def test_registers_that_are_not_there_or_of_another_board(folder, tmp_path):
     job = Job("nadir_spin", duration=1.0, folder=folder / "nadir_spin")
     built = TARGETS["linux"].build(job.parts[0]).resolve()
-    done = subprocess.run([built, "--wait", "0.05", tmp_path / "none"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([built, "--wait", "0.05", tmp_path / "none"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (1, f"nadir_spin: {tmp_path}/none: the file is not there yet\n")
     (tmp_path / "other").write_bytes(bytes(100))
-    done = subprocess.run([built, "--record", tmp_path / "r.mcap", tmp_path / "other"], capture_output=True, text=True,
-                          timeout=60)
+    done = subprocess.run([built, "--record", tmp_path / "r.mcap", tmp_path / "other"], capture_output=True, text=True)
     assert done.returncode == 1 and "of other boards or of another version" in done.stderr
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith("r.")] == ["r.mcap.part"]

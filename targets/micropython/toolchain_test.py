@@ -35,7 +35,7 @@ def run(interpreter, tmp_path):
     """run(text) -> (what the script printed, its error), line by line."""
     def run(text):
         (tmp_path / "script.py").write_text(text)
-        done = subprocess.run([interpreter, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        done = subprocess.run([interpreter, "script.py"], cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == bool(done.stderr)
         return done.stdout.splitlines(), done.stderr.strip()
     return run
@@ -273,7 +273,7 @@ print(bytes([1, 2, 255]), "%05d %x" % (42, 255), {{"a": 1}}, (1, 2.5), float("1e
         built = toolchain.interpreter(tmp_path, {"script.py": text}, machine)
         command = [built] if machine == "host" else \
             [build.native("fledge_leon3", "emulator/tools"), board.BOARD, built]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         outputs.append(done.stdout.splitlines()[:-1])
     assert outputs[0] == outputs[1]

@@ -18,6 +18,7 @@ import pytest
 import zmq
 
 import _core
+from tests.waiting import PATIENCE, wait_for
 
 HERE = Path(__file__).resolve().parent
 CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim/fledge_controller"
@@ -103,7 +104,7 @@ class Controller:
 
     def end(self):
         """(exit code, what it complained of)"""
-        _, errors = self.process.communicate(timeout=60)
+        _, errors = self.process.communicate()
         self._status.close()
         return self.process.returncode, errors.strip()
 
@@ -116,7 +117,7 @@ def programs():
     alive = []
     for p in started:
         try:
-            p.wait(timeout=10)  # it may be about to end
+            p.wait(PATIENCE)    # it may be about to end
         except subprocess.TimeoutExpired:
             alive.append(p)
             p.kill()
@@ -144,7 +145,7 @@ in_both = pytest.mark.parametrize("language", ["python", "c"])
 
 
 def result(program):
-    out, errors = program.communicate(timeout=60)
+    out, errors = program.communicate()
     assert program.returncode == 0, errors
     return json.loads(out)
 
@@ -184,8 +185,8 @@ def test_a_program_in_c_reports_its_errors(programs):
     code, errors = controller.end()
     why = "/mass/state has 32 bytes where it is written, which is not the size of the struct here"
     assert (code, errors) == (1, "the run ended early: spring: it failed: " + why)
-    assert programs[1].communicate(timeout=60)[1].decode() == f"spring: {why}\n" and programs[1].returncode == 1
-    programs[0].communicate(timeout=60)
+    assert programs[1].communicate()[1].decode() == f"spring: {why}\n" and programs[1].returncode == 1
+    programs[0].communicate()
 
 
 @in_both
@@ -221,7 +222,7 @@ def test_a_killed_program_ends_the_run_for_all(programs, victim, language):
     code, errors = controller.end()
     name = ["mass", "spring"][victim]
     assert code == 1 and re.match(f"the run ended early: {name}: its connection is gone", errors), errors
-    out, _ = pair[1 - victim].communicate(timeout=60)
+    out, _ = pair[1 - victim].communicate()
     assert name + ": its connection is gone" in json.loads(out)["reason"]
 
 
@@ -242,7 +243,7 @@ def test_a_debugger_may_stop_a_node_for_long(programs, transport):
     force.send_signal(signal.SIGSTOP)
     time.sleep(8)  # a heartbeat of libzmq would miss an answer after 5 s
     force.send_signal(signal.SIGCONT)
-    force.communicate(timeout=60)
+    force.communicate()
     assert controller.end() == (0, "")
     assert result(mass)["seen"] == alone(4001)
 
@@ -264,7 +265,7 @@ def test_over_ipc_another_user_takes_part_where_both_sides_allow_it(programs, al
             assert controller.end() == (0, "")
             assert result(programs[0])["seen"] == alone(101)
             return
-        _, errors = programs[0].communicate(timeout=60)
+        _, errors = programs[0].communicate()
         # If the controller is quick to break off, the node cannot ask whose the connection was.
         assert ("another user" if allows == "neither" else "breaks off") in errors
         controller.wait_for(spring="joining")       # a program that connects after the end would wait
@@ -311,11 +312,11 @@ def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
     break_it()
     code, errors = controller.end()
     assert code == 1 and "spring: its connection is gone" in errors
-    programs[0].communicate(timeout=60)     # the address that it had gone to is gone, too
+    programs[0].communicate()   # the address that it had gone to is gone, too
     if computes:
         programs[1].kill()  # it would notice after its step
     else:
-        assert "NodeError: the controller is gone" in programs[1].communicate(timeout=60)[1]
+        assert "NodeError: the controller is gone" in programs[1].communicate()[1]
 
 
 @in_both
@@ -335,10 +336,10 @@ def test_a_program_in_c_is_killed_by_a_signal_or_handles_it(programs, number, wh
     mass, force = spring(programs, controller, language="c")
     controller.wait_for(mass="running", spring="running")
     force.send_signal(number)
-    mass.communicate(timeout=60)
+    mass.communicate()
     code, errors = controller.end()
     assert code == 1 and "spring: " + why in errors
-    _, errors = force.communicate(timeout=60)
+    _, errors = force.communicate()
     assert (force.returncode, errors) == ((-number, "") if number == signal.SIGINT
                                           else (1, "spring: the program ended it\n"))
 
@@ -351,7 +352,7 @@ def test_a_node_reports_that_the_controller_was_killed(programs, language):
     controller.process.kill()
     controller.process.communicate()
     for program, said in zip(pair, ("NodeError: ", "NodeError: " if language == "python" else "spring: ")):
-        _, errors = program.communicate(timeout=60)
+        _, errors = program.communicate()
         assert program.returncode == 1 and said + "the controller is gone" in errors
 
 
@@ -360,7 +361,7 @@ def test_the_reply_timeout_ends_a_step_that_hangs(programs):
     mass, force = spring(programs, controller, language="c", how="hangs")
     code, errors = controller.end()
     assert code == 1 and "spring: it did not answer within 4 s" in errors
-    mass.communicate(timeout=60)
+    mass.communicate()
     force.kill()
     force.communicate()
 
@@ -398,7 +399,7 @@ def restore(snapshot):
     force = start(SPRING, controller.address, "same_instant")
     mass = start(dying.replace("import sys", "import os, sys"), controller.address, "next_instant")
     programs += [force, mass, controller.process]
-    mass.communicate(timeout=60)
+    mass.communicate()
     assert mass.returncode == -signal.SIGKILL
     programs.append(start(saving, controller.address, "next_instant"))
     steps = result(programs[-1])["seen"]
@@ -438,7 +439,7 @@ def test_a_program_in_c_goes_on_for_a_killed_one(programs, how):
             force = start_spring("c", controller.address, how=way)
             programs.append(force)
             if "dies" in way:
-                force.communicate(timeout=60)
+                force.communicate()
                 assert force.returncode == -signal.SIGKILL
         seen = result(mass)["seen"]
         assert controller.end()[0] == 0
@@ -481,13 +482,14 @@ def test_a_program_joins_late_and_leaves_and_the_others_see_nothing_of_it(progra
 
 def test_a_killed_program_starts_again_and_gets_all_messages_again(programs):
     # It makes no snapshots, so it begins anew; the others see nothing of it.
-    controller = Controller("--node", "mass", "--node", "spring:restart", "--pace", "1", until="2")
-    tells = SPRING.replace("    state = node", "    t != 500 * ms or print(flush=True)\n    state = node", 1)
+    controller = Controller("--node", "mass", "--node", "spring:restart", until="2")
+    waits = "    t != 500 * ms or print(flush=True) or __import__('time').sleep(600)\n"
+    tells = SPRING.replace("    state = node", f"{waits}    state = node", 1)
     mass, force = [start(MASS, controller.address, "next_instant"), start(tells, controller.address, "same_instant")]
     programs += [mass, force, controller.process]
     force.stdout.readline()
     force.kill()
-    time.sleep(1.0)  # that it is gone is noticed in a tenth of that
+    controller.wait_for(spring="lost")
     again = start(SPRING, controller.address, "same_instant")
     programs.append(again)
     code, errors = controller.end()
@@ -505,9 +507,9 @@ def test_an_error_of_a_step_reaches_the_user(programs):
     assert code == 1
     assert errors == ("the run ended early: spring: it failed: ZeroDivisionError: division by zero "
                       "(it had reached 0.29 s)")
-    out, _ = programs[0].communicate(timeout=60)
+    out, _ = programs[0].communicate()
     assert json.loads(out)["reason"] == errors.removeprefix("the run ended early: ")
-    assert "ZeroDivisionError" in programs[1].communicate(timeout=60)[1]
+    assert "ZeroDivisionError" in programs[1].communicate()[1]
 
 
 def test_an_error_of_a_step_in_c_reaches_the_user(programs):
@@ -516,7 +518,7 @@ def test_an_error_of_a_step_in_c_reaches_the_user(programs):
     why = "spring: it failed: a pole (it had reached 0.29 s)"
     assert controller.end() == (1, "the run ended early: " + why)
     assert result(mass)["reason"] == why
-    assert force.communicate(timeout=60) == ("", "spring: a pole\n") and force.returncode == 1
+    assert force.communicate() == ("", "spring: a pole\n") and force.returncode == 1
 
 
 @in_both
@@ -531,7 +533,7 @@ def test_definitions_that_differ_are_refused_with_the_field(programs, language):
     assert code == 1 and "field head.t is at another place" not in errors
     assert "spring subscribes to /mass/state of mass, but field " in errors
     for program in programs[:2]:
-        program.communicate(timeout=60)
+        program.communicate()
 
 
 RATES = [(0, 0), (-1, 0), (10, -1), (10**18 + 1, 0), (1, 10**18 + 1), (2**63, 0)]
@@ -584,7 +586,7 @@ def test_the_c_library_refuses_the_same_rates(every, offset):
 def test_a_program_that_is_not_expected_gets_the_reason(programs):
     controller = Controller("--node", "mass")
     programs.append(start_spring("c", controller.address))
-    assert programs[0].communicate(timeout=60)[1] == \
+    assert programs[0].communicate()[1] == \
         "spring: the controller refuses spring: spring has no node spring; it has mass\n"
     with pytest.raises(NodeError, match="refuses sprong: spring has no node sprong; it has mass"):
         node = Node("spring", "sprong", controller.address, every=ms)
@@ -610,7 +612,7 @@ def test_with_keys_programs_in_python_and_c_take_part(programs, tmp_path, monkey
                  controller.process]
     assert controller.end() == (0, "")
     assert result(programs[0])["seen"] == alone(101)
-    assert programs[1].communicate(timeout=60) == (None, b"")
+    assert programs[1].communicate() == (None, b"")
 
 
 def test_without_the_right_key_a_program_gets_the_reason_at_once(programs, tmp_path, monkeypatch):
@@ -633,7 +635,7 @@ def test_without_the_right_key_a_program_gets_the_reason_at_once(programs, tmp_p
 
     def refusal_in_c(**keys):
         programs.append(start_spring("c", controller.address, **keys))
-        return programs[-1].communicate(timeout=60)[1]
+        return programs[-1].communicate()[1]
 
     assert "it asks for keys" in refusal_in_c()
     assert "it does not know this key" in refusal_in_c(FLEDGE_KEYS=str(tmp_path / "stranger.secret"))
@@ -657,7 +659,7 @@ def test_a_secret_that_others_may_read_is_not_used(tmp_path):
 
 def test_beyond_the_machine_needs_keys():
     process = subprocess.run([CONTROLLER, "--simulation", "spring", "--until", "1", "--node", "mass", "--address",
-                              "tcp://0.0.0.0:*"], stderr=subprocess.PIPE, timeout=20, text=True)
+                              "tcp://0.0.0.0:*"], stderr=subprocess.PIPE, text=True)
     assert process.returncode == 1 and "needs keys: ./fledge keys new controller" in process.stderr
 
 
@@ -692,7 +694,7 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
         # A new observer gets the last message of a topic at once.
         with Observer("spring", "late", controller.address) as late:
             late.subscribe("/ground/stiffness")
-            message = late.next(20)
+            message = late.next(PATIENCE)
             assert (message["k"], message.t, message.missed) == (2.0, written.t, 0)
         with pytest.raises(NodeError, match="there is no topic /ground/x; there are /ground/stiffness, /mass/state"):
             ground.write("/ground/x", {})
@@ -700,7 +702,7 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
             ground.write("/ground/stiffness", {"q": 1})
         viewer.write("/ground/stiffness", {"k": 3.0})
         viewer.subscribe("/mass/")      # the controller reads this after the write, and answers it
-        while viewer.next(20).topic != "/mass/state":
+        while viewer.next(PATIENCE).topic != "/mass/state":
             pass
         controller.process.send_signal(signal.SIGINT)
         code, errors = controller.end()
@@ -708,7 +710,7 @@ def test_an_observer_sees_what_nodes_write_and_a_ground_system_writes(programs):
         for message in viewer:
             pass
         assert viewer.reason == "the user ended it"
-    assert [program.wait(timeout=20) for program in programs[:2]] == [0, 0]
+    assert [program.wait() for program in programs[:2]] == [0, 0]
 
 
 def test_an_observer_on_a_second_thread_beside_a_node():
@@ -719,7 +721,7 @@ def test_an_observer_on_a_second_thread_beside_a_node():
 
     @node.step
     def step(t):
-        assert ready.wait(20)
+        assert ready.wait(PATIENCE)
         node["/mass/state"] = {"x": t}
 
     seen = []
@@ -727,14 +729,14 @@ def test_an_observer_on_a_second_thread_beside_a_node():
     def watch():
         with Observer("spring", "viewer", controller.address) as observer:
             observer.subscribe("/mass/")
-            seen.append(observer.next(20))
+            seen.append(observer.next(PATIENCE))
             ready.set()
             seen.extend(observer)
 
     thread = threading.Thread(target=watch)
     thread.start()
     assert node.run() == ""
-    thread.join(20)
+    thread.join()
     assert controller.end() == (0, "")
     assert [(m.t, m.count, m["x"]) for m in seen] == [(-1, 0, 0)] + [(k * ms, k + 1, k * ms) for k in range(501)]
 
@@ -744,7 +746,7 @@ def test_an_observer_reports_that_the_controller_was_killed(programs):
     programs += spring(programs, controller)
     with Observer("spring", "viewer", controller.address) as viewer:
         viewer.subscribe("")
-        assert viewer.next(20)
+        assert viewer.next(PATIENCE)
         controller.process.kill()
         controller.process.communicate()
         with pytest.raises(NodeError, match="the controller is gone"):
@@ -765,11 +767,14 @@ def test_an_observer_is_refused_with_the_reason(tmp_path):
     with pytest.raises(NodeError, match="it does not know this key"):
         Observer("spring", "viewer", controller.address, keys=tmp_path)
     fledge_keys(tmp_path, "allow", "viewer", "--as", "ground")
-    time.sleep(0.3)
-    with pytest.raises(NodeError, match="its key viewer is not allowed to speak as viewer"):
-        Observer("spring", "viewer", controller.address, keys=tmp_path)
-    with pytest.raises(NodeError, match="has no answer: not all nodes are there"):
-        Observer("spring", "ground", controller.address, keys=tmp_path / "viewer.secret", timeout=0.5)
+
+    def refused(name, why, **options):
+        with pytest.raises(NodeError) as refusal:
+            Observer("spring", name, controller.address, keys=tmp_path / "viewer.secret", **options)
+        return why in str(refusal.value)
+
+    wait_for(lambda: refused("viewer", "its key viewer is not allowed to speak as viewer"))    # the keys are read again
+    wait_for(lambda: refused("ground", "has no answer: not all nodes are there", timeout=0.5))
     controller.process.send_signal(signal.SIGTERM)
     controller.end()
 
@@ -877,7 +882,7 @@ def test_garbage_from_a_controller_is_refused(programs, language, frame, why):
     """A controller that welcomes the program, and then says this."""
     with zmq.Context() as context, context.socket(zmq.ROUTER) as admission, context.socket(zmq.DEALER) as link:
         for socket in (admission, link):
-            socket.linger, socket.rcvtimeo = 0, 20_000
+            socket.linger, socket.rcvtimeo = 0, round(1e3 * PATIENCE)
         admission.bind("tcp://127.0.0.1:*")
         link.bind("tcp://127.0.0.1:*")
         address = admission.last_endpoint.decode()
@@ -895,7 +900,7 @@ def test_garbage_from_a_controller_is_refused(programs, language, frame, why):
         failed = _Reader(link.recv())
         assert failed.kind == "Failed"
         assert why in failed.lines("reason")
-        assert why in programs[0].communicate(timeout=60)[1] and programs[0].returncode == 1
+        assert why in programs[0].communicate()[1] and programs[0].returncode == 1
 
 
 def test_without_a_controller_it_gives_up():

@@ -177,17 +177,21 @@ def _move(options, done, begin):
 # --- link ------------------------------------------------------------------------------------------
 
 def link(options: argparse.Namespace) -> int:
-    from threading import Thread
+    import signal
+    from threading import Event, Thread
 
     from fledge.cli.console import say
     from fledge.errors import Failure
     from fledge.ground.address import open_link
     from fledge.ground.member import Onlooker
+    from fledge.interruption import handled
 
     forever = 1 << 62
     counts = {"commands": 0, "telemetry": 0}
     problems: list[str] = []
-    with open_link(options.address) as outside, Onlooker(options.process, radio=options.radio) as flight:
+    ended = Event()     # by `fledge up`, which does not wait for a program that is slow to see the end of the run
+    with open_link(options.address) as outside, Onlooker(options.process, radio=options.radio) as flight, \
+            handled([signal.SIGTERM], lambda *_: ended.set()):
         say(f"{options.process} is at {options.address}")
 
         def down() -> None:
@@ -203,7 +207,7 @@ def link(options: argparse.Namespace) -> int:
         thread = Thread(target=down, daemon=True)
         thread.start()
         try:
-            while thread.is_alive():
+            while thread.is_alive() and not ended.is_set():
                 for one in outside.receive(outside.t + 200_000_000):
                     flight.send(one.packet)
                     counts["commands"] += 1

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import textwrap
-import time
 
 import matplotlib.pyplot
 import pytest
@@ -16,6 +15,7 @@ from fledge.archive import mcap
 from fledge.cli.runs import alone, folder_of
 from fledge.errors import Failure
 from fledge.files import Part, create
+from tests.waiting import wait_for
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": ":".join(p for p in sys.path if p)}
 FLIGHT = """
@@ -94,14 +94,11 @@ class Waiting:
         self.process = subprocess.Popen([sys.executable, "-m", "fledge.cli", "run", "looker", "waiting", *arguments],
                                         env=ENVIRONMENT, cwd=here, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         text=True)
-        until = time.monotonic() + 60
-        while not (here / "flown").exists():
-            assert self.process.poll() is None and time.monotonic() < until, self.process.communicate()[0]
-            time.sleep(0.01)
+        wait_for((here / "flown").exists, self.process)
 
     def end(self):
         self.file.unlink()
-        printed = self.process.communicate(timeout=60)[0]
+        printed = self.process.communicate()[0]
         return self.process.returncode, printed
 
     def kill(self):

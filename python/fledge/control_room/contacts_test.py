@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stations, radio and predicted passes of a spacecraft, against what the simulation then does."""
-import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +12,7 @@ from fledge.control_room.room import Room
 from fledge.control_room.scene import Feed
 from fledge.control_room.settings import read
 from fledge.units import hour, s
+from tests.waiting import wait_for
 
 
 def test_the_passes_of_half_a_day_are_those_that_are_flown():
@@ -91,11 +91,7 @@ def test_the_server_says_it(tmp_path, monkeypatch):
     try:
         craft = room.crafts["imager"]
         craft.start()
-        for _ in range(600):
-            if craft.told()["stations"] and int(craft.told()["t_ns"]) > 10**9:
-                break
-            time.sleep(0.1)
-        told = craft.told()
+        told = wait_for(lambda: (now := craft.told())["stations"] and int(now["t_ns"]) > 10**9 and now)
         assert told["bytes"] > 0 and told["stations"][0]["name"] == "station" and craft.contacts.passes()
     finally:
         room.close()

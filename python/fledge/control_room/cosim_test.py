@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -19,9 +18,9 @@ from fledge.control_room.testing.console import browse, checks
 from fledge.cosim.steering import Steering
 from fledge.errors import SetupError
 from fledge.targets import TARGETS
+from tests.waiting import wait_for
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
-PATIENCE = 120      # [s]
 SIMULATION = """
 simulation = "room"
 until = 36000
@@ -60,15 +59,10 @@ class Flown:
 
     def __exit__(self, *_):
         self.run.send_signal(signal.SIGINT)
-        self.run.wait(PATIENCE)
+        self.run.wait()
 
     def until(self, holds):
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end and self.run.poll() is None:
-            if found := holds():
-                return found
-            time.sleep(0.1)
-        raise AssertionError(f"{(self.folder / 'up.log').read_text()}, exit code {self.run.poll()}")
+        return wait_for(holds, self.run)
 
     def address(self, run="room"):
         """Of the server, when it has said it."""

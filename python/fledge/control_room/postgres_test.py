@@ -6,7 +6,6 @@ import shutil
 import struct
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +17,7 @@ from fledge.control_room.settings import read
 from fledge.errors import SetupError
 from fledge.ground import Database
 from tests.tree import ROOT
+from tests.waiting import wait_for
 
 psycopg = pytest.importorskip("psycopg")
 
@@ -139,13 +139,6 @@ def power(count, voltage=0.5, mode=3):
     return struct.pack(">BIdB", 1, count, voltage, mode)
 
 
-def until(condition, seconds=60):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
 def written(base):
     """Whether there is a table, and how many values."""
     try:
@@ -164,7 +157,7 @@ def test_all_kinds_of_values_are_as_they_were_decoded(tmp_path, base):
         server.monitor.take([(T0 + 7, T0 + 1007, power(1)), (T0 + S + 8, T0 + S, power(2, 1.5, 7)),
                              (T0 + S + 8, T0 + S, power(3, float("nan"), 9)), (T0 + 2 * S, T0 + 2 * S, b"\5\0\0"),
                              (T0 + 3 * S, T0 + 3 * S, struct.pack(">BIq6s", 2, 4, -2**40, b'<"\xc3\xa9 1'))])
-        until(lambda: written(base) == 16)
+        wait_for(lambda: written(base) == 16)
     rows = base.rows("""select extract(epoch from t)::bigint, ns, parameter, unit, value, text, concern
                         from fledge.telemetry where parameter <> 'id' order by t, parameter""")
     assert sorted(rows[:3]) == [(T0 // S, 7, "count", "", 1.0, None, 0), (T0 // S, 7, "mode", "", 0.0, "SAFE", 0),
@@ -186,10 +179,10 @@ def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(t
     server.craft.limits.changes += changes[:2]
     server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i)) for i in range(30)])
     with server:
-        until(lambda: written(base) == 120)
+        wait_for(lambda: written(base) == 120)
         server.craft.limits.changes += changes[2:]
         server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i)) for i in range(30, 50)])
-        until(lambda: written(base) == 200)
+        wait_for(lambda: written(base) == 200)
     found = base.rows("select concern::int from fledge.telemetry where parameter = 'voltage' order by t")
     assert [one[0] for one in found] == [2 * (i > 1) if i < 10 or i >= 40 else 4 * (i > 20) if i < 30 else 0
                                          for i in range(50)]
@@ -216,13 +209,13 @@ def test_nothing_is_missing_or_twice_after_outages_of_either_side(tmp_path, base
                 sent += 1
                 base.start()
             elif turn == 3:
-                until(lambda: written(base) > 0)
+                wait_for(lambda: written(base) > 0)
                 server.postgres.close()
                 server.postgres = Postgres(server.postgres.settings, server.postgres.room)
                 server.postgres.start()
             elif turn == 6:         # another session, whose times begin before
                 t -= 3000 * S
-        until(lambda: written(base) == 4 * sent)
+        wait_for(lambda: written(base) == 4 * sent)
     finally:
         server.__exit__()
     assert base.rows("select value from fledge.telemetry where parameter = 'count' order by value") == [
@@ -241,7 +234,7 @@ def test_two_servers_of_one_spacecraft_are_told_apart_and_a_view_has_each_packet
         t = [T0 + i * S + chance.randrange(10**8) for i in mine]
         server.monitor.take([(at, at, power(i)) for at, i in zip(t, mine)])
     with servers[0], servers[1]:
-        until(lambda: written(base) == 2 * sum(map(len, heard)))
+        wait_for(lambda: written(base) == 2 * sum(map(len, heard)))
     found = base.rows("select value::int from fledge.telemetry where parameter = 'count' order by 1")
     assert [one[0] for one in found] == sorted({*heard[0], *heard[1]})
     assert base.rows("select s.name, count(*)::int from fledge.value v join fledge.server s on s.id = v.server "
@@ -252,7 +245,7 @@ def test_the_queries_of_the_document_run(tmp_path, base):
     """As Grafana sends them: its macros become what its documents say."""
     with Server(tmp_path, base) as server:
         server.monitor.take([(T0 + i * S, T0 + i * S, power(i, i / 50)) for i in range(100)])
-        until(lambda: written(base) == 400)
+        wait_for(lambda: written(base) == 400)
     text = (ROOT / "docs/control-room.md").read_text(encoding="utf-8")
     queries = [part.split("```")[0] for part in text.split("```mysql\n")[1:]]
     assert len(queries) >= 4
@@ -273,11 +266,11 @@ def test_a_flight_of_the_server_is_in_the_database_as_in_its_archive(tmp_path, b
     craft = room.crafts["imager"]
     try:
         room.start()
-        until(lambda: craft.now > 60 * S)
+        wait_for(lambda: craft.now > 60 * S)
         craft.call(lambda: craft.run.command("pause", 1.0, None)).result(60)
         name = "flight.tracking.error.sigma_BR[1]"
         t, value, *_ = craft.history.series([name])[name]
-        until(lambda: base.rows("select count(*) from pg_tables where tablename = 'progress'")[0][0] and base.rows(
+        wait_for(lambda: base.rows("select count(*) from pg_tables where tablename = 'progress'")[0][0] and base.rows(
             "select t_ns from fledge.progress") == [(int(craft.history.sessions()[-1]["last"]),)])
         assert len(t) > 50 and base.rows(
             "select (extract(epoch from t) * 1000000)::bigint * 1000 + ns - %s, value from fledge.telemetry "
@@ -300,9 +293,9 @@ def test_wrong_settings_are_refused(table, says):
 
 def test_what_is_wrong_in_the_database_is_told_and_the_server_goes_on(tmp_path, base):
     with Server(tmp_path, base):
-        until(lambda: base.rows("select to_regclass('fledge.setting')")[0][0] is not None)
+        wait_for(lambda: base.rows("select to_regclass('fledge.setting')")[0][0] is not None)
     with Server(folder_of(tmp_path, "other"), base, partition="2 days") as other:
-        until(lambda: other.events)
+        wait_for(lambda: other.events)
         assert "partitions of 1 hours" in other.events[0][3]
     third = Server(folder_of(tmp_path, "third"), base, parameters=["volt*"])
     third.monitor.take([(T0, T0, power(1))])
@@ -311,6 +304,6 @@ def test_what_is_wrong_in_the_database_is_told_and_the_server_goes_on(tmp_path, 
                                  "database": Database.load(tmp_path / "foreign.xml")})
     third.postgres.room.crafts = {"foreign": foreign, **third.postgres.room.crafts}
     with third:
-        until(lambda: written(base) == 1)
+        wait_for(lambda: written(base) == 1)
     (name, *_, text), = third.events
     assert name == "foreign" and "no parameter as volt*; one is id" in text

@@ -22,6 +22,7 @@ from fledge.scene import bundle, page
 from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.scene.tracks import Turning
+from tests.waiting import PATIENCE
 
 
 @pytest.fixture(autouse=True)
@@ -236,7 +237,7 @@ def served(folder, text):
     thread = Thread(target=loop.run_until_complete, args=(serve(room, ready.put, over),))
     thread.start()
     try:
-        yield ready.get(timeout=60), room
+        yield ready.get(), room
     finally:
         loop.call_soon_threadsafe(over.set)
         thread.join()
@@ -267,7 +268,7 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
 
     craft = "[[craft]]\nname = {0!r}\nmission = {1!r}\nspeed = 20\n".format
     with served(tmp_path, 'port = 0\nfolder = "runs"\n' + craft("slew", "star_slew") + craft("two", "formation")
-                + 'process = "chief"\n') as (address, room), Browser(900, 600) as browser:
+                + 'process = "chief"\n') as (address, room), Browser(900, 600, wait=PATIENCE) as browser:
         sim = paused("two")
         places = browser.ask(f"{VIEWER}.stage.crafts.map((one) => one.place)")
         exact = [sim.process(name).craft.state.r_BN_N for name in ("chief_world", "deputy_world")]
@@ -289,7 +290,7 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
 @in_browser
 def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_path):
     with served(tmp_path, 'port = 0\nfolder = "runs"\n[[craft]]\nname = "imager"\nmission = "earth_imager"\n'
-                'scenario = "contact"\nspeed = 20\n') as (address, room), Browser(900, 600) as browser:
+                'scenario = "contact"\nspeed = 20\n') as (address, room), Browser(900, 600, wait=PATIENCE) as browser:
         browser.go(f"{address}#/view?craft=imager")
         viewer = VIEWER
         browser.wait_for(f"{viewer}?.root.dataset.opened")

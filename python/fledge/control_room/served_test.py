@@ -110,7 +110,7 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
             await page.post(f"{here}/{one['id']}", {"answer": True}, 400)
         told = []
         while len(told) < 4:
-            message = (await live.receive(timeout=10)).data
+            message = (await live.receive()).data
             found = json.loads(message) if isinstance(message, str) else {}
             if found.get("kind") == "question":
                 told.append((found["craft"], found["answer"]))

@@ -17,6 +17,7 @@ from fledge.control_room.web_test import console, flown
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.ground.framed_test import FULL, LINK
+from tests.waiting import PATIENCE
 
 FRAMES = "spacecraft:68,command_channel:1,telemetry_channel:0,cop1:1,cltu:1,segments:1"
 PASSING = '''
@@ -87,7 +88,7 @@ def test_the_header_is_filled_in_as_the_file_says(tmp_path, header, heads):
         checks = [reduce(xor, one) for one in got]
         assert checks == [0xFF] * 3 if header == "cfs" else [one[7] for one in got] == [0] * 3
 
-    asyncio.run(asyncio.wait_for(test(), 120))
+    asyncio.run(asyncio.wait_for(test(), PATIENCE))
 
 
 # --- frames -----------------------------------------------------------------------------------------

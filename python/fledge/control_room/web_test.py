@@ -19,8 +19,7 @@ from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import Server
 from tests.tree import ROOT
-
-PATIENCE = 60       # [s] of a test that waits; it goes on as soon as it can
+from tests.waiting import PATIENCE
 
 
 class Console:
@@ -45,12 +44,9 @@ class Console:
 
     async def until(self, path, holds):
         """Ask again until the answer is as it must be."""
-        for _ in range(PATIENCE * 20):
-            found = await self.get(path)
-            if holds(found):
-                return found
+        while not holds(found := await self.get(path)):
             await asyncio.sleep(0.05)
-        raise AssertionError(f"{path} stays {str(found)[:2000]}")
+        return found
 
     async def verified(self, craft, name, arguments, stage="completed"):
         """Send a command; its row when it has come to a stage."""
@@ -80,7 +76,7 @@ async def console(folder, text):
 def flown(test):
     """Run a test's coroutine."""
     def run(tmp_path):
-        asyncio.run(asyncio.wait_for(test(tmp_path), 3 * PATIENCE))
+        asyncio.run(asyncio.wait_for(test(tmp_path), PATIENCE))
 
     run.__name__ = test.__name__
     return run

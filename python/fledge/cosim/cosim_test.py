@@ -14,6 +14,7 @@ import pytest
 import fledge
 from fledge import cosim
 from fledge.attitude import mrp_to_dcm
+from tests.waiting import PATIENCE
 
 FLIGHT = """
 from fledge import flight as fsw
@@ -83,7 +84,8 @@ _number = itertools.count()
 def fly_apart(make, until, seed, names):
     """Each process a node in a thread of its own; returns their simulations."""
     controller = cosim.Controller("pair", names, until, seed=seed,
-                                  address=f"ipc://@fledge-test-{os.getpid()}-{next(_number)}", join=20, reply=20)
+                                  address=f"ipc://@fledge-test-{os.getpid()}-{next(_number)}", join=PATIENCE,
+                                  reply=PATIENCE)
     sims, threads, failures = [], [], []
     for name in names:
         sim = make()
@@ -93,7 +95,7 @@ def fly_apart(make, until, seed, names):
 
         def serve(node=node):
             try:
-                node.serve(controller.address, simulation="pair", timeout=20)
+                node.serve(controller.address, simulation="pair", timeout=PATIENCE)
             except Exception as error:
                 failures.append(str(error))
 
@@ -251,7 +253,8 @@ def test_ctrl_c_leaves(running):
     address = f"ipc://@fledge-test-{os.getpid()}-{next(_number)}"
     threads, outcomes = [], []
     if running:
-        controller = cosim.Controller("nadir_spin", ["flight", "world"], 1e8, address=address, join=20, reply=20)
+        controller = cosim.Controller("nadir_spin", ["flight", "world"], 1e8, address=address, join=PATIENCE,
+                                      reply=PATIENCE)
         world = cosim.split(fledge.load("nadir_spin"), "world")
         threads = [threading.Thread(target=lambda: outcomes.append(controller.run())),
                    threading.Thread(target=lambda: outcomes.append(world.serve(address)))]
@@ -263,7 +266,7 @@ def test_ctrl_c_leaves(running):
             assert program.stdout.readline() == "ready\n"
             assert not running or program.stdout.readline() == "begun\n"
             program.send_signal(signal.SIGINT)
-            assert "KeyboardInterrupt" in program.communicate(timeout=20)[1]
+            assert "KeyboardInterrupt" in program.communicate()[1]
         finally:
             program.kill()
             for thread in threads:

@@ -5,7 +5,7 @@ import os
 import re
 import signal
 import subprocess
-import time
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +16,7 @@ from fledge.targets.build import native
 from fledge.targets.leon3.board import BOARD
 from fledge.targets.leon3.board import program as leon3_program
 from fledge.units import N, m, s
+from tests.waiting import PATIENCE, wait_for
 
 
 @pytest.fixture(scope="module")
@@ -246,9 +247,9 @@ def gdb(board, program, *commands, seconds=3.0):
     """What gdb-multiarch prints for these commands, while the simulation runs."""
     child = begin_gdb(program, f"target remote :{board.gdb()}", *commands)
     try:
-        assert board.wait_for_gdb(20)
+        assert board.wait_for_gdb(PATIENCE)
         board.sim.run(seconds)
-        return child.communicate(timeout=20)[0]
+        return child.communicate()[0]
     finally:
         child.kill()
 
@@ -446,6 +447,10 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
     board = subprocess.Popen([native("fledge_leon3", "emulator/tools"), BOARD, counter, "--gdb", "0",
                               "--console", tmp_path / "console"], stderr=subprocess.PIPE, text=True)
     try:
+        def spent():
+            """The time of a processor that the board has taken."""
+            return sum(map(int, Path(f"/proc/{board.pid}/stat").read_text().rpartition(")")[2].split()[11:13]))
+
         port = re.search(r"target remote :(\d+)", board.stderr.readline())[1]
         child = begin_gdb(counter, f"target remote :{port}", "break depth if n == 3", "continue", "backtrace", "delete",
                           "echo runs\\n", "continue", "print counter > 1000", "watch counter", "continue",
@@ -455,14 +460,15 @@ def test_gdb_interrupts_a_program_and_sees_all_its_windows(counter, tmp_path):
             said += line
             if "runs" in said:
                 break
-        time.sleep(0.5)
+        before = spent()
+        wait_for(lambda: spent() > before + 10, child)      # ticks of 10 ms: it runs on
         child.send_signal(signal.SIGINT)
-        said += child.communicate(timeout=30)[0]
+        said += child.communicate()[0]
         assert in_order(said, r"#0 +depth \(n=3\)", r"#10 .*depth \(n=13\)", r"#18 .*main", "received signal SIGINT",
                         r"\$1 = 1", "Hardware watchpoint 2: counter", r"Old value = \d", "Hardware watchpoint",
                         "detached")
         assert board.poll() is None     # it runs on
         board.terminate()
-        assert board.wait(timeout=60) == 0
+        assert board.wait() == 0
     finally:
         board.kill()

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from urllib.request import Request, urlopen
 
 import numpy as np
@@ -17,8 +16,8 @@ from fledge.archive import Archive
 from fledge.errors import SetupError
 from fledge.targets import TARGETS
 from fledge.units import ms, s
+from tests.waiting import wait_for
 
-PATIENCE = 120      # [s]
 MISSION = '''
 from fledge import Orbit, flight as fsw, world
 from fledge.units import Hz, deg, kg, km, m, ms, s
@@ -145,29 +144,20 @@ def test_a_rewind_has_what_is_on_its_way(place, capfd):
     assert cli.main(["up", "sim.toml"]) == 0, capfd.readouterr()
     for t in ("323.3s", "326s"):
         assert cli.main(["rewind", "runs/pass", "--to", t]) == 0, capfd.readouterr()
-        assert "107 s: world" in capfd.readouterr().out or True
         assert (place / f"runs/pass@{t}/exchange.mcap").read_bytes() == (place / "runs/pass/exchange.mcap").read_bytes()
 
 
 def test_a_command_of_the_console_goes_by_radio(place):
-    (place / "sim.toml").write_text("pace = 50\n" + UP.format(
+    (place / "sim.toml").write_text("pace = 1\n" + UP.format(
         target="linux", kind="asynchronous", command='serve = "room.toml"'))
     (place / "room.toml").write_text('port = 0\nfolder = "room"\n[[craft]]\nmission = "./passing"\n'
                                      'link = "cosim:flight?radio=world.radio"\n')
     log = place / "runs/pass/log/ground.log"
 
-    def until(holds):
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end and run.poll() is None:
-            if found := holds():
-                return found
-            time.sleep(0.1)
-        raise AssertionError(f"{log.read_text() if log.exists() else 'no log'}, exit code {run.poll()}")
-
     with open(place / "up.log", "w") as printed, subprocess.Popen(
             [sys.executable, "-m", "fledge.cli", "up", "sim.toml"], stdout=printed, stderr=printed) as run:
         try:
-            address = until(lambda: log.exists() and re.search(r"http://\S+/", log.read_text()))[0]
+            address = wait_for(lambda: log.exists() and re.search(r"http://\S+/", log.read_text()), run)[0]
 
             def ask(path, content=None):
                 body = None if content is None else json.dumps(content).encode()
@@ -175,15 +165,18 @@ def test_a_command_of_the_console_goes_by_radio(place):
 
             headers = {}
             headers["X-Fledge-CSRF"] = ask("session")["csrf"]
-            until(lambda: ask("crafts")[0]["link"]["up"])
-            until(lambda: int(ask("crafts/passing/run")["t_ns"]) > 330e9)
+            wait_for(lambda: ask("crafts")[0]["link"]["up"], run)
+            begin = int(ask("crafts/passing/run")["t_ns"]) / 1e9
+            ask("crafts/passing/run", {"action": "step", "seconds": 330 - begin, "speed": 0})
+            wait_for(lambda: ask("crafts/passing/run")["state"] == "paused", run)
             for _ in range(3):      # a wrong bit may cost one of them
                 ask("crafts/passing/send", {"name": "flight.noop", "arguments": {}})
-            until(lambda: any(stage["stage"] == "completed" for one in ask("crafts/passing/sent")
-                              for stage in one["stages"]))
+            ask("crafts/passing/run", {"action": "go", "speed": 10})
+            wait_for(lambda: any(stage["stage"] == "completed" for one in ask("crafts/passing/sent")
+                                 for stage in one["stages"]), run)
         finally:
             run.send_signal(signal.SIGINT)
-            run.wait(PATIENCE)
+            run.wait()
     exchange = Archive(place / "runs/pass/exchange.mcap")
     assert exchange["radio.up_traffic.received"].max() == 3 and exchange["radio.down_traffic.received"].max() >= 2
 

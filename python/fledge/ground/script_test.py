@@ -185,7 +185,7 @@ def test_a_signal_in_real_time_leaves_the_page(place, number):
         watch = Thread(target=lambda: (there.recv(100), os.kill(process.pid, number)))
         watch.start()
         try:
-            out, err = process.communicate(timeout=120)
+            out, err = process.communicate()
         finally:
             process.kill()      # where it does not heed the signal
         watch.join()

@@ -274,8 +274,8 @@ def test_ctrl_c_ends_a_step_and_the_next_one_takes_it_up(sim):
     batch = make(sim, 8, (), every=200 * minute, threads=2)
     batch.reset()
     timer = threading.Timer(0.02, signal.raise_signal, [signal.SIGINT])
-    timer.start()
     with pytest.raises(KeyboardInterrupt):
+        timer.start()
         while True:     # a fast machine may end a step before the signal
             batch.step()
     timer.join()

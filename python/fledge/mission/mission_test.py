@@ -173,7 +173,7 @@ def test_an_error_in_world_names_the_line_that_called(here):
 
 def cli(*arguments, cwd):
     return subprocess.run([sys.executable, "-m", "fledge.cli", *map(str, arguments)], cwd=cwd, text=True,
-                          capture_output=True, timeout=120, env=ENVIRONMENT)
+                          capture_output=True, env=ENVIRONMENT)
 
 
 def test_run_leaves_a_record_and_plots(here, tmp_path):

@@ -323,7 +323,7 @@ def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
         while not re.search(r"[1-9]\d* of 5000", err):  # the bar, which a terminal shows, counts finished runs
             err += shown.read(1)
         child.send_signal(signal.SIGINT)
-        out, _ = child.communicate(timeout=60)
+        out, _ = child.communicate()
         with contextlib.suppress(OSError):  # a terminal has no end of file
             while True:
                 err += shown.read(1)

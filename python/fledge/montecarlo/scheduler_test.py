@@ -16,6 +16,7 @@ from fledge import cli
 from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE, same
+from tests.waiting import wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
 
@@ -28,15 +29,12 @@ def start(program, *arguments, folder, until):
     with open(folder / f"{program.rpartition('_')[2]}-{time.monotonic_ns()}.log", "w+", encoding="utf-8") as log:
         child = subprocess.Popen([sys.executable, "-m", f"distributed.cli.{program}", *arguments], cwd=folder,
                                  env=ENVIRONMENT, stdout=log, stderr=log)
-        for _ in range(600):
+
+        def said():
             log.seek(0)
-            text = log.read()
-            if found := re.search(until, text):
-                return child, found[1]
-            assert child.poll() is None, text
-            time.sleep(0.1)
-    child.kill()
-    raise AssertionError(text)
+            return re.search(until, log.read())
+
+        return child, wait_for(said, child)[1]
 
 
 @pytest.fixture(scope="module")

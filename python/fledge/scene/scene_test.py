@@ -18,6 +18,7 @@ from fledge.scene import bundle, film, page, tracks
 from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.units import deg, kg, km, m, minute, rad, s
+from tests.waiting import PATIENCE
 
 EARTH = world.EARTH
 
@@ -356,7 +357,7 @@ needs_browser = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def browser():
-    with Browser(480, 360) as one:
+    with Browser(480, 360, wait=PATIENCE) as one:
         yield one
 
 

@@ -13,7 +13,6 @@ import signal
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from fledge.cli.runs import alone
 from fledge.targets import TARGETS, Job, build, fly, loop
 from fledge.targets.rehearsal import rehearse
 from fledge.targets.linux import Linux
+from tests.waiting import wait_for
 
 pytestmark = pytest.mark.spread
 
@@ -622,8 +622,7 @@ def started(folder, *more):
     """`fledge fly`, long enough to be disturbed, in a process of its own."""
     return subprocess.Popen([sys.executable, "-m", "fledge.cli", "fly", "nadir_spin", "--on", "linux", "--out",
                              str(folder), *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env=loop.environment(),
-                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+                            env=loop.environment())
 
 
 def processes(folder):
@@ -639,23 +638,15 @@ def processes(folder):
     return found
 
 
-def target_of(folder):
+def target_of(folder, process):
     """The id of the target's process, once it flies."""
     part = folder / "linux.mcap.part"
-    for _ in range(6000):
-        flying = [pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin")]
-        if flying and part.exists() and part.stat().st_size > 100_000:
-            return flying[0]
-        time.sleep(0.01)
-    raise AssertionError("it does not fly")
+    wait_for(lambda: part.exists() and part.stat().st_size > 100_000, process)
+    return next(pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin"))
 
 
 def nothing_is_left(folder):
-    for _ in range(1500):
-        if not processes(folder):
-            return True
-        time.sleep(0.01)
-    return False
+    return wait_for(lambda: not processes(folder))
 
 
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGKILL])
@@ -663,9 +654,9 @@ def test_an_interrupt_leaves_nothing_behind(folder, which):
     out = folder / "nadir_spin"
     process = started(out)
     try:
-        target_of(out)
+        target_of(out, process)
         process.send_signal(which)
-        process.communicate(timeout=60)
+        process.communicate()
         assert process.returncode == (130 if which == signal.SIGINT else -signal.SIGKILL)
     finally:
         process.kill()
@@ -681,8 +672,8 @@ def test_a_target_that_dies_is_reported_and_leaves_nothing_behind(folder):
     out = folder / "nadir_spin"
     process = started(out)
     try:
-        os.kill(target_of(out), signal.SIGKILL)
-        printed, complaint = process.communicate(timeout=60)
+        os.kill(target_of(out, process), signal.SIGKILL)
+        printed, complaint = process.communicate()
     finally:
         process.kill()
         process.wait()
@@ -776,8 +767,8 @@ def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypte
                                   address, *keys], stdout=subprocess.DEVNULL, env=loop.environment())
         out = folder / "nadir_spin"
         assert cli.main(["fly", "nadir_spin", "--on", "linux", "--join", address, *keys, "--out", str(out)]) == 0
-        assert world.wait(timeout=30) == 0
-        controller.communicate(timeout=30)
+        assert world.wait() == 0
+        controller.communicate()
         assert controller.returncode == 0
     finally:
         for process in (controller, world):
@@ -808,7 +799,7 @@ name = "flight"
 command = ["{sys.executable}", "-m", "fledge.cli", "fly", "nadir_spin", "--join", "--out", "{folder}/nadir_spin"]
 ''')
     done = subprocess.run([sys.executable, "-m", "fledge.cli", "up", "sim.toml"], cwd=tmp_path, capture_output=True,
-                          text=True, timeout=120, env=loop.environment())
+                          text=True, env=loop.environment())
     assert done.returncode == 0, done.stdout + done.stderr
     with Archive(folder / "nadir_spin/linux.mcap") as record:
         assert len(record.time_ns("motor.command")) == 41

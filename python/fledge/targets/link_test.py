@@ -15,11 +15,13 @@ import yaml
 from fledge import cli, ground
 from fledge.activity import happenings
 from fledge.archive import Archive
+from fledge.cosim.up.testing import set_pace, steered
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce_test import Reader
 from fledge.ground.links import NoAnswer, split
 from fledge.targets import TARGETS
+from tests.waiting import PATIENCE, wait_for
 
 NODES = """
 [[node]]
@@ -36,7 +38,7 @@ target = "{target}"
 SIMULATION = """
 simulation = "link"
 until = 80
-pace = 20
+pace = 1
 join = 300
 exchange = true
 watch = ["/flight/telemetry"]
@@ -45,17 +47,21 @@ watch = ["/flight/telemetry"]
 name = "ground"
 command = ["{python}", "ground.py"]
 writes = ["/flight/commands"]
+steers = true
 """
 
 GROUND = '''
+import time
+
 import fledge
+from fledge.cosim.steering import Steering
 from fledge_node import Observer
 
 packets = fledge.load("./plays").flight.commands.packets
 sent = [packets.mode("rest"), packets.noop(), b"\\x18\\x80nonsense"]
 with Observer() as observer:
     observer.subscribe("/flight/telemetry")
-    observer.next(10)                                   # flight is there
+    observer.next()                                     # flight is there
     whole = b"".join(sent)
     observer.write("/flight/commands", {"n": len(whole), "bytes": whole})
     got = b""
@@ -63,7 +69,10 @@ with Observer() as observer:
         got += bytes(message["bytes"][:message["n"]])
         if got.count(b"\\x08\\x81") == 5:
             break
-print(got.hex())
+print(got.hex(), flush=True)
+hand = Steering.of_run()
+hand.pace(0)                                            # the run's end does not come before
+time.sleep(1e6)
 '''
 
 
@@ -309,7 +318,7 @@ def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(targe
 BRIDGE = """
 simulation = "link"
 until = 240
-pace = 10
+pace = 4
 join = 300
 exchange = true
 
@@ -331,7 +340,7 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
     """What they send is in the record of the exchange, from which flight flies again to the same bits. The run waits
     for nobody."""
     port, back, second = (free_port() for _ in range(3))
-    (place / "bridge.toml").write_text(BRIDGE.format(port=port, back=back, second=second))
+    (place / "bridge.toml").write_text(BRIDGE.format(port=port, back=back, second=second) + steered(place))
     run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "bridge.toml"], stdout=subprocess.PIPE,
                            stderr=subprocess.STDOUT, text=True)
     try:
@@ -342,15 +351,16 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
                 assert run.poll() is None
                 with suppress(NoAnswer):
                     executed = craft.command("noop").completed(within=1)
-            craft.command("telemetry", "housekeeping").completed(within=120)
-            craft.command("mode", "rest").completed(within=120)
-            assert craft.wait(lambda t: t.mode == "rest", within=120)
-            assert spectator.wait(lambda t: t.mode == "rest", within=120)
+            craft.command("telemetry", "housekeeping").completed(within=PATIENCE)
+            craft.command("mode", "rest").completed(within=PATIENCE)
+            assert craft.wait(lambda t: t.mode == "rest", within=PATIENCE)
+            assert spectator.wait(lambda t: t.mode == "rest", within=PATIENCE)
             with pytest.raises(Failure, match="was not reported"):
                 spectator.command("mode", "point").accepted(within=0.5)
             craft.link.send(b"\x18\x80no command at all")
-            assert craft.command("noop").completed(within=120)
-        text = run.communicate(timeout=120)[0]
+            assert craft.command("noop").completed(within=PATIENCE)
+        set_pace(place, 0)
+        text = run.communicate()[0]
     finally:
         run.kill()
     assert run.returncode == 0, text
@@ -366,7 +376,7 @@ def test_foreign_tools_command_a_target_by_links(place, capfd):
 STATION = """
 simulation = "link"
 until = 240
-pace = 10
+pace = 4
 join = 300
 
 """ + NODES.replace("{target}", "linux") + """
@@ -402,7 +412,7 @@ class Station:
         return {name: paths[Reader.alias(one)] for name, one in self.reader.parameters.items()
                 if Reader.alias(one) in paths}
 
-    def command(self, name, within=20, **arguments):
+    def command(self, name, within=PATIENCE, **arguments):
         """Send a command; the tags of its verifiers up to one that ends it, or those that came in time [s]."""
         sequence, self.sequence = self.sequence, self.sequence + 1
         self.seen.append(self.reader.encode(name, sequence, **arguments))
@@ -445,7 +455,8 @@ def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulat
     file = place / "out/yamcs/etc/yamcs.plays.yaml"
     file.write_text(re.sub("10015|10025", lambda found: str(ports[int(found[0])]), file.read_text()))
     station = Station(place / "out/yamcs", "plays")
-    (place / "station.toml").write_text(STATION.format(telemetry=ports[10015], commands=ports[10025]))
+    (place / "station.toml").write_text(STATION.format(telemetry=ports[10015], commands=ports[10025])
+                                        + steered(place))
     run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "station.toml"], stdout=subprocess.PIPE,
                            stderr=subprocess.STDOUT, text=True)
     try:
@@ -457,10 +468,11 @@ def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulat
         assert station.command("flight_write_control_K", K=-1.0)[-1] == "FailedVerifier"
         housekeeping = []
         while len(housekeeping) < 3:
-            values = station.packet(10)
+            values = station.packet(PATIENCE)
             assert values is not None
             housekeeping += [values] if "flight_housekeeping_mode" in values else []
-        text = run.communicate(timeout=120)[0]
+        set_pace(place, 0)
+        text = run.communicate()[0]
     finally:
         run.kill()
         station.socket.close()
@@ -478,8 +490,8 @@ def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulat
 
 BY_HAND = """
 simulation = "link"
-until = 70
-pace = 10
+until = 240
+pace = 4
 join = 300
 exchange = true
 
@@ -495,7 +507,7 @@ def test_files_go_by_hand_to_a_target_while_it_flies(place, capfd):
     """By a link that does not wait, and the record of the exchange has their PDUs."""
     port = free_port()
     (place / "plays/flight.py").write_text(CARRYING)
-    (place / "hand.toml").write_text(BY_HAND.format(port=port))
+    (place / "hand.toml").write_text(BY_HAND.format(port=port) + steered(place))
     (place / "plan").write_bytes(bytes(range(256)) * 12)
     there = ["--to", f"tcp://127.0.0.1:{port}", "./plays"]
     run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "hand.toml"], stdout=subprocess.PIPE,
@@ -505,7 +517,8 @@ def test_files_go_by_hand_to_a_target_while_it_flies(place, capfd):
         assert cli.main(["send", "plan", "--as", "next", *there]) == 0, capfd.readouterr()
         assert cli.main(["fetch", "next", *there]) == 0, capfd.readouterr()
         assert (place / "next").read_bytes() == (place / "plan").read_bytes()
-        text = run.communicate(timeout=120)[0]
+        set_pace(place, 0)
+        text = run.communicate()[0]
     finally:
         run.kill()
     assert run.returncode == 0, text
@@ -514,13 +527,11 @@ def test_files_go_by_hand_to_a_target_while_it_flies(place, capfd):
 
 def connected(run, address):
     """A craft behind a link that a run opens when it begins."""
-    end = time.monotonic() + 60
-    while True:
-        try:
+    def craft():
+        with suppress(SetupError):
             return ground.connect(address, "./plays")
-        except SetupError:
-            assert run.poll() is None and time.monotonic() < end
-            time.sleep(0.1)
+
+    return wait_for(craft, run)
 
 
 def free_port():

@@ -15,7 +15,6 @@ from fledge.files import ROOT, write_files
 
 HERE = ROOT / "targets/cfs/testing"
 LONG_NS = 60_000_000_000
-PATIENCE = 60        # s
 
 
 class Outside:
@@ -103,10 +102,7 @@ class Core:
     def until(self, wanted):
         """The next line that has this text in it, or for which wanted(line) is true."""
         while True:
-            try:
-                line = self.lines.get(timeout=PATIENCE)
-            except queue.Empty:
-                line = None
+            line = self.lines.get()
             assert line is not None, "\n".join(self.seen[-30:])
             self.seen.append(line)
             if wanted(line) if callable(wanted) else wanted in line:
@@ -132,9 +128,9 @@ class Core:
     def end(self):
         """Wait for its end, and give what it reports: name -> number."""
         self.stdin.close()
-        while (line := self.lines.get(timeout=PATIENCE)) is not None:
+        while (line := self.lines.get()) is not None:
             self.seen.append(line)
-        self.process.wait(timeout=60)
+        self.process.wait()
         said = {words[0]: float(words[1]) for words in map(str.split, self.seen) if len(words) == 2 and
                 words[1].replace(".", "").isdigit()}
         return said | {"exit": self.process.returncode}

@@ -9,7 +9,7 @@ import {pathToFileURL} from "node:url";
 const [address, folder, modules, program] = process.argv.slice(2);
 const {chromium} = await import(pathToFileURL(join(modules, "playwright-core/index.mjs")));
 const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf-8");
-const PATIENCE = Number(process.env.FLEDGE_PATIENCE_MS ?? 60000);
+const PATIENCE = Number(process.env.FLEDGE_PATIENCE_MS ?? 600000);
 
 const browser = await chromium.launch({executablePath: program, args: [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",

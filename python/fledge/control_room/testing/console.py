@@ -66,7 +66,7 @@ def browse(script: Path, address: str, folder: Path) -> dict[str, str]:
     modules, node, browser = bundle.folder() / "work/node_modules", shutil.which("node"), shutil.which("chromium")
     if not node or not browser or not (modules / "playwright-core").is_dir():
         pytest.skip("there is no browser, or not what drives it")
-    done = subprocess.run([node, str(script), address, str(folder), str(modules), browser], text=True, timeout=1200,
+    done = subprocess.run([node, str(script), address, str(folder), str(modules), browser], text=True,
                           env=without_preload(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert done.returncode == 0, done.stderr
     found: dict[str, str] = json.loads(done.stdout)

@@ -7,7 +7,6 @@ import resource
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from fledge.archive import Archive
 from fledge.cosim.up.testing import BUILT, Mark
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
+from tests.waiting import wait_for
 
 pytestmark = [
     pytest.mark.skipif(not (BUILT / "fledge_controller").exists(), reason="the controller is not built"),
@@ -194,9 +194,7 @@ class Paused:
         self.mark.kill()
 
     def at(self, number):
-        while not Path(f"at{number}").exists():
-            assert self.process.poll() is None, self.process.communicate()
-            time.sleep(0.01)
+        wait_for(Path(f"at{number}").exists, self.process)
 
     def programs(self, command):
         found = [pid for pid, line in self.mark.processes() if command in line.partition(" -- ")[0]]
@@ -206,7 +204,7 @@ class Paused:
     def ends(self, *paused, code=0):
         for number in paused:
             Path(f"go{number}").touch()
-        said, _ = self.process.communicate(timeout=300)
+        said, _ = self.process.communicate()
         assert self.process.returncode == code and not self.mark.gone(), said
         return said
 

@@ -4,12 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from fledge.cosim.up.processes import Process, descendants, end_strays, in_words
 from fledge.cosim.up.testing import GUARD, Mark
+from tests.waiting import wait_for
 
 pytestmark = pytest.mark.skipif(not os.path.exists(GUARD), reason="the guard is not built")
 
@@ -31,11 +31,8 @@ def start(command, mark, **options):
     return Process(command, GUARD, subprocess.PIPE, env=mark.env, **options)
 
 
-def wait(process, seconds=20):
-    until = time.monotonic() + seconds
-    while not process.look():
-        assert time.monotonic() < until, "it does not end"
-        time.sleep(0.01)
+def wait(process):
+    wait_for(process.look)
     return process.code
 
 
@@ -46,11 +43,11 @@ def there(process):
 
 def all_there(mark):
     """Wait for the whole family: its three sleeps, in three sessions."""
-    until = time.monotonic() + 20
-    while sum(command == "sleep 600" for _, command in mark.processes()) < 3 or any(
-            command.startswith("setsid ") for _, command in mark.processes()):
-        assert time.monotonic() < until, mark.processes()
-        time.sleep(0.01)
+    def there():
+        commands = [command for _, command in mark.processes()]
+        return commands.count("sleep 600") >= 3 and not any(one.startswith("setsid ") for one in commands)
+
+    wait_for(there)
 
 
 def family(mark):

@@ -19,6 +19,6 @@ def in_node(text: str) -> Any:
     """What a module in JavaScript prints, as JSON; it may import from the viewer's folder of sources, SOURCES."""
     sources = (bundle.WEB / "src").as_uri()
     done = subprocess.run(["node", "--expose-gc", "--input-type=module", "-e", text.replace("SOURCES", sources)],
-                          capture_output=True, text=True, timeout=300)
+                          capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from fledge.files import build_folder
+from tests.waiting import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[5]
 BUILT = build_folder() / "cosim"
@@ -81,6 +82,32 @@ command = ["{python}", "spring.py"]
 """
 
 
+# Sets the pace of a run to what a test writes. A test that acts while a run flies gives it a slow pace until it has
+# acted: so the run does not end before, however busy the machine is.
+HAND = """
+import os, time
+from fledge.cosim.steering import Steering
+hand = Steering.of_run()
+while True:
+    if os.path.exists("pace"):
+        hand.pace(float(open("pace").read()))
+        os.remove("pace")
+    time.sleep(0.01)
+"""
+
+
+def steered(folder):
+    """Of a file for `fledge up`: the program that does so."""
+    (folder / "hand.py").write_text(HAND)
+    return f'\n[[asynchronous]]\nname = "hand"\ncommand = ["{sys.executable}", "hand.py"]\nsteers = true\n'
+
+
+def set_pace(folder, speed):
+    """0: from here on as fast as possible."""
+    (folder / "pace.new").write_text(str(speed))
+    (folder / "pace.new").rename(folder / "pace")
+
+
 def write_pair(folder, until=2, simulation="pair", top="", mass="", spring=""):
     """A SIM.toml with the two programs, in a folder."""
     (folder / "mass.py").write_text(MASS)
@@ -113,7 +140,7 @@ class Mark:
                 continue
         return found
 
-    def gone(self, seconds=20.0):
+    def gone(self, seconds=PATIENCE):
         """What still lives after so long; [] as soon as nothing does."""
         until = time.monotonic() + seconds
         while (left := self.processes()) and time.monotonic() < until:
@@ -135,11 +162,11 @@ def sockets_and_memory(simulation):
     return sockets + files
 
 
-def up(file, *options, mark=None, folder=None, timeout=60, **kwargs):
+def up(file, *options, mark=None, folder=None, **kwargs):
     """Run `fledge up`; returns the finished process."""
     env = (mark.env if mark else os.environ) | kwargs.pop("env", {})
     return subprocess.run([sys.executable, "-m", "fledge.cli", "up", str(file), *options], cwd=folder or file.parent,
-                          env=env, capture_output=True, text=True, timeout=timeout, **kwargs)
+                          env=env, capture_output=True, text=True, **kwargs)
 
 
 @pytest.fixture
