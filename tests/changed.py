@@ -193,13 +193,15 @@ def own_tests(path: str) -> set[str]:
 
 def of_modules(names: set[str], wide: bool) -> set[str]:
     """The tests of the missions X, X/X_test.py, and those among the other tests, that use these modules and models: of
-    the smallest; wide: of all, and all tests of the missions."""
+    the smallest, without flights on targets, for which more must be built; wide: of all, and all tests of the missions.
+    """
     by_mission = defaultdict(set)
     for path in files():
         if path.parts[0] == "missions" and len(path.parts) > 2 and path.suffix == ".py" and not is_test(path):
             user = f"missions/{path.parts[1]}/{'' if wide else f'{path.parts[1]}_test.py'}"
             by_mission[user] |= modules_in(list(ast.walk(ast.parse(text_of(str(path))))))
-    by_test = {path: named.modules for path, named in tests().items() if not path.startswith("missions/")}
+    by_test = {path: named.modules for path, named in tests().items() if not path.startswith("missions/")
+               and (wide or not any(one.startswith("fledge.targets") for one in named.units))}
     chosen = [user for users in (by_mission, by_test) for _, user in sorted(
         (len(modules), user) for user, modules in users.items() if modules & names)[:None if wide else USERS]]
     return {test for test in tests() if test.startswith(tuple(chosen))}
