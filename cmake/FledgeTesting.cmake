@@ -4,6 +4,7 @@
 # them in GoogleTest's own reports.
 
 add_custom_target(tests)
+file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
 
 # A test runs once: to optimise its source takes longer than it saves. The code under test keeps the
 # options of its library.
@@ -21,6 +22,10 @@ function(fledge_add_test name)
     endif()
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
     add_executable(${name} EXCLUDE_FROM_ALL ${arg_SOURCES})
+    file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+    list(TRANSFORM arg_SOURCES PREPEND ${folder}/ OUTPUT_VARIABLE sources)
+    list(JOIN sources " " sources)
+    file(APPEND ${PROJECT_BINARY_DIR}/tests.txt "${name} ${sources}\n")
     fledge_cxx_options(${name})
     # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
     target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)

@@ -9,6 +9,7 @@ import ast
 import re
 import sys
 from pathlib import Path
+from typing import Iterable, Iterator
 
 import pytest
 
@@ -82,34 +83,37 @@ def check_c(path: Path, text: str) -> list[str]:
     return complaints
 
 
+def imported(nodes: Iterable[ast.AST]) -> Iterator[tuple[int, str, str]]:
+    """(line, module, name) of each import among these nodes of a Python file; the name is "" in `import module`."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield from ((node.lineno, node.module, alias.name) for alias in node.names)
+
+
 def check_python(path: Path, text: str) -> list[str]:
     """Complaints about the imports of a Python file at `path` (relative to the root)."""
     complaints = []
     folder = layers.rule_of(path.as_posix())
     third_parties = layers.THIRD_PARTIES.get(folder.split("/")[0], set())
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        else:
-            continue
-        for name in names:
-            top = name.split(".")[0]
-            if path.parts[0] == "missions" and path.name == "flight.py":
-                if not any(name == module or name.startswith(module + ".")
-                           for module in FLIGHT_PY_MODULES):
-                    complaints.append(f"{path}:{node.lineno}: flight.py may not import {name}; it "
-                                      f"may import {', '.join(sorted(FLIGHT_PY_MODULES))}")
-            elif top in TOPS:
-                if not layers.may_use(folder, top) and not (is_test(path) and top == "tests"):
-                    complaints.append(f"{path}:{node.lineno}: {folder} may not import {name}; "
-                                      f"it may import {allowed_text(folder)}")
-            elif top not in sys.stdlib_module_names and not is_test(path) \
-                    and top not in third_parties:
-                complaints.append(f"{path}:{node.lineno}: {folder} may not import {name}; of other "
-                                  f"projects it may import "
-                                  f"{', '.join(sorted(third_parties)) or 'nothing'}")
+    for line, module, inner in imported(ast.walk(ast.parse(text))):
+        name = f"{module}.{inner}".strip(".")
+        top = name.split(".")[0]
+        if path.parts[0] == "missions" and path.name == "flight.py":
+            if not any(name == allowed or name.startswith(allowed + ".")
+                       for allowed in FLIGHT_PY_MODULES):
+                complaints.append(f"{path}:{line}: flight.py may not import {name}; it "
+                                  f"may import {', '.join(sorted(FLIGHT_PY_MODULES))}")
+        elif top in TOPS:
+            if not layers.may_use(folder, top) and not (is_test(path) and top == "tests"):
+                complaints.append(f"{path}:{line}: {folder} may not import {name}; "
+                                  f"it may import {allowed_text(folder)}")
+        elif top not in sys.stdlib_module_names and not is_test(path) \
+                and top not in third_parties:
+            complaints.append(f"{path}:{line}: {folder} may not import {name}; of other "
+                              f"projects it may import "
+                              f"{', '.join(sorted(third_parties)) or 'nothing'}")
     return complaints
 
 
@@ -160,22 +164,13 @@ def imports_of(path: Path, text: str, modules: set[str]) -> list[tuple[int, str]
     found, tree = [], ast.parse(text)
     unused = {inner for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
               for branch in node.body for inner in ast.walk(branch)}
-    for node in ast.walk(tree):
-        if node in unused:
-            continue
-        if isinstance(node, ast.Import):
-            names = [(alias.name, "") for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [(node.module, alias.name) for alias in node.names]
-        else:
-            continue
-        for module, name in names:
-            if module in EXTENSIONS or module == "fledge" and name in EXTENSIONS:
-                found.append((node.lineno, name if module == "fledge" else module))
-            elif module.split(".")[0] == "fledge" and name != "__version__":
-                inner = module.partition(".")[2]
-                whole = f"{inner}.{name}".strip(".")
-                found.append((node.lineno, whole if whole in modules else inner))
+    for line, module, name in imported(node for node in ast.walk(tree) if node not in unused):
+        if module in EXTENSIONS or module == "fledge" and name in EXTENSIONS:
+            found.append((line, name if module == "fledge" else module))
+        elif module.split(".")[0] == "fledge" and name != "__version__":
+            inner = module.partition(".")[2]
+            whole = f"{inner}.{name}".strip(".")
+            found.append((line, whole if whole in modules else inner))
     return found
 
 

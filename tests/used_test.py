@@ -12,11 +12,15 @@ MISSIONS = Path(__file__).resolve().parents[1] / "missions"
 
 def used(library: str, text: str) -> set[str]:
     """The names of a library (flight, world) that a file takes from it, by whatever name it imports that."""
-    tree = ast.parse(text)
-    names = {alias.asname or alias.name for node in ast.walk(tree)
+    return used_in(library, list(ast.walk(ast.parse(text))))
+
+
+def used_in(library: str, nodes: list[ast.AST]) -> set[str]:
+    """The same of a file that has been parsed."""
+    names = {alias.asname or alias.name for node in nodes
              if isinstance(node, ast.ImportFrom) and node.module == "fledge"
              for alias in node.names if alias.name == library}
-    return {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
+    return {node.attr for node in nodes if isinstance(node, ast.Attribute)
             and isinstance(node.value, ast.Name) and node.value.id in names}
 
 

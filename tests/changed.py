@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which tests a change can reach: for `./fledge test --changed` and for CI.
+
+    /usr/bin/python3 -m tests.changed [BASE]            the near tests, in three lines: programs, cases, paths
+    /usr/bin/python3 -m tests.changed --reach [BASE]    for CI: the tests in Python that the change can reach
+
+The change is what differs from BASE: commits, uncommitted and untracked files. Without BASE, it is the work of this
+branch: what differs from where it left `main`, `origin/main` or its upstream, the nearest of these. If nothing differs
+(`main` itself with a clean tree), it is the last commit.
+
+The near tests are:
+
+- of C and C++: the cases in test sources that include a changed file, or a header whose source includes it, and so on;
+- of Python: a changed test; the tests of a changed folder; the tests that import a changed part of the package, or an
+  extension into which a changed file goes; the tests that name a changed mission, or file of data;
+- of a module or model: X/X_test.py of USERS missions X, and USERS other tests, with the fewest modules of all users;
+- of a document: the cases that follow it, and the links.
+
+The reach is all of these, all users, and each test whose folder or part may use the changed one by tests/layers.py.
+cosim/, emulator/ and ground/ reach Python by the part of their name alone, every other folder by the extension that
+all parts share. A change of the build or of the settings of pytest reaches every test.
+"""
+
+import argparse
+import ast
+import fnmatch
+import os
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+from typing import Iterable, NamedTuple
+
+from tests import layers
+from tests.include_direction_test import (C_SUFFIXES, EXTENSIONS, INCLUDE, ROOMS, TOPS, imported, is_test,
+                                          library_imports, resolve)
+from tests.tree import ROOT, files
+from tests.used_test import used_in
+
+USERS = 3       # of a module or model: their tests pass within a minute
+EVERYTHING = ["CMakeLists.txt", "CMakePresets.json", "cmake/*.cmake", "conftest.py", "pytest.ini"]
+CHECKS = {".md": "tests/links_test.py", "CMakeLists.txt": "tests/collection_test.py",
+          "fledge": "tests/launcher_test.py", **dict.fromkeys([*C_SUFFIXES, ".py"], "tests/include_direction_test.py")}
+CASE = re.compile(r"^(TYPED_)?TEST(?:_F|(_P))?\(\s*(\w+)", re.MULTILINE)
+TEMPLATES = "python/fledge/templates/"
+APART = {name.removeprefix("_") for name in EXTENSIONS} - {"core"}     # folders with an extension of their own
+LEVEL = {part: level for level, (parts, _) in enumerate(layers.PARTS) for part in parts.split()}
+
+
+class Failure(Exception):
+    """What the user reads, in one line."""
+
+
+# --- the change ------------------------------------------------------------------------------------
+
+def git(root: Path, *words: str) -> str:
+    """What git prints, or "" where it fails."""
+    try:
+        return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout.strip()
+    except FileNotFoundError:
+        raise Failure("test: --changed needs git, which is not installed") from None
+
+
+def changed_files(root: Path, base: str | None = None) -> list[str]:
+    """The files, relative to the root, that differ from the base; deleted ones, too."""
+    def differing(place: str) -> list[str]:
+        names = git(root, "diff", "--name-only", "--no-renames", "--relative", "-z", place, "--") + "\0" + \
+            git(root, "ls-files", "--others", "--exclude-standard", "-z")
+        return sorted(set(filter(None, names.split("\0"))))
+
+    def commit(name: str) -> str:
+        return git(root, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}")
+
+    if not commit("HEAD"):
+        raise Failure(f"test: --changed needs a repository of git with a commit, and {root} is none")
+    if base is not None:
+        if not commit(base):
+            raise Failure(f"test: git knows no commit '{base}'; --changed takes a commit, branch or tag")
+        return differing(git(root, "merge-base", base, "HEAD") or base)
+    places = [git(root, "merge-base", "HEAD", name) for name in ("main", "origin/main", "@{upstream}")]
+    nearest = min(filter(None, places), key=lambda place: int(git(root, "rev-list", "--count", f"{place}..HEAD")),
+                  default="HEAD")
+    return differing(nearest) or (differing("HEAD~1") if commit("HEAD~1") else [])
+
+
+# --- what uses what --------------------------------------------------------------------------------
+
+def text_of(path: str) -> str:
+    return (ROOT / path).read_text(encoding="utf-8")
+
+
+@cache
+def includers() -> dict[str, set[str]]:
+    """File in C or C++ -> those that include it, and of a source the header whose functions it has: its own, or those
+    of its folder that it includes."""
+    found = defaultdict(set)
+    sources = {str(path) for path in files() if path.suffix in C_SUFFIXES}
+    for path in sources:
+        included = {resolve(match[1]) for match in map(INCLUDE.match, text_of(path).splitlines()) if match and match[1]}
+        for header in included:
+            found[header].add(path)
+        if path.endswith((".c", ".cpp")) and not path.endswith("_test.cpp"):
+            own = str(Path(path).with_suffix(".h"))
+            found[path] |= {own} if own in sources else {
+                header for header in included if os.path.dirname(header) == os.path.dirname(path)}
+    return found
+
+
+def closure(changed: Iterable[str]) -> set[str]:
+    """The changed files, and the C and C++ that can depend on them."""
+    todo = list(changed)
+    seen = set(todo)
+    while todo:
+        new = includers().get(todo.pop(), set()) - seen
+        seen |= new
+        todo += new
+    return seen
+
+
+def unit(name: str) -> str:
+    """What tests import as one: a part of the package, a target, introspect/, or a module elsewhere."""
+    parts = name.strip(".").split(".")
+    is_room = parts[:2] == ["fledge", "targets"] and ".".join(parts[1:3]) in ROOMS
+    return ".".join(parts[:3 if is_room else 1 if parts[0] == "introspect" else 2])
+
+
+def unit_of(path: str) -> str:
+    """The unit of a file."""
+    path = re.sub("^targets/", "python/fledge/targets/", path.replace(TEMPLATES, "python/fledge/new/"))
+    path = re.sub(r"^(cosim/bindings/)?python/|(/__init__)?\.py$", "", path)
+    return unit(path.replace("/", "."))
+
+
+def part_of(path: str) -> str:
+    """The part of the package that has a file, or by which alone the file reaches the package, or ""."""
+    folder, names = layers.rule_of(path).split("/")[0], unit_of(path).split(".")
+    part = folder if folder in APART else names[1].removesuffix("_test") if folder == "fledge" and names[1:] else ""
+    return part if part in LEVEL else ""
+
+
+class Named(NamedTuple):
+    """What a test in Python names."""
+
+    units: set[str]         # that it imports
+    words: set[str]         # of its strings
+    modules: set[str]       # of flight, and models of the world, in small letters without _
+
+
+@cache
+def tests() -> dict[str, Named]:
+    """Every test file that pytest collects, and what it names."""
+    table = next(node.value for node in ast.parse(text_of("python/fledge/__init__.py")).body
+                 if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_LAZY")
+    lazy = {name: module if module in EXTENSIONS else f"fledge.{module}"
+            for name, (module, _) in ast.literal_eval(table).items()}
+    found = {}
+    for path in map(str, files()):
+        if path.endswith("_test.py") and not path.startswith(TEMPLATES):
+            nodes = list(ast.walk(ast.parse(text_of(path))))
+            names = [lazy.get(name, f"{module}.{name}") if module == "fledge" else f"{module}.{name}"
+                     for _, module, name in imported(nodes)]
+            names += [lazy[node.attr] for node in nodes if isinstance(node, ast.Attribute) and node.attr in lazy
+                      and isinstance(node.value, ast.Name) and node.value.id == "fledge"]
+            prose = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            words = {word for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)
+                     and id(node) not in prose for whole in re.findall(r"[\w.-]+", node.value)
+                     for word in (whole, whole.split(".")[0])}
+            found[path] = Named(set(map(unit, names)), words, modules_in(nodes))
+    return found
+
+
+def modules_in(nodes: list[ast.AST]) -> set[str]:
+    return {name.lower() for library in ("flight", "world") for name in used_in(library, nodes)}
+
+
+# --- the choice ------------------------------------------------------------------------------------
+
+def own_tests(path: str) -> set[str]:
+    """The test beside a file, and those in its folder or the next one above that has tests; in the folders of modules
+    that are parts by themselves, only the former."""
+    file = Path(path)
+    found = {str(file.with_name(f"{file.stem}_test.py"))} & set(tests())
+    for folder in map(str, file.parents):
+        inside = {test for test in tests() if os.path.dirname(test) == folder}
+        if folder in ("python/fledge", "tests", "bench"):
+            return found
+        if inside:
+            return found | inside
+    return found
+
+
+def of_modules(names: set[str], wide: bool) -> set[str]:
+    """The tests of the missions X, X/X_test.py, and those among the other tests, that use these modules and models: of
+    the smallest, without flights on targets, for which more must be built; wide: of all, and all tests of the missions.
+    """
+    by_mission = defaultdict(set)
+    for path in files():
+        if path.parts[0] == "missions" and len(path.parts) > 2 and path.suffix == ".py" and not is_test(path):
+            user = f"missions/{path.parts[1]}/{'' if wide else f'{path.parts[1]}_test.py'}"
+            by_mission[user] |= modules_in(list(ast.walk(ast.parse(text_of(str(path))))))
+    by_test = {path: named.modules for path, named in tests().items() if not path.startswith("missions/")
+               and (wide or not any(one.startswith("fledge.targets") for one in named.units))}
+    chosen = [user for users in (by_mission, by_test) for _, user in sorted(
+        (len(modules), user) for user, modules in users.items() if modules & names)[:None if wide else USERS]]
+    return {test for test in tests() if test.startswith(tuple(chosen))}
+
+
+def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> set[str]:
+    """The near tests in Python, of the changed files and the C and C++ that they reach; wide: of all users."""
+    found = {"tests/hygiene_test.py"}
+    units = {unit_of(path) for path in changed if "/" in path}
+    for path in changed:
+        file = Path(path)
+        found |= {CHECKS[key] for key in (file.name, file.suffix) if key in CHECKS}
+        if path in tests():
+            found.add(path)
+        elif file.suffix == ".md":
+            found |= {f"tests/docs_test.py::{node.name}" for node in ast.parse(text_of("tests/docs_test.py")).body
+                      if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+                      and {path, file.name} & {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}}
+        elif file.name != "CMakeLists.txt":
+            own = own_tests(path)
+            if not own and path.startswith("python/"):      # as series has none: the tests of the parts that use it
+                using = {module.split(".")[0] for module, others in library_imports().items()
+                         if any(other.split(".")[0] == part_of(path) for _, other in others)}
+                own = {test for test in tests() if part_of(test) in using}
+            words = {file.parts[1]} if path.startswith("missions/") else \
+                {file.name} - {file.stem} if file.suffix not in CHECKS else set()
+            found |= own | {test for test, named in tests().items() if words & named.words}
+    modules = set()
+    for path in reached:
+        top, _, inner = path.partition("/")
+        if is_test(Path(path)) or Path(path).suffix not in C_SUFFIXES:
+            continue
+        if top in ("flight", "world"):
+            modules.add(Path(path).stem.removesuffix("_model").replace("_", ""))
+        elif top in APART or top == "targets":
+            units.add(f"fledge.{top}" if top in APART else unit_of(path))
+        elif (extension := f"_{inner.split('/')[1]}" if top == "python" else "") in EXTENSIONS:
+            units |= {extension, *(f"fledge.{part}" for part in EXTENSIONS[extension])}
+    return found | of_modules(modules, wide) | {test for test, named in tests().items() if named.units & units}
+
+
+def reach(changed: list[str]) -> set[str]:
+    """The tests in Python that can see the change, by the tables of folders and parts, and by what they name."""
+    found = python_tests(changed, closure(changed), wide=True)
+    for path in changed:
+        folder, part = layers.rule_of(path), part_of(path)
+        if is_test(Path(path)) or path.endswith(".md") or folder.split("/")[0] not in TOPS - {"bench", "docs", "tests"}:
+            continue
+        above = {folder} if folder != "missions" else {"bench", "tests"}    # a mission uses no other
+        while new := {one for one in layers.RULES if any(layers.may_use(one, other) for other in above)} - above:
+            above |= new
+        found |= {test for test in tests() if (own := layers.rule_of(test)) in above and not (
+            own == "fledge" and part and part_of(test) != part and LEVEL.get(part_of(test), 99) <= LEVEL[part])}
+    return found
+
+
+def programs_and_cases(reached: set[str], build: Path) -> tuple[set[str], list[str]]:
+    """The programs of the tests in C and C++ that are reached, and GoogleTest's patterns of their suites; the target
+    `tests`, if the build does not know one of them yet."""
+    listed = build / "tests.txt"
+    program_of = defaultdict(set)
+    for program, *sources in map(str.split, listed.read_text().splitlines() if listed.exists() else ()):
+        for source in sources:
+            program_of[os.path.normpath(source)].add(program)
+    sources = {path for path in reached if path.endswith(("_test.c", "_test.cpp")) and (ROOT / path).exists()
+               and not path.startswith(TEMPLATES)}
+    programs = set().union(*(program_of.get(source, {"tests"}) for source in sources))
+    cases = {f"{suite}/*" if typed else f"*/{suite}.*" if with_parameter else f"{suite}.*"
+             for source in sources for typed, with_parameter, suite in CASE.findall(text_of(source))}
+    return ({"tests"} if "tests" in programs else programs), sorted(cases)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="changed", description=__doc__.splitlines()[0])
+    parser.add_argument("base", nargs="?", help="commit to compare with; default: where this branch began")
+    parser.add_argument("--reach", action="store_true", help="all tests in Python that the change can reach")
+    arguments = parser.parse_args()
+    changed = changed_files(ROOT, arguments.base)
+    everything = any(fnmatch.fnmatch(path, pattern) for path in changed for pattern in EVERYTHING)
+    if not changed:
+        print("fledge: nothing has changed", file=sys.stderr)
+    elif arguments.reach:
+        print(*sorted(tests() if everything else reach(changed)), sep="\n")
+    else:
+        reached = closure(changed)
+        programs, cases = programs_and_cases(reached, ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release"))
+        paths = python_tests(changed, reached)
+        if everything:
+            programs, cases, paths = {"tests"}, ["*"], set(tests())
+        print(f"fledge: changed files: {len(changed)}; near tests: {len(cases)} suites in C++, {len(paths)} files in "
+              "Python", file=sys.stderr)
+        print(" ".join(sorted(programs)), ":".join(cases), " ".join(sorted(paths)), sep="\n")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except Failure as failure:
+        print(f"fledge: {failure}", file=sys.stderr)
+        sys.exit(2)
