@@ -9,7 +9,8 @@
 #   lib/fledge/                             this tree without its tests, and what was built
 #   lib/python3.11/*-packages/fledge.pth    for `import fledge`: a Python of that prefix reads it
 #
-# Headers and sources are installed too: projects include them, and `fledge export` compiles them.
+# Headers and sources are installed too: projects include them, and `fledge export` compiles them. `./fledge package`
+# makes a wheel (fledge_wheel.py) and a .deb (fledge_deb.py) of what is written there.
 
 set(libraries fledge_ccsds fledge_ccsds_security fledge_ccsds_keys fledge_ccsds_store fledge_math
     fledge_flight fledge_command fledge_record fledge_sim fledge_tables fledge_world fledge_cosim_protocol
@@ -41,6 +42,14 @@ install(EXPORT FledgeTargets NAMESPACE fledge:: DESTINATION ${FLEDGE_HOME}/cmake
 install(TARGETS fledge_controller fledge_board_node fledge_guard DESTINATION ${FLEDGE_HOME}/cosim)
 install(TARGETS fledge_leon3 DESTINATION ${FLEDGE_HOME}/emulator/tools)
 install(DIRECTORY emulator/boards DESTINATION ${FLEDGE_HOME}/emulator)
+# A wheel brings shared libraries in lib/fledge/lib. RPATH, unlike RUNPATH, also counts for what they load in turn.
+set(loaders _core _cosim _emulator _ground fledge_controller fledge_board_node fledge_guard fledge_leon3 fledge_node)
+set_target_properties(${loaders} PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH "$ORIGIN/../lib")
+set_target_properties(fledge_node PROPERTIES INSTALL_RPATH "$ORIGIN")
+set_target_properties(fledge_leon3 PROPERTIES INSTALL_RPATH "$ORIGIN/../../lib")
+foreach(loader IN LISTS loaders)
+    target_link_options(${loader} PRIVATE LINKER:--disable-new-dtags)
+endforeach()
 install(TARGETS _core _cosim _emulator _ground DESTINATION ${FLEDGE_HOME}/python)
 install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
 

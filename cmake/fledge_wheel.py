@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`pip install .`: builds Fledge with CMake, and packs what `cmake --install` writes into a wheel (PEP 517).
 
-It needs the Debian packages of cmake/packages.txt [run], and no network. The wheel unpacks below the prefix of the
-Python that pip belongs to; lib/pythonX.Y/site-packages holds fledge.pth alone.
+It needs the Debian packages of cmake/packages.txt [project] and [build], and no network. The wheel unpacks below the
+prefix of the Python that pip belongs to; lib/pythonX.Y/site-packages holds fledge.pth alone. lib/fledge/lib has copies
+of the shared libraries that a system need not have: all but those of the compiler, which every system has.
 """
 
 import base64
+import compileall
 import hashlib
+import py_compile
 import re
 import shutil
 import subprocess
@@ -18,24 +21,35 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+VERSION = re.search(r'^__version__ = "(.*)"', (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8"), re.M)[1]
+
+# Every system with Python has them; two in one process would not work together.
+OF_THE_SYSTEM = re.compile(r"(linux-vdso|ld-linux.*|lib(c|m|dl|rt|pthread|resolv|stdc\+\+|gcc_s))\.so\.\d+")
 
 
 def build_wheel(folder, config_settings=None, metadata_directory=None):
     """Write the wheel into a folder; returns its name."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    init = (ROOT / "python/fledge/__init__.py").read_text(encoding="utf-8")
-    version = re.search(r'^__version__ = "(.*)"', init, re.M)[1]
-    name = f"{project['name']}-{version}"
+    with tempfile.TemporaryDirectory() as prefix:
+        install(prefix)
+        return pack(Path(prefix), folder)
+
+
+def pack(prefix, folder):
+    """Write the wheel of what is installed below a prefix into a folder; returns its name."""
+    home = prefix / "lib/fledge"
+    if not (home / f"python/_core{sysconfig.get_config_var('EXT_SUFFIX')}").exists():
+        sys.exit(f"fledge: it is built for the Python of the system, not for {sys.executable}: "
+                 "use the pip of an environment that /usr/bin/python3 has made")
+    name = f"{PROJECT['name']}-{VERSION}"
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     tag = f"{python}-{python}-{sysconfig.get_platform().replace('-', '_')}"
     info = f"{name}.dist-info"
-    metadata = ["Metadata-Version: 2.1", f"Name: {project['name']}", f"Version: {version}",
-                f"Summary: {project['description']}", f"Requires-Python: {project['requires-python']}",
-                *(f"Requires-Dist: {package}" for package in project["dependencies"]), ""]
+    metadata = ["Metadata-Version: 2.1", f"Name: {PROJECT['name']}", f"Version: {VERSION}",
+                f"Summary: {PROJECT['description']}", f"Requires-Python: {PROJECT['requires-python']}",
+                *(f"Requires-Dist: {package}" for package in requirements(home)), ""]
 
-    with tempfile.TemporaryDirectory() as prefix, zipfile.ZipFile(Path(folder) / f"{name}-{tag}.whl", "w",
-                                                                  zipfile.ZIP_DEFLATED) as wheel:
-        install(prefix)
+    with zipfile.ZipFile(Path(folder) / f"{name}-{tag}.whl", "w", zipfile.ZIP_DEFLATED) as wheel:
         record = []
 
         def add(path, content, mode=0o644):
@@ -45,15 +59,47 @@ def build_wheel(folder, config_settings=None, metadata_directory=None):
             digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
             record.append(f"{path},sha256={digest},{len(content)}\n")
 
-        for file in sorted(path for path in Path(prefix, "lib/fledge").rglob("*") if path.is_file()):
-            path = file.relative_to(prefix).as_posix()
-            add(f"{name}.data/data/{path}", file.read_bytes(), file.stat().st_mode & 0o777)
-        add(f"{name}.data/scripts/fledge", Path(prefix, "bin/fledge").read_bytes(), 0o755)
-        add("fledge.pth", next(Path(prefix).glob("lib/python*/site-packages/fledge.pth")).read_bytes())
+        for part in (home, prefix / "share"):
+            for file in sorted(path for path in part.rglob("*") if path.is_file()):
+                add(f"{name}.data/data/{file.relative_to(prefix)}", file.read_bytes(), file.stat().st_mode & 0o777)
+        for soname, file in sorted(libraries(home).items()):
+            if not OF_THE_SYSTEM.fullmatch(soname):
+                add(f"{name}.data/data/lib/fledge/lib/{soname}", file.read_bytes())
+        add(f"{name}.data/scripts/fledge", (prefix / "bin/fledge").read_bytes(), 0o755)
+        add("fledge.pth", next(prefix.glob("lib/python*/site-packages/fledge.pth")).read_bytes())
         add(f"{info}/METADATA", "\n".join(metadata).encode())
         add(f"{info}/WHEEL", f"Wheel-Version: 1.0\nGenerator: fledge\nRoot-Is-Purelib: false\nTag: {tag}\n".encode())
         wheel.writestr(f"{info}/RECORD", "".join(record) + f"{info}/RECORD,,\n")
     return f"{name}-{tag}.whl"
+
+
+def requirements(home):
+    """What pip must find. An extension that numpy 1 has compiled is not loaded by numpy 2."""
+    numpy = re.search(r"^NUMPY = '(\d+)", (home / "python/_core_build.py").read_text(encoding="utf-8"), re.M)[1]
+    return [f"{one}<2" if one == "numpy" and numpy == "1" else one for one in PROJECT["dependencies"]]
+
+
+def programs(home):
+    """The extensions, programs and shared libraries of an installed Fledge."""
+    return [path for place in ("lib/*.so", "python/_*.so", "cosim/*", "emulator/tools/*")
+            for path in sorted(home.glob(place)) if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"]
+
+
+def libraries(home, direct=False):
+    """Name -> file of each shared library that they load; direct: without those that others load."""
+    def output(*command):
+        return subprocess.run([*command, *programs(home)], check=True, capture_output=True, text=True).stdout
+
+    found = {name: Path(file) for name, file in re.findall(r"(\S+) => (/\S+)", output("ldd"))}
+    wanted = set(re.findall(r"\(NEEDED\).*\[(.*)\]", output("readelf", "--dynamic"))) if direct else found
+    return {name: file for name, file in found.items() if name in wanted}
+
+
+def compile_python(home):
+    """Users who may not write there need not compile at each start. What is edited later is compiled anew."""
+    for part in ("python", "targets"):
+        compileall.compile_dir(home / part, quiet=2, force=True, stripdir=home, rx=re.compile("/templates/"),
+                               invalidation_mode=py_compile.PycInvalidationMode.CHECKED_HASH)
 
 
 def install(prefix):
@@ -67,3 +113,4 @@ def install(prefix):
         cmake("--preset", "release", "-DBUILD_TESTING=OFF")
     cmake("--build", "--preset", "release", "--target", "all")
     cmake("--install", "build/release", "--prefix", prefix)
+    compile_python(Path(prefix, "lib/fledge"))

@@ -7,10 +7,14 @@
 #   tests/fresh_debian.sh bookworm                      demo and test
 #   tests/fresh_debian.sh trixie demo 'test -k mrp'     other commands, one per argument
 #   tests/fresh_debian.sh noble demo                    Ubuntu 24.04
+#   tests/fresh_debian.sh bookworm --package            packages, which other empty systems install
+#
+# With --package it makes both packages there; then a second empty system installs the .deb and a third one the
+# wheel, and they fly without a compiler. --package=FOLDER takes packages that are made already.
 #
 # FLEDGE_TEST_DATA, where set, is shown to the tests in there. The mirror is FLEDGE_MIRROR, or else that of the
 # system which this machine's apt uses. Mounts and processes live in namespaces of their own and vanish with the
-# script; so does the chroot, below ${TMPDIR:-/tmp}, about 3 GB at its largest.
+# script; so do the chroots, below ${TMPDIR:-/tmp}, about 3 GB at their largest.
 set -euo pipefail
 
 if [ "${FLEDGE_FRESH_INSIDE:-}" != 1 ]; then
@@ -23,14 +27,20 @@ fi
 
 suite=${1:?a system: bookworm, trixie or noble}
 shift
-[ $# -gt 0 ] || set -- demo test
+package=
+case ${1:-} in
+    --package) package=build/packages ;;
+    --package=*) package=$(cd "${1#*=}" && pwd) ;;
+    '') set -- demo test ;;
+esac
 label=Debian components=main script=sid
 [ "$suite" != noble ] || label=Ubuntu components=main,universe script=gutsy
 root=$(cd "$(dirname "$0")/.." && pwd -P)
-fresh=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
-chmod 755 "$fresh"
-mount --bind "$fresh" "$fresh"  # a root that can be mounted over, as namespaces do
-trap 'umount -R "$fresh" 2>/dev/null || :; rm -rf --one-file-system "$fresh"' EXIT
+place=$(mktemp -d "${TMPDIR:-/tmp}/fledge-fresh.XXXXXX")
+chmod 755 "$place"
+mount --bind "$place" "$place"  # a root that can be mounted over, as namespaces do
+trap 'umount -R "$place" 2>/dev/null || :; rm -rf --one-file-system "$place"' EXIT
+empty=$place/empty fresh=$place/build
 
 mirror=${FLEDGE_MIRROR:-$(apt-get indextargets --format '$(SITE)' \
     'Created-By: Packages' "Label: $label" 'Component: main' | sed -n 1p)}
@@ -51,45 +61,140 @@ step() {
     "$@" || status=$?
     table+=("$(awk -v name="$name" -v t="$(($(date +%s%N) - begun))" -v status=$status \
         -v bytes="$(($(fetched) - before))" \
-        'BEGIN { printf "%-32s %9.1f s %9.1f MB   exit %d", name, t / 1e9, bytes / 1e6, status }')")
+        'BEGIN { printf "%-44s %9.1f s %9.1f MB   exit %d", name, t / 1e9, bytes / 1e6, status }')")
     return $status
 }
 
 inside() { chroot "$fresh" /usr/bin/env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb \
-    ${http_proxy:+http_proxy="$http_proxy"} ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} \
-    sh -c "cd /home/fledge && $1"; }
+    DEBIAN_FRONTEND=noninteractive ${http_proxy:+http_proxy="$http_proxy"} \
+    ${FLEDGE_TEST_DATA:+FLEDGE_TEST_DATA=/data} sh -c "cd /home && cd ./fledge 2>/dev/null; $1"; }
 
 finish() {
     printf '\n'
     printf '%s\n' "${table[@]}"
     # Package lists are no packages: apt tells their size itself.
-    grep -h '^Fetched' "$fresh"/home/fledge/build/apt-update.log 2>/dev/null |
+    grep -h '^Fetched' "$place"/build/home/fledge/build/apt-update.log 2>/dev/null |
         sed 's/^/and the package lists: /' || :
 }
+failed() { echo "fresh_debian: $1" >&2; finish; exit 1; }
 
-step "debootstrap" debootstrap --variant=minbase --components=$components "$suite" "$fresh" "$mirror" $script \
-    > "$fresh.log" ||
-    { tail "$fresh.log"; exit 1; }
-rm -f "$fresh.log"
-echo 'APT::Keep-Downloaded-Packages "true";' > "$fresh/etc/apt/apt.conf.d/keep"  # to be counted
-cp /etc/resolv.conf "$fresh/etc/resolv.conf"
-mount -t proc proc "$fresh/proc"
-mkdir -p "$fresh/dev/pts"
-mount -t devpts -o newinstance,ptmxmode=0666 devpts "$fresh/dev/pts"
-ln -sf pts/ptmx "$fresh/dev/ptmx"
-if [ -n "${FLEDGE_TEST_DATA:-}" ]; then
-    mkdir "$fresh/data"
-    mount --bind -o ro "$FLEDGE_TEST_DATA" "$fresh/data"
+# another NAME: make a copy of the empty system, in which `inside` runs from now on.
+another() {
+    fresh=$place/$1
+    cp -a "$empty" "$fresh"
+    mount -t proc proc "$fresh/proc"
+    mkdir -p "$fresh/dev/pts"
+    mount -t devpts -o newinstance,ptmxmode=0666 devpts "$fresh/dev/pts"
+    ln -sf pts/ptmx "$fresh/dev/ptmx"
+    printf '[[craft]]\nmission = "earth_imager"\nscenario = "handover"\nspeed = 10\n' > "$fresh/home/room.toml"
+    if [ -n "${FLEDGE_TEST_DATA:-}" ]; then
+        mkdir "$fresh/data"
+        mount --bind -o ro "$FLEDGE_TEST_DATA" "$fresh/data"
+    fi
+}
+
+step "debootstrap" debootstrap --variant=minbase --components=$components "$suite" "$empty" "$mirror" $script \
+    > "$place/log" ||
+    { tail "$place/log"; exit 1; }
+echo force-unsafe-io > "$empty/etc/dpkg/dpkg.cfg.d/vanishes"
+echo 'APT::Keep-Downloaded-Packages "true";' > "$empty/etc/apt/apt.conf.d/keep"  # to be counted
+cp /etc/resolv.conf "$empty/etc/resolv.conf"
+
+if [ "${package#/}" = "$package" ]; then
+    another build
+    git clone -q "file://$root" "$fresh/home/fledge"
+    for tool in python3 git sudo; do
+        ! inside "command -v $tool" || { echo "fresh_debian: it has $tool already" >&2; exit 1; }
+    done
+
+    # Without root and without sudo it must say what to type, and touch nothing.
+    said=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
+        { echo "fresh_debian: set-up without root should have failed" >&2; exit 1; }
+    [[ $said == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$said" >&2; exit 1; }
 fi
-git clone -q "file://$root" "$fresh/home/fledge"
-for tool in python3 git sudo; do
-    ! inside "command -v $tool" || { echo "fresh_debian: it has $tool already" >&2; exit 1; }
-done
 
-# Without root and without sudo it must say what to type, and touch nothing.
-said=$(chroot --userspec=65534:65534 "$fresh" /home/fledge/fledge setup 2>&1) &&
-    { echo "fresh_debian: set-up without root should have failed" >&2; exit 1; }
-[[ $said == *"apt-get satisfy --no-install-recommends"* ]] || { echo "$said" >&2; exit 1; }
+# --- packages --------------------------------------------------------------------------------------
+
+# says PATTERN COMMAND: it must fail, with a line that matches; what one line tells to type to root is $advice.
+says() {
+    local said status=0
+    said=$(inside "$2" 2>&1 > /dev/null) || status=$?
+    echo "$said"
+    [ "$status" != 0 ] && [[ $said =~ $1 ]] && [ "$(grep -c 'as root, run' <<< "$said")" = 1 ] || return 1
+    advice=$(sed -n 's/.*as root, run: //p' <<< "$said")
+}
+
+# serves FLEDGE: the control room flies a mission, and answers within 30 s of the command.
+serves() {
+    inside "$1 ground serve room.toml > served.log 2>&1 & server=\$!
+        tries=0 status=1
+        while [ \$((tries += 1)) -le 300 ] && [ \$status != 0 ]; do
+            sleep 0.1
+            python3 -c 'import urllib.request; urllib.request.urlopen(\"http://127.0.0.1:8080/\").read()' 2>/dev/null &&
+                status=0
+        done
+        kill -INT \$server; wait \$server; cat served.log; exit \$status"
+}
+
+# Debian 12 has a compiler wherever python3-matplotlib is: by python3-scipy and python3-pythran.
+hide_compiler() { inside 'mkdir -p /hidden; cd /usr/bin; mv *gcc* *g++* cc c++ /hidden 2> /dev/null || :'; }
+show_compiler() { inside 'mv /hidden/* /usr/bin 2> /dev/null || :'; }
+
+# flies FLEDGE: what needs no compiler.
+flies() {
+    hide_compiler
+    step "$1 run nadir_spin" inside "$1 run nadir_spin" &&
+        step "$1 run earth_imager" inside "$1 run earth_imager" &&
+        step "$1 view earth_imager" inside "$1 view earth_imager && test -s runs/earth_imager/handover/view.html" &&
+        step "$1 montecarlo nadir_spin --runs 20" inside "$1 montecarlo nadir_spin --runs 20" &&
+        step "$1 ground serve: first answer" serves "$1" || failed "it does not fly"
+    ! inside "command -v gcc || command -v g++ || command -v cc || command -v cmake" || failed "it has a compiler"
+}
+
+# builds FLEDGE, after `flies`: what needs one says which package has it, and works with it.
+builds() {
+    step "$1 fly --on linux, without a compiler" says "linux needs gcc" "$1 fly nadir_spin --for 60s --on linux" &&
+        step "$1 new project" inside "$1 new project sat && $1 --project sat new module SunSlew" &&
+        step "$1 list, of the project" says "packages are missing" "$1 --project sat list" && show_compiler &&
+        step "$advice" inside "$advice -y > /dev/null" &&
+        step "$1 list, of the project" inside "$1 --project sat list --ports | grep SunSlew" &&
+        step "$1 fly --on linux" inside "$1 fly nadir_spin --for 60s --on linux" || failed "it does not build"
+}
+
+if [ -n "$package" ]; then
+    if [ -d "$place/build" ]; then
+        step "./fledge package" inside "./fledge package" || failed "there is no package"
+        package=$place/build/home/fledge/$package
+    fi
+    another deb
+    cp "$package"/*.deb "$fresh/home"
+    step "apt-get update" inside "apt-get update > /dev/null"
+    step "apt install ./fledge_*.deb" inside "apt-get install -y ./fledge_*.deb > /dev/null" || failed "no .deb"
+    inside "dpkg --verify fledge && python3 -c 'import fledge; print(fledge.__file__)'"
+    flies fledge
+    step "fledge run mars_orbiter pointing --report" inside "fledge run mars_orbiter pointing --report" ||
+        failed "it does not fly"
+    builds fledge
+    another wheel
+    cp "$package"/*.whl "$fresh/home"
+    inside "apt-get update > /dev/null"
+    step "apt install python3-venv, numpy, matplotlib" \
+        inside "apt-get install -y --no-install-recommends python3-venv python3-numpy python3-matplotlib > /dev/null"
+    step "python3 -m venv, pip install fledge-*.whl" \
+        inside "python3 -m venv --system-site-packages env && env/bin/pip install -q --no-index fledge-*.whl" ||
+        failed "no wheel"
+    step "ground serve, without aiohttp" says "aiohttp is not" "env/bin/fledge ground serve room.toml" &&
+        step "$advice" inside "$advice -y --no-install-recommends > /dev/null" &&
+        step "run earth_imager, without planets" says "DE405 is not" "env/bin/fledge run earth_imager" &&
+        step "$advice" inside "$advice -y --no-install-recommends > /dev/null" ||
+        failed "it does not say what it needs"
+    flies env/bin/fledge
+    builds env/bin/fledge
+    finish
+    exit 0
+fi
+
+# --- a clone ---------------------------------------------------------------------------------------
 
 status=0
 for command; do

@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """An installed Fledge needs nothing of this tree: not for flights, exports and projects, and not in a virtual
-environment."""
+environment; nor does what the packages have that are made of it."""
 
-import importlib.util
 import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
+import zipfile
 from pathlib import Path
 
 import pytest
 
 import fledge
+from fledge.scene import bundle
 from tests.tree import ROOT
+
+sys.path.insert(0, str(ROOT / "cmake"))
+import fledge_deb  # noqa: E402
+import fledge_wheel  # noqa: E402
 
 PRESET = os.environ.get("FLEDGE_PRESET", "release")
 
@@ -194,18 +200,15 @@ def environment(tmp_path_factory):
 
 @pytest.mark.parametrize("home, anew", [("{}", False), ("/another/place", True), (None, True)])
 def test_pip_builds_a_copied_tree_anew(tmp_path, monkeypatch, home, anew):
-    spec = importlib.util.spec_from_file_location("fledge_wheel", ROOT / "cmake/fledge_wheel.py")
-    wheel = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(wheel)
     commands = []
-    monkeypatch.setattr(wheel, "ROOT", tmp_path)
-    monkeypatch.setattr(wheel.subprocess, "run", lambda command, **_: commands.append(command))
+    monkeypatch.setattr(fledge_wheel, "ROOT", tmp_path)
+    monkeypatch.setattr(fledge_wheel.subprocess, "run", lambda command, **_: commands.append(command))
     if home:
         (tmp_path / "build/release").mkdir(parents=True)
         (tmp_path / "build/release/old.o").touch()
         (tmp_path / "build/release/CMakeCache.txt").write_text(
             f"CMAKE_HOME_DIRECTORY:INTERNAL={home.format(tmp_path)}\n")
-    wheel.install(tmp_path / "prefix")
+    fledge_wheel.install(tmp_path / "prefix")
     assert (commands[0] == ["cmake", "--preset", "release", "-DBUILD_TESTING=OFF"]) == anew
     assert (tmp_path / "build/release/old.o").exists() != anew
 
@@ -227,3 +230,134 @@ def test_the_launcher_keeps_an_active_environment(environment, tmp_path):
     done = subprocess.run([ROOT / "fledge", "exec", "python3", "-c", program], env=active, cwd=tmp_path,
                           capture_output=True, text=True, check=True)
     assert done.stdout == f"{environment}\n"
+
+
+# --- packages ---------------------------------------------------------------------------------------
+
+VIEWER = "lib/fledge/python/fledge/scene/view/view.js"
+
+
+@pytest.fixture(scope="module")
+def wheel(prefix, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    fledge_wheel.compile_python(prefix / "lib/fledge")
+    return folder / fledge_wheel.pack(prefix, folder)
+
+
+@pytest.fixture(scope="module")
+def deb(prefix, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("deb")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DPKG_DEB_COMPRESSOR_TYPE", "none")
+        return folder / fledge_deb.pack(prefix, folder)
+
+
+def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
+    python = "cp{0.major}{0.minor}".format(sys.version_info)
+    assert wheel.name.startswith(f"fledge-{fledge.__version__}-{python}-{python}-linux_")
+    with zipfile.ZipFile(wheel) as packed:
+        packed.extractall(tmp_path)
+    data = tmp_path / f"fledge-{fledge.__version__}.data/data"
+    brought = {path.name for path in (data / "lib/fledge/lib").glob("*.so.*")}
+    assert {"libzmq.so.5", "liberfa.so.1"} <= brought and not brought & {"libc.so.6", "libm.so.6", "libstdc++.so.6"}
+    found = fledge_wheel.libraries(data / "lib/fledge")
+    assert {name for name, file in found.items() if data in file.resolve().parents} == brought
+    assert all(fledge_wheel.OF_THE_SYSTEM.fullmatch(name) for name in found.keys() - brought)
+    metadata = (tmp_path / f"fledge-{fledge.__version__}.dist-info/METADATA").read_text()
+    assert "\nRequires-Dist: numpy" in metadata and "\nRequires-Python: >=3.11\n" in metadata
+    assert (data / VIEWER).exists() == bundle.is_built()
+    assert list((data / "lib/fledge/python/fledge/cli/__pycache__").glob("*.pyc"))
+
+
+def test_pip_installs_the_wheel_and_refuses_one_of_another_python(wheel, tmp_path):
+    subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", tmp_path / "venv"], check=True)
+    pip = [tmp_path / "venv/bin/pip", "install", "--quiet", "--no-index"]
+    other = wheel.with_name(wheel.name.replace("-cp3", "-cp2"))
+    shutil.copyfile(wheel, other)
+    done = subprocess.run([*pip, other], capture_output=True, text=True)
+    assert done.returncode and f"{other.name} is not a supported wheel on this platform" in done.stderr
+    other.unlink()
+    subprocess.run([*pip, wheel], check=True)
+    program = tmp_path / "venv/bin/fledge"
+    assert "flown    10 s" in run(program, "run", "nadir_spin", "--for", "10s", cwd=tmp_path)
+    assert run(program, "exec", "python3", "-c", "import sys; print(sys.prefix)", cwd=tmp_path) == f"{tmp_path}/venv\n"
+
+
+@pytest.mark.skipif(not shutil.which("dpkg-deb"), reason="this is no Debian")
+def test_the_deb_flies_and_needs_no_compiler(deb, tmp_path):
+    control = dict(line.split(": ", 1) for line in subprocess.run(
+        ["dpkg-deb", "--field", deb], check=True, capture_output=True, text=True).stdout.splitlines() if line[0] != " ")
+    needed = control["Depends"].split(", ")
+    major, minor = sys.version_info[:2]
+    assert needed[:2] == [f"python3 (>= {major}.{minor})", f"python3 (<< {major}.{minor + 1})"]
+    assert {"libc6", "libzmq5", "python3-numpy", "casacore-data-jpl-de405"} <= set(needed)
+    assert not [one for one in needed if one.endswith("-dev") or one in ("g++", "cmake", "ninja-build")]
+    assert "python3-aiohttp" in control["Recommends"] and "g++, cmake, " in control["Suggests"]
+    assert control["Version"].startswith(f"{fledge.__version__}+") and int(control["Installed-Size"]) > 10_000
+
+    subprocess.run(["dpkg-deb", "--extract", deb, tmp_path / "root"], check=True)
+    usr = tmp_path / "root/usr"
+    assert "flown    10 s" in run(usr / "bin/fledge", "run", "nadir_spin", "--for", "10s", cwd=tmp_path)
+    program = "import site, sys; site.addsitedir(sys.argv[1]); import fledge; print(fledge.load('nadir_spin').name)"
+    assert run("/usr/bin/python3", "-c", program, usr / "lib/python3/dist-packages", cwd=tmp_path) == "nadir_spin\n"
+    assert (usr / VIEWER).exists() == bundle.is_built()
+    subprocess.run(["dpkg-deb", "--control", deb, tmp_path / "control"], check=True)
+    subprocess.run(["md5sum", "--quiet", "--check", tmp_path / "control/md5sums"], cwd=tmp_path / "root", check=True)
+
+
+def test_without_a_compiler_it_says_which_package_has_it(prefix, tmp_path):
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for path in Path("/usr/bin").iterdir():
+        if path.name not in ("gcc", "g++", "cc", "ninja", "cmake", "dpkg-query"):
+            (tools / path.name).symlink_to(path)
+    (tools / "dpkg-query").write_text("#!/bin/sh\n")      # there is no package
+    (tools / "dpkg-query").chmod(0o755)
+
+    def said(*arguments):
+        done = subprocess.run([prefix / "bin/fledge", *arguments], cwd=tmp_path, env={**CLEAN, "PATH": str(tools)},
+                              capture_output=True, text=True)
+        assert done.returncode
+        return [line for line in done.stderr.splitlines() if "apt-get" in line]
+
+    assert said("fly", "nadir_spin", "--for", "10s", "--on", "linux") == [
+        "  linux: fly: linux needs gcc and ninja, not installed here; as root, run: apt-get install g++ ninja-build"]
+    run(prefix / "bin/fledge", "new", "project", "sat", cwd=tmp_path)
+    (line,) = said("--project", "sat", "list")
+    assert line == ("fledge: list: packages are missing; as root, run: apt-get install "
+                    + " ".join(one.partition(" |")[0] for one in fledge_deb.packages("project")))
+
+
+# --- beside another Fledge, and another Python ------------------------------------------------------
+
+def test_only_a_checkout_makes_packages(prefix, tmp_path):
+    assert run(prefix / "bin/fledge", "package", cwd=tmp_path, code=1) == \
+        "fledge: package: this Fledge is installed; a checkout makes packages\n"
+
+
+def test_it_says_that_it_is_not_the_checkout_around_it(prefix):
+    done = subprocess.run([prefix / "bin/fledge", "exec", "true"], cwd=ROOT / "missions", env=CLEAN, text=True,
+                          capture_output=True)
+    assert done.stderr == (f"fledge: this is the Fledge in {prefix}/lib/fledge, not the checkout around this folder; "
+                           f"for that, {ROOT}/fledge\n")
+
+
+def test_it_is_not_mixed_with_another_one(prefix, tmp_path):
+    done = subprocess.run(["/usr/bin/python3", "-c", "import fledge; fledge._core"], text=True, capture_output=True,
+                          env={**CLEAN, "PYTHONPATH": f"{ROOT}/python:{prefix}/lib/fledge/python"}, cwd=tmp_path)
+    assert done.stderr.splitlines()[-1].startswith(
+        f"ImportError: Fledge is that of {ROOT}/python, and its extension that of another one, {prefix}/lib/fledge/py")
+
+
+def test_another_python_is_refused_in_one_line(prefix, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(prefix, copy)
+    ours = sysconfig.get_config_var("EXT_SUFFIX")
+    (extension,) = copy.glob("lib/fledge/python/_core.*.so")
+    extension.rename(extension.with_name("_core.cpython-399-mips-linux-gnu.so"))
+    expected = (f"the Fledge in {copy}/lib/fledge/python is for cpython-399-mips-linux-gnu, this Python is "
+                f"{ours[1:-3]}: install a package that was made on such a system\n")
+    assert run(copy / "bin/fledge", "run", "nadir_spin", cwd=tmp_path, code=1) == f"fledge: {expected}"
+    printed = run("/usr/bin/python3", "-c", "import fledge", cwd=tmp_path, code=1,
+                  PYTHONPATH=str(copy / "lib/fledge/python"))
+    assert printed.endswith(f"ImportError: {expected}")

@@ -109,8 +109,10 @@ def launch():
 
 
 def packages(purpose):
-    """The names in that section of the list; of alternatives, the first."""
-    section = (ROOT / "cmake/packages.txt").read_text().split(f"[{purpose}]")[1].split("[")[0]
+    """The names in that section of the list, or in the three of `run`; of alternatives, the first."""
+    if purpose == "run":
+        return [name for one in ("project", "build", "fly") for name in packages(one)]
+    section = (ROOT / "cmake/packages.txt").read_text().split(f"\n[{purpose}]")[1].split("\n[")[0]
     return re.findall(r"^[^#\s]+", section, re.MULTILINE)
 
 
@@ -676,7 +678,7 @@ def test_ctrl_c_while_python_starts_leaves_no_traceback(tmp_path, module):
 
 
 # The launcher's own, and those of the command line proper.
-COMMANDS = ["setup", "demo", "test", "docs", "exec", "completion",
+COMMANDS = ["setup", "package", "demo", "test", "docs", "exec", "completion",
             *next(a.choices for a in cli.parser()._actions if a.dest == "command")]
 
 
@@ -754,7 +756,8 @@ def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, fo
     assert launch.said("ninja") == []       # nothing is built first
 
 
-@pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"]])
+@pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"],
+                                       ["package", "--bogus"], ["package", "--out"], ["--preset", "debug", "package"]])
 def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
     assert launch(*arguments).returncode == 2
 

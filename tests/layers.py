@@ -76,7 +76,7 @@ RULES = {
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
                   ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge", "missions"]),
-    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip", []),
+    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip, the .deb", []),
     "tests": Rule("Python, C++", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
                    "introspect", "fledge", "missions"]),
@@ -116,6 +116,7 @@ PARTS = [
 
 # Python packages of other projects, and where each may be imported. They are Debian's.
 THIRD_PARTIES = {
+    "cmake":      {"fledge_wheel"},
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook

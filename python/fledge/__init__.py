@@ -12,7 +12,17 @@ Everything is imported when it is first used: numpy by the first array that is r
 matplotlib by the first frame or plot.
 """
 
+import _imp
+import os
+
 __version__ = "0.1.0"
+
+# Where Fledge is installed, its extensions lie beside it: for one Python.
+_BESIDE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_made = [name for name in os.listdir(_BESIDE) if name.startswith("_core.") and name.endswith(".so")]
+if _made and f"_core{_imp.extension_suffixes()[0]}" not in _made:
+    raise ImportError(f"the Fledge in {_BESIDE} is for {_made[0][6:-3]}, this Python is "
+                      f"{_imp.extension_suffixes()[0][1:-3]}: install a package that was made on such a system")
 
 # Name -> where it is. A module of the package, or an attribute of one.
 _LAZY = {
@@ -79,6 +89,11 @@ def __getattr__(name):
             raise
         raise ImportError(f"the extension {error.name} is not built, or not on PYTHONPATH; ./fledge setup builds it"
                           ) from None
+    if module.startswith("_"):
+        place = os.path.dirname(os.path.abspath(str(found.__file__)))
+        if place != _BESIDE and os.path.exists(f"{place}/fledge/__init__.py"):
+            raise ImportError(f"Fledge is that of {_BESIDE}, and its extension that of another one, {place}: start "
+                              "Python by './fledge exec' of the one you mean, or mend PYTHONPATH")
     value = found if attribute is None else getattr(found, attribute)
     globals()[name] = value
     return value

@@ -144,8 +144,9 @@ struct Column {
 SegmentFile read_de405(const std::string &folder)
 {
     if (!std::filesystem::exists(folder + "/table.dat")) {
-        refuse_file(folder, "JPL's ephemeris DE405 is not there; install the Debian package "
-                            "casacore-data-jpl-de405, or give the folder that holds its table.dat");
+        refuse_file(folder,
+                    "JPL's ephemeris DE405 is not there: give the folder that holds its table.dat; or, as root, "
+                    "run: apt-get install casacore-data-jpl-de405");
     }
     const Description description(folder + "/table.dat");
     const double row_days = description.number("dMJD");

@@ -354,8 +354,8 @@ TEST_F(De405, DamagedTablesAreRefused)
     broken[16 + 8160 * 7] = 2;
     EXPECT_THAT(error(dat, broken), HasSubstr("row 8 has no head"));
     EXPECT_THAT(error_of([] { Ephemeris().add_de405("/nowhere"); }),
-                HasSubstr("/nowhere: JPL's ephemeris DE405 is not there; install the Debian package "
-                          "casacore-data-jpl-de405"));
+                HasSubstr("/nowhere: JPL's ephemeris DE405 is not there: give the folder that holds its table.dat; "
+                          "or, as root, run: apt-get install casacore-data-jpl-de405"));
 }
 
 } // namespace

@@ -554,6 +554,17 @@ def _in_words(error):
     """The text of an error; of an error of the operating system the file and the reason, without the number."""
     if isinstance(error, PermissionError) and isinstance(error.filename, str):
         return f"this user may not write or read {os.path.abspath(error.filename)}"
+    if isinstance(error, ModuleNotFoundError) and (package := _package_of(str(error.name))):
+        return f"{error.name} is not installed; as root, run: apt-get install {package}"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     return error
+
+
+def _package_of(module):
+    """The package of Debian, among those that Fledge names, which has a module of Python; "" if there is none."""
+    from fledge.files import ROOT
+
+    package = f"python3-{module.partition('.')[0].lower()}"
+    listed = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").split()
+    return package if package in listed else ""

@@ -8,6 +8,11 @@ if CTRL_C is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})     # the launcher blocks it
 
+try:
+    import fledge  # noqa: F401
+except ImportError as error:    # it is made for another Python
+    sys.exit(f"fledge: {error}")
+
 from fledge.cli import main  # noqa: E402
 
 try:

@@ -20,7 +20,7 @@ def run(tool: str, options: Sequence[str], command: Sequence[str | Path], folder
         environment: Mapping[str, str] | None = None) -> str:
     """Run a command under a tool, in a folder; returns what it printed."""
     if not shutil.which("valgrind"):
-        raise Failure("profile: valgrind is not installed")
+        raise Failure("profile: valgrind is not installed; as root, run: apt-get install valgrind")
     done = subprocess.run(["valgrind", "-q", f"--tool={tool}", *options, *map(str, command)], cwd=folder, text=True,
                           capture_output=True, errors="replace",
                           env=without_preload({**os.environ, **(environment or {})}))

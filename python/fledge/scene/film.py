@@ -36,7 +36,7 @@ def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float 
         raise SetupError(f"a film has two frames or more, from a time to a later one, both from {scene.begin:g} s to "
                          f"{scene.end:g} s; this has {frames}, from {begin:g} s to {end:g} s")
     if not browser.PROGRAM:
-        raise SetupError("a film needs Chromium, which is not on the PATH (Ubuntu has it as a snap only)")
+        raise SetupError("a film needs Chromium; as root, run: apt-get install chromium (Ubuntu has it as a snap only)")
     path, pictures = Path(path), []
     shown = page.write(scene, path.with_name(f"{path.name}.html"))
     try:

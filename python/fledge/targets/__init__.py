@@ -96,10 +96,21 @@ class Targets(Mapping[str, Target]):
             self.expect([name], command)
             found.append(self[name])
             if missing := found[-1].missing():
-                raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here")
+                raise Failure(f"{command}: {name} needs {' and '.join(missing)}, not installed here; as root, run: "
+                              f"apt-get install {' '.join(self._packages(found[-1], missing))}")
         for one in dict.fromkeys(used for target in found for used in target.with_used()):
             one.prepare()
         return found
+
+    def _packages(self, target: Target, missing: Iterable[str]) -> list[str]:
+        """The packages of Debian that have what is missing: compilers of this machine, and what targets list."""
+        import re
+
+        files = [self.folders[one.name] / "packages.txt" for one in target.with_used()]
+        native = {"gcc": "g++", "ninja": "ninja-build"}     # g++ brings the C library's headers, too
+        return list(dict.fromkeys([*(native[one] for one in missing if one in native), *(
+            name for file in files if file.is_file()
+            for name in re.findall(r"^[^#|\s]+", file.read_text(encoding="utf-8"), re.M))]))
 
 
 TARGETS = Targets(PLACES)

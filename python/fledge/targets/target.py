@@ -45,6 +45,8 @@ class Target:
     def missing(self) -> list[str]:
         """The programs that are not installed."""
         programs = dict.fromkeys(program for one in self.with_used() for program in one.needs)
+        if programs:
+            programs["ninja"] = None    # which builds for all of them
         return [one for one in programs if not shutil.which(one)]
 
     def prepare(self) -> None:
