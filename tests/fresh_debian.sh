@@ -178,8 +178,9 @@ if [ -n "$package" ]; then
     another wheel
     cp "$package"/*.whl "$fresh/home"
     inside "apt-get update > /dev/null"
-    step "apt install python3-venv, numpy, matplotlib" \
-        inside "apt-get install -y --no-install-recommends python3-venv python3-numpy python3-matplotlib > /dev/null"
+    step "apt install python3-venv, numpy, matplotlib, h5py" \
+        inside "apt-get install -y --no-install-recommends python3-venv python3-numpy \
+            python3-matplotlib python3-h5py > /dev/null"
     step "python3 -m venv, pip install fledge-*.whl" \
         inside "python3 -m venv --system-site-packages env && env/bin/pip install -q --no-index fledge-*.whl" ||
         failed "no wheel"
