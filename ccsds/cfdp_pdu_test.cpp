@@ -18,7 +18,7 @@
 #include <tuple>
 #include <vector>
 
-namespace {
+namespace cfdp_pdu_test {
 
 using namespace ccsds::testing;
 
@@ -535,4 +535,4 @@ TEST(CfdpPdu, wireshark_reads_the_same)
     std::remove(file.c_str());
 }
 
-} // namespace
+} // namespace cfdp_pdu_test

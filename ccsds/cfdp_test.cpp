@@ -22,7 +22,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace cfdp_test {
 
 using namespace ccsds::testing;
 using Clock = std::int64_t; // [ns]
@@ -1877,4 +1877,4 @@ TEST(CfdpStore, files_requests_and_lists_in_folders)
     }
 }
 
-} // namespace
+} // namespace cfdp_test

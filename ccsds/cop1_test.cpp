@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace cop1_test {
 
 using namespace ccsds::testing;
 
@@ -696,4 +696,4 @@ TEST(Cop1, with_security_so_they_are_whatever_is_replayed_or_forged)
     command_through_a_bad_link(true);
 }
 
-} // namespace
+} // namespace cop1_test

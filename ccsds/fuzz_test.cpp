@@ -26,7 +26,7 @@
 #include <set>
 #include <vector>
 
-namespace {
+namespace ccsds_fuzz_test {
 
 using namespace ccsds::testing;
 
@@ -609,4 +609,4 @@ TEST_F(Fuzz, both_ends_of_a_link)
     EXPECT_GT(ends->packets, cases / 4);
 }
 
-} // namespace
+} // namespace ccsds_fuzz_test

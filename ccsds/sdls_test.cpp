@@ -10,7 +10,7 @@
 #include <set>
 #include <vector>
 
-namespace {
+namespace sdls_test {
 
 using namespace ccsds::testing;
 
@@ -334,4 +334,4 @@ TEST(Sdls, after_a_reset_the_owner_goes_on_behind_what_it_kept)
     EXPECT_EQ(craft.take(frames[4]), CCSDS_OK);
 }
 
-} // namespace
+} // namespace sdls_test

@@ -13,7 +13,7 @@
 #include <memory>
 #include <set>
 
-namespace {
+namespace ccsds_space_link_test {
 
 using namespace ccsds::testing;
 
@@ -469,4 +469,4 @@ TEST(SpaceLink, an_impossible_link_is_refused)
     EXPECT_FALSE(possible([](auto &s) { s.telemetry.size = 2049; }));
 }
 
-} // namespace
+} // namespace ccsds_space_link_test

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace space_packet_test {
 
 using namespace ccsds::testing;
 
@@ -204,4 +204,4 @@ TEST(PacketJoiner, what_does_not_belong_is_counted)
     EXPECT_EQ(joiner.parts.faults[CCSDS_LENGTH], 1u);
 }
 
-} // namespace
+} // namespace space_packet_test

@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace sync_test {
 
 using namespace ccsds::testing;
 
@@ -169,4 +169,4 @@ TEST(Markers, frames_are_found_in_noise_and_kept_when_bits_of_a_marker_flip)
     EXPECT_GE(reader.skipped, 1000u);
 }
 
-} // namespace
+} // namespace sync_test

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace tc_frame_test {
 
 using namespace ccsds::testing;
 
@@ -172,4 +172,4 @@ TEST(Clcw, has_the_bits_of_the_standard)
     }
 }
 
-} // namespace
+} // namespace tc_frame_test

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-namespace {
+namespace tm_frame_test {
 
 using namespace ccsds::testing;
 
@@ -369,4 +369,4 @@ TEST(AosFrame, real_frames_give_the_packets_of_the_published_list)
     EXPECT_EQ(found, listed);
 }
 
-} // namespace
+} // namespace tm_frame_test

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace tshark_test {
 
 using namespace ccsds::testing;
 
@@ -98,4 +98,4 @@ TEST(SpacePacket, tshark_reads_the_same_fields)
     }
 }
 
-} // namespace
+} // namespace tshark_test

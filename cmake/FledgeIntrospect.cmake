@@ -71,6 +71,8 @@ function(fledge_introspect target)
         DEPFILE ${first}.d
         COMMENT "Reading the headers of ${arg_LIBRARY}"
         VERBATIM)
+    # A program that makes no models by name links them without their tables.
+    set_source_files_properties(${written} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     target_sources(${target} PRIVATE ${written})
     target_include_directories(${target} PRIVATE ${arg_ROOT} ${arg_INCLUDE} ${FLEDGE_ROOT})
 endfunction()

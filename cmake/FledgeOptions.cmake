@@ -54,8 +54,8 @@ endfunction()
 
 # fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic, for the
 # flight headers that it includes use C99's compound literals. What gcc 12 says at -O3 about the
-# bounds of std::string and std::vector is false alarm; the sanitizers watch those. It warns of a class with a member from
-# an anonymous namespace unless that class stands in the file that is compiled, which is never the case in FLEDGE_UNITY.
+# bounds of std::string and std::vector is false alarm; the sanitizers watch those. It warns of a class with a member
+# from an anonymous namespace, unless that class stands in the file that is compiled: with FLEDGE_UNITY none does.
 function(fledge_cxx_options target)
     fledge_common_options(${target})
     set_target_properties(${target} PROPERTIES UNITY_BUILD ${FLEDGE_UNITY} UNITY_BUILD_BATCH_SIZE 0)

@@ -31,6 +31,7 @@ function(fledge_project name)
         add_library(${name}_code STATIC ${modules} ${models})
         fledge_flight_options(${name}_code)
         fledge_cxx_options(${name}_code)
+        set_target_properties(${name}_code PROPERTIES UNITY_BUILD OFF)  # few sources, that change often
         target_link_libraries(${name}_code PUBLIC fledge::flight fledge::world)
         set(built_by ${name}_code)
         foreach(kind EXISTING NOT_FLOWN)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Unit tests in GoogleTest. The target `tests` builds them; `all` does not, so that a flight does not
-# wait for its tests. ctest starts each program once; `./fledge test -k` selects cases by GTEST_FILTER, and counts
-# them in GoogleTest's own reports.
+# wait for its tests. A program has the tests of a folder; ctest starts it once for each
+# source; `./fledge test -k` selects cases by GTEST_FILTER, and counts them in GoogleTest's own reports.
 
 add_custom_target(tests)
 file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
@@ -13,30 +13,52 @@ mark_as_advanced(FLEDGE_TEST_OPTIONS)
 
 if(BUILD_TESTING)
     find_package(GTest REQUIRED)
+    add_library(fledge_test_main STATIC EXCLUDE_FROM_ALL ${CMAKE_CURRENT_LIST_DIR}/test_main.cpp)
+    fledge_cxx_options(fledge_test_main)
+    target_link_libraries(fledge_test_main PUBLIC GTest::gtest)
 endif()
 
-# fledge_add_test(<name> SOURCES <file>... [LIBRARIES <target>...])
-function(fledge_add_test name)
+# fledge_add_test(<program> SOURCES <file>... [LIBRARIES <target>...])
+#
+# Adds tests to a program; several calls may name the same one. ctest has a test for each source NAME_test.cpp, with the
+# path of the source below the project as its name (a.b/x_test: a/b/x_test.cpp), and the program as its label.
+function(fledge_add_test program)
     if(NOT BUILD_TESTING)
         return()
     endif()
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;LIBRARIES")
-    add_executable(${name} EXCLUDE_FROM_ALL ${arg_SOURCES})
-    file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
-    list(TRANSFORM arg_SOURCES PREPEND ${folder}/ OUTPUT_VARIABLE sources)
-    list(JOIN sources " " sources)
-    file(APPEND ${PROJECT_BINARY_DIR}/tests.txt "${name} ${sources}\n")
-    fledge_cxx_options(${name})
-    # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
-    target_compile_options(${name} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
-    target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest_main)
-    if(TARGET fledge_test_headers)
-        target_compile_options(${name} PRIVATE -fpch-preprocess)
-        target_precompile_headers(${name} REUSE_FROM fledge_test_headers)
+    if(NOT TARGET ${program})
+        add_executable(${program} EXCLUDE_FROM_ALL)
+        fledge_cxx_options(${program})
+        set_target_properties(${program} PROPERTIES UNITY_BUILD_BATCH_SIZE 8)   # so that all processors compile
+        # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
+        target_compile_options(${program} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
+        target_compile_definitions(${program} PRIVATE FLEDGE_ROOT="${PROJECT_SOURCE_DIR}")
+        if(TARGET fledge_test_headers)
+            target_compile_options(${program} PRIVATE -fpch-preprocess)
+            target_precompile_headers(${program} REUSE_FROM fledge_test_headers)
+        endif()
+        add_dependencies(tests ${program})
     endif()
-    add_dependencies(tests ${name})
-    add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES TIMEOUT 1200 LABELS gtest)
+    target_sources(${program} PRIVATE ${arg_SOURCES})
+    target_link_libraries(${program} PRIVATE ${arg_LIBRARIES} fledge_test_main)
+    foreach(source IN LISTS arg_SOURCES)
+        get_filename_component(source ${source} ABSOLUTE)
+        file(RELATIVE_PATH path ${PROJECT_SOURCE_DIR} ${source})
+        file(APPEND ${PROJECT_BINARY_DIR}/tests.txt "${program} ${path}\n")
+        if(path MATCHES "^(.*_test)[.]cpp$")
+            string(REPLACE / . test ${CMAKE_MATCH_1})
+            get_property(tests GLOBAL PROPERTY FLEDGE_TESTS)
+            if(test IN_LIST tests)
+                string(APPEND test .${program})     # a source of two programs
+            endif()
+            set_property(GLOBAL APPEND PROPERTY FLEDGE_TESTS ${test})
+            add_test(NAME ${test} COMMAND ${program} --source=${path})
+            set_tests_properties(${test} PROPERTIES TIMEOUT 1200 LABELS "gtest;${program}")
+        else()      # what tests share may replace functions of the library, as `operator new`
+            set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+        endif()
+    endforeach()
 endfunction()
 
 # fledge_precompile_test_headers(<header>...): compile headers of the system once, for all tests that

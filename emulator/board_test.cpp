@@ -10,7 +10,7 @@
 #include "emulator/testing/board.h"
 
 namespace fledge::emulator {
-namespace {
+namespace board_test {
 
 using testing::board_text;
 using ::testing::HasSubstr;
@@ -143,5 +143,5 @@ TEST(Board, damaged_files_are_refused_or_work)
     }
 }
 
-} // namespace
+} // namespace board_test
 } // namespace fledge::emulator

@@ -9,7 +9,7 @@
 #include "emulator/testing/make_elf.h"
 
 namespace fledge::emulator {
-namespace {
+namespace elf_test {
 
 using ::testing::HasSubstr;
 using testing::make_elf;
@@ -163,5 +163,5 @@ TEST(Elf, damaged_files_are_refused_or_read)
     EXPECT_LT(refused, 19'000u);
 }
 
-} // namespace
+} // namespace elf_test
 } // namespace fledge::emulator

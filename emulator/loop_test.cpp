@@ -13,7 +13,7 @@
 #include "emulator/testing/register_boards.h"
 
 namespace fledge::emulator {
-namespace {
+namespace loop_test {
 
 using namespace testing;
 
@@ -365,5 +365,5 @@ TEST(FlightLoop, a_board_without_registers_is_refused)
     EXPECT_THROW(FlightLoop loop(m), Error);
 }
 
-} // namespace
+} // namespace loop_test
 } // namespace fledge::emulator

@@ -17,7 +17,7 @@
 #include "emulator/testing/register_boards.h"
 
 namespace fledge::emulator {
-namespace {
+namespace machine_test {
 
 using namespace testing;
 using ::testing::HasSubstr;
@@ -588,5 +588,5 @@ TEST(Machine, a_backtrace_reads_windows_that_were_saved_in_memory)
     EXPECT_THAT(m.report(), HasSubstr("#1  0x40001100"));
 }
 
-} // namespace
+} // namespace machine_test
 } // namespace fledge::emulator

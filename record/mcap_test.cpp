@@ -58,7 +58,7 @@ void *__wrap_realloc(void *p, size_t n)
 }
 }
 
-namespace {
+namespace mcap_test {
 
 using Bytes = std::vector<uint8_t>;
 
@@ -1131,4 +1131,4 @@ TEST_F(FileSinkTest, ANameFitsWithItsSuffixOrIsRefused)
     EXPECT_FALSE(std::filesystem::exists(name + ".part"));
 }
 
-} // namespace
+} // namespace mcap_test

@@ -7,7 +7,7 @@
 
 #include "registers/testing/board.h"
 
-namespace {
+namespace clock_test {
 
 using fledge::registers::testing::Bench;
 
@@ -54,4 +54,4 @@ TEST(Clock, AResetIsSeenAtTheNextTick)
     }
 }
 
-} // namespace
+} // namespace clock_test

@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace field_test {
 
 RegisterField field(double scale, double offset, int lsb, int bits, bool is_signed)
 {
@@ -139,4 +139,4 @@ TEST(Field, BeyondItsTypeANumberInAPacketIsLimited)
     EXPECT_TRUE(std::isnan(register_field_read(&f, packet, 0)));
 }
 
-} // namespace
+} // namespace field_test

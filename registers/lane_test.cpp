@@ -13,7 +13,7 @@
 
 #include "registers/testing/board.h"
 
-namespace {
+namespace lane_test {
 
 using namespace fledge::registers::testing;
 using Bytes = std::vector<unsigned char>;
@@ -522,4 +522,4 @@ TEST(Lane, InterruptsAreCountedAndRing)
     EXPECT_EQ(rung.size(), 2u);
 }
 
-} // namespace
+} // namespace lane_test

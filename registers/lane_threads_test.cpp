@@ -11,7 +11,7 @@
 
 #include "registers/testing/board.h"
 
-namespace {
+namespace lane_threads_test {
 
 using namespace fledge::registers::testing;
 
@@ -73,4 +73,4 @@ TEST(LaneThreads, AQueueThatOverwritesLosesNothingUncounted)
     race(QUEUED | OVERWRITE, 64, 8);
 }
 
-} // namespace
+} // namespace lane_threads_test

@@ -12,7 +12,7 @@
 
 extern "C" const RegisterMessages fledge_messages_flight; // generated from the headers
 
-namespace {
+namespace registers_message_test {
 
 using namespace fledge::registers::testing;
 using Bytes = std::vector<unsigned char>;
@@ -118,4 +118,4 @@ TEST(Message, OnlyMessagesOfItsSizePass)
     EXPECT_EQ(register_take_message(any.window(), any.lane(), type, bytes.data(), &info), REGISTER_CORRUPT);
 }
 
-} // namespace
+} // namespace registers_message_test

@@ -23,7 +23,7 @@
 #include "registers/snapshot_link.h"
 #include "registers/testing/allocations.h"
 
-namespace {
+namespace outside_test {
 
 using namespace fledge::registers;
 using fledge::registers::testing::allocations;
@@ -351,4 +351,4 @@ TEST(OutsideSharedFile, FlightInAnotherProcessAnswersAndItsEndIsSeen)
     EXPECT_EQ(outside.tick({51, 1}, 20s), Wait::gone);
 }
 
-} // namespace
+} // namespace outside_test

@@ -19,7 +19,7 @@
 #include "registers/clock.h"
 #include "registers/testing/board.h"
 
-namespace {
+namespace shared_file_test {
 
 using namespace fledge::registers::testing;
 
@@ -334,4 +334,4 @@ TEST_F(SharedFile, OtherBoardsAndASecondPeerAreRefused)
     EXPECT_EQ(file_.error, ENAMETOOLONG);
 }
 
-} // namespace
+} // namespace shared_file_test

@@ -14,7 +14,7 @@
 
 namespace fledge::registers {
 
-namespace {
+namespace slave_clock_test {
 
 constexpr std::int64_t ms = 1'000'000, s = 1'000 * ms;
 
@@ -194,6 +194,6 @@ TEST_P(SlaveClockTest, RunsWithTheTicksOfTheClockThatPaces)
 INSTANTIATE_TEST_SUITE_P(Orders, SlaveClockTest, ::testing::Bool(),
                          [](const auto &order) { return order.param ? "big" : "little"; });
 
-} // namespace
+} // namespace slave_clock_test
 
 } // namespace fledge::registers

@@ -14,13 +14,13 @@
 #include <limits>
 #include <numeric>
 
+namespace batch_test {
+
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
 using ::testing::DoubleNear;
 using ::testing::HasSubstr;
 using ::testing::Pointwise;
-
-namespace {
 
 constexpr Ns second = 1'000'000'000;
 
@@ -57,8 +57,6 @@ Dispersion levels(double low, double high)
     level.distribution.b = high;
     return level;
 }
-
-} // namespace
 
 TEST(Batch, EachCloneIntegratesItsOwnActions)
 {
@@ -319,3 +317,5 @@ TEST(Batch, AChildOfAForkIsRefused)
         EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
     }
 }
+
+} // namespace batch_test

@@ -10,11 +10,11 @@
 #include <cmath>
 #include <limits>
 
+namespace campaign_test {
+
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
 using ::testing::HasSubstr;
-
-namespace {
 
 constexpr Ns second = 1'000'000'000;
 
@@ -40,8 +40,6 @@ struct Nominal : Loop {
 
     CampaignPlan plan;
 };
-
-} // namespace
 
 TEST(Campaign, RunsFollowFromTheirDraws)
 {
@@ -334,3 +332,5 @@ TEST(Campaign, StopsWhenAskedAndKeepsWhatIsFinished)
         ASSERT_EQ(std::isnan(result.retained[0][run * 11 + 10]), !result.flown[run]);
     }
 }
+
+} // namespace campaign_test

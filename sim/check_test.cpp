@@ -10,10 +10,10 @@
 #include <cstring>
 #include <limits>
 
+namespace check_test {
+
 using namespace fledge::sim;
 using testing::HasSubstr;
-
-namespace {
 
 struct Values {
     double x;
@@ -75,8 +75,6 @@ void set_inertia(Checker &check, double a, double b, double c, double ab = 0.0)
     const double I[3][3] = {{a, ab, 0}, {ab, b, 0}, {0, 0, c}};
     std::memcpy(check.values.I, I, sizeof I);
 }
-
-} // namespace
 
 TEST(Check, Bounds)
 {
@@ -186,3 +184,5 @@ TEST(Text, IsShortAndExact)
     EXPECT_EQ(format_list({"a", "b", "c"}), "a, b and c");
     EXPECT_EQ(format_list({}), "(none)");
 }
+
+} // namespace check_test

@@ -5,11 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+namespace distinct_test {
+
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
 using ::testing::HasSubstr;
-
-namespace {
 
 /// Two tanks, and a module whose inputs `number` and `offset` must differ.
 struct Pair {
@@ -40,8 +40,6 @@ struct Pair {
     std::shared_ptr<Instance> a, b, sum;
 };
 
-} // namespace
-
 TEST(Distinct, OneOutputForBothIsRefused)
 {
     Pair pair;
@@ -60,3 +58,5 @@ TEST(Distinct, SoAreTwoOutputsThatSayTheSame)
     interface<Tank>(pair.b).par.initial = 1.0;
     EXPECT_EQ(pair.error(), "");
 }
+
+} // namespace distinct_test

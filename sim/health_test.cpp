@@ -11,14 +11,14 @@
 #include <cstddef>
 #include <limits>
 
+namespace health_test {
+
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-namespace {
 
 constexpr Ns ms = 1'000'000;
 const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -334,4 +334,4 @@ TEST(Health, ACampaignKeepsTheFindingsOfEachRun)
     EXPECT_LT(limited, plan.runs);
 }
 
-} // namespace
+} // namespace health_test

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace integrator_test {
 
 using namespace fledge::sim;
 
@@ -471,4 +471,4 @@ TEST(Adaptive, RefusesTolerancesThatMeanNothing)
     EXPECT_THROW(make_adaptive(1e-9, INFINITY), SetupError);
 }
 
-} // namespace
+} // namespace integrator_test

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace {
+namespace random_test {
 
 using fledge::sim::Random;
 
@@ -187,4 +187,4 @@ TEST(Random, BothOfANormalPairAreIndependent)
     EXPECT_LT(std::abs(squares / n), 4.0 * 2.0 / std::sqrt(n));
 }
 
-} // namespace
+} // namespace random_test

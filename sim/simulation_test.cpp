@@ -19,12 +19,12 @@
 #include <iterator>
 #include <map>
 
+namespace simulation_test {
+
 using namespace fledge::sim;
 using namespace fledge::sim::toys;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-namespace {
 
 constexpr Ns ms = 1'000'000;
 
@@ -55,8 +55,6 @@ std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer
     }
     return std::make_shared<Messages>(std::move(made));
 }
-
-} // namespace
 
 TEST(Schedule, AdvancesTheWorldFirstThenFlight)
 {
@@ -767,8 +765,6 @@ TEST(Modes, AreEnteredAtAnInstantOfTheirProcessAndInItsTurn)
     EXPECT_EQ(interface<Source>(source).out.number.head.sequence, 1u) << "reset, then updated";
 }
 
-namespace {
-
 Condition below(const std::shared_ptr<Instance> &tank, double x)
 {
     Operand level;
@@ -776,8 +772,6 @@ Condition below(const std::shared_ptr<Instance> &tank, double x)
     level.offset = offsetof(Tank, out.level.x);
     return {{level, Operand::of(x), EXEC_LESS}, "world.tank.level.x < " + std::to_string(x)};
 }
-
-} // namespace
 
 TEST(Events, FireOnceTheirConditionHeldAndArmAgainWhenItNoLongerHolds)
 {
@@ -1369,3 +1363,5 @@ TEST(Pace, FollowsTheWallClockAndStopsWhenAsked)
     const auto refuse = [](Ns) { return false; };
     EXPECT_FALSE(loop.sim.run_until(1'000'000'000'000 * ms, {.poll = refuse})) << "asked to stop, without a pace";
 }
+
+} // namespace simulation_test

@@ -8,7 +8,7 @@
 #include <random>
 
 namespace fledge::sim {
-namespace {
+namespace temporal_test {
 
 using Kind = FormulaNode::Kind;
 
@@ -292,5 +292,5 @@ TEST(TemporalMonitor, GivesPublishedValues)
     EXPECT_EQ(monitor.value().high, -1.0);
 }
 
-} // namespace
+} // namespace temporal_test
 } // namespace fledge::sim

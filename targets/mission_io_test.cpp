@@ -13,7 +13,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace mission_io_test {
 
 // A message with an array of each type of number. It stands in a mission behind something else.
 struct Numbers {
@@ -477,4 +477,4 @@ TEST_F(PacketTest, AResetForgetsWhatWaits)
     EXPECT_EQ(read(10).x[0], 4.0);
 }
 
-} // namespace
+} // namespace mission_io_test

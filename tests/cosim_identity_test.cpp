@@ -31,7 +31,7 @@
 
 extern "C" const FledgeLibrary fledge_library_flight;
 
-namespace {
+namespace cosim_identity_test {
 
 using namespace fledge;
 using cosim::Latency;
@@ -464,4 +464,4 @@ TEST(CosimIdentity, FlightMayJoinLate)
     EXPECT_TRUE(std::any_of(error->bytes.begin(), error->bytes.end(), [](std::byte b) { return b != std::byte{0}; }));
 }
 
-} // namespace
+} // namespace cosim_identity_test

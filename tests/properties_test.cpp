@@ -26,7 +26,7 @@ extern "C" {
 extern const FledgeLibrary fledge_library_flight;
 }
 
-namespace {
+namespace properties_test {
 
 using namespace fledge;
 using flight::testing::any_number;
@@ -577,4 +577,4 @@ TEST(Models, FaultySensorsAndActuatorsGoOnBitForBitFromSnapshotsAndInClones)
     EXPECT_EQ(world.simulation.snapshot(), straight);
 }
 
-} // namespace
+} // namespace properties_test

@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from tests.tree import ROOT, files
 
@@ -55,7 +56,11 @@ def units(chosen):
     """[(flags, [source])]: sources that a file may include."""
     commands = {}
     for entry in json.loads((ROOT / "build/release/compile_commands.json").read_text(encoding="utf-8")):
-        commands.setdefault(entry["file"].removeprefix(f"{ROOT}/"), flags(entry["command"]))
+        together = Path(entry["file"])      # FLEDGE_UNITY: a file that includes the sources
+        compiled = (re.findall(r'^#include "(.*)"', together.read_text(encoding="utf-8"), re.M)
+                    if together.parent.name == "Unity" else [entry["file"]])
+        for source in compiled:
+            commands.setdefault(source.removeprefix(f"{ROOT}/"), flags(entry["command"]))
     texts = {source: (ROOT / source).read_text(encoding="utf-8") for source in chosen}
     groups = defaultdict(list)
     for source, text in sorted(texts.items(), key=lambda item: is_program(item[1])):

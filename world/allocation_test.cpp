@@ -14,7 +14,7 @@
 
 #include <memory>
 
-namespace {
+namespace allocation_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -143,4 +143,4 @@ TEST(World, UpdatesDoNotAllocate)
     EXPECT_EQ(allocations.count(), *counted);
 }
 
-} // namespace
+} // namespace allocation_test

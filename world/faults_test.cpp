@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-namespace {
+namespace faults_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -237,4 +237,4 @@ TEST(Faults, PlansThatMakeNoSenseAreRefused)
     EXPECT_EQ(refusal({FAULT_BIAS, 7, -4.0, 5, 6}), "(nothing was thrown)");
 }
 
-} // namespace
+} // namespace faults_test

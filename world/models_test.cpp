@@ -16,7 +16,7 @@
 #include <string>
 #include <thread>
 
-namespace {
+namespace models_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -254,4 +254,4 @@ TEST(Models, ANewInertiaTakesEffectAtOnceAndTheStateStays)
     EXPECT_EQ(w.sim.snapshot(), fresh.sim.snapshot());
 }
 
-} // namespace
+} // namespace models_test

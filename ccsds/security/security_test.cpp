@@ -9,7 +9,7 @@
 #include <fstream>
 #include <string>
 
-namespace {
+namespace security_test {
 
 using namespace ccsds::testing;
 
@@ -151,4 +151,4 @@ TEST(KeyFile, is_read_or_refused_with_what_to_do)
     EXPECT_EQ(std::string(why), "/: this is no file of keys");
 }
 
-} // namespace
+} // namespace security_test

@@ -14,7 +14,7 @@
 #include <optional>
 #include <set>
 
-namespace {
+namespace memory_store_test {
 
 using namespace ccsds::testing;
 
@@ -441,4 +441,4 @@ TEST(MemoryStore, MakesALostDirectoryAnew)
     EXPECT_EQ(content(disk.files()), (Content{{"d/", {}}, {"d/e/", {}}, {"d/e/f", {1, 2, 3}}}));
 }
 
-} // namespace
+} // namespace memory_store_test

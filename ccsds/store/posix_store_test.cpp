@@ -9,7 +9,7 @@
 #include <fstream>
 #include <iterator>
 
-namespace {
+namespace posix_store_test {
 
 using namespace ccsds::testing;
 
@@ -58,4 +58,4 @@ TEST(PosixStore, stays_in_its_folder)
     posix_store_close(&posix);
 }
 
-} // namespace
+} // namespace posix_store_test

@@ -6,7 +6,7 @@
 #include <array>
 
 namespace fledge::cosim {
-namespace {
+namespace controller_test {
 
 TEST(Controller, InputsDependOnlyOnTheLatenciesInEveryOrderOfReplies)
 {
@@ -542,5 +542,5 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
     EXPECT_NO_THROW(configured({one}, 0));
 }
 
-} // namespace
+} // namespace controller_test
 } // namespace fledge::cosim

@@ -7,7 +7,7 @@
 #include <functional>
 
 namespace fledge::cosim {
-namespace {
+namespace fault_test {
 
 /// Two nodes that exchange words, and one that joins after 300 ns.
 std::vector<Spec> three(Policy policy)
@@ -311,5 +311,5 @@ TEST(Faults, AnInvalidConfigurationOfJoinsAndRestartsIsRefused)
               "no node joins at the start; at least one has to");
 }
 
-} // namespace
+} // namespace fault_test
 } // namespace fledge::cosim

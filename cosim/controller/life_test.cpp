@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 namespace fledge::cosim {
-namespace {
+namespace life_test {
 
 constexpr Ns the_end = 400;
 
@@ -194,5 +194,5 @@ TEST(Life, InputsDependOnlyOnTheTimesAtWhichNodesJoinAndLeave)
     EXPECT_GT(commanded, 1000u);
 }
 
-} // namespace
+} // namespace life_test
 } // namespace fledge::cosim

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::cosim {
-namespace {
+namespace parts_test {
 
 const Schedule every_10{{{10, 0}}, false};
 
@@ -342,5 +342,5 @@ TEST(RestartLog, ASnapshotReplacesOlderMessages)
               "it writes /a/x at 0.000000005 s, which the program before did not");
 }
 
-} // namespace
+} // namespace parts_test
 } // namespace fledge::cosim

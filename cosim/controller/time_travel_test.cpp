@@ -4,7 +4,7 @@
 #include "cosim/controller/testing/network.h"
 
 namespace fledge::cosim {
-namespace {
+namespace time_travel_test {
 
 constexpr Ns the_end = 600;
 
@@ -245,5 +245,5 @@ TEST(TimeTravel, APastThatMakesNoSenseIsRefused)
     EXPECT_NE(fault({50, {}, {{"world", 60, {}}}}), "");
 }
 
-} // namespace
+} // namespace time_travel_test
 } // namespace fledge::cosim

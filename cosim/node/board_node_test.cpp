@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace board_node_test {
 
 using namespace fledge;
 using namespace fledge::cosim;
@@ -700,4 +700,4 @@ TEST_F(BoardNodeResetTest, WhatComesByRadioIsTakenUnitByUnitAndLostWhileTheCompu
     EXPECT_EQ(state.counters.refused, 1u);
 }
 
-} // namespace
+} // namespace board_node_test

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace units_test {
 
 using namespace fledge::cosim;
 using fledge::sim::Packet;
@@ -87,4 +87,4 @@ TEST(Units, AMessageWithAWrongLengthIsRefused)
     EXPECT_THROW(units_of(std::span(message).first(10)), ProtocolError);
 }
 
-} // namespace
+} // namespace units_test

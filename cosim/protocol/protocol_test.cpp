@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::cosim {
-namespace {
+namespace protocol_test {
 
 using namespace testing;
 
@@ -377,5 +377,5 @@ TEST(Schema, AnyTextIsParsedOrRefused)
     EXPECT_GT(read, 1000u);
 }
 
-} // namespace
+} // namespace protocol_test
 } // namespace fledge::cosim

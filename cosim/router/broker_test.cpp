@@ -12,7 +12,7 @@
 #include <random>
 
 namespace fledge::cosim {
-namespace {
+namespace broker_test {
 
 using namespace std::chrono_literals;
 using namespace testing_nodes;
@@ -658,5 +658,5 @@ TEST(Broker, AnObserverWhoseQueueIsFullOutlivesTheRun)
     }
 }
 
-} // namespace
+} // namespace broker_test
 } // namespace fledge::cosim

@@ -11,7 +11,7 @@
 #include <sys/socket.h>
 
 namespace fledge::cosim {
-namespace {
+namespace keys_test {
 
 using namespace std::chrono_literals;
 using namespace testing_nodes;
@@ -362,5 +362,5 @@ TEST(Keys, AnInvalidFileIsReportedWithItsFault)
     EXPECT_EQ(allowed(), file + ": it holds no public-key");
 }
 
-} // namespace
+} // namespace keys_test
 } // namespace fledge::cosim

@@ -10,7 +10,7 @@
 #include <thread>
 
 namespace fledge::cosim {
-namespace {
+namespace network_fault_test {
 
 using namespace std::chrono_literals;
 using namespace testing_nodes;
@@ -345,5 +345,5 @@ TEST(Fault, ASteeredRunPausesGoesOnAndChangesItsPaceWithoutAnotherMessage)
     EXPECT_EQ(fly(true), fly(false));
 }
 
-} // namespace
+} // namespace network_fault_test
 } // namespace fledge::cosim

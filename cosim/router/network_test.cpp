@@ -20,7 +20,7 @@
 #include <unistd.h>
 
 namespace fledge::cosim {
-namespace {
+namespace network_test {
 
 using namespace std::chrono_literals;
 
@@ -465,5 +465,5 @@ TEST(Delegate, ItEndsWhenTheControllersProgramLeavesTheRun)
     }
 }
 
-} // namespace
+} // namespace network_test
 } // namespace fledge::cosim

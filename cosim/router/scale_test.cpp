@@ -16,7 +16,7 @@
 #include <sys/wait.h>
 
 namespace fledge::cosim {
-namespace {
+namespace scale_test {
 
 using namespace testing_nodes;
 using Clock = std::chrono::steady_clock;
@@ -149,5 +149,5 @@ TEST(Scale, TooFewFilesAreAnErrorBeforeTheRun)
               0);
 }
 
-} // namespace
+} // namespace scale_test
 } // namespace fledge::cosim

@@ -31,7 +31,7 @@ constexpr bool grows = false;
 #endif
 
 namespace fledge::cosim {
-namespace {
+namespace soak_test {
 
 using namespace std::chrono_literals;
 
@@ -338,5 +338,5 @@ TEST(Soak, ManyTicksArriveAlthoughNodesAreKilledAndStopped)
     soak(grows ? 60'000 : 300'000, 3);
 }
 
-} // namespace
+} // namespace soak_test
 } // namespace fledge::cosim

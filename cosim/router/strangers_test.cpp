@@ -19,7 +19,7 @@
 #include <sys/wait.h>
 
 namespace fledge::cosim {
-namespace {
+namespace strangers_test {
 
 using namespace std::chrono_literals;
 using namespace testing_nodes;
@@ -637,5 +637,5 @@ TEST_F(OtherUser, ItTakesPartWhereBothSidesAllowIt)
     EXPECT_EQ(run.a.heard, 200u);
 }
 
-} // namespace
+} // namespace strangers_test
 } // namespace fledge::cosim

@@ -10,7 +10,7 @@
 #include <optional>
 
 namespace fledge::cosim {
-namespace {
+namespace struct_node_test {
 
 constexpr Ns ms = 1'000'000;
 
@@ -247,5 +247,5 @@ TEST(StructNode, ADefinitionThatDoesNotFitTheStructIsRefused)
     EXPECT_THROW(node.write("/x", x, position_schema), SchemaError);
 }
 
-} // namespace
+} // namespace struct_node_test
 } // namespace fledge::cosim

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 namespace fledge::cosim {
-namespace {
+namespace replay_test {
 
 /// A node that makes its words of all that it has heard, and sometimes says nothing.
 class Mixer final : public Node {
@@ -259,5 +259,5 @@ TEST(Replay, ARecordThatCannotBeWrittenEndsTheRun)
     EXPECT_EQ(replay.run(), "cannot write /nowhere/at/all.mcap: No such file or directory");
 }
 
-} // namespace
+} // namespace replay_test
 } // namespace fledge::cosim

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 namespace fledge::cosim {
-namespace {
+namespace snapshots_test {
 
 namespace files = std::filesystem;
 
@@ -133,5 +133,5 @@ TEST_F(Snapshots, WhatIsNotWholeHasNoName)
     EXPECT_FALSE(files::exists(path(60)));
 }
 
-} // namespace
+} // namespace snapshots_test
 } // namespace fledge::cosim

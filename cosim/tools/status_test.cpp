@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 namespace fledge::cosim {
-namespace {
+namespace status_test {
 
 using namespace std::chrono_literals;
 
@@ -300,5 +300,5 @@ TEST(Status, WithoutADescriptorItDoesNothing)
     EXPECT_THROW(StatusStream(999), LinkError);
 }
 
-} // namespace
+} // namespace status_test
 } // namespace fledge::cosim

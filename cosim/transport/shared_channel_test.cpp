@@ -20,7 +20,7 @@
 #include <unistd.h>
 
 namespace fledge::cosim {
-namespace {
+namespace shared_channel_test {
 
 using namespace std::chrono_literals;
 
@@ -219,5 +219,5 @@ TEST(SharedChannel, NonsenseInTheMemoryIsAProtocolError)
     EXPECT_GT(frames, 100);
 }
 
-} // namespace
+} // namespace shared_channel_test
 } // namespace fledge::cosim

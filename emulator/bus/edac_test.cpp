@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator {
-namespace {
+namespace edac_test {
 
 EdacFlips flipped(unsigned bit)
 {
@@ -41,5 +41,5 @@ TEST(Edac, a_whole_word_is_clean_and_three_flips_may_deceive)
     EXPECT_EQ(data, 1u);
 }
 
-} // namespace
+} // namespace edac_test
 } // namespace fledge::emulator

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator {
-namespace {
+namespace system_bus_test {
 
 constexpr std::uint32_t ram = 0x40000000, ram_size = 8 * page_size, rom = 0, rom_size = 2 * page_size;
 
@@ -263,5 +263,5 @@ TEST(SystemBus, one_read_fails)
     EXPECT_EQ(b.read(ram + 16, 4), 7u) << "not after a snapshot was restored";
 }
 
-} // namespace
+} // namespace system_bus_test
 } // namespace fledge::emulator

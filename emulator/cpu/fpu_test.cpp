@@ -12,7 +12,7 @@
 #include "emulator/testing/encode.h"
 #include "emulator/testing/small_computer.h"
 
-namespace {
+namespace fpu_test {
 
 using namespace fledge::emulator;
 using namespace fledge::emulator::testing;
@@ -495,4 +495,4 @@ TEST_P(Fpu, ADivisionByZeroInALoopIsAccrued)
 INSTANTIATE_TEST_SUITE_P(Engines, Fpu, ::testing::Values(&make_interpreter, &make_threaded),
                          [](const auto &made) { return std::string(made.param()->name()); });
 
-} // namespace
+} // namespace fpu_test

@@ -7,7 +7,7 @@
 
 #include "emulator/cpu/timing.h"
 
-namespace {
+namespace instruction_test {
 
 using namespace fledge::emulator;
 
@@ -220,4 +220,4 @@ TEST(Timing, EachStepCostsAtLeastACycle)
     EXPECT_EQ(leon3_timing()[Op::add], 1);
 }
 
-} // namespace
+} // namespace instruction_test

@@ -6,7 +6,7 @@
 #include "emulator/testing/encode.h"
 #include "emulator/testing/small_computer.h"
 
-namespace {
+namespace interpreter_test {
 
 using namespace fledge::emulator;
 using namespace fledge::emulator::testing;
@@ -633,4 +633,4 @@ TEST_P(Cpu, CodeCrossesPagesAndTheirDelaySlots)
 INSTANTIATE_TEST_SUITE_P(Engines, Cpu, ::testing::Values(&make_interpreter, &make_threaded),
                          [](const auto &made) { return std::string(made.param()->name()); });
 
-} // namespace
+} // namespace interpreter_test

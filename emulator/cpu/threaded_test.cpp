@@ -3,7 +3,7 @@
 
 #include "emulator/testing/lock_step.h"
 
-namespace {
+namespace threaded_test {
 
 using namespace fledge::emulator;
 using namespace fledge::emulator::testing;
@@ -15,4 +15,4 @@ TEST(Threaded, RandomProgramsGoAsWithTheReference)
     }
 }
 
-} // namespace
+} // namespace threaded_test

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 namespace fledge::emulator {
-namespace {
+namespace debug_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -206,5 +206,5 @@ TEST_F(Debug, RegistersOfDevicesAreReadAndWritten)
     EXPECT_EQ(found[0].words.at(3).value, 0x140u);
 }
 
-} // namespace
+} // namespace debug_test
 } // namespace fledge::emulator

@@ -6,7 +6,7 @@
 #include "emulator/testing/fake_host.h"
 
 namespace fledge::emulator {
-namespace {
+namespace apbuart_test {
 
 using testing::FakeHost;
 using Lines = std::vector<std::uint32_t>;
@@ -111,5 +111,5 @@ TEST(Apbuart, a_transmitter_that_is_off_keeps_the_bytes)
     }
 }
 
-} // namespace
+} // namespace apbuart_test
 } // namespace fledge::emulator

@@ -8,7 +8,7 @@
 #include "emulator/testing/fake_host.h"
 
 namespace fledge::emulator {
-namespace {
+namespace gptimer_test {
 
 using testing::FakeHost;
 using Lines = std::vector<std::uint32_t>;
@@ -172,5 +172,5 @@ TEST(Gptimer, counts_as_one_that_counts_every_cycle)
     }
 }
 
-} // namespace
+} // namespace gptimer_test
 } // namespace fledge::emulator

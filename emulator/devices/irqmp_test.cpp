@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator {
-namespace {
+namespace irqmp_test {
 
 struct Bench {
     std::uint32_t shown = 0;
@@ -96,5 +96,5 @@ TEST(Irqmp, a_stuck_line_comes_again_and_a_silent_one_never)
     EXPECT_EQ(b.shown, 0u);
 }
 
-} // namespace
+} // namespace irqmp_test
 } // namespace fledge::emulator

@@ -6,7 +6,7 @@
 #include "emulator/testing/fake_host.h"
 
 namespace fledge::emulator {
-namespace {
+namespace memory_controller_test {
 
 using testing::FakeHost;
 using Lines = std::vector<std::uint32_t>;
@@ -113,5 +113,5 @@ TEST(WriteProtection, refuses_writes_to_its_pages)
     EXPECT_EQ(b.bus.write(base + page_size, 4, 1), Access::done);
 }
 
-} // namespace
+} // namespace memory_controller_test
 } // namespace fledge::emulator

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator {
-namespace {
+namespace plug_and_play_test {
 
 TEST(PlugAndPlay, entries_have_the_words_of_the_bus)
 {
@@ -28,5 +28,5 @@ TEST(PlugAndPlay, entries_have_the_words_of_the_bus)
     EXPECT_EQ(apb.read(0x00), 0x0100D060u);
 }
 
-} // namespace
+} // namespace plug_and_play_test
 } // namespace fledge::emulator

@@ -9,7 +9,7 @@
 #include "emulator/testing/register_boards.h"
 
 namespace fledge::emulator {
-namespace {
+namespace register_space_test {
 
 using namespace testing;
 using Lines = std::vector<std::uint32_t>;
@@ -161,5 +161,5 @@ TEST(RegisterSpace, mistakes_are_refused)
                            "with 2 lines");
 }
 
-} // namespace
+} // namespace register_space_test
 } // namespace fledge::emulator

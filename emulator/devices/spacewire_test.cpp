@@ -6,7 +6,7 @@
 #include <numeric>
 
 namespace fledge::emulator {
-namespace {
+namespace spacewire_test {
 
 constexpr std::uint32_t base = 0x40000000, table = base + 0x400, data = base + 0x1000;
 constexpr std::uint32_t run = 2, transmitter = 1, sent = 1 << 5, error = 1 << 7;
@@ -124,5 +124,5 @@ TEST(SpaceWire, what_is_not_there_is_an_error_of_the_bus)
     EXPECT_TRUE(b.packets.empty());
 }
 
-} // namespace
+} // namespace spacewire_test
 } // namespace fledge::emulator

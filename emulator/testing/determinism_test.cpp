@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator::testing {
-namespace {
+namespace determinism_test {
 
 TEST(Determinism, EnginesAndSlicesGiveTheSameTimesOfInterrupts)
 {
@@ -18,5 +18,5 @@ TEST(Determinism, ASnapshotFromAnywhereContinuesTheSameOnAnyEngine)
         EXPECT_EQ(compare_snapshots(seed, 4), "") << "seed " << seed;
 }
 
-} // namespace
+} // namespace determinism_test
 } // namespace fledge::emulator::testing

@@ -6,7 +6,7 @@
 #include "emulator/testing/qemu.h"
 
 namespace fledge::emulator::testing {
-namespace {
+namespace differential_test {
 
 TEST(Differential, EnginesAgreeWithOneAnotherAndWithQemu)
 {
@@ -32,5 +32,5 @@ TEST(Differential, OneBitIsNoticed)
     EXPECT_THAT(compare(stream, stream.image, other), ::testing::HasSubstr("block 7 "));
 }
 
-} // namespace
+} // namespace differential_test
 } // namespace fledge::emulator::testing

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::emulator::testing {
-namespace {
+namespace emulator_fuzz_test {
 
 TEST(Fuzz, WordsHaveTheNamesThatCapstoneGivesThem)
 {
@@ -24,5 +24,5 @@ TEST(Fuzz, DamagedFilesAreRefusedOrRun)
         EXPECT_EQ(fuzz_files(seed), "") << "seed " << seed;
 }
 
-} // namespace
+} // namespace emulator_fuzz_test
 } // namespace fledge::emulator::testing

@@ -737,18 +737,18 @@ Stream make_stream(const StreamOptions &options)
     runtime.link();
     s.entry = runtime_base;
 
-    Code code(code_base);
+    Code out(code_base);
     std::vector<Record> given;
     for (std::uint32_t b = 0; b < options.blocks; ++b) {
         given.push_back(generate.given());
-        s.first.push_back(given.back().pc = code.pc());
-        generate.block(code, s.data + b * data_stride);
+        s.first.push_back(given.back().pc = out.pc());
+        generate.block(out, s.data + b * data_stride);
     }
-    s.first.push_back(code.pc());
-    code.link();
+    s.first.push_back(out.pc());
+    out.link();
 
     s.size = 1u << 20;
-    while (ram_base + s.size < code.pc() + 0x1000)
+    while (ram_base + s.size < out.pc() + 0x1000)
         s.size *= 2;
     s.image.assign(s.size, 0);
 
@@ -765,8 +765,8 @@ Stream make_stream(const StreamOptions &options)
     }
     for (std::size_t i = 0; i < runtime.words().size(); ++i)
         put(s.image, runtime_base + static_cast<std::uint32_t>(4 * i), runtime.words()[i]);
-    for (std::size_t i = 0; i < code.words().size(); ++i)
-        put(s.image, code_base + static_cast<std::uint32_t>(4 * i), code.words()[i]);
+    for (std::size_t i = 0; i < out.words().size(); ++i)
+        put(s.image, code_base + static_cast<std::uint32_t>(4 * i), out.words()[i]);
     put(s.image, variables + 4, s.data);
 
     for (std::uint32_t b = 0; b < options.blocks; ++b) {
@@ -774,14 +774,14 @@ Stream make_stream(const StreamOptions &options)
         std::memcpy(words.data(), &given[b], sizeof(Record));
         for (std::uint32_t i = 0; i < words.size(); ++i)
             put(s.image, static_cast<std::uint32_t>(blocks_base + b * sizeof(Block) + 4 * i), words[i]);
-        const std::uint32_t data = s.data + b * data_stride;
+        const std::uint32_t block_data = s.data + b * data_stride;
         for (std::uint32_t i = 0; i < data_size; i += 8) {
             const std::uint64_t d = generate.real();
-            put(s.image, data + i, static_cast<std::uint32_t>(d >> 32));
-            put(s.image, data + i + 4, static_cast<std::uint32_t>(d));
+            put(s.image, block_data + i, static_cast<std::uint32_t>(d >> 32));
+            put(s.image, block_data + i + 4, static_cast<std::uint32_t>(d));
         }
         for (std::uint32_t i = 0; i < Generator::loop_slots; ++i)
-            put(s.image, data + data_size + 4 * i, 1 + generate.below(options.loop));
+            put(s.image, block_data + data_size + 4 * i, 1 + generate.below(options.loop));
     }
     return s;
 }

@@ -12,7 +12,7 @@
 #include "emulator/testing/program.h"
 
 namespace fledge::emulator {
-namespace {
+namespace leon3_test {
 
 using namespace testing;
 using ::testing::HasSubstr;
@@ -226,5 +226,5 @@ TEST_F(Leon3, mistakes_are_explained)
     EXPECT_EQ(run("--help").first, 0);
 }
 
-} // namespace
+} // namespace leon3_test
 } // namespace fledge::emulator

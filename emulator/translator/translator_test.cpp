@@ -14,7 +14,7 @@
 #include "emulator/testing/small_computer.h"
 
 namespace fledge::emulator {
-namespace {
+namespace translator_test {
 
 using namespace testing;
 
@@ -348,5 +348,5 @@ TEST(Translator, a_run_ends_at_its_first_boundary_in_a_chain_of_blocks)
     }
 }
 
-} // namespace
+} // namespace translator_test
 } // namespace fledge::emulator

@@ -7,7 +7,7 @@ extern "C" {
 
 #include <vector>
 
-namespace {
+namespace burn_schedule_test {
 
 constexpr std::int64_t s = 1'000'000'000;
 
@@ -70,4 +70,4 @@ TEST(BurnSchedule, after_a_start_within_the_run_old_burns_are_not_given)
     EXPECT_EQ(loop.given, (std::vector<std::int64_t>{15 * s, 20 * s, 22 * s}));
 }
 
-} // namespace
+} // namespace burn_schedule_test

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace gimbal_steering_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 constexpr double H = 6;
@@ -135,5 +135,5 @@ TEST(GimbalSteering, the_rates_end_without_new_data)
     EXPECT_FALSE(head_written(m.out.rates.head));
 }
 
-} // namespace
+} // namespace gimbal_steering_test
 } // namespace flight::testing

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace momentum_dump_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -88,5 +88,5 @@ TEST(MomentumDump, ends_without_new_speeds)
     }
 }
 
-} // namespace
+} // namespace momentum_dump_test
 } // namespace flight::testing

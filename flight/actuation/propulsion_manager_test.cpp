@@ -5,7 +5,7 @@ extern "C" {
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace propulsion_manager_test {
 
 constexpr std::int64_t ms = 1'000'000;
 
@@ -192,4 +192,4 @@ TEST(PropulsionManager, a_card_that_is_lost_or_disarmed_is_named)
     EXPECT_EQ(loop.m.out.command.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace propulsion_manager_test

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace rod_torques_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -118,5 +118,5 @@ TEST(RodTorques, the_dipoles_end_without_new_data)
     }
 }
 
-} // namespace
+} // namespace rod_torques_test
 } // namespace flight::testing

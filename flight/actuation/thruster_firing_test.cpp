@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace thruster_firing_test {
 
 constexpr std::int64_t ms = 1'000'000;
 
@@ -122,5 +122,5 @@ TEST(ThrusterFiring, opens_nothing_on_data_that_are_lost)
     EXPECT_TRUE(all_zero(never.m.out));
 }
 
-} // namespace
+} // namespace thruster_firing_test
 } // namespace flight::testing

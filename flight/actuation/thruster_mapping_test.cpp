@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace thruster_mapping_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -249,5 +249,5 @@ TEST(ThrusterMapping, the_forces_end_without_new_data)
     }
 }
 
-} // namespace
+} // namespace thruster_mapping_test
 } // namespace flight::testing

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace wheel_balance_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -144,5 +144,5 @@ TEST(WheelBalance, without_new_speeds_the_command_passes_unchanged)
     }
 }
 
-} // namespace
+} // namespace wheel_balance_test
 } // namespace flight::testing

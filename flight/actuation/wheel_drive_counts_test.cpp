@@ -10,7 +10,7 @@ extern "C" {
 #include <cmath>
 
 namespace flight::testing {
-namespace {
+namespace wheel_drive_counts_test {
 
 WheelDriveCounts any()
 {
@@ -100,5 +100,5 @@ TEST(WheelDriveCounts, the_counts_are_held_from_the_last_good_command_on)
     EXPECT_EQ(m.mem.saturated, 0u);
 }
 
-} // namespace
+} // namespace wheel_drive_counts_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace wheel_torques_test {
 
 using Eigen::Matrix3Xd;
 using Eigen::MatrixXd;
@@ -365,5 +365,5 @@ TEST(WheelTorques, without_wheels_there_is_no_torque)
     EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace wheel_torques_test
 } // namespace flight::testing

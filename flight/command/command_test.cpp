@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace command_test {
 
 using Bytes = std::vector<uint8_t>;
 
@@ -735,4 +735,4 @@ TEST(CommandCrc, IsThatOfCcsds)
     EXPECT_EQ(command_crc(reinterpret_cast<const uint8_t *>("123456789"), 9), 0x29B1);
 }
 
-} // namespace
+} // namespace command_test

@@ -11,7 +11,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace mrp_feedback_test {
 
 constexpr Tick first{0, 0};
 constexpr std::int64_t half_second = 500'000'000;
@@ -472,5 +472,5 @@ TEST(MrpFeedback, reset_forgets_all_but_its_parameters)
     EXPECT_EQ(std::memcmp(&m, &before, sizeof m), 0);
 }
 
-} // namespace
+} // namespace mrp_feedback_test
 } // namespace flight::testing

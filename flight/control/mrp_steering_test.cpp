@@ -11,7 +11,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace mrp_steering_test {
 
 MrpSteering any(Random &random)
 {
@@ -99,5 +99,5 @@ TEST(MrpSteering, holds_its_command_without_an_error)
     EXPECT_TRUE(all_zero(m.out));
 }
 
-} // namespace
+} // namespace mrp_steering_test
 } // namespace flight::testing

@@ -11,7 +11,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace rate_servo_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -146,5 +146,5 @@ TEST(RateServo, holds_against_bad_numbers_and_ends_without_new_data)
     }
 }
 
-} // namespace
+} // namespace rate_servo_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace condition_test {
 
 ExecOperand element(FledgeType type, const void *at)
 {
@@ -132,4 +132,4 @@ TEST(Condition, KeepsSoManyResultsAsItSays)
     EXPECT_EQ(results, 1u);
 }
 
-} // namespace
+} // namespace condition_test

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-namespace {
+namespace element_test {
 
 template <class T> void expect_round_trip(FledgeType type)
 {
@@ -88,4 +88,4 @@ TEST(Inertia, IsThatOfABodyByItsPrincipalMoments)
     EXPECT_EQ(turned(3.0, 4.0, 5.0, 1e-12), EXEC_INERTIA_GOOD) << "rounding";
 }
 
-} // namespace
+} // namespace element_test

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace event_test {
 
 /// When an event fires, by its definition: looks back at each time whether the condition has held long enough without a
 /// gap, and often enough, since the event was last armed.
@@ -161,4 +161,4 @@ TEST(Measure, LargestMagnitudeLeavesOutWhatIsNoNumber)
     EXPECT_FALSE(std::signbit(exec_max_abs(x, 0)));
 }
 
-} // namespace
+} // namespace event_test

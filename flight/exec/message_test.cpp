@@ -10,7 +10,7 @@ extern "C" {
 #include <random>
 #include <vector>
 
-namespace {
+namespace exec_message_test {
 
 TEST(Message, TheChainOfWiresTakesWhatASearchFinds)
 {
@@ -49,4 +49,4 @@ TEST(Message, TheChainOfWiresTakesWhatASearchFinds)
     EXPECT_GT(later, 500);
 }
 
-} // namespace
+} // namespace exec_message_test

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace {
+namespace order_test {
 
 const ExecRun runs[] = {{8, 1}, {1, 4}, {4, 3}, {2, 2}, {8, 1}};
 constexpr uint32_t n_runs = 5, size = 8 + 4 + 12 + 4 + 8;
@@ -50,4 +50,4 @@ TEST(Order, AnyPartOfAStructIsReversedNumberByNumber)
     }
 }
 
-} // namespace
+} // namespace order_test

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <vector>
 
-namespace {
+namespace task_test {
 
 /// The first time of the grid at or after t, by trying them all.
 int64_t search(ExecRate rate, int64_t t)
@@ -137,4 +137,4 @@ TEST(Message, IsStaleWhenOlderThanItsWireAllows)
     }
 }
 
-} // namespace
+} // namespace task_test

@@ -10,7 +10,7 @@ extern "C" {
 #include <cmath>
 #include <random>
 
-namespace {
+namespace array_pointing_test {
 
 using Eigen::AngleAxisd;
 using Eigen::Vector3d;
@@ -147,4 +147,4 @@ TEST(ArrayPointing, a_drive_that_does_not_come_nearer_is_stuck)
     }
 }
 
-} // namespace
+} // namespace array_pointing_test

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace base_reference_test {
 
 BaseReference base_of(BaseSource source)
 {
@@ -130,5 +130,5 @@ TEST(BaseReference, reset_forgets)
     EXPECT_EQ(m.par.hold, 100);
 }
 
-} // namespace
+} // namespace base_reference_test
 } // namespace flight::testing

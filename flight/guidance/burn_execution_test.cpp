@@ -12,7 +12,7 @@ extern "C" {
 #include <functional>
 
 namespace flight::testing {
-namespace {
+namespace burn_execution_test {
 
 constexpr std::int64_t ms = 1'000'000, period = 100 * ms;
 
@@ -280,5 +280,5 @@ TEST(BurnExecution, a_command_of_no_length_is_none)
     }
 }
 
-} // namespace
+} // namespace burn_execution_test
 } // namespace flight::testing

@@ -11,7 +11,7 @@ extern "C" {
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace burn_memory_test {
 
 constexpr std::int64_t period = 100'000'000;
 
@@ -158,5 +158,5 @@ TEST(BurnMemory, a_memory_that_is_silent_damaged_or_empty_is_not_waited_for)
     EXPECT_EQ(craft.m.out.kept.head.quality, QUALITY_GOOD);
 }
 
-} // namespace
+} // namespace burn_memory_test
 } // namespace flight::testing

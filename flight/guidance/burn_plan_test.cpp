@@ -8,7 +8,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace burn_plan_test {
 
 BurnPlan three()
 {
@@ -92,5 +92,5 @@ TEST(BurnPlan, holds_its_command_against_bad_numbers)
     }
 }
 
-} // namespace
+} // namespace burn_plan_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace burn_pointing_test {
 
 BurnPointing any(Random &random, bool turns)
 {
@@ -75,5 +75,5 @@ TEST(BurnPointing, holds_its_reference_without_a_direction)
     EXPECT_EQ(m.out.reference.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace burn_pointing_test
 } // namespace flight::testing

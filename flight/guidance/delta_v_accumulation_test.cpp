@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace delta_v_accumulation_test {
 
 constexpr std::int64_t ms = 1'000'000;
 
@@ -107,5 +107,5 @@ TEST(DeltaVAccumulation, holds_against_bad_numbers)
         [](DeltaVAccumulation &x) { return std::vector{&x.out.sum.head}; });
 }
 
-} // namespace
+} // namespace delta_v_accumulation_test
 } // namespace flight::testing

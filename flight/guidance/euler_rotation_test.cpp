@@ -12,7 +12,7 @@ extern "C" {
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace euler_rotation_test {
 
 EulerRotation rotation(const Vector3d &angles, const Vector3d &rates)
 {
@@ -284,5 +284,5 @@ TEST(EulerRotation, gives_finite_numbers_whatever_it_is_given)
     }
 }
 
-} // namespace
+} // namespace euler_rotation_test
 } // namespace flight::testing

@@ -12,7 +12,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace formation_keeping_test {
 
 constexpr double mu = mu_mars;
 constexpr std::int64_t second = 1'000'000'000;
@@ -155,5 +155,5 @@ TEST(FormationKeeping, the_force_ends_without_new_data)
     }
 }
 
-} // namespace
+} // namespace formation_keeping_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace ground_target_test {
 
 constexpr double degree = pi / 180;
 
@@ -131,5 +131,5 @@ TEST(GroundTarget, a_planet_that_moves_takes_it_along_and_an_orbit_is_needed_for
     EXPECT_EQ(m.out.target.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace ground_target_test
 } // namespace flight::testing

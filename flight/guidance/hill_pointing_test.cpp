@@ -12,7 +12,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace hill_pointing_test {
 
 constexpr double mu = 4.2828314e13; // Mars, m^3/s^2
 
@@ -168,5 +168,5 @@ TEST(HillPointing, reset_forgets)
     EXPECT_TRUE(all_zero(m.out));
 }
 
-} // namespace
+} // namespace hill_pointing_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace inertial_pointing_test {
 
 InertialPointing pointing(Vec3 sigma_RN)
 {
@@ -82,5 +82,5 @@ TEST(InertialPointing, reset_forgets)
     EXPECT_EQ(m.par.sigma_RN.v[2], 0.3);
 }
 
-} // namespace
+} // namespace inertial_pointing_test
 } // namespace flight::testing

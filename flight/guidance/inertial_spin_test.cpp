@@ -12,7 +12,7 @@ extern "C" {
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace inertial_spin_test {
 
 InertialSpin spinning(const Vector3d &omega_RR0_R0)
 {
@@ -144,5 +144,5 @@ TEST(InertialSpin, gives_finite_numbers_whatever_it_is_given)
     }
 }
 
-} // namespace
+} // namespace inertial_spin_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace orbit_beacon_test {
 
 constexpr double mu = 4.2828314e13; // Mars, m^3/s^2
 const Motion start{{6e6, 0, 0}, {0, 2600, 900}};
@@ -76,5 +76,5 @@ TEST(OrbitBeacon, reset_forgets)
     EXPECT_EQ(m.par.lead, 2);
 }
 
-} // namespace
+} // namespace orbit_beacon_test
 } // namespace flight::testing

@@ -15,7 +15,7 @@ extern "C" {
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace raster_manager_test {
 
 using Ns = std::int64_t;
 
@@ -439,5 +439,5 @@ TEST(Pattern, triple_spiral)
     EXPECT_EQ(grown.out.status.cycle, 2);
 }
 
-} // namespace
+} // namespace raster_manager_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace seen_target_test {
 
 /// Uniform motion and a turn about a fixed axis.
 struct Craft {
@@ -94,5 +94,5 @@ TEST(SeenTarget, without_an_orbit_the_attitude_is_whole)
     EXPECT_TRUE(all_zero(m.out.body));
 }
 
-} // namespace
+} // namespace seen_target_test
 } // namespace flight::testing

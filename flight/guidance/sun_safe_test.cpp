@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace sun_safe_test {
 
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -112,5 +112,5 @@ TEST(SunSafe, holds_its_error_without_a_rate)
     EXPECT_EQ(m.out.error.head.t, 5) << "an error from an old rate is old";
 }
 
-} // namespace
+} // namespace sun_safe_test
 } // namespace flight::testing

@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace tracking_error_test {
 
 TrackingError any(Random &random)
 {
@@ -180,5 +180,5 @@ TEST(TrackingError, gives_finite_numbers_whatever_it_is_given)
     }
 }
 
-} // namespace
+} // namespace tracking_error_test
 } // namespace flight::testing

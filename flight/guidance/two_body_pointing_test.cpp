@@ -12,7 +12,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace two_body_pointing_test {
 
 constexpr double mu_sun = 1.32712440018e20; // m^3/s^2
 
@@ -450,5 +450,5 @@ TEST(TwoBodyPointing, reset_forgets)
     EXPECT_EQ(std::memcmp(&m, &fresh, sizeof m), 0);
 }
 
-} // namespace
+} // namespace two_body_pointing_test
 } // namespace flight::testing

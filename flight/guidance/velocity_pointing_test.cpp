@@ -13,7 +13,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace velocity_pointing_test {
 
 constexpr double mu = mu_mars;
 
@@ -197,5 +197,5 @@ TEST(VelocityPointing, reset_forgets)
     EXPECT_TRUE(all_zero(m.out));
 }
 
-} // namespace
+} // namespace velocity_pointing_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace attitude_test {
 
 /// Random turns, and the turns by 0, nearly 0, nearly 180 and 180 degrees about many axes.
 std::vector<Matrix3d> attitudes()
@@ -244,5 +244,5 @@ TEST(Euler, angles_are_recovered)
     }
 }
 
-} // namespace
+} // namespace attitude_test
 } // namespace flight::testing

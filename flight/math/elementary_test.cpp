@@ -20,7 +20,7 @@
 
 #include "flight/math/elementary.h"
 
-namespace {
+namespace elementary_test {
 
 constexpr double INF = std::numeric_limits<double>::infinity();
 constexpr double LARGEST = std::numeric_limits<double>::max();
@@ -422,4 +422,4 @@ TEST(SpecialCases, SquareRootAndMagnitude)
     EXPECT_SAME(fm_abs(-INF), INF);
 }
 
-} // namespace
+} // namespace elementary_test

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace mat_test {
 
 Matrix3d reference_pinv(const Matrix3d &s, int rank)
 {
@@ -63,5 +63,5 @@ TEST(SymPinv, nothing_and_not_a_number)
     EXPECT_EQ(rank, 0);
 }
 
-} // namespace
+} // namespace mat_test
 } // namespace flight::testing

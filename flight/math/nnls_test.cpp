@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace nnls_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -140,5 +140,5 @@ TEST(Nnls, ends_whatever_it_is_given)
     }
 }
 
-} // namespace
+} // namespace nnls_test
 } // namespace flight::testing

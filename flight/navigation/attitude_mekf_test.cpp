@@ -6,7 +6,7 @@ extern "C" {
 }
 
 namespace flight::testing {
-namespace {
+namespace attitude_mekf_test {
 
 Mat3 itself(Vec3)
 {
@@ -43,5 +43,5 @@ TEST(AttitudeMekf, faults)
     expect_faults<AttitudeMekf>(attitude_mekf_update);
 }
 
-} // namespace
+} // namespace attitude_mekf_test
 } // namespace flight::testing

@@ -6,7 +6,7 @@ extern "C" {
 }
 
 namespace flight::testing {
-namespace {
+namespace attitude_ukf_test {
 
 /// theta = 4 B^-1 dsigma, by Eigen.
 Mat3 to_turn(Vec3 sigma)
@@ -67,5 +67,5 @@ TEST(AttitudeUkf, changes_the_set_with_its_covariance)
     EXPECT_EQ(f.state().rejected, 0u);
 }
 
-} // namespace
+} // namespace attitude_ukf_test
 } // namespace flight::testing

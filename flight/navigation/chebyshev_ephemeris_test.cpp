@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace chebyshev_ephemeris_test {
 
 constexpr std::int64_t hour = 3'600'000'000'000;
 
@@ -141,5 +141,5 @@ TEST(ChebyshevEphemeris, follows_the_ephemerides_time_where_it_is_wired)
     EXPECT_EQ(at(m, 0).head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace chebyshev_ephemeris_test
 } // namespace flight::testing

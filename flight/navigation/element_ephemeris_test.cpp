@@ -10,7 +10,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace element_ephemeris_test {
 
 ElementEphemeris any(Random &random, double e)
 {
@@ -199,5 +199,5 @@ TEST(ElementEphemeris, follows_the_ephemerides_time_where_it_is_wired)
     EXPECT_EQ(m.out.body.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace element_ephemeris_test
 } // namespace flight::testing

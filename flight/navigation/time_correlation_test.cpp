@@ -8,7 +8,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace time_correlation_test {
 
 TEST(TimeCorrelation, is_the_straight_line_to_the_nanosecond)
 {
@@ -42,5 +42,5 @@ TEST(TimeCorrelation, takes_flights_time_without_a_vehicle_and_degrades_with_its
     EXPECT_EQ(m.out.time.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace time_correlation_test
 } // namespace flight::testing

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace attitude_miscompare_test {
 
 /// b is off a by an angle and a rate.
 AttitudeMiscompare off(Random &random, double angle, double rate)
@@ -67,5 +67,5 @@ TEST(AttitudeMiscompare, passes_the_preferred_one_or_what_is_left)
     EXPECT_EQ(m.out.attitude.head.sequence, last.head.sequence) << "held";
 }
 
-} // namespace
+} // namespace attitude_miscompare_test
 } // namespace flight::testing

@@ -12,7 +12,7 @@ extern "C" {
 #include <random>
 #include <set>
 
-namespace {
+namespace formation_roll_test {
 
 using Members = std::set<uint32_t>;
 
@@ -101,4 +101,4 @@ TEST(FormationRoll, SaysNothingOfWhoWasNeverHeard)
     EXPECT_EQ(m.out.state.head.sequence, 1u);
 }
 
-} // namespace
+} // namespace formation_roll_test

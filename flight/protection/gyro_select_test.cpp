@@ -7,7 +7,7 @@ extern "C" {
 
 #include <limits>
 
-namespace {
+namespace gyro_select_test {
 
 TEST(GyroSelect, TheRateIsThatOfTheGyroInUse)
 {
@@ -60,4 +60,4 @@ TEST(GyroSelect, ARateThatIsNotFiniteCountsAsNone)
     EXPECT_EQ(m.out.rate.omega_BN_B.v[1], 5.0) << "of two in use the one that speaks";
 }
 
-} // namespace
+} // namespace gyro_select_test

@@ -10,7 +10,7 @@ extern "C" {
 #include <string>
 
 namespace flight::testing {
-namespace {
+namespace rate_limit_test {
 
 /// What becomes of a row of rates, as parts of the limit: x is within, X beyond, ? not finite, - missing, s stale and
 /// h held, as large as the one before; the result has a bang where
@@ -70,5 +70,5 @@ TEST(RateLimit, what_is_not_known_changes_no_count)
     EXPECT_EQ(row("XXxhhsx", 2, 3), ".!!!!!!") << "and releases nothing";
 }
 
-} // namespace
+} // namespace rate_limit_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@ extern "C" {
 
 #include <random>
 
-namespace {
+namespace star_select_test {
 
 TEST(StarSelect, TheFirstThatIsInUseAndSpeaksIsPassedOnAsByAWire)
 {
@@ -77,4 +77,4 @@ TEST(StarSelect, TheFirstThatIsInUseAndSpeaksIsPassedOnAsByAWire)
     EXPECT_GT(held, 100);
 }
 
-} // namespace
+} // namespace star_select_test

@@ -11,7 +11,7 @@ extern "C" {
 #include <string>
 
 namespace flight::testing {
-namespace {
+namespace wheel_monitor_test {
 
 constexpr std::int64_t period = 500'000'000;
 
@@ -134,5 +134,5 @@ TEST(WheelMonitor, a_short_disturbance_and_missing_speeds_do_not_count)
     EXPECT_EQ(w.m.out.state.unknown, 21u) << "and the first update";
 }
 
-} // namespace
+} // namespace wheel_monitor_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@ extern "C" {
 #include <cmath>
 #include <random>
 
-namespace {
+namespace gyro_rates_test {
 
 constexpr std::int64_t ms = 1'000'000;
 
@@ -102,4 +102,4 @@ TEST(GyroRates, counters_that_begin_anew_and_rates_that_cannot_be_are_left_out)
     EXPECT_DOUBLE_EQ(unit.out().omega_BN_B.v[0], 100e-5 / 0.25);
 }
 
-} // namespace
+} // namespace gyro_rates_test

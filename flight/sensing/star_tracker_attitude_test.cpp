@@ -12,7 +12,7 @@ extern "C" {
 #include <cmath>
 #include <random>
 
-namespace {
+namespace star_tracker_attitude_test {
 
 constexpr std::int64_t ms = 1'000'000, s = 1000 * ms;
 using Eigen::AngleAxisd;
@@ -146,4 +146,4 @@ TEST(StarTrackerAttitude, tags_wrap_around)
     EXPECT_EQ(unit.out().head.t, unit.t - 300 * ms);
 }
 
-} // namespace
+} // namespace star_tracker_attitude_test

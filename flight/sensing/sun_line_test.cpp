@@ -14,7 +14,7 @@ extern "C" {
 #include <vector>
 
 namespace flight::testing {
-namespace {
+namespace sun_line_test {
 
 double normal(Random &random)
 {
@@ -481,5 +481,5 @@ TEST(SunLine, bad_numbers_leave_it_sound)
     }
 }
 
-} // namespace
+} // namespace sun_line_test
 } // namespace flight::testing

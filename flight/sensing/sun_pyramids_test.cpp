@@ -18,7 +18,7 @@ extern "C" {
 #include <random>
 
 namespace flight::testing {
-namespace {
+namespace sun_pyramids_test {
 
 constexpr double full = 5e-3; // [A]
 using Counts = std::array<std::uint16_t, 8>;
@@ -371,5 +371,5 @@ TEST(SunPyramids, one_converter_is_enough)
     EXPECT_EQ(s.status().faulty + s.status().suspects, 0u);
 }
 
-} // namespace
+} // namespace sun_pyramids_test
 } // namespace flight::testing

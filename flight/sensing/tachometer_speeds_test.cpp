@@ -5,7 +5,7 @@ extern "C" {
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace tachometer_speeds_test {
 
 TEST(TachometerSpeeds, a_turn_in_a_second_is_two_pi)
 {
@@ -28,4 +28,4 @@ TEST(TachometerSpeeds, a_turn_in_a_second_is_two_pi)
     EXPECT_EQ(m.out.speeds.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace tachometer_speeds_test

@@ -10,7 +10,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace event_log_test {
 
 constexpr uint16_t outputs = 30;
 
@@ -331,4 +331,4 @@ TEST_F(Log, OutputsBeyondItsMemoryAreSaid)
     EXPECT_EQ(shown().head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace event_log_test

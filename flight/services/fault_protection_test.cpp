@@ -17,7 +17,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace fault_protection_test {
 
 constexpr int numbers = 6;
 
@@ -666,4 +666,4 @@ TEST_F(Pair, TheNonVolatileMemoryBringsTheStatesOverAResetOfTheComputer)
     EXPECT_EQ(alone.shown().waits, 0u);
 }
 
-} // namespace
+} // namespace fault_protection_test

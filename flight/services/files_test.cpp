@@ -20,7 +20,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace files_test {
 
 using Bytes = std::vector<uint8_t>;
 
@@ -866,4 +866,4 @@ TEST_F(FilesTest, a_store_of_the_host_takes_the_place_of_its_own)
     services.store = nullptr;
 }
 
-} // namespace
+} // namespace files_test

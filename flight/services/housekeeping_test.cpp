@@ -12,7 +12,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace housekeeping_test {
 
 using Bytes = std::vector<uint8_t>;
 
@@ -171,4 +171,4 @@ TEST_F(Reports, AChoiceThatNamesNoNumberIsLeftOutAndSaid)
     EXPECT_EQ(mission_.housekeeping.out.state.head.quality, QUALITY_GOOD);
 }
 
-} // namespace
+} // namespace housekeeping_test

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace mirror_test {
 
 using Bytes = std::vector<std::uint8_t>;
 constexpr std::uint32_t pages = 16;
@@ -259,4 +259,4 @@ TEST(Mirror, WaitsForARecorderWithoutPowerAndUsesOnlyThePagesItHas)
     EXPECT_EQ(c.mirror.worn, 0u);
 }
 
-} // namespace
+} // namespace mirror_test

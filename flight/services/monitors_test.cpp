@@ -12,7 +12,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace monitors_test {
 
 struct Output {
     Head head;
@@ -286,4 +286,4 @@ TEST_F(Watch, ItIsDueAtEachInstantWhileOneIsOn)
     EXPECT_EQ(monitors_service.next(&mission_.monitors), 0);
 }
 
-} // namespace
+} // namespace monitors_test

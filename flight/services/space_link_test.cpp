@@ -14,7 +14,7 @@ extern "C" {
 #include <set>
 #include <vector>
 
-namespace {
+namespace flight_space_link_test {
 
 using Bytes = std::vector<std::uint8_t>;
 
@@ -342,4 +342,4 @@ TEST_F(SpaceLinkService, AfterAResetOfTheComputerNothingOldPassesAndTheGroundGoe
     }
 }
 
-} // namespace
+} // namespace flight_space_link_test

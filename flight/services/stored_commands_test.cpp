@@ -12,7 +12,7 @@ extern "C" {
 #include <string>
 #include <vector>
 
-namespace {
+namespace stored_commands_test {
 
 using Bytes = std::vector<uint8_t>;
 
@@ -662,4 +662,4 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
     EXPECT_GT(refused, 20);
 }
 
-} // namespace
+} // namespace stored_commands_test

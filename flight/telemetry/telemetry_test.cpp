@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace {
+namespace telemetry_test {
 
 struct Message {
     Head head;
@@ -244,4 +244,4 @@ TEST_F(Telemetry, ALongTextIsCut)
     EXPECT_EQ(large.used, sizeof(TelemetryText) + COMMAND_DATA_MAX);
 }
 
-} // namespace
+} // namespace telemetry_test

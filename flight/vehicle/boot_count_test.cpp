@@ -7,7 +7,7 @@ extern "C" {
 
 #include <cstring>
 
-namespace {
+namespace boot_count_test {
 
 /// A memory of one slot that answers the request of the update before.
 struct Memory {
@@ -93,4 +93,4 @@ TEST(BootCount, without_an_answer_nothing_is_stored)
     EXPECT_EQ(m.out.boot.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace boot_count_test

@@ -11,7 +11,7 @@ extern "C" {
 #include <map>
 #include <random>
 
-namespace {
+namespace nvm_share_test {
 
 using Words = std::array<std::uint32_t, NVM_WORDS>;
 
@@ -88,4 +88,4 @@ TEST(NvmShare, EachModuleIsAnsweredAsByAMemoryOfItsOwn)
     }
 }
 
-} // namespace
+} // namespace nvm_share_test

@@ -5,7 +5,7 @@ extern "C" {
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace power_manager_test {
 
 constexpr std::int64_t s = 1'000'000'000;
 
@@ -187,4 +187,4 @@ TEST(PowerManager, the_heart_beats_until_it_is_silenced)
     EXPECT_EQ(loop.resets, 1);
 }
 
-} // namespace
+} // namespace power_manager_test

@@ -8,7 +8,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace rod_config_test {
 
 TEST(RodConfig, publishes_unit_axes_and_says_what_is_not_whole)
 {
@@ -36,5 +36,5 @@ TEST(RodConfig, publishes_unit_axes_and_says_what_is_not_whole)
     EXPECT_EQ(m.out.rods.n, 8u);
 }
 
-} // namespace
+} // namespace rod_config_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace thruster_config_test {
 
 ThrusterConfig two()
 {
@@ -55,5 +55,5 @@ TEST(ThrusterConfig, says_what_is_not_whole_and_holds_against_bad_numbers)
     EXPECT_EQ(m.out.thrusters.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace thruster_config_test
 } // namespace flight::testing

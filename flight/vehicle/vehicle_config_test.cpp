@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace vehicle_config_test {
 
 TEST(VehicleConfig, publishes_its_parameters)
 {
@@ -49,5 +49,5 @@ TEST(VehicleConfig, holds_what_it_published_against_numbers_that_are_not_finite)
     EXPECT_TRUE(all_zero(never.out));
 }
 
-} // namespace
+} // namespace vehicle_config_test
 } // namespace flight::testing

@@ -8,7 +8,7 @@ extern "C" {
 
 #include <cmath>
 
-namespace {
+namespace vehicle_time_test {
 
 constexpr std::int64_t s = 1'000'000'000;
 
@@ -113,4 +113,4 @@ TEST(VehicleTime, the_next_command_waits_for_the_last)
     EXPECT_EQ(none.out.command.head.quality, QUALITY_NONE);
 }
 
-} // namespace
+} // namespace vehicle_time_test

@@ -9,7 +9,7 @@ extern "C" {
 #include <gtest/gtest.h>
 
 namespace flight::testing {
-namespace {
+namespace wheel_config_test {
 
 WheelConfig any(Random &random, std::uint32_t n)
 {
@@ -95,5 +95,5 @@ TEST(WheelConfig, gives_finite_numbers_whatever_it_is_given)
     }
 }
 
-} // namespace
+} // namespace wheel_config_test
 } // namespace flight::testing

@@ -43,7 +43,7 @@ extern "C" int fdatasync(int fd)
 
 namespace fledge::ground {
 
-namespace {
+namespace archive_test {
 
 namespace fs = std::filesystem;
 using namespace testing;
@@ -659,6 +659,6 @@ TEST_F(Archive, WhatWasSavedIsOnTheDiskSoonAfterAndAFailureIsToldOnce)
     EXPECT_EQ(History(folder, "craft", db, "").series({"count"}, {}, 0)[0].t.size(), count);
 }
 
-} // namespace
+} // namespace archive_test
 
 } // namespace fledge::ground

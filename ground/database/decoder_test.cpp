@@ -10,7 +10,7 @@
 
 namespace fledge::ground {
 
-namespace {
+namespace decoder_test {
 
 using namespace testing;
 using ::testing::HasSubstr;
@@ -342,6 +342,6 @@ TEST(Decoder, HostileDatabasesEnd)
         HasSubstr("an entry begins at bit -8, and the packet has 80"));
 }
 
-} // namespace
+} // namespace decoder_test
 
 } // namespace fledge::ground

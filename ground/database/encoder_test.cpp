@@ -8,7 +8,7 @@
 
 namespace fledge::ground {
 
-namespace {
+namespace encoder_test {
 
 using namespace testing;
 
@@ -148,6 +148,6 @@ TEST(Encoder, NumbersComeBackFromTheirBits)
     }
 }
 
-} // namespace
+} // namespace encoder_test
 
 } // namespace fledge::ground

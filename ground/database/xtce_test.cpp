@@ -9,7 +9,7 @@
 
 namespace fledge::ground {
 
-namespace {
+namespace xtce_test {
 
 using namespace testing;
 using ::testing::HasSubstr;
@@ -254,6 +254,6 @@ TEST(Xtce, ChangedFilesAndPacketsAreSurvived)
     EXPECT_GT(read, cases / 10);
 }
 
-} // namespace
+} // namespace xtce_test
 
 } // namespace fledge::ground

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace fledge::ground {
-namespace {
+namespace monitor_test {
 
 using testing::Bytes;
 
@@ -158,5 +158,5 @@ TEST(Slots, ATextThatIsEncodedAsANumberHasItsNumber)
     EXPECT_EQ(monitor.changes(0, {}).bytes.size(), 32U + 2 * 24);
 }
 
-} // namespace
+} // namespace monitor_test
 } // namespace fledge::ground

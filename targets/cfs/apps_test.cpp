@@ -4,7 +4,7 @@
 
 #include <atomic>
 
-namespace {
+namespace apps_test {
 
 // What an app did. The test reads it after the app has sent an event.
 std::atomic<int> starts, children, last_status;
@@ -170,4 +170,4 @@ TEST_F(Apps, StoresHaveBounds)
     EXPECT_EQ(CFE_ES_CopyToCDS(CFE_ES_CDSHandle_t{5}, &x), CFE_ES_ERR_RESOURCEID_NOT_VALID);
 }
 
-} // namespace
+} // namespace apps_test

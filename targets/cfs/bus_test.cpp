@@ -6,7 +6,7 @@
 #include <map>
 #include <random>
 
-namespace {
+namespace bus_test {
 
 class Bus : public Pocket {};
 
@@ -402,4 +402,4 @@ TEST_F(Bus, ArgumentsThatAreNoneAreRefused)
     FAIL() << "pipes have no end";
 }
 
-} // namespace
+} // namespace bus_test

@@ -4,7 +4,7 @@
 
 #include <atomic>
 
-namespace {
+namespace osal_test {
 
 class Osal : public Pocket {};
 
@@ -163,4 +163,4 @@ TEST_F(Osal, FoldersHaveEntries)
     EXPECT_EQ(OS_DirectoryRead(d, &entry), OS_ERR_INVALID_ID);
 }
 
-} // namespace
+} // namespace osal_test

@@ -4,7 +4,7 @@
 
 #include <random>
 
-namespace {
+namespace tables_test {
 
 struct Gains {
     double K;
@@ -287,4 +287,4 @@ TEST_F(Tables, RegisteringHasRules)
     }
 }
 
-} // namespace
+} // namespace tables_test

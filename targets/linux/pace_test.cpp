@@ -12,7 +12,7 @@ extern "C" {
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace pace_test {
 
 TEST(Pace, QuantilesAreThoseOfTheSortedDurationsToAnEighth)
 {
@@ -66,4 +66,4 @@ TEST(Pace, SleepsUntilThen)
     EXPECT_GE(pace_cpu(), cpu);
 }
 
-} // namespace
+} // namespace pace_test

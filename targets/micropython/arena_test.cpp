@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace arena_test {
 
 struct Held {
     unsigned char *at;
@@ -154,4 +154,4 @@ TEST_F(ArenaTest, TheMostSoFarStays)
     EXPECT_EQ(arena.used, whole(10));
 }
 
-} // namespace
+} // namespace arena_test

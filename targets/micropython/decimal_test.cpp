@@ -12,7 +12,7 @@
 #include <random>
 #include <string>
 
-namespace {
+namespace decimal_test {
 
 unsigned cases()
 {
@@ -192,4 +192,4 @@ TEST(Decimal, ATextStaysWithinItsMemory)
     EXPECT_EQ(written(1.5, 'F', -1), "1.500000");
 }
 
-} // namespace
+} // namespace decimal_test

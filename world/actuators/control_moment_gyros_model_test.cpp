@@ -9,7 +9,7 @@
 
 #include <cmath>
 
-namespace {
+namespace control_moment_gyros_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -335,4 +335,4 @@ TEST(ControlMomentGyros, SetUpIsChecked)
               "world.gyros.Omega[0]: the initial value must be within Omega_max, 20 rad/s; found 30");
 }
 
-} // namespace
+} // namespace control_moment_gyros_model_test

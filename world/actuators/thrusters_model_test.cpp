@@ -14,7 +14,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace thrusters_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -704,4 +704,4 @@ TEST(Thrusters, SetUpIsChecked)
               std::string::npos);
 }
 
-} // namespace
+} // namespace thrusters_model_test

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <random>
 
-namespace {
+namespace torque_rods_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -193,4 +193,4 @@ TEST(TorqueRods, SetUpIsChecked)
     EXPECT_NE(message_of([&] { lost.start({}, nullptr); }).find("world.rods.field is missing"), std::string::npos);
 }
 
-} // namespace
+} // namespace torque_rods_model_test

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace array_drive_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -83,4 +83,4 @@ TEST(ArrayDrive, WithoutPowerOrWithAFaultItHoldsItsPositionAndStopsEndIt)
     EXPECT_EQ(d.angle(1), 0.0);
 }
 
-} // namespace
+} // namespace array_drive_model_test

@@ -9,7 +9,7 @@
 #include <map>
 #include <random>
 
-namespace {
+namespace interconnect_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -88,4 +88,4 @@ TEST(Interconnect, ARequestIsServedOnceAndNothingIsNone)
     EXPECT_EQ(bus.i.out.state.stored + bus.i.out.state.retrieved + bus.i.out.state.refused, 1u);
 }
 
-} // namespace
+} // namespace interconnect_model_test

@@ -8,7 +8,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace link_budget_test {
 
 constexpr double pi = std::numbers::pi, deg = pi / 180.0;
 
@@ -95,5 +95,5 @@ TEST(LinkBudget, ABeamSeesItsShareOfADisc)
     EXPECT_EQ(beam_share(2 * deg, radius, 0.065 * deg), 0.0);
 }
 
-} // namespace
+} // namespace link_budget_test
 } // namespace fledge::world

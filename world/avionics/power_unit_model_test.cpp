@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cstring>
 
-namespace {
+namespace power_unit_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -243,4 +243,4 @@ TEST(PowerUnit, TheComputerIsResetByCommandByTimeAndByItsSilence)
     }
 }
 
-} // namespace
+} // namespace power_unit_model_test

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <random>
 
-namespace {
+namespace propulsion_card_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -206,4 +206,4 @@ TEST(PropulsionCard, PressureShowsAValveThatIsStuck)
     }
 }
 
-} // namespace
+} // namespace propulsion_card_model_test

@@ -19,7 +19,7 @@
 #include <tuple>
 
 namespace fledge::world {
-namespace {
+namespace radio_model_test {
 
 using Eigen::Vector3d;
 using sim::Ns;
@@ -361,5 +361,5 @@ TEST_F(Link, SaysWhatIsMissing)
     EXPECT_EQ(i.out.down_traffic.lost, 1u);
 }
 
-} // namespace
+} // namespace radio_model_test
 } // namespace fledge::world

@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-namespace {
+namespace recorder_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -262,4 +262,4 @@ TEST(Recorder, APageIsTornWherePowerFails)
     EXPECT_EQ(b.step().number, b.r.in.request.number) << "the request that stands is served anew";
 }
 
-} // namespace
+} // namespace recorder_model_test

@@ -8,7 +8,7 @@
 
 #include <random>
 
-namespace {
+namespace sensor_electronics_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -173,4 +173,4 @@ TEST(GyroElectronics, ATurnWithoutSamplesCountsAtTheNextAndOneWithoutPowerIsLost
     EXPECT_EQ(g.out().angle[0], 1000u);
 }
 
-} // namespace
+} // namespace sensor_electronics_test

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-namespace {
+namespace solar_array_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -60,4 +60,4 @@ TEST(SolarArray, APanelIsTurnedAboutItsAxis)
     }
 }
 
-} // namespace
+} // namespace solar_array_model_test

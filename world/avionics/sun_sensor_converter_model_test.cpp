@@ -9,7 +9,7 @@
 #include <array>
 #include <set>
 
-namespace {
+namespace sun_sensor_converter_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -128,4 +128,4 @@ TEST(SunSensorConverter, NoiseHasItsDeviationAndItsSeed)
     EXPECT_NE(other, first);
 }
 
-} // namespace
+} // namespace sun_sensor_converter_model_test

@@ -7,7 +7,7 @@
 
 #include <random>
 
-namespace {
+namespace vehicle_clock_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -133,4 +133,4 @@ TEST(VehicleClock, AResetOfTheComputerStartsTheSlaveAndNotTheMaster)
     EXPECT_EQ(clock_ns(r.tone), 40 * second + 400 * ms + 5000);
 }
 
-} // namespace
+} // namespace vehicle_clock_model_test

@@ -7,7 +7,7 @@
 
 #include <random>
 
-namespace {
+namespace wheel_converter_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -172,4 +172,4 @@ TEST(WheelConverter, FaultsOfMotorsAndTachometers)
     EXPECT_EQ(c.i.out.tachometers.counts[1], 3);
 }
 
-} // namespace
+} // namespace wheel_converter_model_test

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <random>
 
-namespace {
+namespace coupled_parts_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -434,4 +434,4 @@ TEST(ExternalForces, AddUp)
     EXPECT_LT((fly(true) - one).norm(), 1e-13);
 }
 
-} // namespace
+} // namespace coupled_parts_test

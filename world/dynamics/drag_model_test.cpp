@@ -9,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-namespace {
+namespace drag_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -200,4 +200,4 @@ TEST(Drag, NamesWhatIsWrong)
     EXPECT_FALSE(bare.ask(f.craft));
 }
 
-} // namespace
+} // namespace drag_model_test

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <vector>
 
-namespace {
+namespace gravity_gradient_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -156,4 +156,4 @@ TEST(GravityGradient, NeedsABodyAndAMass)
               "world.gradient: no body attracts the spacecraft; give it its `gravity`");
 }
 
-} // namespace
+} // namespace gravity_gradient_model_test

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <random>
 
-namespace {
+namespace orbit_test {
 
 using namespace fledge::world;
 using Eigen::Vector3d;
@@ -183,4 +183,4 @@ TEST(Orbit, WhatIsNoOrbitIsRefused)
     EXPECT_THROW(orbit_elements(-mu, {{1e7, 0, 0}, {0, 1e3, 0}}), fledge::sim::SetupError);
 }
 
-} // namespace
+} // namespace orbit_test

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <vector>
 
-namespace {
+namespace reaction_wheels_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -394,4 +394,4 @@ TEST(ReactionWheels, SetUpIsChecked)
     EXPECT_NO_THROW(prepare());
 }
 
-} // namespace
+} // namespace reaction_wheels_model_test

@@ -7,7 +7,7 @@
 
 #include <numbers>
 
-namespace {
+namespace solar_pressure_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -165,4 +165,4 @@ TEST(SolarPressure, NamesWhatIsWrong)
               "world.solar.light is missing: a model of the same world, as in `w.light = world.Sunlight(...)`");
 }
 
-} // namespace
+} // namespace solar_pressure_model_test

@@ -11,7 +11,7 @@
 #include <numbers>
 #include <vector>
 
-namespace {
+namespace spacecraft_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -673,4 +673,4 @@ TEST(Spacecraft, SetUpIsChecked)
               "from its centre");
 }
 
-} // namespace
+} // namespace spacecraft_model_test

@@ -10,7 +10,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace atmosphere_model_test {
 
 using Eigen::Vector3d;
 using testing::error_of;
@@ -141,5 +141,5 @@ TEST_F(Sphere, NamesWhatIsWrong)
               "world.air.body is missing: give it a body, as in body=world.EARTH");
 }
 
-} // namespace
+} // namespace atmosphere_model_test
 } // namespace fledge::world

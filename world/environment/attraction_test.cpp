@@ -14,7 +14,7 @@
 #include <cmath>
 
 namespace fledge::world {
-namespace {
+namespace attraction_test {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -481,5 +481,5 @@ TEST_F(Mars, TheEndOfTheSkyIsNamedBeforeItIsReachedAndAtTheLatestThere)
     EXPECT_THAT(error_of([&] { f.step(second); }), HasSubstr("last good state at 10 s: r_BN_N = [1e+09, 0, 0] m"));
 }
 
-} // namespace
+} // namespace attraction_test
 } // namespace fledge::world

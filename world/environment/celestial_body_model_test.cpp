@@ -7,7 +7,7 @@
 #include "world/environment/testing/two_circles.h"
 
 namespace fledge::world {
-namespace {
+namespace celestial_body_model_test {
 
 using Eigen::Vector3d;
 using testing::error_of;
@@ -89,5 +89,5 @@ TEST_F(Body, SaysWhenABarycentreStandsForIt)
     EXPECT_TRUE(model.assumptions().empty()); // nothing does
 }
 
-} // namespace
+} // namespace celestial_body_model_test
 } // namespace fledge::world

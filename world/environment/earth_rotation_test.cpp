@@ -13,7 +13,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace earth_rotation_test {
 
 using testing::error_of;
 using ::testing::HasSubstr;
@@ -245,5 +245,5 @@ TEST(EarthRotation, has_the_true_equator_and_equinox_of_date)
     EXPECT_NEAR(std::acos(to_date(0, 0)) / arcsecond, 20.4 * 50.29, 20.0);
 }
 
-} // namespace
+} // namespace earth_rotation_test
 } // namespace fledge::world

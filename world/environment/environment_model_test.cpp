@@ -9,7 +9,7 @@
 #include <numbers>
 
 namespace fledge::world {
-namespace {
+namespace environment_model_test {
 
 using Eigen::Vector3d;
 
@@ -45,5 +45,5 @@ TEST(Ellipsoid, OfTheEarthIsThatOfWgs84)
     EXPECT_EQ(Ellipsoid::of(earth).b, 6378136.3);
 }
 
-} // namespace
+} // namespace environment_model_test
 } // namespace fledge::world

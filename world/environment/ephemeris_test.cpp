@@ -11,7 +11,7 @@
 #include <cmath>
 
 namespace fledge::world {
-namespace {
+namespace ephemeris_test {
 
 using Eigen::Vector3d;
 using ::testing::ElementsAre;
@@ -358,5 +358,5 @@ TEST_F(De405, DamagedTablesAreRefused)
                           "or, as root, run: apt-get install casacore-data-jpl-de405"));
 }
 
-} // namespace
+} // namespace ephemeris_test
 } // namespace fledge::world

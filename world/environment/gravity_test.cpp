@@ -10,7 +10,7 @@
 #include <cmath>
 #include <random>
 
-namespace {
+namespace gravity_test {
 
 using namespace fledge::world;
 using Eigen::Vector3d;
@@ -102,4 +102,4 @@ TEST(Gravity, BadBodiesAreRefused)
     EXPECT_LT((checked(good).pole_N - Vector3d(0, 0.6, 0.8)).norm(), 1e-15);
 }
 
-} // namespace
+} // namespace gravity_test

@@ -10,7 +10,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace ground_station_model_test {
 
 using Eigen::Vector3d;
 
@@ -129,5 +129,5 @@ TEST_F(Station, HasNoContactBeforeTheCraftHasAState)
     EXPECT_EQ(i.out.state.head.quality, QUALITY_GOOD);
 }
 
-} // namespace
+} // namespace ground_station_model_test
 } // namespace fledge::world

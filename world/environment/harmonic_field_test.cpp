@@ -8,7 +8,7 @@
 #include <limits>
 
 namespace fledge::world {
-namespace {
+namespace harmonic_field_test {
 
 using testing::error_of;
 using ::testing::HasSubstr;
@@ -148,5 +148,5 @@ TEST(HarmonicField, DamagedIcgemIsRefusedWithItsLine)
     EXPECT_THAT(error("earth_gravity_constant -1\nradius 1\nmax_degree 2\nend_of_head\n"), HasSubstr("must be > 0"));
 }
 
-} // namespace
+} // namespace harmonic_field_test
 } // namespace fledge::world

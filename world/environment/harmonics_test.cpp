@@ -14,7 +14,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace harmonics_test {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
@@ -295,5 +295,5 @@ TEST(Harmonics, MoreThanTheFieldHasIsRefused)
     EXPECT_THAT(error_of([&] { field.J(5); }), HasSubstr("has no J5"));
 }
 
-} // namespace
+} // namespace harmonics_test
 } // namespace fledge::world

@@ -15,7 +15,7 @@
 #include <sstream>
 
 namespace fledge::world {
-namespace {
+namespace magnetism_model_test {
 
 using Eigen::Vector3d;
 using testing::error_of;
@@ -305,5 +305,5 @@ TEST_F(Field, NamesWhatIsWrong)
     EXPECT_EQ(refusal(), "world.field.dipole_P: the file " + file.path() + " has the dipole already");
 }
 
-} // namespace
+} // namespace magnetism_model_test
 } // namespace fledge::world

@@ -13,7 +13,7 @@
 #include <numbers>
 
 namespace fledge::world {
-namespace {
+namespace orientation_test {
 
 using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
@@ -159,5 +159,5 @@ TEST(Orientation, WhatIsMissingOrMisshapenIsNamed)
                 HasSubstr("BODY501_CONSTANTS_REF_FRAME is 2; only 1 is read"));
 }
 
-} // namespace
+} // namespace orientation_test
 } // namespace fledge::world

@@ -10,7 +10,7 @@
 #include <thread>
 
 namespace fledge::world {
-namespace {
+namespace sharing_test {
 
 using Eigen::Vector3d;
 using testing::made_kernel;
@@ -75,5 +75,5 @@ TEST(Environment, ThreadsShareItAndGetTheSameBits)
     }
 }
 
-} // namespace
+} // namespace sharing_test
 } // namespace fledge::world

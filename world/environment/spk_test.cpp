@@ -8,7 +8,7 @@
 #include <limits>
 
 namespace fledge::world {
-namespace {
+namespace spk_test {
 
 using testing::error_of;
 using ::testing::HasSubstr;
@@ -156,5 +156,5 @@ TEST(Spk, DamagedSummariesAndSegmentsAreRefused)
     }
 }
 
-} // namespace
+} // namespace spk_test
 } // namespace fledge::world

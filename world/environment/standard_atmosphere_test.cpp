@@ -7,7 +7,7 @@
 #include <cmath>
 
 namespace fledge::world {
-namespace {
+namespace standard_atmosphere_test {
 
 struct Point {
     double km, temperature, pressure, density;
@@ -70,5 +70,5 @@ TEST(StandardAtmosphere, FallsWithoutStepsAndWithoutEnd)
     EXPECT_EQ(all.at(std::nan("")).density, all.at(-5000.0).density);
 }
 
-} // namespace
+} // namespace standard_atmosphere_test
 } // namespace fledge::world

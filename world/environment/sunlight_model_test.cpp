@@ -14,7 +14,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace sunlight_model_test {
 
 using Eigen::Vector3d;
 using testing::error_of;
@@ -183,5 +183,5 @@ TEST_F(Light, NamesWhatIsWrong)
     EXPECT_EQ(refusal(), "world.light: SUN was given a position, but the sky holds its position");
 }
 
-} // namespace
+} // namespace sunlight_model_test
 } // namespace fledge::world

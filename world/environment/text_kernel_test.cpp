@@ -5,7 +5,7 @@
 #include "world/environment/testing/files.h"
 
 namespace fledge::world {
-namespace {
+namespace text_kernel_test {
 
 using ::testing::ElementsAre;
 using testing::error_of;
@@ -83,5 +83,5 @@ TEST(TextKernel, NaifsPlanetaryConstants)
     EXPECT_FALSE(kernel.has("BODY499_LONG_AXIS")); // given in a comment only
 }
 
-} // namespace
+} // namespace text_kernel_test
 } // namespace fledge::world

@@ -9,7 +9,7 @@
 #include <random>
 
 namespace fledge::world {
-namespace {
+namespace timescale_test {
 
 using testing::error_of;
 using ::testing::HasSubstr;
@@ -229,5 +229,5 @@ TEST(LeapSecondsKernel, WhatIsDamagedIsRefusedWithItsLine)
                 HasSubstr("/nowhere/naif.tls: cannot be opened: No such file"));
 }
 
-} // namespace
+} // namespace timescale_test
 } // namespace fledge::world

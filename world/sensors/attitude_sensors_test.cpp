@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-namespace {
+namespace attitude_sensors_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -302,4 +302,4 @@ TEST(SunSensor, NoiseIsAnAngleAcrossTheDirection)
     }
 }
 
-} // namespace
+} // namespace attitude_sensors_test

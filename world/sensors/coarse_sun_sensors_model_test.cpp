@@ -7,7 +7,7 @@
 
 #include <random>
 
-namespace {
+namespace coarse_sun_sensors_model_test {
 
 using namespace fledge::world;
 using namespace fledge::world::testing;
@@ -126,4 +126,4 @@ TEST(CoarseSunSensors, AnEclipseTakesItsShareOfTheCurrent)
     EXPECT_EQ(s.i.out.currents.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace coarse_sun_sensors_model_test

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <vector>
 
-namespace {
+namespace navigation_model_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -237,4 +237,4 @@ TEST(Navigation, FaultsHaveTheirChannels)
     EXPECT_EQ(nav.nav_interface.out.attitude.head.t, 500 * ms);
 }
 
-} // namespace
+} // namespace navigation_model_test

@@ -4,7 +4,7 @@
 #include "world/sensors/gps_receiver_model.h"
 #include "world/testing/sensing.h"
 
-namespace {
+namespace orbit_sensors_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -203,4 +203,4 @@ TEST(CraftSensor, FaultsHaveTheirChannels)
     EXPECT_EQ(c.i.out.seen.head.quality, QUALITY_GOOD) << "something of it speaks";
 }
 
-} // namespace
+} // namespace orbit_sensors_test

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <numbers>
 
-namespace {
+namespace triad_test {
 
 using namespace fledge;
 using namespace fledge::world;
@@ -316,4 +316,4 @@ TEST(Magnetometer, ReadsTheFieldInItsBodyAndThatOfTheCraft)
     EXPECT_EQ(m.i.out.measured.head.quality, QUALITY_DEGRADED);
 }
 
-} // namespace
+} // namespace triad_test

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// The main function of all tests in GoogleTest. A program holds the tests of a folder, and ctest knows each source by
+// itself: `PROGRAM --source=a/b_test.cpp` runs the cases of that source which GTEST_FILTER selects. Where GTEST_OUTPUT
+// names a folder, it writes their report into a file with the name of the source: a.b_test.xml.
+#include <gtest/gtest.h>
+
+#include <fnmatch.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+
+namespace {
+
+/// Whether one of the patterns, which colons part, has the form of this name.
+bool matches(const std::string &patterns, const std::string &name)
+{
+    for (std::size_t at = 0; at < patterns.size();) {
+        const std::size_t end = std::min(patterns.find(':', at), patterns.size());
+        if (::fnmatch(patterns.substr(at, end - at).c_str(), name.c_str(), 0) == 0) {
+            return true;
+        }
+        at = end + 1;
+    }
+    return false;
+}
+
+/// What a filter of GoogleTest, "WANTED-UNWANTED", selects of the cases of one source, as another such filter.
+std::string cases_of(const std::string &source, const std::string &filter)
+{
+    const std::size_t dash = std::min(filter.find('-'), filter.size());
+    const std::string wanted = dash == 0 ? "*" : filter.substr(0, dash);
+    const std::string unwanted = dash < filter.size() ? filter.substr(dash + 1) : "";
+    std::string cases;
+    const auto &all = *testing::UnitTest::GetInstance();
+    for (int i = 0; i < all.total_test_suite_count(); i++) {
+        const testing::TestSuite &suite = *all.GetTestSuite(i);
+        for (int j = 0; j < suite.total_test_count(); j++) {
+            const testing::TestInfo &one = *suite.GetTestInfo(j);
+            const std::string name = std::string(suite.name()) + "." + one.name();
+            if (("/" + std::string(one.file())).ends_with("/" + source) && matches(wanted, name) &&
+                !matches(unwanted, name)) {
+                cases += (cases.empty() ? "" : ":") + name;
+            }
+        }
+    }
+    return cases.empty() ? "-*" : cases;
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    constexpr std::string_view option = "--source=";
+    std::string source;
+    for (int i = 1; i < argc; i++) {
+        if (std::string_view(argv[i]).starts_with(option)) {
+            source = argv[i] + option.size();
+        }
+    }
+    // GoogleTest opens the report, and makes tests with parameters, when it is initialised.
+    if (std::string &output = testing::GTEST_FLAG(output); !source.empty() && output.ends_with('/')) {
+        std::string name = source.substr(0, source.rfind('.'));
+        std::replace(name.begin(), name.end(), '/', '.');
+        output += name + ".xml";
+    }
+    testing::InitGoogleTest(&argc, argv);
+    if (!source.empty()) {
+        testing::GTEST_FLAG(filter) = cases_of(source, testing::GTEST_FLAG(filter));
+    }
+    return RUN_ALL_TESTS();
+}
