@@ -5,8 +5,10 @@ The launcher sets PYTHONPATH itself, to the build under test, and that one wins.
 """
 
 import os
+import re
 import signal
 import sys
+import zlib
 from pathlib import Path
 
 import pytest
@@ -40,15 +42,41 @@ IN_RELEASE = [ROOT / path for path in (
     "tests/leon3_programs_test.py", "tests/links_test.py", "tests/notebook_test.py", "tests/project_test.py")]
 
 
+def pytest_addoption(parser):
+    parser.addoption("--long", default="all", metavar="all|none|I/N",
+                     help="which tests that are marked long run: all, none, or the share I of N")
+
+
 def pytest_configure(config):
     config.addinivalue_line("markers", "spread: the tests of this file share no folder; workers take them one by "
                             "one, where each other file is one worker's")
+    config.addinivalue_line("markers", "long(why): this takes long, and says why; a shorter test of the same folder shows "
+                            "the same capability each time")
+    if not re.fullmatch(r"all|none|\d+/[1-9]\d*", config.getoption("--long")):
+        raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
+
+
+def runs_now(item, wanted):
+    """Whether a test is in the first circle, or among the long tests that are wanted."""
+    mark = item.get_closest_marker("long")
+    if mark is None:
+        return True
+    if not (len(mark.args) == 1 and isinstance(mark.args[0], str) and mark.args[0].strip()):
+        raise pytest.UsageError(f'{item.nodeid} is marked long without a reason: @pytest.mark.long("200 flights")')
+    if "/" not in wanted:
+        return wanted == "all"
+    share, shares = map(int, wanted.split("/"))
+    return zlib.crc32(item.nodeid.encode()) % shares == share % shares
 
 
 @pytest.hookimpl(tryfirst=True)     # before pytest-xdist reads the marks
-def pytest_collection_modifyitems(items):
-    """Give each worker whole files, except for those that are spread. Under the sanitizers, leave out the tests of
-    IN_RELEASE."""
+def pytest_collection_modifyitems(config, items):
+    """Give each worker whole files, except for those that are spread. Leave out the long tests that are not wanted, and
+    under the sanitizers the tests of IN_RELEASE."""
+    left_out = [item for item in items if not runs_now(item, config.getoption("--long"))]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
     sanitized = os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan")
     for item in items:
         if item.get_closest_marker("spread") is None:

@@ -65,7 +65,8 @@ def launch():
         folder.mkdir(parents=True)
     fake.chmod(0o777)
     (fake / "during").touch()
-    shutil.copy(ROOT / "fledge", tree)
+    for name in ("fledge", "conftest.py"):
+        shutil.copy(ROOT / name, tree)
     for name in ("packages.txt", "tally.py"):
         shutil.copy(ROOT / "cmake" / name, tree / "cmake")
     (tree / "CMakeLists.txt").touch()

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two circles of tests: what `./fledge test` runs each time, and what is marked long and runs with --all.
+
+    /usr/bin/python3 -m tests.circles [REPORT]      the table, with the seconds of a report of pytest
+
+The report is that of the last `./fledge test` by default. A long test has no seconds unless that ran it.
+"""
+
+import contextlib
+import io
+import os
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import pytest
+
+from tests.tree import ROOT
+
+REPORT = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "tests/pytest.xml"
+
+
+class Case(NamedTuple):
+    folder: str
+    name: str               # as in a report: dotted file, ::, case
+    why: str | None         # it is long
+
+
+class Collector:
+    def __init__(self):
+        self.cases = []
+
+    def pytest_collection_modifyitems(self, items):
+        for item in items:
+            path = item.path.relative_to(ROOT)
+            mark = item.get_closest_marker("long")
+            words = [*path.with_suffix("").parts, *item.nodeid.split("::")[1:-1]]
+            self.cases.append(Case(path.parent.as_posix(), f"{'.'.join(words)}::{item.name}", mark and mark.args[0]))
+
+
+def cases(*paths: str) -> list[Case]:
+    """All that pytest collects, long ones too."""
+    collector = Collector()
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        code = pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT), "-c",
+                            str(ROOT / "pytest.ini"), *(paths or [])], plugins=[collector])
+    if code:
+        sys.exit(f"fledge: pytest collects no tests:\n{printed.getvalue()}")
+    return collector.cases
+
+
+def seconds(report: Path) -> dict[str, float]:
+    """Case -> its time in a report in JUnit's format."""
+    if not report.exists():
+        return {}
+    return {f"{one.get('classname')}::{one.get('name')}": float(one.get("time", 0))
+            for one in ElementTree.parse(report).getroot().iter("testcase")}
+
+
+def table(found: list[Case], times: dict[str, float]) -> str:
+    """Folder, quick cases and their seconds, long cases and their seconds, and why these are long."""
+    folders = defaultdict(lambda: ([], []))
+    for case in found:
+        folders[case.folder][case.why is not None].append(case)
+    lines = [f"{'folder':36} {'quick':>6} {'s':>7} {'long':>6} {'s':>7}"]
+    total = [0, 0.0, 0, 0.0]
+    for folder, groups in sorted(folders.items()):
+        row = [x for group in groups for x in (len(group), sum(times.get(case.name, 0.0) for case in group))]
+        total = [a + b for a, b in zip(total, row)]
+        lines.append("{:36} {:6} {:7.1f} {:6} {:7.1f}".format(folder, *row))
+    return "\n".join([*lines, "{:36} {:6} {:7.1f} {:6} {:7.1f}".format("all", *total)]) + "\n"
+
+
+if __name__ == "__main__":
+    print(table(cases(), seconds(Path(sys.argv[1]) if sys.argv[1:] else REPORT)), end="")

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is marked long says why, and leaves a shorter test of the same folder to each run."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests import circles
+from tests.tree import ROOT
+
+
+@pytest.fixture(scope="module")
+def cases():
+    """Collected by a process of its own: pytest is not made to run twice in one."""
+    program = "from tests import circles; print(repr([tuple(case) for case in circles.cases()]))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [circles.Case(*case) for case in eval(done.stdout)]
+
+
+def test_each_folder_with_a_long_test_has_a_quick_one(cases):
+    quick = {case.folder for case in cases if case.why is None}
+    print(circles.table(cases, circles.seconds(circles.REPORT)))
+    assert {case.folder for case in cases if case.why is not None} - quick == set()
+
+
+def run(tmp_path, text, *options):
+    """(exit code, what it printed) of a file with tests, under this tree's settings."""
+    (tmp_path / "some_test.py").write_text(f"import pytest\n\n\n{text}")
+    done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ROOT, "-c",
+                           ROOT / "pytest.ini", "--confcutdir", ROOT, "-p", "conftest", *options, tmp_path],
+                          cwd=ROOT, capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_a_long_test_without_a_reason_is_refused(tmp_path):
+    for mark in ("long", "long()", 'long(" ")', "long(3)"):
+        code, said = run(tmp_path, f"@pytest.mark.{mark}\ndef test_it():\n    pass\n")
+        assert code == 4 and 'is marked long without a reason: @pytest.mark.long("200 flights")' in said, mark
+
+
+def test_the_shares_of_the_long_tests_are_all_of_them(tmp_path):
+    text = '@pytest.mark.long("20")\n@pytest.mark.parametrize("n", range(20))\ndef test_it(n):\n    pass\n' \
+        "def test_quick():\n    pass\n"
+
+    def passed(wanted):
+        code, said = run(tmp_path, text, "--long", wanted, "-rp")
+        assert code == 0, said
+        return {line.rpartition("::")[2] for line in said.splitlines() if line.startswith("PASSED")}
+
+    shares = [passed(f"{i}/3") for i in range(3)]
+    assert all("test_quick" in share and len(share) > 2 for share in shares)
+    assert sum(len(share) - 1 for share in shares) == 20 and set.union(*shares) == passed("all")
+    assert passed("none") == {"test_quick"}
+    code, said = run(tmp_path, text, "--long", "some")
+    assert code == 4 and "--long takes all, none or I/N, such as 0/5; found some" in said
