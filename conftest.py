@@ -50,8 +50,8 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     config.addinivalue_line("markers", "spread: the tests of this file share no folder; workers take them one by "
                             "one, where each other file is one worker's")
-    config.addinivalue_line("markers", "long(why): this takes long, and says why; a shorter test of the same folder shows "
-                            "the same capability each time")
+    config.addinivalue_line("markers", "long(why): this takes long, and says why; a shorter test of the same folder "
+                            "shows the same capability each time")
     if not re.fullmatch(r"all|none|\d+/[1-9]\d*", config.getoption("--long")):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
 

@@ -126,7 +126,7 @@ THIRD_PARTIES = {
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy", "scipy"},   # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
-    "tests":      {"_core", "numpy"},
+    "tests":      {"_core", "numpy", "pytest"},
 }
 
 
