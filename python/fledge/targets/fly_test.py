@@ -641,8 +641,13 @@ def processes(folder):
 def target_of(folder, process):
     """The id of the target's process, once it flies."""
     part = folder / "linux.mcap.part"
-    wait_for(lambda: part.exists() and part.stat().st_size > 100_000, process)
-    return next(pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin"))
+    found = []
+
+    def flies():
+        found[:] = [pid for pid, words in processes(folder) if words[0].endswith(b"/linux/nadir_spin")]
+        return found and part.exists() and part.stat().st_size > 100_000
+    wait_for(flies, process)
+    return found[0]
 
 
 def nothing_is_left(folder):

@@ -34,7 +34,7 @@ def test_a_target_that_is_not_installed_is_in_the_last_line_and_the_others_fly(f
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "aarch64,linux", "--out", str(folder / "nadir")]) == 1
     line, said = last(capsys)
     assert line == "  failed   aarch64: did not fly (passed: desktop, linux)"
-    assert "  aarch64: fly: aarch64 needs no-such-compiler, not installed here\n" in said.err
+    assert "  aarch64: fly: aarch64 needs no-such-compiler, not installed here; as root, run: apt-get " in said.err
     assert re.search(r"\n  linux +11 ", said.out) and Archive(folder / "nadir/linux.mcap").complete
     for alone in (["--build"], ["--join"]):
         assert cli.main(["fly", "nadir_spin", "--on", "aarch64", *alone, "--out", str(folder / "nadir")]) == 2
