@@ -73,10 +73,10 @@ def runs_now(item, wanted):
 def pytest_collection_modifyitems(config, items):
     """Give each worker whole files, except for those that are spread. Leave out the long tests that are not wanted, and
     under the sanitizers the tests of IN_RELEASE."""
-    left_out = [item for item in items if not runs_now(item, config.getoption("--long"))]
+    left_out = {item for item in items if not runs_now(item, config.getoption("--long"))}
     if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in set(left_out)]
+        config.hook.pytest_deselected(items=list(left_out))
+        items[:] = [item for item in items if item not in left_out]
     sanitized = os.environ.get("FLEDGE_PRESET", "release") in ("asan", "tsan")
     for item in items:
         if item.get_closest_marker("spread") is None:

@@ -20,8 +20,8 @@ endif()
 
 # fledge_add_test(<program> SOURCES <file>... [LIBRARIES <target>...])
 #
-# Adds tests to a program; several calls may name the same one. ctest has a test for each source NAME_test.cpp, with the
-# path of the source below the project as its name (a.b/x_test: a/b/x_test.cpp), and the program as its label.
+# Adds tests to a program; several calls may name the same one. ctest has a test for each source NAME_test.cpp, whose
+# name is the path of the source below the project (a.b.x_test of a/b/x_test.cpp), and whose label is the program.
 function(fledge_add_test program)
     if(NOT BUILD_TESTING)
         return()
