@@ -56,6 +56,15 @@ def pytest_configure(config):
         raise pytest.UsageError(f"--long takes all, none or I/N, such as 0/5; found {config.getoption('--long')}")
 
 
+COLLECTED = pytest.StashKey()
+
+
+@pytest.fixture
+def collected(request):
+    """All tests that pytest found, those too that are left out."""
+    return request.config.stash[COLLECTED]
+
+
 def runs_now(item, wanted):
     """Whether a test is in the first circle, or among the long tests that are wanted."""
     mark = item.get_closest_marker("long")
@@ -73,6 +82,7 @@ def runs_now(item, wanted):
 def pytest_collection_modifyitems(config, items):
     """Give each worker whole files, except for those that are spread. Leave out the long tests that are not wanted, and
     under the sanitizers the tests of IN_RELEASE."""
+    config.stash[COLLECTED] = list(items)
     left_out = {item for item in items if not runs_now(item, config.getoption("--long"))}
     if left_out:
         config.hook.pytest_deselected(items=list(left_out))

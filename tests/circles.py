@@ -11,6 +11,7 @@ import io
 import os
 import sys
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -28,24 +29,33 @@ class Case(NamedTuple):
     why: str | None         # it is long
 
 
+def long_after(count: int, values: Iterable, why: str) -> list:
+    """Values for `parametrize`, of which the first `count` run each time and the others are long. A tuple is the values
+    of several arguments."""
+    sets = [pytest.param(*(value if isinstance(value, tuple) else (value,))) for value in values]
+    return [*sets[:count], *(one._replace(marks=[pytest.mark.long(why)]) for one in sets[count:])]
+
+
+def case(item: pytest.Item) -> Case:
+    path = item.path.relative_to(ROOT)
+    mark = item.get_closest_marker("long")
+    words = [*path.with_suffix("").parts, *item.nodeid.split("::")[1:-1]]
+    return Case(path.parent.as_posix(), f"{'.'.join(words)}::{item.name}", mark and mark.args[0])
+
+
 class Collector:
-    def __init__(self):
-        self.cases = []
+    cases: list[Case] = []
 
     def pytest_collection_modifyitems(self, items):
-        for item in items:
-            path = item.path.relative_to(ROOT)
-            mark = item.get_closest_marker("long")
-            words = [*path.with_suffix("").parts, *item.nodeid.split("::")[1:-1]]
-            self.cases.append(Case(path.parent.as_posix(), f"{'.'.join(words)}::{item.name}", mark and mark.args[0]))
+        self.cases = [case(item) for item in items]
 
 
-def cases(*paths: str) -> list[Case]:
+def cases() -> list[Case]:
     """All that pytest collects, long ones too."""
     collector = Collector()
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         code = pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT), "-c",
-                            str(ROOT / "pytest.ini"), *(paths or [])], plugins=[collector])
+                            str(ROOT / "pytest.ini")], plugins=[collector])
     if code:
         sys.exit(f"fledge: pytest collects no tests:\n{printed.getvalue()}")
     return collector.cases
