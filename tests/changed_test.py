@@ -24,6 +24,7 @@ def near(*paths):
     return set(cases), changed.python_tests(list(paths), reached)
 
 
+@pytest.mark.long("looks through all missions")
 def test_of_a_flight_module_its_own_test_and_the_smallest_users_are_chosen():
     cases, paths = near("flight/control/mrp_feedback.c")
     assert "MrpFeedback.*" in cases and len(cases) < 6
@@ -105,6 +106,7 @@ HEADERS = ["flight/control/mrp_feedback.h", "flight/msg/attitude.h", "world/dyna
            "flight/math/vec.h", "cosim/protocol/protocol.h"]
 
 
+@pytest.mark.long("the compiler lists headers of many sources")
 def test_each_test_whose_headers_the_compiler_finds_changed_is_chosen():
     """The compiler's list of the headers of some sources of tests, drawn by a seed."""
     tests = sorted(str(path) for path in files() if path.name.endswith("_test.cpp")

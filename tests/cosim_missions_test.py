@@ -26,6 +26,7 @@ import pytest
 import fledge
 from fledge import cosim
 from fledge.files import build_folder
+from tests.circles import long_after
 from tests.waiting import PATIENCE
 
 CONTROLLER = build_folder() / "cosim" / "fledge_controller"
@@ -48,8 +49,9 @@ def all(sim):
 
 # --- missions, and what they record ----------------------------------------------------------------
 
-@pytest.fixture(scope="module", params=[(name, latency) for name in ("inertial_pointing", "nadir_spin")
-                                        for latency in (0, 1)], ids=lambda p: f"{p[0]}-{p[1]}")
+@pytest.fixture(scope="module", params=long_after(
+    1, [((name, latency),) for name in ("inertial_pointing", "nadir_spin") for latency in (0, 1)],
+    "another mission or latency"), ids=lambda p: f"{p[0]}-{p[1]}")
 def mission(request, tmp_path_factory):
     """The folder of a mission with noise in its sensor, so that random draws count, and the latency."""
     name, latency = request.param

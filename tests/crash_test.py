@@ -164,6 +164,7 @@ def test_the_debugger_stops_there(own):
     assert "SIGFPE" in shown and "trap_update" in shown and "trap.c" in shown
 
 
+@pytest.mark.long("waits for a limit of time")
 def test_an_endless_loop_ends_at_the_limit(own):
     code, said = flown(own, "run", "fall", "--for", "5s", "--set", "kind=6", "--update-limit", "250ms")
     assert code == -signal.SIGXCPU
@@ -192,6 +193,7 @@ def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
     assert code == -signal.SIGSEGV and "flight.trap (Trap), task gnc, at t = 2.125 s" in again
 
 
+@pytest.mark.long("a campaign that crashes")
 def test_processes_of_a_campaign_tell_it_and_the_others_go_on(own):
     code, said = flown(own, "montecarlo", "python", "--runs", 12, "--threads", 2, "--seed", 3)
     assert code == 1 and "in flight.trap (Trap), task gnc, at t = 2.125 s, in run " in said

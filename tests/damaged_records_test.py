@@ -16,7 +16,7 @@ from fledge.archive.mcap import CHUNK, DATA_END, METADATA, metadata
 from fledge.cosim.replay import Exchange
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
-BYTES = 40         # of those that are made wrong, of each kind
+BYTES = 40         # of those that are made wrong, of each kind, in the long test
 
 
 def scene(path, whole):
@@ -88,18 +88,18 @@ def records(data):
         at = end
 
 
-def places(data):
-    """Bytes of the metadata, and of all else."""
+def places(data, count):
+    """Bytes of the metadata, and of all else: so many of each."""
     about = [i for op, at, end in records(data) if op == METADATA for i in range(at, end)]
     rest = sorted(set(range(len(data))) - set(about))
     rng = random.Random(1)
-    return range(len(data)) if LONG else [*rng.sample(about, min(BYTES, len(about))), *rng.sample(rest, BYTES)]
+    return range(len(data)) if LONG else [*rng.sample(about, min(count, len(about))), *rng.sample(rest, count)]
 
 
-def flipped(file, folder, readers):
+def flipped(file, folder, readers, count):
     """What is no one-line error, for each reader: (byte, what)."""
     data, path, rng, wrong = file.read_bytes(), folder / "run.mcap", random.Random(2), []
-    for at in places(data):
+    for at in places(data, count):
         for flip in {1 << rng.randrange(8), rng.randrange(1, 256)}:
             path.write_bytes(data[:at] + bytes([data[at] ^ flip]) + data[at + 1:])
             for name, read in readers.items():
@@ -116,12 +116,17 @@ def flipped(file, folder, readers):
     return wrong
 
 
+@pytest.mark.long("wrong bytes for all readers: 20 s")
 def test_a_wrong_byte_in_a_record_is_one_line_for_every_reader(whole, tmp_path, capsys):
-    assert flipped(whole, tmp_path, READERS) == []
+    assert flipped(whole, tmp_path, READERS, BYTES) == []
+
+
+def test_some_wrong_bytes_in_a_record_are_one_line_for_every_reader(whole, tmp_path, capsys):
+    assert flipped(whole, tmp_path, READERS, 3) == []
 
 
 def test_a_wrong_byte_in_a_record_of_an_exchange_is_one_line(exchanged, tmp_path):
-    assert flipped(exchanged, tmp_path, {"exchange": exchange}) == []
+    assert flipped(exchanged, tmp_path, {"exchange": exchange}, BYTES) == []
 
 
 def test_a_wrong_parameter_is_named(whole, tmp_path):

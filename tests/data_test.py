@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from fledge.files import build_folder
+from tests.circles import long_after
 from tests.tree import ROOT, files
 
 OF_CPP = re.compile(r"^TEST(?:_F)?\((\w+), (\w+)\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
@@ -52,7 +53,7 @@ def test_tests_in_cpp_are_skipped_where_their_data_is_missing(tmp_path):
     assert [name for name, reason in reasons.items() if "not here: " not in (reason or "")] == []
 
 
-@pytest.mark.parametrize("file", IN_PYTHON)
+@pytest.mark.parametrize("file", long_after(1, IN_PYTHON, "runs pytest"))
 def test_tests_in_python_are_skipped_where_their_data_is_missing(file, tmp_path):
     tree = ast.parse(FILES[file])
     tests = [node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")

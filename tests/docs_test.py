@@ -104,11 +104,13 @@ def follow(document, shell):
     return done
 
 
+@pytest.mark.long("follows the tutorial; builds a project")
 def test_the_tutorial_leads_to_a_module_in_closed_loop(tmp_path):
     assert follow("tutorial.md", Shell(tmp_path)) >= 10
     assert (tmp_path / "my_sat/runs/turn/slew/slew.png").stat().st_size > 10_000
 
 
+@pytest.mark.long("follows the guide, a dozen commands: 30 s")
 def test_the_guide_shows_what_fledge_prints(tmp_path):
     assert follow("guide.md", Shell(tmp_path)) >= 12
     assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
@@ -119,12 +121,14 @@ def test_the_loop_meets_control_theory(tmp_path):
     assert (tmp_path / "loop.png").stat().st_size > 10_000
 
 
+@pytest.mark.long("follows the page; flies under valgrind")
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
 def test_flight_is_profiled(tmp_path):
     assert follow("profiling.md", Shell(tmp_path)) == 2
     assert (tmp_path / "runs/nadir_spin/profile/profile.html").stat().st_size > 10_000
 
 
+@pytest.mark.long("follows the page; a verification over scenarios")
 def test_a_mission_is_verified(tmp_path):
     assert follow("verification.md", Shell(tmp_path)) == 2
     assert (tmp_path / "verification/nadir_spin/report.html").stat().st_size > 20_000
@@ -135,31 +139,38 @@ def test_a_search_finds_a_run_that_fails(tmp_path):
     assert "keeps_sun_1(sim)" in (tmp_path / "runs/sun_safe/falsify/SUN-1/keeps_sun_1.py").read_text()
 
 
+@pytest.mark.long("follows the page; a campaign of failures")
 def test_sensors_fail_as_planned_set_dispersed_and_injected(tmp_path):
     assert follow("sensors.md", Shell(tmp_path)) == 7
 
 
+@pytest.mark.long("follows the page; each fault of each unit")
 def test_faults_versions_and_the_time_of_tasks(tmp_path):
     assert follow("fault-analysis.md", Shell(tmp_path)) == 5
 
 
+@pytest.mark.long("follows the page; builds a project")
 def test_existing_code_is_wrapped_and_flown(tmp_path):
     assert follow("existing-code.md", Shell(tmp_path)) >= 6
 
 
+@pytest.mark.long("follows the page; builds for three targets")
 def test_a_guidance_law_goes_from_a_class_to_c_and_to_targets(tmp_path):
     assert follow("prototypes.md", Shell(tmp_path)) >= 15
 
 
+@pytest.mark.long("follows the page; builds a project and a target")
 @pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
 def test_a_project_has_a_target_of_its_own(tmp_path):
     assert follow("targets.md", Shell(tmp_path)) == 3
 
 
+@pytest.mark.long("follows the page; builds and flies under MicroPython")
 def test_a_mission_flies_under_micropython(tmp_path):
     assert follow("micropython.md", Shell(tmp_path)) == 4
 
 
+@pytest.mark.long("follows the page; builds a project of programs")
 def test_programs_are_joined_into_one_simulation(tmp_path):
     assert follow("cosim.md", Shell(tmp_path)) >= 10
 
@@ -174,6 +185,7 @@ def test_gdb_stops_in_flight_code(tmp_path):
     assert follow("debugging.md", shell) == 2
 
 
+@pytest.mark.long("follows the page; flies on the emulator under gdb")
 def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
@@ -187,6 +199,7 @@ def test_what_stands_beside_the_names_of_others_exists():
     assert len(named) > 50 and not named - {*world.TYPES, *fsw.TYPES, "Sky"}
 
 
+@pytest.mark.long("Sphinx writes all pages: two minutes")
 @pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 def test_the_pages_and_the_reference_build_without_a_warning(tmp_path):
     printed, status = Shell(tmp_path).run("fledge docs")

@@ -53,6 +53,7 @@ def test_python_is_formatted(looked_at):
     assert not differ, f"mend it with: autopep8 -i {' '.join(differ)}"
 
 
+@pytest.mark.long("mypy reads all of Python's types: a minute")
 def test_the_types_of_python_hold():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     if "mypy" not in settings["tool"]:

@@ -157,6 +157,7 @@ def uses(fledge_, cwd, user=()):
     assert said.startswith("fledge: new mission: there is no project here"), said
 
 
+@pytest.mark.long("copies the installed tree for another user")
 def test_a_user_who_may_only_read_it_flies(prefix, own):
     """The installation is as it was, also where other users run it."""
     folder, user = own
@@ -213,6 +214,7 @@ def test_pip_builds_a_copied_tree_anew(tmp_path, monkeypatch, home, anew):
     assert (tmp_path / "build/release/old.o").exists() != anew
 
 
+@pytest.mark.long("pip builds and installs the package")
 def test_pip_installs_it_without_a_network(environment, tmp_path):
     subprocess.run([environment / "bin/pip", "install", "--quiet", "--no-index", ROOT], check=True)
     program = "import fledge; print(fledge.__file__, fledge.load('nadir_spin').name)"
@@ -224,6 +226,7 @@ def test_pip_installs_it_without_a_network(environment, tmp_path):
     assert [path for path in (environment / "lib/fledge").rglob("*") if path.suffix not in {"", ".pyc"}] == []
 
 
+@pytest.mark.long("pip builds and installs the package")
 def test_the_launcher_keeps_an_active_environment(environment, tmp_path):
     active = {**os.environ, "VIRTUAL_ENV": str(environment), "PATH": f"{environment}/bin:{os.environ['PATH']}"}
     program = "import sys, fledge; fledge.load('nadir_spin'); print(sys.prefix)"
@@ -252,6 +255,7 @@ def deb(prefix, tmp_path_factory):
         return folder / fledge_deb.pack(prefix, folder)
 
 
+@pytest.mark.long("pip makes the wheel")
 def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
     python = "cp{0.major}{0.minor}".format(sys.version_info)
     assert wheel.name.startswith(f"fledge-{fledge.__version__}-{python}-{python}-linux_")
@@ -269,6 +273,7 @@ def test_the_wheel_brings_its_shared_libraries(wheel, tmp_path):
     assert list((data / "lib/fledge/python/fledge/cli/__pycache__").glob("*.pyc"))
 
 
+@pytest.mark.long("pip makes and installs the wheel")
 def test_pip_installs_the_wheel_and_refuses_one_of_another_python(wheel, tmp_path):
     subprocess.run(["/usr/bin/python3", "-m", "venv", "--system-site-packages", tmp_path / "venv"], check=True)
     pip = [tmp_path / "venv/bin/pip", "install", "--quiet", "--no-index"]

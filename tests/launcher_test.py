@@ -15,6 +15,7 @@ import pytest
 
 import fledge
 from fledge import cli
+from tests.circles import long_after
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -221,12 +222,12 @@ def test_a_bench_builds_what_it_measures_in_c(launch):
     assert "pytest" not in command
 
 
-@pytest.mark.parametrize("failures, status, line", [
+@pytest.mark.parametrize("failures, status, line", long_after(1, [
     (0, 0, "5 passed, 0 failed, 1 skipped"),
     (2, 8, "3 passed, 2 failed, 1 skipped"),
     (0, 8, "5 passed, 1 failed, 1 skipped"),     # it failed, but no test did
     (None, 8, "1 passed, 1 failed, 0 skipped"),  # it left no report
-])
+], "runs ./fledge test in a tree of its own"))
 def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, status, line):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text(str(status))
@@ -237,6 +238,7 @@ def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, sta
     assert done.returncode == (status != 0)
 
 
+@pytest.mark.long("runs ./fledge test in a tree of its own")
 def test_the_closing_line_counts_what_ctest_skips(launch, tmp_path):
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests/CTestTestfile.cmake").write_text(
@@ -274,6 +276,7 @@ def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
     assert launch.said("ninja")[-1].endswith(f"build/release {parts}")
 
 
+@pytest.mark.long("runs ./fledge test in a tree of its own")
 def test_alternatives_in_a_pattern_are_for_both_runners(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
@@ -282,6 +285,7 @@ def test_alternatives_in_a_pattern_are_for_both_runners(launch):
     assert done.returncode == 0 and done.stdout.splitlines()[-1] == "5 passed, 0 failed, 1 skipped", done.stdout
 
 
+@pytest.mark.long("runs ./fledge test in a tree of its own")
 def test_a_pattern_that_matches_nothing_fails(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
@@ -353,6 +357,7 @@ def test_packages_are_looked_for_on_another_machine_too(launch):
     assert len(launch.said("apt")) > before
 
 
+@pytest.mark.long("builds a tree of its own")
 def test_two_first_commands_do_not_collide(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "during").write_text('until [ -e "$FAKE/go" ]; do sleep 0.01; done\n')
@@ -489,6 +494,7 @@ def test_files_from_the_future(launch):
     assert launch("list").returncode == 0 and not object_.exists()
 
 
+@pytest.mark.long("configures a tree several times")
 def test_what_a_failed_configuration_found_is_forgotten(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "during").write_text('case $0 in */cmake) echo "CMake Error: no compiler"; exit 1 ;; esac\n')
@@ -719,6 +725,7 @@ def test_it_prints_the_version():
     assert done.stdout == f"fledge {fledge.__version__}\n"
 
 
+@pytest.mark.long("runs ./fledge test in a tree of its own")
 def test_tests_have_default_signals_in_the_background_of_a_script(launch):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Programs of others on the LEON3: the same results as here, on each engine, and as on stock QEMU."""
 
+import pytest
+
 from tests import leon3_programs as programs
 
 
+@pytest.mark.long("compiles and runs random programs")
 def test_random_programs_give_the_same_checksums_as_here(tmp_path):
     compared = 0
     for seed in (1, 2, 3, 5):
@@ -17,6 +20,7 @@ def test_random_programs_give_the_same_checksums_as_here(tmp_path):
     assert compared >= 3
 
 
+@pytest.mark.long("runs newlib's tests twice")
 def test_the_tests_of_the_c_library_print_the_same_as_on_qemu(tmp_path):
     printed = programs.everywhere(programs.newlib_math(tmp_path), ["threaded", "translator"])
     assert "testing sinf\n" in printed["qemu"] and "Tested 29106 functions" in printed["qemu"]

@@ -32,6 +32,7 @@ def test_no_cell_fails(path, tmp_path):
     assert sum("text/html" in kind for kind in kinds) >= 5 and sum("image/png" in kind for kind in kinds) == 1
 
 
+@pytest.mark.long("starts a notebook's kernel")
 @SLOW
 def test_a_figure_is_shown_once_in_its_cell_and_again_where_it_is_asked_for(tmp_path):
     nbformat = pytest.importorskip("nbformat")

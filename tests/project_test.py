@@ -35,6 +35,7 @@ def replace(path, old, new_):
 
 # --- one project, with one of each -----------------------------------------------------------------
 
+@pytest.mark.long("builds a project that fails")
 def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
     """A user sees the place and the reason first, for each kind of mistake. Folders have any names."""
     sat = tmp_path / "Größe 1/sat"
@@ -106,6 +107,7 @@ def test_its_mission_flies_with_its_module_and_its_model(own):
         assert expected in said
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_it_flies_on_a_target_too(own):
     """Its module is compiled from its source, beside Fledge's; its model stays in the world."""
     said = fledge("--project", own, "fly", "first_scan", "--for", "60s", "--on", "linux,cfs", cwd=own)
@@ -145,6 +147,7 @@ def test_its_objects_are_like_ours(own):
     assert "class GasLeak(Model):" in (stubs / "_project_world.pyi").read_text()
 
 
+@pytest.mark.long("mypy reads the types of all of Fledge: a minute")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="editors read the release build")
 def test_an_editor_finds_the_types_of_its_modules(own):
     """Checkers read pyproject.toml, as `fledge new project` wrote it: mypy as an editor runs it, for one file."""
@@ -170,6 +173,7 @@ def test_an_editor_finds_the_types_of_its_modules(own):
     assert (own / "build/release/compile_commands.json").exists()       # for .clangd
 
 
+@pytest.mark.long("Sphinx writes the documents of a project")
 @pytest.mark.skipif(not importlib.util.find_spec("myst_parser"), reason="python3-myst-parser is not installed")
 def test_its_documents_have_its_modules_and_models(own):
     pages = own / "build/docs/html"
@@ -201,6 +205,7 @@ def test_nothing_was_built_into_this_tree(own):
 
 # --- what cannot be --------------------------------------------------------------------------------
 
+@pytest.mark.long("configures a project several times")
 def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
     fledge("new", "project", "bad", cwd=tmp_path)
     for name in ("One", "Two"):

@@ -33,12 +33,14 @@ def test_it_is_small_and_has_no_heap(tmp_path):
                     "snprintf", "vsnprintf"}
 
 
+@pytest.mark.long("builds all with clang")
 @pytest.mark.skipif(not shutil.which("clang"), reason="clang is not installed")
 def test_it_is_clean_under_another_compiler(tmp_path):
     compiled(tmp_path, "-O1", compiler="clang")
     subprocess.run(["clang", *STRICT, "-c", str(ROOT / "targets/cfs/host.c")], check=True, cwd=tmp_path)
 
 
+@pytest.mark.long("builds all with the thread sanitizer")
 def test_its_tasks_race_nowhere(tmp_path):
     empty = tmp_path / "empty.c"
     empty.write_text("int main(void) { return 0; }\n")

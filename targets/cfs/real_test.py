@@ -83,6 +83,7 @@ def files(folder):
     return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.long("builds and flies in a tree like that of cFS")
 def test_a_mission_is_built_and_flown_in_a_copy_of_a_tree(tree, tmp_path, capsys):
     before = files(tree)
     out = tmp_path / "out"
@@ -112,6 +113,7 @@ def test_what_its_build_says_is_told(tree, tmp_path, capsys):
     assert "make prep failed" in said and "no toolchain" in said
 
 
+@pytest.mark.long("builds a tree like that of cFS")
 def test_a_bundle_of_configurations_is_built_by_goals_of_its_own_and_its_script_is_made(tree, tmp_path, capsys):
     sample = tree / "sample_defs"
     (tree / "cfe/cmake/sample_defs").rename(sample)

@@ -115,6 +115,7 @@ def test_rtems_is_for_one_target(capsys):
     assert "--rtems is for --on leon3-rtems" in capsys.readouterr().err
 
 
+@pytest.mark.long("compiles a mission's image")
 @pytest.mark.skipif(not shutil.which(toolchain.COMPILER), reason=f"{toolchain.COMPILER} is not installed")
 @pytest.mark.parametrize("mission", [["earth_imager"], ["formation", "--process", "deputy"]])
 def test_the_folder_has_all_that_rtems_has_not(mission, tmp_path, capsys):

@@ -40,6 +40,7 @@ def mission_of(tmp_path, flight, world=WORLD):
     return folder
 
 
+@pytest.mark.long("compiles all missions' code")
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_every_mission_compiles_without_a_warning(exported, compiler, tmp_path):
     sources = []
@@ -62,6 +63,7 @@ def test_the_same_mission_gives_the_same_bytes(exported, name):
     assert sources_of(fledge.load(name, seed=7)) == exported[name]
 
 
+@pytest.mark.long("formats exported code of all missions")
 @pytest.mark.skipif(not shutil.which("clang-format"), reason="clang-format is not installed")
 def test_it_is_laid_out_by_the_rules_of_this_repository(exported, modes, tmp_path):
     texts = [*exported.values(), export.emit_c(export.read(fledge.load(modes)))]

@@ -105,6 +105,7 @@ def upload(core, name, file):
     return housekeeping(core)
 
 
+@pytest.mark.long("builds an app with cFE's interface: 14 s")
 def test_noop_and_reset_of_the_counters(core):
     core.outside.tick(-1)
     core.send(command(CMD, 0, sequence=7))
@@ -320,6 +321,7 @@ def test_it_ends_with_the_run_and_with_its_surroundings(built):
         outside.close()
 
 
+@pytest.mark.long("builds an app")
 def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path):
     mission = built[0]
     app = cfs.App("nav", keep=["parameters", "flight.control"])
@@ -349,6 +351,7 @@ def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path)
         outside.close()
 
 
+@pytest.mark.long("builds two apps")
 def test_two_apps_at_one_register_file_are_told(tmp_path, built):
     mission, _, _, _, outside = built
     apps = [(cfs.App("nav"), tmp_path / "nav"), (cfs.App("two", 0xE0), tmp_path / "two")]

@@ -65,6 +65,7 @@ def connected(tmp_path):
         core.kill()
 
 
+@pytest.mark.long("builds an app")
 def test_files_are_in_a_folder_of_cfe(connected, tmp_path):
     craft, cf = connected
     plan = tmp_path / "plan"

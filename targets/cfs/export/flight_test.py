@@ -51,6 +51,7 @@ def flown(name, folder, duration, compiler="gcc", order="little", runner=(), **m
         outside.close()
 
 
+@pytest.mark.long("builds and flies apps of several missions")
 def test_an_app_puts_out_the_same_bits(tmp_path):
     """Others fly in fledge/fly/fly_test.py, in the closed loop."""
     ticks, difference, report = flown("nadir_spin", tmp_path, 600.0)
@@ -59,6 +60,7 @@ def test_an_app_puts_out_the_same_bits(tmp_path):
     assert report["errors"] == 0 and report["overflow"] == 0
 
 
+@pytest.mark.long("builds for other processors, flies in QEMU")
 @pytest.mark.parametrize("machine, order", [("aarch64", "little"), ("sparc64", "big")])
 def test_so_it_does_on_other_machines(machine, order, tmp_path):
     """Of another byte order, too: its tables are files of that order."""
@@ -71,12 +73,14 @@ def test_so_it_does_on_other_machines(machine, order, tmp_path):
     assert report["errors"] == 0                        # no table was refused
 
 
+@pytest.mark.long("builds an app")
 def test_with_tables_of_the_wrong_order_it_flies_with_those_it_was_exported_with(tmp_path):
     _, difference, report = flown("nadir_spin", tmp_path, 5.0, order="big", options=("-O1",))
     assert difference is None
     assert report["errors"] == 18                       # each of 6: its layout, refused by cFE, defaults
 
 
+@pytest.mark.long("builds with the thread sanitizer")
 def test_main_and_child_task_race_nowhere(tmp_path):
     tried = subprocess.run(f"echo 'int main(void) {{ return 0; }}' > {tmp_path}/t.c && gcc -fsanitize=thread "
                            f"{tmp_path}/t.c -o {tmp_path}/t && {tmp_path}/t", shell=True, capture_output=True)
@@ -86,6 +90,7 @@ def test_main_and_child_task_race_nowhere(tmp_path):
     assert difference is None and report["events"] >= 3 and report["exit"] == 0
 
 
+@pytest.mark.long("builds for a board")
 def test_on_a_board_without_an_operating_system(tmp_path):
     """Registers are memory, tasks take turns, there are no files: the same source, and the same bits."""
     sim = fledge.load("nadir_spin")
@@ -215,6 +220,7 @@ class Bus(Core):
         self.send(command(0x18C2, 0))
 
 
+@pytest.mark.long("builds an app")
 def test_wakeups_that_are_missing_or_too_many_are_told_and_counted(on_bus):
     core = Bus(*on_bus[0])
     try:

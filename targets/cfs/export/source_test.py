@@ -157,6 +157,7 @@ def test_copies_are_the_files_as_they_are(written):
             assert text == ours.read_text(), file
 
 
+@pytest.mark.long("builds two apps")
 def test_two_apps_are_linked_into_one_core_and_both_run(nadir, tmp_path):
     other = export.read(fledge.load("two_body_pointing"))
     apps = [(cfs.App("nav", 0xC0), nadir), (cfs.App("point", 0xE0), other)]
