@@ -21,11 +21,6 @@ sys.path[:] = [*(path for path in sys.path if path not in ("", os.getcwd())), *F
 # The programs that tests start.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), *FOLDERS]))
 
-# The tests start Python many hundred times: its bytecode is kept, in the build.
-sys.dont_write_bytecode, sys.pycache_prefix = False, str(ROOT / "build" / "pycache")
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
-
 # A script's `&` ignores Ctrl-C, nohup ignores that the terminal is closed, and programs inherit what is ignored or
 # blocked. The tests and what they start begin with signals as usual; only the tests themselves go on after nohup.
 signal.pthread_sigmask(signal.SIG_SETMASK, ())
