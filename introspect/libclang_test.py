@@ -33,6 +33,7 @@ def tables():
     return [EMITTERS["tables"](model.library(name)) for name in model.library_names]
 
 
+@pytest.mark.long("reads all headers with each version of libclang")
 @pytest.mark.parametrize("version", sorted(version for version in VERSIONS if version > BOUND))
 def test_every_version_reads_and_refuses_alike(version):
     done = subprocess.run([sys.executable, "-c", UNDER, VERSIONS[version]], capture_output=True, text=True, cwd=ROOT)

@@ -24,6 +24,7 @@ def build(folder, text):
     return subprocess.run([str(program)], capture_output=True, text=True)
 
 
+@pytest.mark.long("builds with the thread sanitizer")
 def test_two_threads_race_nowhere(tmp_path):
     empty = tmp_path / "empty.c"
     empty.write_text("int main(void) { return 0; }\n")

@@ -109,6 +109,7 @@ def test_delays_and_pieces_change_no_bit(start, spring, piece, delay, jitter):
     assert seen == by_hand(101)
 
 
+@pytest.mark.long("each waits 10 s for the node to leave")
 @pytest.mark.parametrize("spring", SPRINGS)
 @pytest.mark.parametrize("cut_after", [0, 40, 100, 200, 1000, 3000, 20_000])
 def test_a_connection_that_breaks_ends_the_run_with_the_nodes_name(start, spring, cut_after):

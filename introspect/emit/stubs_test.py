@@ -77,6 +77,7 @@ def mypy(folder, *files):
     return done.stdout.splitlines()
 
 
+@pytest.mark.long("mypy reads the types of all of Fledge: a minute")
 def test_mypy_accepts_the_stubs_and_a_mission(folder):
     (folder / "flight.py").write_text(MISSION)
     nadir_spin = ROOT / "missions/nadir_spin"
@@ -108,6 +109,7 @@ def complaints(folder):
     return [[line for line in errors if line.startswith(file.name)] for file in files]
 
 
+@pytest.mark.long("mypy reads the types of all of Fledge")
 @pytest.mark.parametrize("k, right, complaint", [(k, right, text) for k, (right, _, text) in enumerate(MISTAKES)])
 def test_mypy_finds_a_mistake_in_a_mission(complaints, k, right, complaint):
     assert MISSION.count(right) == 1

@@ -110,6 +110,7 @@ def test_what_was_never_written_has_no_value(here):
     assert sim.activity["flight.mode.name"].tolist() == ["coast", "point"]
 
 
+@pytest.mark.long("flies a campaign")
 def test_a_campaign_judges_nothing_that_does_not_exist(here, capsys):
     result = fledge.montecarlo.Campaign("modal").fly(30, seed=1)
     d = result.campaign.dispersions

@@ -62,6 +62,7 @@ def test_a_program_resets_its_board_and_so_does_the_watchdog(tmp_path):
     assert "resets 2\nwatchdog 2\n" in done.stdout and done.returncode == 0
 
 
+@pytest.mark.long("builds and flies five images")
 def test_a_reset_of_the_computer_in_flight(tmp_path, capsys):
     """By the power unit's watchdog; the record goes on, and all bits are the desktop's."""
     on = "leon3,leon3-cfs,leon3-micropython" + ("" if TARGETS["leon3-qemu"].missing() else ",leon3-qemu")
@@ -73,6 +74,7 @@ def test_a_reset_of_the_computer_in_flight(tmp_path, capsys):
         assert "flight: resets 2\n" in log and "flight: watchdog 0\n" in log and "flight: recorded 589\n" in log
 
 
+@pytest.mark.long("builds images of two boards")
 @pytest.mark.parametrize("on", ["deputy=leon3,chief=leon3-cfs", "deputy=leon3-cfs,chief=leon3"])
 def test_several_boards_fly_in_one_run(on, tmp_path, capsys):
     span = [] if WHOLE else ["--for", "30s"]
@@ -99,6 +101,7 @@ def test_a_flight_prints_what_it_needed(tmp_path, capsys):
     assert 1000 < int(figures["task_stack_bytes"]) < 20_000 and figures["events_errors"] == "0"
 
 
+@pytest.mark.long("compiles for several boards")
 def test_no_compiler_warns(tmp_path, monkeypatch):
     monkeypatch.setattr(build, "FLAGS", [*build.FLAGS, "-Werror"])
     job = Job("nadir_spin", folder=tmp_path, duration=10.0)
@@ -116,6 +119,7 @@ def test_a_board_without_the_room_is_reported(tmp_path, monkeypatch, capsys):
     assert "the program does not fit into the RAM of the board" in capsys.readouterr().err
 
 
+@pytest.mark.long("builds an image")
 def test_a_flight_is_refused_by_a_board_without_registers(tmp_path):
     job = Job("nadir_spin", folder=tmp_path, duration=10.0)
     target = Leon3(["--figures"])   # so that no node needs to give it a socket for snapshots
@@ -128,6 +132,7 @@ def test_a_flight_is_refused_by_a_board_without_registers(tmp_path):
     assert not (tmp_path / "record.mcap").exists()
 
 
+@pytest.mark.long("builds an image")
 def test_a_uart_sends_the_record_of_a_board_without_spacewire(tmp_path, monkeypatch, capsys):
     """Byte by byte, and the same bytes as packets."""
     sent = []
@@ -143,6 +148,7 @@ def test_a_uart_sends_the_record_of_a_board_without_spacewire(tmp_path, monkeypa
     assert packets == record and by_link < by_uart
 
 
+@pytest.mark.long("builds images")
 @pytest.mark.parametrize("name, program", [("leon3", b"fledge_leon3"), ("leon3-qemu", b"qemu-system-sparc")])
 def test_an_interrupt_ends_the_computer_too(name, program, tmp_path):
     if TARGETS[name].missing():

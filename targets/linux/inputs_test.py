@@ -98,6 +98,7 @@ def test_a_file_that_is_not_there(job, tmp_path):
 
 # --- by the machine's clock ------------------------------------------------------------------------
 
+@pytest.mark.long("flies by the wall clock")
 @pytest.mark.parametrize("target", ["linux", "micropython"])
 def test_a_flight_by_the_clock_is_reported(tmp_path, capsys, target):
     if TARGETS[target].missing():

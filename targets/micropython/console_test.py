@@ -28,6 +28,7 @@ def command(tmp_path_factory):
     return [sys.executable, "-m", "fledge.cli", "console", folder, "--out", folder / "out"]
 
 
+@pytest.mark.long("flies by the wall clock")
 def test_lines_of_a_pipe_are_answered(command):
     lines = ["f.control.K", "f.control.K = 3 * N * m", "f.control.K, f.active_mode", "f.enter('science')",
              "for i in range(2):", "    print(i * f.control.K)", "", "1 / 0", "f.control.K = -1", "f.active_mode",

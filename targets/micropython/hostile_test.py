@@ -338,6 +338,7 @@ def check_bits(flight, undisturbed):  # noqa: F811
     assert flight.memory == undisturbed.memory
 
 
+@pytest.mark.long("many hostile programs")
 def test_hostile_procedures_leave_flight_as_it_was(flight, undisturbed):  # noqa: F811
     for seed in range(SEED, SEED + CASES):
         source, code = compiled(Hostile(seed))

@@ -22,6 +22,8 @@ from fledge.objects.testing import kinds
 from fledge.targets import build
 from fledge.targets.micropython import toolchain
 
+pytestmark = pytest.mark.long("builds MicroPython with the sanitizers: half a minute")
+
 # Macros of MicroPython shift negative numbers, and its exceptions leave frames on the stack without a word.
 SANITIZE = ["-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-sanitize=shift-base",
             "--param", "asan-stack=0"]

@@ -437,6 +437,7 @@ def check(sim):
 """
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_a_procedure_flies_the_same_bits_on_the_desktop_and_on_targets(tmp_path, capsys):
     targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
     mission, out = tmp_path / "mission", tmp_path / "out"
@@ -464,6 +465,7 @@ HARM = {        # on a target; the desktop, where f has _seen, kills them before
 }
 
 
+@pytest.mark.long("flies on two targets many times")
 def test_what_harms_an_interpreter_does_no_harm_to_a_target(tmp_path, capsys):
     targets = [one for one in ("micropython", "leon3-micropython") if not TARGETS[one].missing()]
     mission, out = tmp_path / "mission", tmp_path / "out"

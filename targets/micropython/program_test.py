@@ -112,6 +112,7 @@ def test_options_of_other_exports_are_refused(words, said, capsys):
 
 # --- flights ---------------------------------------------------------------------------------------
 
+@pytest.mark.long("builds a co-simulation")
 def test_a_scenario_sets_it_up_and_a_process_flies_with_others(tmp_path, capsys):
     """Modes, events, commands between runs, latency, wires between computers, and a base that the scenario chooses."""
     far = "micropython" if TARGETS["leon3-micropython"].missing() else "leon3-micropython"
@@ -132,6 +133,7 @@ def flown(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long("flies on two targets")
 @pytest.mark.parametrize("target", ["micropython", LEON3])
 def test_plot_compare_and_convert_cannot_tell_where_a_run_was_made(target, flown, tmp_path, capsys):
     made = {}

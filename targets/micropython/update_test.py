@@ -12,6 +12,8 @@ from fledge import cli
 from fledge.commands import Dictionary, decoded, read_script
 from fledge.targets import TARGETS
 
+pytestmark = pytest.mark.long("flies on two targets many times")
+
 WORLD = """
 from fledge import world
 from fledge.units import kg, m, ms, rad, s

@@ -234,6 +234,7 @@ def test_the_controller_names_a_node_that_is_killed_before_the_run(programs):
     assert controller.end() == (1, "the run ended early: mass: its connection is gone")
 
 
+@pytest.mark.long("a node stands still for 10 s")
 @pytest.mark.parametrize("transport", ["tcp", "ipc"])
 def test_a_debugger_may_stop_a_node_for_long(programs, transport):
     address = "tcp://127.0.0.1:*" if transport == "tcp" else f"ipc://@fledge-stopped-{os.getpid()}"
@@ -296,6 +297,7 @@ def network():
         ip("netns", "del", name)
 
 
+@pytest.mark.long("waits until the network is given up")
 @pytest.mark.parametrize("computes, limit", [(False, "60"), (True, "60"), (True, "0")])
 def test_both_sides_notice_a_lost_network(programs, network, computes, limit):
     launcher, here, break_it = network
@@ -356,6 +358,7 @@ def test_a_node_reports_that_the_controller_was_killed(programs, language):
         assert program.returncode == 1 and said + "the controller is gone" in errors
 
 
+@pytest.mark.long("waits for a limit of time")
 def test_the_reply_timeout_ends_a_step_that_hangs(programs):
     controller = Controller("--node", "mass", "--node", "spring", "--reply", "4")
     mass, force = spring(programs, controller, language="c", how="hangs")

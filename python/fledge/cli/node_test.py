@@ -101,6 +101,7 @@ def test_nothing_stays_behind(which, number):
         wait_for(lambda: not group.members())
 
 
+@pytest.mark.long("waits for a limit of time")
 def test_a_program_that_comes_after_the_end_adds_no_lines():
     with Group("node", "constellation", "all", "--until", "1000h", "--set", "spacecraft=2") as group:
         wait_for(lambda: len(group.members()) >= 5, group.process)

@@ -237,6 +237,7 @@ def test_figures_of_pyplot_are_saved_with_the_run_even_if_it_fails(here, capsys)
 
 # --- names -----------------------------------------------------------------------------------------
 
+@pytest.mark.long("flies several runs with their plots")
 def test_a_run_is_kept_under_its_name(here, capsys):
     assert cli.main(["run", "looker", "short", "--as", "every second"]) == 0
     assert cli.main(["run", "looker", "short", "--as", "fast", "--set", "every=0.5", "--report"]) == 0

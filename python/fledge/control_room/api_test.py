@@ -276,6 +276,7 @@ console.log(JSON.stringify({keys: keys.length, parameter, history, live, sent}))
 """
 
 
+@pytest.mark.long("node beside a server")
 @pytest.mark.skipif(not shutil.which("node"), reason="not here: node")
 @flown
 async def test_the_plugin_for_open_mct_asks_a_flying_server_and_reads_its_frames(tmp_path):

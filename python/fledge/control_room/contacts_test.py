@@ -15,6 +15,7 @@ from fledge.units import hour, s
 from tests.waiting import wait_for
 
 
+@pytest.mark.long("flies half a day")
 def test_the_passes_of_half_a_day_are_those_that_are_flown():
     """Rise and set within 0.1 s, although the truth has J3, J4 and the Sun, which the prediction leaves out."""
     sim = fledge.load("earth_imager")

@@ -70,6 +70,7 @@ class Flown:
         return self.until(lambda: log.exists() and re.search(r"http://\S+/", log.read_text()))[0]
 
 
+@pytest.mark.long("a co-simulation with a target")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
 @pytest.mark.parametrize("target", ["linux", "leon3"])
 def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp_path):
@@ -139,6 +140,7 @@ def found(tmp_path_factory):
         return browse(SCRIPT, flown.address().rstrip("/"), flown.folder)
 
 
+@pytest.mark.long("a browser on a co-simulation: 25 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
 def test_in_the_browser(found, check):
     assert found[check] == "", found[check]

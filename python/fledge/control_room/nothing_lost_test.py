@@ -182,6 +182,7 @@ def kept(folder):
         return [json.loads(text) for text, in journal.execute("SELECT content FROM limits ORDER BY id")]
 
 
+@pytest.mark.long("starts three servers")
 def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_path, craft):
     slot, limits = 3, {"warning": [None, 150.0], "critical": [-1.0, 250.0]}     # of number
     path = f"crafts/craft/limits/{slot}"
@@ -261,6 +262,7 @@ def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, cr
         craft.drop()
 
 
+@pytest.mark.long("waits for a link to return")
 def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, craft):
     chance = random.Random(4)
     with serving(tmp_path, craft) as server:
@@ -335,6 +337,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
         room.close()
 
 
+@pytest.mark.long("a server under load for seconds")
 def test_memory_stays_as_it_is(tmp_path, craft):
     """Under packets, and questions of browsers; FLEDGE_SOAK_S makes it longer."""
     with serving(tmp_path, craft) as server:

@@ -251,6 +251,7 @@ in_browser = pytest.mark.skipif(
 VIEWER = "document.querySelector('.fledge-view')?.viewer"
 
 
+@pytest.mark.long("a browser on a mission")
 @in_browser
 def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the_truth(tmp_path):
     def paused(name):
@@ -287,6 +288,7 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
         assert [one for one in browser.problems if "viewer.js" in one] == []
 
 
+@pytest.mark.long("a browser on a mission")
 @in_browser
 def test_the_page_of_the_console_follows_the_flight_looks_back_and_returns(tmp_path):
     with served(tmp_path, 'port = 0\nfolder = "runs"\n[[craft]]\nname = "imager"\nmission = "earth_imager"\n'

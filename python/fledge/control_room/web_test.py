@@ -240,6 +240,7 @@ async def test_what_is_wrong_is_said(tmp_path):
         await c.get("openapi.yaml")
 
 
+@pytest.mark.long("waits for limits of time")
 @flown
 async def test_a_browser_that_does_not_read_disturbs_nobody(tmp_path):
     async with console(tmp_path, '[[craft]]\nmission = "nadir_spin"\nspeed = 0\n') as c:
@@ -424,6 +425,7 @@ def free_port():
         return one.getsockname()[1]
 
 
+@pytest.mark.long("waits for a link to return")
 @flown
 async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_path):
     port = free_port()

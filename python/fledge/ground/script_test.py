@@ -115,6 +115,7 @@ def test_a_run_leaves_each_thing_that_happened(place, capsys):
         assert page.says(part), part
 
 
+@pytest.mark.long("flies on targets")
 @pytest.mark.parametrize("target", ["linux", "cfs", "leon3"])
 def test_the_page_is_the_same_on_a_target(target, place, capfd):
     """But for its head, which names the target, the date and the command."""

@@ -412,6 +412,7 @@ def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
     assert browser.problems == []
 
 
+@pytest.mark.long("a page in a browser")
 @needs_browser
 def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
     mesh = tmp_path / "craft.obj"
@@ -436,6 +437,7 @@ def test_the_page_plays_saves_and_draws_its_plots(browser, record, tmp_path):
     assert browser.problems == []
 
 
+@pytest.mark.long("pictures of a browser")
 @needs_browser
 def test_from_afar_it_is_enlarged_if_one_wants_it(browser, record, tmp_path):
     path = page.write(scene.of(record), tmp_path / "view.html")
@@ -453,6 +455,7 @@ def test_from_afar_it_is_enlarged_if_one_wants_it(browser, record, tmp_path):
     assert browser.problems == []
 
 
+@pytest.mark.long("films in a browser")
 @needs_browser
 def test_a_film_shows_the_span_that_was_asked_for(record, tmp_path, capsys):
     image = pytest.importorskip("PIL.Image", reason="needs python3-pil")
@@ -558,6 +561,7 @@ def test_passes_and_radio_are_those_of_the_record(browser, passing, tmp_path):
     assert browser.problems == []
 
 
+@pytest.mark.long("a page that follows a flight")
 @needs_browser
 def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
     from fledge.control_room.scene import Feed

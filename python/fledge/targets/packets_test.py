@@ -114,6 +114,7 @@ def fly(folder, text, *options, on="linux", duration="3min", mission="nadir_spin
                      *options])
 
 
+@pytest.mark.long("builds boards")
 def test_packets_with_descriptors_in_queues_carry_numbers_to_the_bit(tmp_path, capsys):
     """Only the heads are written anew: the numbers of a closed loop are the desktop's, on machines of both orders."""
     on = ",".join(name for name in ("linux", "aarch64", "sparc64", "cfs", "leon3") if not TARGETS[name].missing())
@@ -211,6 +212,7 @@ def boards(folder, **texts):
     return folder
 
 
+@pytest.mark.long("builds two boards")
 def test_a_mission_has_the_boards_of_a_folder(tmp_path, capsys):
     """Whose packets carry messages by their name alone; the same if each file is named."""
     folder = boards(tmp_path / "boards", computer=COMPUTER, units=UNITS)

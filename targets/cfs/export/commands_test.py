@@ -12,6 +12,8 @@ from fledge.targets.cfs.export import tables
 from fledge.targets.cfs.testing import Core, Outside, command, linked
 from fledge.export.run_test import FLIGHT, WORLD
 
+pytestmark = pytest.mark.long("builds apps with cFE's interface, flies each")
+
 CMD, SEND_HK, WAKEUP = 0x18C0, 0x18C1, 0x18C2
 FLIGHT_TLM, REPORT = 0x08C0, 0x08C1
 REASONS = [one.name.lower() for one in commands.Reason]
@@ -105,7 +107,6 @@ def upload(core, name, file):
     return housekeeping(core)
 
 
-@pytest.mark.long("builds an app with cFE's interface: 14 s")
 def test_noop_and_reset_of_the_counters(core):
     core.outside.tick(-1)
     core.send(command(CMD, 0, sequence=7))
@@ -321,7 +322,6 @@ def test_it_ends_with_the_run_and_with_its_surroundings(built):
         outside.close()
 
 
-@pytest.mark.long("builds an app")
 def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path):
     mission = built[0]
     app = cfs.App("nav", keep=["parameters", "flight.control"])
@@ -351,7 +351,6 @@ def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path)
         outside.close()
 
 
-@pytest.mark.long("builds two apps")
 def test_two_apps_at_one_register_file_are_told(tmp_path, built):
     mission, _, _, _, outside = built
     apps = [(cfs.App("nav"), tmp_path / "nav"), (cfs.App("two", 0xE0), tmp_path / "two")]

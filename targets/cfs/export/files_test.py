@@ -12,6 +12,8 @@ from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.testing import Core, command, linked
 from fledge.units import minute, s
 
+pytestmark = pytest.mark.long("builds apps with cFE's interface, flies each")
+
 STEP = 100_000_000
 
 
@@ -65,7 +67,6 @@ def connected(tmp_path):
         core.kill()
 
 
-@pytest.mark.long("builds an app")
 def test_files_are_in_a_folder_of_cfe(connected, tmp_path):
     craft, cf = connected
     plan = tmp_path / "plan"
