@@ -15,6 +15,7 @@ LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 pytestmark = pytest.mark.filterwarnings("ignore:.*(nothing reads|implausible):UserWarning")
 
 
+@pytest.mark.long("random missions on all targets")
 @pytest.mark.parametrize("number", range(100) if LONG else [3, 22])
 def test_a_random_mission_is_the_same_bits_on_targets(number, tmp_path):
     flown, difference = fly_mission(number, tmp_path)
@@ -29,6 +30,7 @@ def test_a_random_mission_is_composed_and_flown_under_micropython(number, tmp_pa
     assert int(flown.split()[-2]) > 1000
 
 
+@pytest.mark.long("random missions on targets")
 def test_a_difference_is_seen(tmp_path, monkeypatch):
     """The same mission, but for a seed that one of its processes draws from."""
     build = Linux.build

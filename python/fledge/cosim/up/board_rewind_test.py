@@ -16,6 +16,7 @@ from fledge.archive import Archive
 from fledge.cosim.up.testing import BUILT, Mark
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
+from tests.circles import long_after
 from tests.waiting import wait_for
 
 pytestmark = [
@@ -144,7 +145,7 @@ def rewound(t, *options, code=0, out="again", run="runs/first"):
 
 # Before the first snapshot; while a file goes up; while the computer is down, before and after commands have come that
 # wait for it; afterwards.
-@pytest.mark.parametrize("t", [0.7, 5.3, 14.75, 16.2, 18])
+@pytest.mark.parametrize("t", long_after(1, [0.7, 5.3, 14.75, 16.2, 18], "flies on the LEON3 again"))
 def test_from_any_instant_flight_on_the_leon3_goes_on_with_the_same_bytes(t, flown, capfd):
     assert hashes(rewound(t)) == hashes(flown)
     said = capfd.readouterr().out
@@ -152,6 +153,7 @@ def test_from_any_instant_flight_on_the_leon3_goes_on_with_the_same_bytes(t, flo
     assert (f"from     {int(t)} s: world, flight\n" in said) == (t > 1) and start in said
 
 
+@pytest.mark.long("flies on the LEON3 twice")
 def test_another_command_makes_another_branch_from_its_instant_on(flown):
     branch = rewound(15.2, "--with", write("second", mode="point"), "--changed")
     assert messages(branch, end=19.5) == messages(flown, end=19.5)
@@ -161,6 +163,7 @@ def test_another_command_makes_another_branch_from_its_instant_on(flown):
     assert hashes(rewound(21, run=str(branch), out="more")) == hashes(branch)
 
 
+@pytest.mark.long("flies on the LEON3 twice")
 def test_what_a_snapshot_needs_besides_itself(flown, capfd):
     """Without the record of flight it flies from the start; on another one it does not go on."""
     copy = Path("runs/copy")
@@ -209,6 +212,7 @@ class Paused:
         return said
 
 
+@pytest.mark.long("flies on targets twice")
 @pytest.mark.parametrize("target, programs", [
     ("leon3", ("fledge_leon3 ", "fledge_board_node ", " -m fledge.cli fly ")), ("linux", ("fledge_board_node ",))])
 def test_flight_that_is_killed_goes_on_with_the_same_bits(target, programs, flown):
@@ -229,6 +233,7 @@ def test_flight_that_is_killed_goes_on_with_the_same_bits(target, programs, flow
         assert messages(Path("runs/killed")) == messages(flown)
 
 
+@pytest.mark.long("flies on the LEON3 twice")
 def test_a_full_disk_ends_the_run_and_it_goes_on_from_before(flown, capfd):
     with Paused(write("first"), "full") as run:
         run.at(1)
