@@ -93,6 +93,7 @@ def own(tmp_path_factory):
     return place / "big-bird"
 
 
+@pytest.mark.long("builds and tests a project: 20 s")
 def test_its_tests_pass(own):
     said = fledge("--project", own, "test", cwd=own)
     assert said.splitlines()[-1] == "7 passed, 0 failed, 0 skipped"

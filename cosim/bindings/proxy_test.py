@@ -11,6 +11,8 @@ import pytest
 
 import _core
 
+from tests.circles import long_after
+
 HERE = Path(__file__).resolve().parent
 CONTROLLER = Path(_core.__file__).resolve().parents[1] / "cosim/fledge_controller"
 pytestmark = pytest.mark.skipif(not CONTROLLER.exists(), reason="the controller is not built")
@@ -101,7 +103,8 @@ def fly(start, spring, until=1.0, options=(), mass_network=None, **network):
 
 
 @pytest.mark.parametrize("spring", SPRINGS)
-@pytest.mark.parametrize("piece, delay, jitter", [(7, 0.0, 0.0), (100, 0.0, 0.002), (65536, 0.005, 0.01)])
+@pytest.mark.parametrize("piece, delay, jitter", long_after(
+    1, [(7, 0.0, 0.0), (100, 0.0, 0.002), (65536, 0.005, 0.01)], "delays of milliseconds, each step"))
 def test_delays_and_pieces_change_no_bit(start, spring, piece, delay, jitter):
     network = {"piece": piece, "delay": delay, "jitter": jitter}
     complaints, seen, code, _ = fly(start, spring, seed=1, mass_network={**network, "seed": 2}, **network)
@@ -120,8 +123,9 @@ def test_a_connection_that_breaks_ends_the_run_with_the_nodes_name(start, spring
 
 
 @pytest.mark.parametrize("spring", SPRINGS)
-@pytest.mark.parametrize("stall_after, found", [(20, "spring: it did not answer within 1 s of its greeting"),
-                                                (5000, "spring: it did not answer within 5 s (")])
+@pytest.mark.parametrize("stall_after, found", [
+    (20, "spring: it did not answer within 1 s of its greeting"),
+    pytest.param(5000, "spring: it did not answer within 5 s (", marks=pytest.mark.long("waits 5 s"))])
 def test_a_connection_that_falls_silent_ends_the_run_with_the_nodes_name(start, spring, stall_after, found):
     complaints, _, code, _ = fly(start, spring, until=1e6, options=("--greet", "1", "--join", "5", "--reply", "5"),
                                  stall_after=stall_after)

@@ -45,6 +45,7 @@ def fly(folder, mark, lost, room=False):
     return out, run
 
 
+@pytest.mark.long("kills each program in turn: 30 s")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
 def test_each_program_may_be_killed(mark, tmp_path):
     _, alone = fly(tmp_path / "alone", mark, {})

@@ -18,6 +18,7 @@ def compiled(folder, *options, compiler="gcc"):
     return sorted(folder.glob("*.o"))
 
 
+@pytest.mark.long("compiles all with other options")
 def test_it_is_small_and_has_no_heap(tmp_path):
     objects = list(map(str, compiled(tmp_path, "-Os")))
     lines = subprocess.run(["size", *objects], check=True, capture_output=True, text=True).stdout.splitlines()[1:]

@@ -87,6 +87,7 @@ def test_several_boards_fly_in_one_run(on, tmp_path, capsys):
         assert compare(desktop, board, [t for t in board.topics if t.startswith(f"/{process}/")]) == []
 
 
+@pytest.mark.long("builds and flies an image")
 def test_a_flight_prints_what_it_needed(tmp_path, capsys):
     """The figures at its end are those of the program, and of the processor: flight needs little of an 80 MHz LEON3."""
     assert cli.main(["fly", "nadir_spin", "--for", "10s", "--on", "leon3,leon3-cfs", "--out", str(tmp_path)]) == 0

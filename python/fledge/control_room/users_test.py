@@ -160,6 +160,7 @@ def test_a_session_begins_and_ends(tmp_path):
         assert stolen.popitem()[1] not in str(server.log) and "correct horse" not in str(server.log)
 
 
+@pytest.mark.long("waits for the end of a session")
 def test_a_session_ends_by_itself(tmp_path):
     @served(tmp_path, {**USERS, "idle_min": 30})
     async def _(server):

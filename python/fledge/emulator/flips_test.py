@@ -173,6 +173,7 @@ def test_rates_make_effects_per_day(campaign, monkeypatch):
     assert rows["hang"][-7:] == "50.0 23.7 to 76.3 5 2.4 to 7.6".split()[-7:]
 
 
+@pytest.mark.long("a campaign on the emulator")
 def test_the_command_writes_tables_and_a_plot(tmp_path, capsys):
     words = ["flips", "nadir_spin", "--count", "6", "--seed", "3", "--at", "2s", "--for", "1s", "--after", "0s"]
     assert cli.main([*words, "--out", str(tmp_path)]) == 0

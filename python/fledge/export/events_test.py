@@ -12,6 +12,7 @@ from fledge.export.testing import COMPILERS, Compiled
 from fledge.mission.simulation import Simulation
 from fledge.objects.testing import decoded, kinds
 from fledge.units import m
+from tests.circles import long_after
 
 RELATIONS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
              "!=": operator.ne}
@@ -211,8 +212,8 @@ def same_in_c(seed, folder, compiler, optimise="-O2"):
         assert {path: c.get(path) for path in outputs} == outputs, t
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("compiler", long_after(1, COMPILERS, "another compiler"))
+@pytest.mark.parametrize("seed", long_after(2, range(8), "more draws"))
 def test_random_events_in_c_are_the_desktops(seed, compiler, tmp_path):
     same_in_c(seed, tmp_path, compiler)
 

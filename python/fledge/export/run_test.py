@@ -7,6 +7,7 @@ import pytest
 import fledge
 from fledge import export, objects
 from fledge.export.testing import COMPILERS, Compiled, Recorded
+from tests.circles import long_after
 
 NS = 1_000_000_000
 
@@ -50,7 +51,7 @@ def whole_run(name, folder, compiler):
     return first_difference(sim, mission, c, lambda s: s.run(160 * 60.0), every=0.5)
 
 
-@pytest.mark.parametrize("name", ["nadir_spin", "asterisk_scan", "two_body_pointing"])
+@pytest.mark.parametrize("name", long_after(1, ["nadir_spin", "asterisk_scan", "two_body_pointing"], "another mission"))
 def test_a_whole_run_is_the_same_bits(name, tmp_path):
     assert whole_run(name, tmp_path, "gcc") is None
 
@@ -254,6 +255,7 @@ def test_a_mode_that_is_asked_for_from_outside(modes, tmp_path):
 
 # --- at the reset ----------------------------------------------------------------------------------
 
+@pytest.mark.long("compiles each mission's code")
 @pytest.mark.parametrize("name", sorted(fledge.missions()))
 def test_after_init_every_module_is_as_the_desktop_has_it(name, tmp_path):
     sim = fledge.load(name)

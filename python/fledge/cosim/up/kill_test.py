@@ -95,6 +95,7 @@ def chosen():
     return picked[:CYCLES or SHORT]
 
 
+@pytest.mark.long("kills each process in turn: 30 s")
 def test_a_run_leaves_nothing_whichever_process_is_killed(mark, tmp_path):
     rng = random.Random(SEED)
     for phase, victim in chosen():
@@ -106,6 +107,7 @@ def test_a_run_leaves_nothing_whichever_process_is_killed(mark, tmp_path):
             assert "was killed by SIGKILL" in out, out
 
 
+@pytest.mark.long("flies twice, with a process killed")
 def test_a_program_that_is_killed_goes_on_as_if_nothing_had_been(mark, tmp_path):
     """on_loss = "restart": the one that goes on brings the others to where they would have come."""
     rng = random.Random(SEED)
@@ -174,6 +176,7 @@ def fly_processes(folder, mark, on_loss, kills):
     return out, process.returncode, folder / "runs" / simulation
 
 
+@pytest.mark.long("flies twice, with a process killed")
 def test_the_record_of_a_process_that_is_killed_and_goes_on_is_whole(mark, tmp_path):
     from fledge.archive import Archive
 
@@ -186,6 +189,7 @@ def test_the_record_of_a_process_that_is_killed_and_goes_on_is_whole(mark, tmp_p
     assert Archive(killed / "flight.mcap").complete and "  missing  " not in out and "  left     " not in out
 
 
+@pytest.mark.long("kills each process in turn: 100 s")
 def test_what_is_left_of_a_process_that_was_killed_is_named(mark, tmp_path):
     from fledge.archive import Archive
 
@@ -200,6 +204,7 @@ def test_what_is_left_of_a_process_that_was_killed_is_named(mark, tmp_path):
     assert not part.exists() and (folder / "flight.mcap").exists()       # each run begins with what is its own
 
 
+@pytest.mark.long("kills a process until it is given up")
 def test_restarts_come_to_an_end(mark, tmp_path):
     file = write_pair(tmp_path, simulation=f"worn-{os.getpid()}", spring='on_loss = "restart"\nrestarts = 1\n'
                       'env = { BREAKS_AT = "1" }')
@@ -268,6 +273,7 @@ def test_ctrl_c_twice_waits_for_no_program(mark, tmp_path):
     assert mark.gone() == [] and not sockets_and_memory(simulation)
 
 
+@pytest.mark.long("ends a run by a terminal")
 def test_a_terminal_that_is_closed_ends_all(mark, tmp_path):
     simulation = f"closed-{os.getpid()}"
     terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, mass='env = { CHILD = "1" }'), mark)

@@ -101,6 +101,7 @@ def test_who_is_asked_may_end_in_its_own_way(mark):
     assert wait(process) == 5
 
 
+@pytest.mark.long("waits 5 s each time")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_to_the_guard_ends_all(mark, number):
     process = family(mark)
@@ -144,11 +145,13 @@ def test_nothing_is_left_of_a_killed_guard(mark, owner):
     assert mark.gone() == []
 
 
+@pytest.mark.long("waits 5 s")
 def test_nothing_is_left_when_who_started_it_is_killed(mark, owner):
     owner.kill()
     assert mark.gone() == []
 
 
+@pytest.mark.long("waits 5 s")
 def test_descendants_are_found_parents_first(mark):
     process = family(mark)
     found = descendants(os.getpid())
@@ -159,6 +162,7 @@ def test_descendants_are_found_parents_first(mark):
     wait(process)
 
 
+@pytest.mark.long("waits 5 s")
 def test_what_was_started_here_is_no_stray(mark):
     process = family(mark)
     others = set(descendants(os.getpid())) - {pid for pid, _ in mark.processes()}

@@ -196,6 +196,7 @@ def test_from_random_instants_a_run_goes_on_with_the_same_bytes(flown, capfd):
         assert json.loads((new / "run.json").read_text())["from"] == {"run": str(flown), "t": t}
 
 
+@pytest.mark.long("flies and goes back several times")
 def test_another_command_makes_a_branch_which_can_be_rewound_too(flown):
     Path("hold").touch()
     branch = again(2.5, 0, "--with", write("other", ground=0), "--pace", 3)
@@ -210,6 +211,7 @@ def test_another_command_makes_a_branch_which_can_be_rewound_too(flown):
     assert same(again(5.5, 0, "--with", "pair.toml", first="again", out="more"), branch)
 
 
+@pytest.mark.long("flies and goes back several times")
 def test_a_program_that_steers_lets_the_run_go_back(flown, capfd):
     Path("hold").touch()
     with open(write("steered", ground=None), "a", encoding="utf-8") as file:
@@ -236,6 +238,7 @@ def test_a_changed_program_flies_from_the_start_and_must_repeat_the_past(flown, 
     assert "spring does not repeat what it wrote before: /spring/force at 3 s differs" in capfd.readouterr().err
 
 
+@pytest.mark.long("flies several times")
 def test_what_cannot_be_rewound_is_refused_with_what_to_do(flown, capfd):
     def refused(*words, run="runs/pair", to="2"):
         assert cli.main(["rewind", run, "--to", to, *words]) == 2
@@ -270,6 +273,7 @@ def test_what_cannot_be_rewound_is_refused_with_what_to_do(flown, capfd):
     assert "run.json is damaged" in refused()
 
 
+@pytest.mark.long("kills a run many times")
 def test_a_run_that_was_killed_while_it_wrote_snapshots_loses_at_most_the_newest(flown):
     mark = Mark()
     large = Path("pair.toml").read_text().replace('"mass.py"]', '"mass.py"]\nenv = { LARGE = "20000000" }')
@@ -289,6 +293,7 @@ def test_a_run_that_was_killed_while_it_wrote_snapshots_loses_at_most_the_newest
     assert same(again(newest, first="killed"), flown)
 
 
+@pytest.mark.long("flies and goes back several times")
 def test_flight_without_snapshots_repeats_what_it_wrote(place, capfd):
     """As a real process; on the LEON3: board_rewind_test.py."""
     if missing := TARGETS["linux"].missing():

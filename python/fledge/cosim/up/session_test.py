@@ -447,6 +447,7 @@ def test_help_names_what_there_is():
     assert done.returncode == 0 and "example: ./fledge up spring.toml" in done.stdout
 
 
+@pytest.mark.long("flies by the wall clock")
 def test_a_program_steers_the_run(mark, tmp_path):
     """It pauses the run at a time, lets it go on as fast as possible, and the messages are those of a run alone."""
     from fledge.archive import Archive
@@ -497,6 +498,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.long("flies with each answer to a loss")
 @pytest.mark.parametrize("policy", ["hold", "drop", "restart"])
 def test_one_that_is_killed_at_a_time_is_lost_there(mark, tmp_path, policy):
     """Whatever the speed of the programs, and whoever lets the run go on."""
