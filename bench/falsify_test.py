@@ -19,6 +19,7 @@ def mutant(file, before, after):
                 and one.lines()[0].replace(before, after) == one.lines()[1])
 
 
+@pytest.mark.long("a search of 15 s")
 def test_a_bug_that_the_scenarios_pass_is_found(extension):
     bug = mutant("flight/sensing/sun_line.c", "vec_norm2(u) - along * along;", "vec_norm2(u) - along / along;")
     *rows, seen = falsify.study(extension, [bug], 1, 2, 200)
@@ -37,6 +38,7 @@ def test_changes_that_are_no_planted_bugs_are_counted(extension):
          "alike": 0}]
 
 
+@pytest.mark.long("a search")
 def test_without_a_change_nothing_is_found(tmp_path):
     assert falsify.ask(tmp_path, easy=5, screening=100) == [True, None]
 

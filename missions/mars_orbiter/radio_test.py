@@ -28,6 +28,7 @@ def test_the_file_of_all_programs_is_right():
     assert cli.main(["up", "--check", str(HERE / "up.toml")]) == 0
 
 
+@pytest.mark.long("flies a contact in real programs: 150 s")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
 @pytest.mark.parametrize("target", ["linux"])
 def test_contact_from_goldstone(target, tmp_path, monkeypatch, capfd):

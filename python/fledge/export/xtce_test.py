@@ -193,6 +193,7 @@ def name_of(path):
 
 # --- the file --------------------------------------------------------------------------------------
 
+@pytest.mark.long("xmllint reads the files of all missions")
 @pytest.mark.skipif(not (DATA / "xtce").exists(), reason=f"not here: {DATA}/xtce/SpaceSystemV1.2.xsd")
 def test_the_files_of_all_missions_are_valid(tmp_path):
     schema = (DATA / "xtce/SpaceSystemV1.2.xsd").read_text(encoding="utf-8")

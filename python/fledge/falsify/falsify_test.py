@@ -111,6 +111,7 @@ def test_a_scenario_repeats_faults_orbits_and_inertias(tumbler):
     assert repr(again.world.gyro.faults) == repr(sim.world.gyro.faults)
 
 
+@pytest.mark.long("many draws")
 def test_its_probability_is_that_of_the_draws(tumbler):
     flights = Flights(tumbler, "R-4", seed=1)
     found = probability(flights.repetition, flights.space, 300, 4, seed=1)

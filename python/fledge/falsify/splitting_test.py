@@ -11,6 +11,7 @@ from fledge.errors import RunError
 from fledge.falsify.space import Space
 from fledge.falsify.space_test import marginal
 from fledge.falsify.splitting import probability
+from tests.circles import long_after
 
 
 def normals(n):
@@ -23,7 +24,7 @@ def linear(n, p):
     return normals(n), lambda x, _: limit - x.sum(axis=1) / math.sqrt(n)
 
 
-@pytest.mark.parametrize("n, p", [(2, 1e-4), (2, 1e-8), (10, 1e-6)])
+@pytest.mark.parametrize("n, p", long_after(1, [(2, 1e-4), (2, 1e-8), (10, 1e-6)], "many draws"))
 def test_a_linear_limit_state(n, p):
     space, margin = linear(n, p)
     found = [probability(margin, space, 1000, 8, seed) for seed in range(6)]

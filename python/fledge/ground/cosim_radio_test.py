@@ -110,6 +110,7 @@ def entries(folder):
     return [json.loads(line) for line in (folder / "script.jsonl").read_text().splitlines()][1:]
 
 
+@pytest.mark.long("flies on targets by radio")
 @pytest.mark.parametrize("target", ["linux", "leon3"])
 def test_the_same_commands_telemetry_and_traffic_as_in_one_simulation(target, place, capfd):
     if TARGETS[target].missing():
@@ -138,6 +139,7 @@ def test_the_same_commands_telemetry_and_traffic_as_in_one_simulation(target, pl
     assert sim.world.radio.down_traffic.lost > 0 and sim.world.radio.up_traffic.lost == 2
 
 
+@pytest.mark.long("a co-simulation, twice")
 def test_a_rewind_has_what_is_on_its_way(place, capfd):
     (place / "sim.toml").write_text("keep_every = 107\n" + UP.format(target="linux", kind="node", command=NODE.format(
         python=sys.executable, every=0.5)).replace("exchange = true", ""))
@@ -147,6 +149,7 @@ def test_a_rewind_has_what_is_on_its_way(place, capfd):
         assert (place / f"runs/pass@{t}/exchange.mcap").read_bytes() == (place / "runs/pass/exchange.mcap").read_bytes()
 
 
+@pytest.mark.long("a co-simulation by radio")
 def test_a_command_of_the_console_goes_by_radio(place):
     (place / "sim.toml").write_text("pace = 1\n" + UP.format(
         target="linux", kind="asynchronous", command='serve = "room.toml"'))
