@@ -16,6 +16,7 @@ from fledge.archive import Archive
 from fledge.errors import SetupError
 from fledge.targets import TARGETS
 from fledge.units import ms, s
+from tests.circles import long_after
 from tests.waiting import wait_for
 
 MISSION = '''
@@ -110,8 +111,7 @@ def entries(folder):
     return [json.loads(line) for line in (folder / "script.jsonl").read_text().splitlines()][1:]
 
 
-@pytest.mark.long("flies on targets by radio")
-@pytest.mark.parametrize("target", ["linux", "leon3"])
+@pytest.mark.parametrize("target", long_after(1, ["linux", "leon3"], "flies on the LEON3 by radio"))
 def test_the_same_commands_telemetry_and_traffic_as_in_one_simulation(target, place, capfd):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not installed")
