@@ -60,6 +60,7 @@ class Bent(Log):
         return values
 
 
+@pytest.mark.long("flies hours of the orbiter")
 @pytest.mark.parametrize("scenario", SIM.scenarios)
 def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
     found = flown(scenario)

@@ -204,6 +204,7 @@ def test_a_failed_check_is_honest_and_leaves_its_record(here, tmp_path):
     assert "Traceback" in cli("run", "looker", "failing", "--debug", cwd=tmp_path).stderr
 
 
+@pytest.mark.long("flies with strict checks several times")
 def test_strict_fails_a_run_with_a_finding(here, tmp_path):
     assert cli("run", "looker", "--strict", cwd=tmp_path).returncode == 0
     write(here, world=WORLD.replace("run=[w.craft, w.nav]", "run=[w.nav, w.craft]"))
@@ -271,6 +272,7 @@ def test_a_file_that_is_no_archive(here, tmp_path):
     assert done.returncode == 2 and "fledge: bad.mcap: not an MCAP file" in done.stderr
 
 
+@pytest.mark.long("a dozen commands")
 def test_list_plot_and_convert(here, tmp_path):
     shown = cli("list", "--ports", cwd=tmp_path).stdout
     for part in ("looker A body that looks down.", " orbit Once around.", "MrpFeedback Track a",

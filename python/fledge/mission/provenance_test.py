@@ -105,6 +105,7 @@ def test_a_record_has_the_parameters_with_which_its_run_began(tmp_path):
     assert not [text for text in now.values() if " at 0x" in text or str(provenance.ROOT) in text]
 
 
+@pytest.mark.long("loads all missions, twice")
 def test_every_mission_writes_the_same_parameters_each_time():
     for name in fledge.missions():
         one, two = (parameters(fledge.load(name).processes) for _ in range(2))

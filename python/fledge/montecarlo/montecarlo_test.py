@@ -28,6 +28,7 @@ from fledge.report import campaign as pages
 from fledge.report.report_test import Page
 from fledge.requirements import after, always, implies, within
 from fledge.units import N, deg, kg, m, s
+from tests.circles import long_after
 
 
 def short(d):
@@ -228,6 +229,7 @@ def test_a_run_into_the_planet_has_failed(tmp_path, threads):
         assert re.match(r"world.craft: inside MARS at [0-9.]+ s, at an altitude of -", result.failures[i])
 
 
+@pytest.mark.long("flies a campaign and its failures")
 def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = RELEASE + ("    error = d.retain('flight.tracking.error.sigma_BR')\n"
@@ -309,6 +311,7 @@ def test_other_exceptions_end_it(campaign):
         campaign.fly(20000, progress=progress)
 
 
+@pytest.mark.long("a campaign that is interrupted")
 def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
     text = RELEASE.replace("10 * s, 1 * s", "1e5 * s, 1e4 * s")
     mission(tmp_path, text)
@@ -335,6 +338,7 @@ def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
 
 # --- reports ---------------------------------------------------------------------------------------
 
+@pytest.mark.long("draws four reports")
 def test_the_same_report_however_it_was_flown(campaign, tmp_path):
     paths = {}
     for name, options in (("one", dict(threads=1)), ("two", dict(threads=2)), ("three", dict(processes=True))):
@@ -347,6 +351,7 @@ def test_the_same_report_however_it_was_flown(campaign, tmp_path):
         assert all(a.read_bytes() == b.read_bytes() for b in others), a.name
 
 
+@pytest.mark.long("draws a report with all its figures")
 def test_the_figures_in_the_report(campaign, result, tmp_path):
     import h5py
 
@@ -384,7 +389,7 @@ def test_confidence_of_a_rate():
     assert report.confidence(10, 10) == (pytest.approx(0.7225, abs=1e-4), 1)
 
 
-@pytest.mark.parametrize("runs", [1, 2, 5])
+@pytest.mark.parametrize("runs", long_after(1, [1, 2, 5], "draws a report with all its figures"))
 @pytest.mark.filterwarnings("error")
 def test_few_runs_have_a_report_too(campaign, runs, tmp_path):
     result = campaign.fly(runs)
@@ -408,6 +413,7 @@ def test_a_campaign_of_failures_has_a_report_too(tmp_path):
     assert "world.craft.mass must be >= 0" in report.text(data)
 
 
+@pytest.mark.long("draws a report with all its figures")
 def test_a_page_is_whole_and_has_no_links_outside(campaign, result, tmp_path):
     data, paths = report.write(result, tmp_path, lambda i: f"again <{i}>")
     page = Page(pages.write(tmp_path / "report.html", data, [p for p in paths if p.suffix == ".png"], "fledge <again>",
@@ -429,6 +435,7 @@ def shares_of(campaign, cuts, seed=5):
     return [fly_share(campaign, seed, first, end)[0] for first, end in cuts]
 
 
+@pytest.mark.long("many random shares")
 def test_percentiles_from_counts_do_not_depend_on_the_shares(campaign, result, tmp_path, monkeypatch):
     monkeypatch.setattr(store, "EXACT", 100)
     results = []

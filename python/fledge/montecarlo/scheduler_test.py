@@ -66,6 +66,7 @@ def worker(scheduler, tmp_path):
         child.wait()
 
 
+@pytest.mark.long("a thousand runs")
 def test_a_thousand_runs_are_the_same_by_threads_and_by_workers_one_of_which_is_killed(scheduler, worker, tmp_path):
     mission(tmp_path, RELEASE.replace("10 * s, 1 * s", "2 * s, 1 * s"))
     campaign = Campaign(tmp_path)
@@ -87,6 +88,7 @@ def test_a_thousand_runs_are_the_same_by_threads_and_by_workers_one_of_which_is_
         assert (one.bands(variable, shown) == far.bands(variable, shown)).all()
 
 
+@pytest.mark.long("starts a scheduler and workers")
 def test_a_run_that_ends_its_process_has_failed_and_no_worker_dies(scheduler, worker, tmp_path):
     mission(tmp_path, RELEASE + "    d['world.craft.mass'] = d.uniform(0, 2)\n",
             "\n    import os\n    w.at(3 * s, lambda: w.craft.mass > 1.5 and os._exit(3))\n")
@@ -97,6 +99,7 @@ def test_a_run_that_ends_its_process_has_failed_and_no_worker_dies(scheduler, wo
     assert set(result.failures.values()) == {"the process that flew it ended with code 3"}
 
 
+@pytest.mark.long("starts a scheduler and workers")
 def test_a_worker_with_another_mission_is_refused(scheduler, worker, tmp_path, monkeypatch, capsys):
     for name, more in (("here", ""), ("there", "\n    w.craft.mass = 2\n")):
         (tmp_path / name / "missions" / "looker").mkdir(parents=True)

@@ -125,6 +125,7 @@ def test_wrong_axes(spin, words, error, capsys, monkeypatch, tmp_path):
     assert error in capsys.readouterr().err and not (tmp_path / "runs").exists()
 
 
+@pytest.mark.long("flies a sweep, draws its page")
 def test_the_command_and_the_page(spin, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["sweep", str(spin), "--set", "flight.control.K=1:20:3:log", "--set", "mass=1,2"]) == 1

@@ -11,6 +11,7 @@ from fledge import cli
 from fledge.profile import Profile, code, process, run, valgrind
 from fledge.targets import TARGETS, build
 from fledge.targets.linux import RUNNER, Linux
+from tests.circles import long_after
 
 needs_valgrind = pytest.mark.skipif(
     not shutil.which("valgrind") or os.environ.get("FLEDGE_PRESET") == "asan",
@@ -18,7 +19,7 @@ needs_valgrind = pytest.mark.skipif(
 
 
 @needs_valgrind
-@pytest.mark.parametrize("target", ["linux", "micropython", "leon3"])
+@pytest.mark.parametrize("target", long_after(1, ["linux", "micropython", "leon3"], "flies under valgrind or on a board"))
 def test_a_short_flight_is_profiled(tmp_path, capsys, target):
     if target not in TARGETS or TARGETS[target].missing():
         pytest.skip(f"{target} is not there")
@@ -64,6 +65,7 @@ class Planted(Linux):
                              link=[*self.link, "-Wl,--wrap=mission_host_exchange"])
 
 
+@pytest.mark.long("builds and flies under valgrind")
 @needs_valgrind
 @pytest.mark.parametrize("text, wrong", [
     ("kept = malloc(100); n += kept != NULL;", ["its heap grows in the loop, from [\\d,]+ to [\\d,]+ bytes",
@@ -84,6 +86,7 @@ def test_what_grows_is_found(tmp_path, monkeypatch, capsys, text, wrong):
         assert re.search(f"fledge: planted: {one}", said) and re.search(f"planted: {one}", page), said
 
 
+@pytest.mark.long("flies under valgrind")
 @needs_valgrind
 def test_a_script_that_allocates_in_the_loop_is_found(tmp_path, capsys):
     if TARGETS["micropython"].missing():
@@ -144,6 +147,7 @@ def test_the_map_is_read():
     assert code.part_of("/build/libmicropython.a(micropython_objects.o)", {}) == "executive and binding"
 
 
+@pytest.mark.long("starts the command for each")
 @pytest.mark.parametrize("arguments, wrong", [
     (["--on", "moon"], "cannot profile on 'moon'; there are "),
     (["--on", "aarch64"], "cannot profile on 'aarch64'; there are "),

@@ -127,6 +127,7 @@ def test_what_it_writes_is_formatted(cls, tmp_path):
             assert formatted == file.read_text(), file.name
 
 
+@pytest.mark.long("compiles each")
 @pytest.mark.parametrize("cls", [Everything, Disturbance])
 def test_what_it_writes_compiles_without_a_warning(cls, tmp_path):
     folder, _ = written(cls, tmp_path)

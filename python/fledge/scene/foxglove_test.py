@@ -103,6 +103,7 @@ def test_the_record_is_still_the_same_and_the_file_whole(formation):
         foxglove.write(scene.of(record), cut, both.with_name("again.mcap"))
 
 
+@pytest.mark.long("flies and writes a scene")
 def test_the_command_writes_it_beside_the_record_and_hides_nothing(formation, tmp_path, monkeypatch, capsys):
     (tmp_path / "runs/formation/free").mkdir(parents=True)
     (tmp_path / "runs/formation/free/run.mcap").write_bytes(formation[0].read_bytes())

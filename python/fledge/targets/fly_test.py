@@ -26,6 +26,7 @@ from fledge.cli.runs import alone
 from fledge.targets import TARGETS, Job, build, fly, loop
 from fledge.targets.rehearsal import rehearse
 from fledge.targets.linux import Linux
+from tests.circles import long_after
 from tests.waiting import wait_for
 
 pytestmark = pytest.mark.spread
@@ -56,13 +57,13 @@ def everywhere():
 C_AND_SCRIPT = ("desktop", "linux", "aarch64", "cfs", "leon3", "leon3-cfs", "micropython", "leon3-micropython")
 OTHER_CODE = ("desktop", "cfs", "leon3", "micropython")     # an app, the other byte order, a script
 FILTERS = ("desktop", "aarch64", "cfs", "leon3", "micropython")     # more arithmetic, whose bits a compiler may change
-MISSIONS = {"nadir_spin": ("3min", TARGETS), "two_body_pointing": ("3min", C_AND_SCRIPT),
-            "desaturation": ("20s", OTHER_CODE), "earth_imager": ("20s", OTHER_CODE),
+MISSIONS = {"desaturation": ("20s", OTHER_CODE), "earth_imager": ("20s", OTHER_CODE),
             "orbit_raising": ("20s", OTHER_CODE), "relative_orbit": ("20s", OTHER_CODE),
-            "star_slew": ("20s", FILTERS), "sun_safe": ("20s", FILTERS)}
+            "star_slew": ("20s", FILTERS), "sun_safe": ("20s", FILTERS), "two_body_pointing": ("3min", C_AND_SCRIPT),
+            "nadir_spin": ("3min", TARGETS)}
 
 
-@pytest.mark.parametrize("mission", [*MISSIONS])
+@pytest.mark.parametrize("mission", long_after(1, MISSIONS, "builds and flies on many targets"))
 def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
     out = folder / mission
     span, places = MISSIONS[mission]
@@ -98,6 +99,7 @@ def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
     assert 0 < sequence[-1] < len(sequence)           # there was a mode in which it rested
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_an_input_of_several_outputs_takes_the_same_bits_everywhere(tmp_path, capsys):
     """Three laws, one set of wheels: by mode, newest, first and best."""
     from fledge.export.run_test import CHOICES, CHOICES_WORLD
@@ -115,6 +117,7 @@ def test_an_input_of_several_outputs_takes_the_same_bits_everywhere(tmp_path, ca
                        [t for t in desktop.topics if t.startswith("/flight/")]) == []
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_latency_and_random_draws_cross_a_board_too(tmp_path):
     """The measurements of a sensor with noise, and the commands of flight, one exchange late."""
     mission = tmp_path / "late"
@@ -132,6 +135,7 @@ def test_latency_and_random_draws_cross_a_board_too(tmp_path):
     assert compare(*(Archive(tmp_path / f"out{seed}/linux.mcap") for seed in ("7", "8"))) != []
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_parameters_that_a_scenario_changes_cross_a_board_too(tmp_path, capsys):
     """Parameters that a scenario changes between its runs reach a target of the other byte order."""
     on = "linux,sparc64" if not TARGETS["sparc64"].missing() else "linux"
@@ -147,6 +151,7 @@ def test_parameters_that_a_scenario_changes_cross_a_board_too(tmp_path, capsys):
     assert 'carries   = "commands"' in board and 'carries   = "telemetry"' in board
 
 
+@pytest.mark.long("builds and flies on targets by radio")
 def test_a_ground_speaks_with_a_target_by_radio(tmp_path, capsys):
     """A pass: what was lost on the way up never comes to the target; the checks see its telemetry by radio, too."""
     code = cli.main(["fly", "earth_imager", "contact", "--on", "linux", "--out", str(tmp_path)])
@@ -278,6 +283,7 @@ def plays(folder):
     return mission
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
     """Modes, configuration, parameters, events, a reset, and wrong commands: the same bits and the same reports."""
     from fledge.commands import Code, Reason
@@ -335,6 +341,7 @@ def test_changes_that_no_target_takes_are_refused(play, complaint, tmp_path, cap
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long("random commands on targets")
 def test_random_commands_right_and_wrong_at_random_times_give_the_same_bits(tmp_path, capsys):
     """Some of them before the first run, some of them wrong in one bit."""
     on = "linux,micropython,sparc64" if not TARGETS["sparc64"].missing() else "linux,micropython"
@@ -344,6 +351,7 @@ def test_random_commands_right_and_wrong_at_random_times_give_the_same_bits(tmp_
     assert len(script) > 60 and script[0].startswith("-1 ") and int(script[-1].split()[0]) > 50 * 10**9
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_commands_reach_a_process_on_the_desktops_code_beside_targets(tmp_path, capsys):
     """Configuration that crosses, parameters and a reset, each process on either side."""
     from fledge.export.source_test import MISSION
@@ -372,6 +380,7 @@ def changes(sim):
         assert len(rows) == 4 and all(" none " in row for row in rows[2:])
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_telemetry_is_what_the_record_has(tmp_path):
     """Each packet of each output, its rate and its header; machines of both byte orders send the same bytes."""
     from fledge import export
@@ -436,6 +445,7 @@ def two(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long("builds for two targets")
 def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
     far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
     out = two.parent / "out"
@@ -450,6 +460,7 @@ def test_each_flight_process_flies_on_a_target_of_its_own(two, capsys):
         assert len(Archive(out / f"{record}.mcap").time_ns("turn.reference")) in (121, 31)
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_configuration_that_crosses_arrives_when_it_is_published(tmp_path):
     """At the next instant of the process that has it: there at once for the process that runs later, and at the next
     instant of one that ran before."""
@@ -481,6 +492,7 @@ def change(sim):
                 assert record.time("turn.reference")[np.argmax(turned)] == first and turned[-1]
 
 
+@pytest.mark.long("builds for two targets")
 def test_a_difference_in_one_process_is_seen_in_the_others(two, capsys, monkeypatch):
     real = Linux.build
 
@@ -560,6 +572,7 @@ def derived(mission, scenario, converters, after, end):
     return 1.05 * (d / K + half["sigma_BN"])
 
 
+@pytest.mark.long("builds and flies boards of four missions")
 @pytest.mark.parametrize("mission, scenario", [("nadir_spin", "spin"), ("rectangular_raster", "raster"),
                                                ("asterisk_scan", "narrow"),
                                                ("two_body_pointing", "earth_and_sun")])
@@ -588,6 +601,7 @@ def test_through_converters_it_is_the_same_to_within_their_counts(mission, scena
     assert ("  checks   none" in out) != WHOLE
 
 
+@pytest.mark.long("builds and flies a board")
 def test_a_bound_may_be_given_or_tightened_in_the_command(tmp_path, capsys):
     through = ["fly", "nadir_spin", "--on", "linux", "--board", str(CONVERTERS), "--out", str(tmp_path), "--for", "60s"]
     assert cli.main([*through, "--within", "tracking.error.sigma_BR=1e-12"]) == 1
@@ -654,6 +668,7 @@ def nothing_is_left(folder):
     return wait_for(lambda: not processes(folder))
 
 
+@pytest.mark.long("interrupts flights on targets")
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupt_leaves_nothing_behind(folder, which):
     out = folder / "nadir_spin"
@@ -673,6 +688,7 @@ def test_an_interrupt_leaves_nothing_behind(folder, which):
         assert Archive(out / "linux.mcap").complete
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_a_target_that_dies_is_reported_and_leaves_nothing_behind(folder):
     out = folder / "nadir_spin"
     process = started(out)
@@ -754,6 +770,7 @@ def test_the_help_and_the_page_name_every_target(capsys):
 
 # --- as a part of a run elsewhere ------------------------------------------------------------------
 
+@pytest.mark.long("builds and flies on targets")
 @pytest.mark.parametrize("encrypted", [False, True])
 def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypted):
     """As on a real board: the controller and the world are others' programs, over TCP, with keys."""

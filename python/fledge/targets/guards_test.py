@@ -65,6 +65,7 @@ def mission(tmp_path):
     return written(tmp_path / "guarded", GUARDED, PLAY)
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_a_mode_is_refused_alike_on_every_target(mission, tmp_path, capsys):
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"

@@ -21,6 +21,7 @@ from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce_test import Reader
 from fledge.ground.links import NoAnswer, split
 from fledge.targets import TARGETS
+from tests.circles import long_after
 from tests.waiting import PATIENCE, wait_for
 
 NODES = """
@@ -86,7 +87,8 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "leon3-rtems", "micropython"])
+@pytest.mark.parametrize("target", long_after(
+    1, ["linux", "cfs", "leon3", "leon3-rtems", "micropython"], "builds and flies on another target"))
 def test_a_program_commands_a_target_while_it_flies(target, place, capfd):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not installed")
@@ -146,7 +148,8 @@ command = ["{python}", "script.py", "cosim:flight?every=0.1"]
 """
 
 
-@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "micropython"])
+@pytest.mark.parametrize("target", long_after(
+    1, ["linux", "cfs", "leon3", "micropython"], "builds and flies on another target"))
 def test_a_script_of_the_ground_says_the_same_on_the_desktop_and_on_a_target(target, place, capfd):
     """As a node, for which the run waits: the same answers, telemetry and times."""
     if TARGETS[target].missing():
@@ -220,6 +223,7 @@ with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays")
 '''
 
 
+@pytest.mark.long("files over a link with losses")
 def test_files_go_to_targets_over_a_link_with_losses_as_to_the_desktop(place, capfd):
     """Each way, over a reset of flight and a pause. Targets say the same at the same times; on the desktop, where the
     script looks more often than a node, losses meet other packets."""
@@ -293,6 +297,7 @@ with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays")
 SECURED = ', secured=2, telemetry_key=1, roles=[{"key": 1}, {}, {}, {}]'
 
 
+@pytest.mark.long("flies on targets by the wall clock")
 @pytest.mark.parametrize("target, secured", [("linux", SECURED), ("leon3", "")])
 def test_over_frames_a_script_says_the_same_on_the_desktop_and_on_a_target(target, secured, place, capfd):
     """Also over a link that loses and repeats: each command is executed once and in order."""
@@ -336,6 +341,7 @@ writes = []
 """
 
 
+@pytest.mark.long("flies on targets by the wall clock")
 def test_foreign_tools_command_a_target_by_links(place, capfd):
     """What they send is in the record of the exchange, from which flight flies again to the same bits. The run waits
     for nobody."""
@@ -448,6 +454,7 @@ def shown_by_wireshark(packets, path):
     return [[int(word, 0) for word in line.split()] for line in text.splitlines()]
 
 
+@pytest.mark.long("flies by the wall clock")
 @pytest.mark.skipif(not shutil.which("tshark"), reason="not here: tshark")
 def test_a_station_that_has_the_exported_folder_alone_commands_a_running_simulation(place, tmp_path, capfd):
     assert cli.main(["export", "xtce", "./plays", "--yamcs", "--out", "out"]) == 0, capfd.readouterr()
@@ -503,6 +510,7 @@ link = "listen://{port}"
 """
 
 
+@pytest.mark.long("flies by the wall clock")
 def test_files_go_by_hand_to_a_target_while_it_flies(place, capfd):
     """By a link that does not wait, and the record of the exchange has their PDUs."""
     port = free_port()

@@ -155,6 +155,7 @@ def test_packets_that_cannot_carry_are_refused_with_their_line(tmp_path, capsys,
     assert f"bus.toml:{line_of(text, where)}: {complaint}" in capsys.readouterr().err
 
 
+@pytest.mark.long("builds boards")
 def test_a_second_clock_that_paces_is_refused(tmp_path, capsys):
     other = tmp_path / "other.toml"
     other.write_text(HEAD.replace("bus", "other").replace("0xA", "0xB"))

@@ -124,6 +124,7 @@ def mission(tmp_path):
     return written(tmp_path / "pairs", FLIGHT, PLAY, WORLD)
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_a_pair_takes_over_and_safe_mode_follows_the_last_one_on_every_target(mission, tmp_path, capsys):
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"

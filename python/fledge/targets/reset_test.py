@@ -102,6 +102,7 @@ def test_the_computer_is_down_for_its_time_and_then_begins_anew(at, down, tmp_pa
                     sequence[at_once & (sequence > 0)].tolist())) == rows, name
 
 
+@pytest.mark.long("builds and flies on targets")
 @pytest.mark.parametrize("target", [pytest.param(name, marks=pytest.mark.skipif(
     bool(TARGETS[name].missing()), reason="it is not installed")) for name in (
         "linux", "micropython", "leon3-micropython", "leon3-rtems")])
@@ -166,6 +167,7 @@ def on_board(built):
     return emulator.load("flatsat", folder=built)
 
 
+@pytest.mark.long("builds a board")
 @BOARD
 def test_a_board_in_python_is_reset_as_the_desktop_is(on_board):
     desktop = fledge.load("flatsat")
@@ -184,6 +186,7 @@ def test_a_board_in_python_is_reset_as_the_desktop_is(on_board):
         on_board.restore(saved)
 
 
+@pytest.mark.long("builds a board")
 @BOARD
 @pytest.mark.parametrize("watchdog", ["of the power unit", "of the board"])
 def test_flight_that_hangs_is_brought_back_by_a_watchdog(on_board, watchdog):

@@ -120,6 +120,7 @@ def mission(tmp_path):
     return written(tmp_path / "restart", FLIGHT, PLAY, WORLD)
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys, monkeypatch):
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"

@@ -130,6 +130,7 @@ def served(tmp_path):
     return written(tmp_path / "served", SERVED, WATCHES)
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_services_are_the_same_on_every_target(served, tmp_path, capsys):
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
     out = tmp_path / "out"
@@ -343,6 +344,7 @@ def carries(sim):
 '''
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_files_are_the_same_on_every_target(tmp_path, capsys):
     folder = written(tmp_path / "carries", CARRYING, CARRIES)
     on = [name for name in ("linux", "cfs", "leon3", "micropython") if not TARGETS[name].missing()]
@@ -422,6 +424,7 @@ def meets(sim):
 '''
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_the_same_flight_gives_the_same_packets_on_every_target(tmp_path, capsys, monkeypatch):
     """Byte for byte, those of the desktop too, and the ground in the scenario is content with each."""
     folder = written(tmp_path / "meets", MEETING, MEETS, FAULTY)

@@ -224,6 +224,7 @@ def test_the_report_names_what_differs_from_the_one_before(here, capsys):
 
 # --- targets ---------------------------------------------------------------------------------------
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_target_shows_the_same_with_the_same_bits(here, capsys):
     text = verify(capsys, "--on", "desktop,linux", "--scenario", "brief")
     assert of(text, "flown") == {"brief on desktop", "brief on linux"}
@@ -234,6 +235,7 @@ def test_a_target_shows_the_same_with_the_same_bits(here, capsys):
     assert "brief on desktop, linux: " in page and "./fledge fly spinner brief --on linux" in page
 
 
+@pytest.mark.long("builds for the board and counts branches")
 @pytest.mark.skipif(not shutil.which("sparc64-linux-gnu-gcc"), reason="the compiler for the LEON3 is not installed")
 def test_the_coverage_on_the_board(here, capsys):
     write(here, scenarios=SCENARIOS.replace("30 * s", "2 * s"))
