@@ -8,6 +8,7 @@ import pytest
 from bench.instructions import NADIR_SPIN, RECORDED, measured
 
 
+@pytest.mark.long("counts the instructions of all cases with valgrind")
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="valgrind is not installed")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release" or os.uname().machine != "x86_64",
                     reason="the counts are those of the release build for x86-64")

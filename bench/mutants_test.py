@@ -97,6 +97,7 @@ def tiny(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.long("builds and tests mutants")
 @pytest.mark.skipif(not shutil.which("git"), reason="git is not installed")
 def test_each_change_has_its_outcome(tiny, capsys):
     arguments = ["part", "--count", "1000", "--at", str(tiny / "at")]

@@ -8,6 +8,7 @@ from bench import orbiter_faults
 from fledge.targets import TARGETS
 
 
+@pytest.mark.long("a campaign of faults")
 @pytest.mark.parametrize("on", ["desktop", "leon3"])
 def test_each_run_ends_well_or_says_why(on):
     if on == "leon3" and (TARGETS[on].missing() or os.environ.get("FLEDGE_PRESET", "release") != "release"):

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which process is of which program, the files that are flown, and a hash that sees each packet."""
+import pytest
+
 from bench import orbiter
 from fledge.cosim.up import description
 from fledge.targets import TARGETS
@@ -20,6 +22,7 @@ def test_a_process_belongs_to_a_program():
         assert orbiter.part(command) == name, command
 
 
+@pytest.mark.long("flies the orbiter's programs")
 def test_the_files_fly_as_fast_as_they_can(tmp_path):
     plan = description.read(orbiter.files(tmp_path, 8080), TARGETS, None)
     assert not plan.pace and [one.name for one in plan.programs] == ["panel", "world", "flight", "ground"]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A short study of faults of sun sensors: what geometry shows is found, and no sound converter is blamed."""
 import numpy as np
+import pytest
 
 from bench import sun_faults
 
@@ -16,6 +17,7 @@ def test_geometry_finds_the_direction_and_what_does_not_fit():
         assert geometry.shows(worse, (k % 8) // 4) and not geometry.shows(cosines, 0)
 
 
+@pytest.mark.long("many faults of sun sensors")
 def test_what_geometry_shows_is_found_and_nobody_blamed_wrongly():
     table = sun_faults.study(10, seed=2)
     for kind, row in table.items():

@@ -32,8 +32,9 @@ class Case(NamedTuple):
 def long_after(count: int, values: Iterable, why: str) -> list:
     """Values for `parametrize`, of which the first `count` run each time and the others are long. A tuple is the values
     of several arguments."""
-    sets = [pytest.param(*(value if isinstance(value, tuple) else (value,))) for value in values]
-    return [*sets[:count], *(one._replace(marks=[pytest.mark.long(why)]) for one in sets[count:])]
+    sets = [value if hasattr(value, "marks") else pytest.param(*(value if isinstance(value, tuple) else (value,)))
+            for value in values]
+    return [*sets[:count], *(one._replace(marks=[*one.marks, pytest.mark.long(why)]) for one in sets[count:])]
 
 
 def case(item: pytest.Item) -> Case:

@@ -10,9 +10,10 @@ import pytest
 import fledge
 from fledge import cosim
 from fledge.units import minute, s
+from tests.circles import long_after
 
 
-@pytest.mark.parametrize("spacecraft", [2, 3, 16])
+@pytest.mark.parametrize("spacecraft", long_after(2, [2, 3, 16], "flies 16 spacecraft"))
 def test_the_scenario_passes(spacecraft):
     sim = fledge.load("constellation", spacecraft=spacecraft)
     sim.plots = False

@@ -133,6 +133,7 @@ def test_every_lane_of_the_four_boards_carries_something_at_its_own_addresses():
             assert all(f"| {field.name} |" in text and field.doc in text for field in lane.fields)
 
 
+@pytest.mark.long("builds and flies on the LEON3")
 @pytest.mark.skipif(bool(TARGETS["leon3"].missing()), reason="the compiler for LEON3 is not installed")
 def test_on_the_leon3_the_boards_lie_at_their_bases_and_their_interrupts_come(folder):
     from fledge import emulator
@@ -155,6 +156,7 @@ def test_on_the_leon3_the_boards_lie_at_their_bases_and_their_interrupts_come(fo
     assert [word & 0xFFFF for word in found] == counts and any(counts)
 
 
+@pytest.mark.long("builds and flies on all targets")
 def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(folder, capsys):
     """With files that the recorder keeps over it, and the ground's packets."""
     on = everywhere()
@@ -177,11 +179,13 @@ def test_a_reset_gives_the_same_bits_on_every_target_through_words_and_packets(f
         assert figures.get("board_interrupts", "452") == str(4 * (241 - 127 - 1)), name
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_target_judged_by_its_own_outputs_recovers_from_its_watchdog(folder, capsys):
     assert cli.main(["fly", "flatsat", "silent", "--on", "linux", "--board", str(BOARDS), "--out", str(folder)]) == 0
     assert "passed   desktop, linux" in capsys.readouterr().out
 
 
+@pytest.mark.long("a co-simulation")
 def test_flight_as_a_program_of_its_own_is_reset_too(folder, capsys):
     assert cli.main(["fly", "flatsat", "--for", "70s", "--on", "flight=desktop", "--out", str(folder)]) == 0
     rows = capsys.readouterr().out.splitlines()[2:4]

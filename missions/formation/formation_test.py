@@ -72,6 +72,7 @@ def test_without_the_radio_the_deputy_holds_what_it_heard_last():
     assert base.reference.head.quality == 2 and base.reference.head.t == before
 
 
+@pytest.mark.long("flies several spacecraft twice")
 @pytest.mark.parametrize("scenario", ["commanded", "sensed"])
 def test_several_deputies_fly_what_one_flies(scenario):
     sim = fledge.load("formation", deputies=3)
@@ -124,6 +125,7 @@ def flown_in_one(path, scenario, **parameters):
 HERE = Path(__file__).parent
 
 
+@pytest.mark.long("a co-simulation of many programs")
 def test_the_programs_of_the_thesis_fly_what_one_program_flies(tmp_path, capsys):
     file = HERE / "formation.toml"
     if TARGETS["aarch64"].missing():
@@ -155,6 +157,7 @@ def momentum_misfit(record, name, after):
     return np.abs(unknown @ np.linalg.lstsq(unknown, -h_N, rcond=None)[0] + h_N).max()
 
 
+@pytest.mark.long("a co-simulation of many programs")
 def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
     """As fleet.toml, with three deputies."""
     text = (HERE / "fleet.toml").read_text()
@@ -194,6 +197,7 @@ def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
     assert not (roll["head"]["quality"][t <= 600]).any() and written[t > 600].all()
 
 
+@pytest.mark.long("a co-simulation for each answer to a loss")
 @pytest.mark.parametrize("policy, seen", [("drop", 12), ("hold", 14), ("restart", None)])
 def test_what_the_chief_sees_of_a_lost_deputy_is_declared(policy, seen, tmp_path):
     """Nothing from its next second on; its last message, until the wire calls it stale; or no loss. Each time."""
@@ -230,11 +234,13 @@ def test_a_report_is_of_a_whole_mission(tmp_path):
 
 # --- on targets ------------------------------------------------------------------------------------
 
+@pytest.mark.long("builds and flies on two targets")
 def test_two_byte_orders_in_one_run_give_the_bits_of_the_desktop(tmp_path, capsys):
     far = "linux" if TARGETS["sparc64"].missing() else "sparc64"
     flown(f"chief=linux,deputy={far}", tmp_path, capsys, ["desktop", "linux", far])
 
 
+@pytest.mark.long("builds and flies on two targets")
 def test_so_does_an_app_of_the_core_flight_system(tmp_path, capsys):
     far = "linux" if TARGETS["aarch64"].missing() else "aarch64"
     flown(f"chief=cfs,deputy={far},chief_guidance=cfs", tmp_path, capsys, ["cfs", "cfs", far])
@@ -253,6 +259,7 @@ def flown(on, folder, capsys, targets):
     assert cli.main(["compare", *records, "--topics", "deputy"]) == 0
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_one_computer_joins_a_run_elsewhere_on_its_target(tmp_path):
     """As a node of `fledge up`; the other programs fly the desktop's code."""
     nodes = "".join(f'[[node]]\nmission = "formation"\nprocess = "{name}"\n'
@@ -277,6 +284,7 @@ command = ["{sys.executable}", "-m", "fledge.cli", "fly", "formation", "--on", "
     assert len(linux.topics) == 5 and compare(desktop, linux) == []
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_change_between_runs_reaches_the_deputy_on_its_target(tmp_path, capsys):
     """Over the moment at which the scenario chooses the camera."""
     assert cli.main(["fly", "formation", "changes", "--for", "31min", "--on", "deputy=linux", "--out",
@@ -287,6 +295,7 @@ def test_a_change_between_runs_reaches_the_deputy_on_its_target(tmp_path, capsys
         assert accelerations[~late][10:].min() > 0 and accelerations[late].max() == 0     # a camera sees none
 
 
+@pytest.mark.long("a co-simulation")
 def test_it_reaches_the_deputy_on_the_code_of_the_desktop_too(tmp_path, capsys):
     assert cli.main(["fly", "formation", "changes", "--for", "31min", "--on", "chief=linux", "--out",
                      str(tmp_path)]) == 0, capsys.readouterr()

@@ -170,6 +170,7 @@ def test_two_sequences_that_contradict_each_other(craft):
     assert norm(f.tracking.error.sigma_BR) < 1e-3
 
 
+@pytest.mark.long("thousands of commands")
 def test_a_ground_that_floods(craft):
     """2000 packets a second, PDUs of nothing, commands and rubbish: what finds no room is refused and counted, and a
     command after them counts."""

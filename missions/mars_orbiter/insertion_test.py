@@ -81,11 +81,13 @@ def test_the_insertion():
     sim.scenarios["insertion"]()
 
 
+@pytest.mark.long("flies the insertion again")
 def test_an_engine_that_is_10_percent_weak():
     one = flown(engines=lambda planned: {"F": [108, *[120] * 5]})
     insertion.check_captured(one)
 
 
+@pytest.mark.long("flies the insertion again")
 def test_resets_in_the_main_burn():
     """Two that nobody planned: the burn goes on each time, and no command is executed twice."""
     one = flown(power=lambda planned: {"reset_at": [planned.start + 600, planned.start + 900, 0, 0]})
@@ -96,6 +98,7 @@ def test_resets_in_the_main_burn():
     assert all(a.t < b.t for a, b in pairwise(commands)) and one.sim.flight.boot.boot.boots == 4
 
 
+@pytest.mark.long("flies the insertion again")
 def test_a_link_that_is_lost_while_the_plan_is_sent():
     """What has come is no file; once the link is back, the ground sends all again."""
     def loses(sim):
@@ -113,6 +116,7 @@ def test_a_link_that_is_lost_while_the_plan_is_sent():
     assert [event.name for event in one.said("files.event")] == ["FAULT", "FAILED"]
 
 
+@pytest.mark.long("flies the insertion again")
 @pytest.mark.parametrize("name, channel, why", [("rcs", 5, "OFF_POINT"), ("engines", 2, "OFF_POINT")])
 def test_a_valve_that_is_stuck_shut(name, channel, why):
     one = flown(**{name: lambda planned: {"faults": [

@@ -14,6 +14,7 @@ from fledge.units import minute
 from missions.mars_orbiter.mission import DATE
 from missions.mars_orbiter.scenarios import FAILS, converter_fails, sun_faults, sun_off
 from missions.mars_orbiter.vehicle import PLACE
+from tests.circles import long_after
 
 BOARDS = build.ROOT / "missions/mars_orbiter/boards"
 
@@ -26,8 +27,8 @@ def test_the_scenarios_pass(scenario):
 
 
 @pytest.mark.parametrize("kind", ["HIGH", "LOW", "BABBLE"])
-@pytest.mark.parametrize("channels", [0b1111, 0b0010], ids=["all", "one"])
-@pytest.mark.parametrize("which", ["a", "b"])
+@pytest.mark.parametrize("channels", long_after(1, [0b1111, 0b0010], "flies again"), ids=["all", "one"])
+@pytest.mark.parametrize("which", long_after(1, ["a", "b"], "flies again"))
 def test_the_protection_names_the_faulty_converter(which, channels, kind):
     sim = fledge.load("mars_orbiter")
     sim.plots = False
@@ -63,6 +64,7 @@ def flown(changes, lasts=5 * minute, **fields):
     return log, {(e.output.split(".")[1], e.name): e.t / 1e9 - FAILS.value for e in reversed(events)}, sim.flight
 
 
+@pytest.mark.long("flies minutes of the orbiter for each")
 @pytest.mark.parametrize("changes, off", [
     ({}, 0.002), (blinks(2, 20), 0.002), ({0: {"a": fault("BABBLE")}, 2: {"a": []}}, 0.002)],
     ids=["nothing", "now and then", "clears at once"])
@@ -72,6 +74,7 @@ def test_nobody_is_blamed(changes, off):
     assert sun_off(log).max() < off
 
 
+@pytest.mark.long("flies minutes of the orbiter for each")
 @pytest.mark.parametrize("changes, off", [
     *(({0: {"a": fault(kind), "b": fault(kind)}}, 0.01) for kind in ("HIGH", "BABBLE")),
     ({0: {"a": fault("HIGH", 2), "b": fault("HIGH", 4)}}, 0.01),
@@ -84,6 +87,7 @@ def test_what_may_be_of_either_is_said_and_the_gyro_holds_the_sun(changes, off):
     assert sun_off(log).max() < off
 
 
+@pytest.mark.long("flies minutes of the orbiter for each")
 @pytest.mark.parametrize("which, changes, within, fields", [
     ("b", blinks(3, 5), 10, {}),
     ("a", {0: {"a": fault("BABBLE")}, 60: {"a": []}}, 10, {}),
@@ -117,6 +121,7 @@ def test_an_eclipse_blames_nobody_and_the_gyro_holds_the_sun():
     assert sun_off(log).max() < 0.03 and sun_off(log)[-1] < 1e-3
 
 
+@pytest.mark.long("builds and flies the orbiter on targets: 200 s")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
 @pytest.mark.parametrize("scenario, target", [
     *(("pointing", one) for one in ("linux", "cfs", "leon3", "leon3-cfs", "micropython")), ("sun_sensors", "linux"),

@@ -7,6 +7,7 @@ import pytest
 import fledge
 from fledge.attitude import mrp_to_dcm
 from fledge.units import minute, s
+from tests.circles import long_after
 
 
 @pytest.mark.parametrize("scenario", ["safe", "blind"])
@@ -16,7 +17,7 @@ def test_the_scenarios_pass(scenario):
     sim.scenarios[scenario]()
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", long_after(1, range(5), "more draws"))
 def test_it_finds_the_sun_from_any_tumble(seed):
     random = np.random.default_rng(seed)
     sim = fledge.load("sun_safe", seed=seed)
@@ -79,8 +80,8 @@ def fly(pointing, a=(), b=(), duration=100 * s):
 
 
 @pytest.mark.parametrize("kind", ["HIGH", "LOW", "BABBLE"])
-@pytest.mark.parametrize("channels", [0b1111, 0b0001], ids=["all", "one"])
-@pytest.mark.parametrize("which", [0, 1], ids="ab")
+@pytest.mark.parametrize("channels", long_after(1, [0b1111, 0b0001], "flies again"), ids=["all", "one"])
+@pytest.mark.parametrize("which", long_after(1, [0, 1], "flies again"), ids="ab")
 def test_the_faulty_converter_is_named_and_the_sun_kept(pointing, which, channels, kind):
     fault = [{"kind": kind, "channels": channels, "begin": 200 * s}]
     log, off, events = fly(pointing, **{"ab"[which]: fault})
