@@ -19,7 +19,8 @@ needs_valgrind = pytest.mark.skipif(
 
 
 @needs_valgrind
-@pytest.mark.parametrize("target", long_after(1, ["linux", "micropython", "leon3"], "flies under valgrind or on a board"))
+@pytest.mark.parametrize("target", long_after(
+    1, ["linux", "micropython", "leon3"], "flies under valgrind or on a board"))
 def test_a_short_flight_is_profiled(tmp_path, capsys, target):
     if target not in TARGETS or TARGETS[target].missing():
         pytest.skip(f"{target} is not there")
