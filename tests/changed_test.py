@@ -35,6 +35,7 @@ def test_of_a_flight_module_its_own_test_and_the_smallest_users_are_chosen():
     assert near("flight/control/mrp_feedback.h") == (cases, paths)
 
 
+@pytest.mark.long("looks through all missions")
 def test_a_message_reaches_the_modules_that_take_it_and_their_missions():
     cases, paths = near("flight/msg/rate.h")
     assert cases >= {"MrpSteering.*", "RateServo.*"} and len(cases) < 10

@@ -4,6 +4,8 @@
 import subprocess
 import sys
 
+import pytest
+
 from tests import circles
 from tests.tree import ROOT, files
 
@@ -32,6 +34,7 @@ def test_a_long_test_without_a_reason_is_refused(tmp_path):
         assert code == 4 and 'is marked long without a reason: @pytest.mark.long("200 flights")' in said, mark
 
 
+@pytest.mark.long("starts pytest six times")
 def test_the_shares_of_the_long_tests_are_all_of_them(tmp_path):
     text = '@pytest.mark.long("20")\n@pytest.mark.parametrize("n", range(20))\ndef test_it(n):\n    pass\n' \
         "def test_quick():\n    pass\n"

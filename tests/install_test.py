@@ -87,6 +87,7 @@ def test_its_library_is_imported_from_its_folder(prefix, tmp_path):
     assert float(printed) == 1
 
 
+@pytest.mark.long("builds a project")
 def test_a_project_is_built_with_it(prefix, tmp_path):
     command = prefix / "bin/fledge"
     run(command, "new", "project", "own", cwd=tmp_path)
