@@ -6,10 +6,11 @@
 add_custom_target(tests)
 file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
 
-# A test runs once: to optimise its source takes longer than it saves. The code under test keeps the
-# options of its library.
+# A test runs once: to optimise its source takes longer than it saves. Eigen is an exception, so a folder whose tests
+# compute with it sets FLEDGE_EIGEN_TESTS. The code under test keeps the options of its library.
 set(FLEDGE_TEST_OPTIONS "" CACHE STRING "compile options of the sources of tests")
-mark_as_advanced(FLEDGE_TEST_OPTIONS)
+set(FLEDGE_EIGEN_TEST_OPTIONS "" CACHE STRING "more compile options of tests where FLEDGE_EIGEN_TESTS is set")
+mark_as_advanced(FLEDGE_TEST_OPTIONS FLEDGE_EIGEN_TEST_OPTIONS)
 
 if(BUILD_TESTING)
     find_package(GTest REQUIRED)
@@ -33,10 +34,15 @@ function(fledge_add_test program)
         set_target_properties(${program} PROPERTIES UNITY_BUILD_BATCH_SIZE 8)   # so that all processors compile
         # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
         target_compile_options(${program} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
+        set(headers fledge_test_headers)
+        if(FLEDGE_EIGEN_TESTS)
+            set(headers fledge_eigen_test_headers)
+            target_compile_options(${program} PRIVATE ${FLEDGE_EIGEN_TEST_OPTIONS})
+        endif()
         target_compile_definitions(${program} PRIVATE FLEDGE_ROOT="${PROJECT_SOURCE_DIR}")
-        if(TARGET fledge_test_headers)
+        if(TARGET ${headers})
             target_compile_options(${program} PRIVATE -fpch-preprocess)
-            target_precompile_headers(${program} REUSE_FROM fledge_test_headers)
+            target_precompile_headers(${program} REUSE_FROM ${headers})
         endif()
         add_dependencies(tests ${program})
     endif()
@@ -61,17 +67,22 @@ function(fledge_add_test program)
     endforeach()
 endfunction()
 
-# fledge_precompile_test_headers(<header>...): compile headers of the system once, for all tests that
-# follow.
+# fledge_precompile_test_headers(<header>...): compile headers of the system once, with <Eigen/Dense> and without, for
+# all tests that follow.
 function(fledge_precompile_test_headers)
     if(NOT BUILD_TESTING)
         return()
     endif()
     # An executable as the tests are: gcc takes only headers that were compiled with the same options.
     file(CONFIGURE OUTPUT fledge_test_headers.cpp CONTENT "int main() {}\n")
-    add_executable(fledge_test_headers EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/fledge_test_headers.cpp)
-    fledge_cxx_options(fledge_test_headers)
-    target_compile_options(fledge_test_headers PRIVATE ${FLEDGE_TEST_OPTIONS})
-    target_link_libraries(fledge_test_headers PRIVATE GTest::gtest Eigen3::Eigen)
+    foreach(target fledge_test_headers fledge_eigen_test_headers)
+        add_executable(${target} EXCLUDE_FROM_ALL ${CMAKE_CURRENT_BINARY_DIR}/fledge_test_headers.cpp)
+        fledge_cxx_options(${target})
+        target_compile_options(${target} PRIVATE ${FLEDGE_TEST_OPTIONS})
+        target_link_libraries(${target} PRIVATE GTest::gtest)
+    endforeach()
+    target_compile_options(fledge_eigen_test_headers PRIVATE ${FLEDGE_EIGEN_TEST_OPTIONS})
+    target_link_libraries(fledge_eigen_test_headers PRIVATE Eigen3::Eigen)
     fledge_precompile(fledge_test_headers ${ARGN})
+    fledge_precompile(fledge_eigen_test_headers <Eigen/Dense> ${ARGN})
 endfunction()

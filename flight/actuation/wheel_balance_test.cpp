@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Null motion: no torque on the body, and speeds that go where they may.
+#include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -11,7 +12,7 @@ extern "C" {
 namespace flight::testing {
 namespace wheel_balance_test {
 
-using Eigen::MatrixXd;
+using Eigen::Matrix3Xd;
 using Eigen::VectorXd;
 constexpr std::int64_t second = 1'000'000'000;
 
@@ -36,9 +37,9 @@ VectorXd numbers(const double *at, const WheelBalance &m)
     return Eigen::Map<const VectorXd>(at, static_cast<int>(m.in.wheels.n));
 }
 
-MatrixXd axes(const WheelBalance &m)
+Matrix3Xd axes(const WheelBalance &m)
 {
-    MatrixXd G(3, m.in.wheels.n);
+    Matrix3Xd G(3, m.in.wheels.n);
     for (int i = 0; i < G.cols(); i++) {
         G.col(i) = eigen(m.in.wheels.axes_B[i]);
     }
@@ -54,7 +55,7 @@ TEST(WheelBalance, gives_no_torque_and_moves_towards_the_wanted_speeds)
         for (auto &may : m.in.availability.available) {
             may = random.below(4) > 0;
         }
-        const MatrixXd G = axes(m);
+        const Matrix3Xd G = axes(m);
         wheel_balance_update(&m, {0, 0});
         const VectorXd null = numbers(m.out.command.u, m) - numbers(m.in.torques.u, m);
         const VectorXd error = numbers(m.in.speeds.Omega, m) - numbers(m.par.Omega, m);
@@ -78,7 +79,7 @@ TEST(WheelBalance, ends_at_the_distribution_of_least_squares)
         std::fill(m.par.Omega, m.par.Omega + 8, 0.0);
         std::fill(m.in.wheels.J, m.in.wheels.J + 8, 0.1);
         std::fill(m.in.torques.u, m.in.torques.u + 8, 0.0);
-        const MatrixXd G = axes(m);
+        const Matrix3Xd G = axes(m);
         const Vector3d h = 0.1 * G * numbers(m.in.speeds.Omega, m);
         for (int k = 0; k < 1000; k++) {
             wheel_balance_update(&m, {k * second, k ? second : 0});
@@ -86,7 +87,7 @@ TEST(WheelBalance, ends_at_the_distribution_of_least_squares)
                 m.in.speeds.Omega[w] += m.out.command.u[w] / 0.1;
             }
         }
-        const VectorXd least = G.completeOrthogonalDecomposition().solve(h / 0.1);
+        const VectorXd least = least_squares(G, h / 0.1);
         EXPECT_LT((numbers(m.in.speeds.Omega, m) - least).norm(), 1e-9 * least.norm());
     }
 }

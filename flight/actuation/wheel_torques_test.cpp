@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wheel torques against the pseudo-inverse by Eigen's singular values.
 #include "flight/testing/eigen.h"
+#include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -13,21 +14,7 @@ namespace flight::testing {
 namespace wheel_torques_test {
 
 using Eigen::Matrix3Xd;
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-MatrixXd pinv(const MatrixXd &a, double threshold = 1e-9)
-{
-    if (a.cols() == 0) {
-        return MatrixXd::Zero(0, a.rows());
-    }
-    Eigen::JacobiSVD<MatrixXd> svd(a, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    VectorXd s = svd.singularValues();
-    for (double &x : s) {
-        x = x > threshold ? 1 / x : 0;
-    }
-    return svd.matrixV() * s.asDiagonal() * svd.matrixU().transpose();
-}
 
 /// The module with these unit axes as wheels.
 WheelTorques with_wheels(const Matrix3Xd &G, const Vector3d &torque, double u_max = 0)
@@ -54,9 +41,9 @@ Matrix3Xd random_wheels(Random &random, int n)
 }
 
 /// True where the set is neither singular nor so near to it that the threshold of rank decides.
-bool well_conditioned(const MatrixXd &a)
+bool well_conditioned(const Matrix3Xd &a)
 {
-    return a.cols() >= a.rows() && Eigen::JacobiSVD<MatrixXd>(a).singularValues().minCoeff() > 0.05;
+    return a.cols() >= a.rows() && singular_values(a).minCoeff() > 0.05;
 }
 
 VectorXd commands(const WheelTorques &m)
@@ -85,7 +72,7 @@ TEST(WheelTorques, is_the_pseudo_inverse_for_any_number_of_wheels)
         }
         WheelTorques m = with_wheels(G, L);
         wheel_torques_update(&m, {500, 0});
-        EXPECT_LT((commands(m) + pinv(G) * L).norm(), 1e-11);
+        EXPECT_LT((commands(m) + least_squares(G, L)).norm(), 1e-11);
         EXPECT_LT((achieved(m) + G * commands(m)).norm(), 1e-13);
         EXPECT_EQ(m.out.command.head.t, 500);
         EXPECT_EQ(m.out.achieved.head.t, 500);
@@ -114,12 +101,12 @@ TEST(WheelTorques, uses_only_available_wheels)
                 G.col(k).setZero();
             }
         }
-        VectorXd s = Eigen::JacobiSVD<MatrixXd>(G).singularValues();
+        VectorXd s = singular_values(G);
         if ((s.array() > 1e-12 && s.array() < 0.05).any()) {
             continue;
         }
         wheel_torques_update(&m, {0, 0});
-        EXPECT_LT((commands(m) + pinv(G) * eigen(m.in.torque.torque_B)).norm(), 1e-11);
+        EXPECT_LT((commands(m) + least_squares(G, eigen(m.in.torque.torque_B))).norm(), 1e-11);
         EXPECT_EQ(m.out.command.head.quality, s[2] > 0.05 ? QUALITY_GOOD : QUALITY_DEGRADED);
         for (int k = 0; k < G.cols(); k++) {
             if (!m.in.availability.available[k]) {
@@ -135,21 +122,21 @@ TEST(WheelTorques, controls_any_subset_of_axes)
     for (int i = 0; i < 4000; i++) {
         int rows = 1 + i % 3;
         Matrix3Xd G = random_wheels(random, 1 + random.below(WHEELS_MAX));
-        MatrixXd C(rows, 3);
+        Eigen::MatrixX3d C(rows, 3);
         WheelTorques m = with_wheels(G, random.vector());
         m.par.n_axes = static_cast<std::uint32_t>(rows);
         for (int k = 0; k < rows; k++) {
             C.row(k) = random.direction().transpose();
             m.par.axes_B[k] = vec(C.row(k).transpose() * random.real(0.1, 100)); // of any length
         }
-        MatrixXd A = C * G;
-        VectorXd s = Eigen::JacobiSVD<MatrixXd>(A).singularValues();
+        Eigen::MatrixXd A = C.lazyProduct(G);
+        VectorXd s = singular_values(A);
         if ((s.array() > 1e-12 && s.array() < 0.05).any()) {
             continue;
         }
         Vector3d L = eigen(m.in.torque.torque_B);
         wheel_torques_update(&m, {0, 0});
-        EXPECT_LT((commands(m) + pinv(A) * C * L).norm(), 1e-10);
+        EXPECT_LT((commands(m) + least_squares(A, C * L)).norm(), 1e-10);
         if (G.cols() >= rows) {
             EXPECT_LT((C * achieved(m) - C * L).norm(), 1e-11);
             EXPECT_EQ(m.out.command.head.quality, QUALITY_GOOD);
@@ -169,8 +156,7 @@ TEST(WheelTorques, no_other_command_of_the_same_torque_is_smaller)
         }
         WheelTorques m = with_wheels(G, random.vector());
         wheel_torques_update(&m, {0, 0});
-        MatrixXd kernel = Eigen::FullPivLU<MatrixXd>(G).kernel();
-        EXPECT_LT((kernel.transpose() * commands(m)).norm(), 1e-12 * kernel.norm());
+        EXPECT_LT((commands(m) - least_squares(G, G * commands(m))).norm(), 1e-12);
     }
 }
 
@@ -220,7 +206,7 @@ TEST(WheelTorques, gives_the_nearest_torque_where_wheels_cannot_span_the_axes)
         WheelTorques m = with_wheels(G, L);
         wheel_torques_update(&m, {0, 0});
         EXPECT_LT((achieved(m) - expected).norm(), 1e-15);
-        EXPECT_LT((commands(m) + pinv(G) * L).norm(), 1e-15);
+        EXPECT_LT((commands(m) + least_squares(G, L)).norm(), 1e-15);
         EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
     }
 

@@ -2,6 +2,7 @@
 // MRP feedback in closed loop with the equations of motion (A.1), wheels included: the Lyapunov
 // rate, convergence, the integral term, and the quality of the torque.
 #include "flight/testing/eigen.h"
+#include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -54,7 +55,7 @@ struct Plant {
 Vector3d acceleration(const Plant &plant, const Vector3d &omega_BN, const Eigen::VectorXd &h, const Vector3d &torque)
 {
     Vector3d H = plant.I * omega_BN + plant.G * h;
-    return plant.I.ldlt().solve(-omega_BN.cross(H) + torque + plant.L);
+    return solve(plant.I, -omega_BN.cross(H) + torque + plant.L);
 }
 
 TEST(MrpFeedback, lyapunov_function_falls_as_the_damping_alone)
@@ -125,7 +126,8 @@ struct ClosedLoop {
         mrp_feedback_update(&m, first);
         Vector3d torque = eigen(m.out.torque.torque_B);
         Vector3d dsigma = eigen(mrp_rate(vec(x.sigma_BR), m.in.error.omega_BR_B));
-        Eigen::VectorXd u = -plant.G.completeOrthogonalDecomposition().solve(torque);
+        const Matrix3d GG = plant.G.lazyProduct(plant.G.transpose());
+        Eigen::VectorXd u = -plant.G.transpose() * solve(GG, torque).head<3>(); // of all the shortest
         return {dsigma, acceleration(plant, x.omega_BN, x.h, torque), u};
     }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rate servo on the equations of motion (A.1), alone and behind MRP steering.
+#include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -51,7 +52,7 @@ TEST(RateServo, lyapunov_function_falls_as_the_damping_alone)
         const Vector3d z = m.par.K_I > 0 ? eigen(m.mem.z) : Vector3d::Zero();
         rate_servo_update(&m, {0, 0});
         const Vector3d torque = eigen(m.out.torque.torque_B) + eigen(m.in.external.torque_B);
-        const Vector3d domega_BN = I.ldlt().solve(torque - omega_BN.cross(H));
+        const Vector3d domega_BN = solve(I, torque - omega_BN.cross(H));
         const Vector3d domega_RN = eigen(m.in.error.domega_RN_B) - omega_BN.cross(omega_RN); // derivative in B
         const Vector3d domega_BD = domega_BN - domega_RN - eigen(m.in.command.domega_DR_B);
         const double dV = omega_BD.dot(I * domega_BD) + m.par.K_I * z.dot(omega_BD);
@@ -80,7 +81,7 @@ TEST(RateServo, behind_steering_a_large_turn_keeps_to_the_rate_limit_and_ends_at
             servo.in.error = steering.in.error;
             servo.in.command = steering.out.command;
             rate_servo_update(&servo, {k * second / 10, second / 10});
-            omega += 0.1 * I.ldlt().solve(eigen(servo.out.torque.torque_B) - omega.cross(I * omega));
+            omega += 0.1 * solve(I, eigen(servo.out.torque.torque_B) - omega.cross(I * omega));
             sigma = mrp_short(vec_add(sigma, vec_scale(0.1, mrp_rate(sigma, vec(omega)))));
             fastest = std::max(fastest, omega.cwiseAbs().maxCoeff());
         }

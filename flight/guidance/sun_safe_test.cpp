@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sun-safe pointing: the turn that brings an axis to the Sun, in closed loop, and what happens in the dark.
+#include "flight/testing/linear.h"
 #include "flight/testing/poison.h"
 
 extern "C" {
@@ -62,7 +63,7 @@ TEST(SunSafe, with_a_control_it_ends_at_the_sun_and_spins_about_it)
             sun_safe_update(&m, {k * second / 10, second / 10});
             const Vector3d omega_BR = eigen(m.out.error.omega_BR_B), omega_RN = eigen(m.out.error.omega_RN_B);
             const Vector3d torque = -eigen(m.out.error.sigma_BR) - P * omega_BR - I * omega.cross(omega_RN);
-            omega += 0.1 * I.ldlt().solve(torque); // the gyroscopic torque is compensated
+            omega += 0.1 * solve(I, torque); // the gyroscopic torque is compensated
             sigma_BN = mrp_short(vec_add(sigma_BN, vec_scale(0.1, mrp_rate(sigma_BN, vec(omega)))));
         }
         const Vector3d s = dcm(sigma_BN) * s_N;

@@ -2,6 +2,7 @@
 // A body that turns, with eight coarse sun sensors along the corners of a cube, with and without a gyro.
 #include "flight/testing/consistency.h"
 #include "flight/testing/eigen.h"
+#include "flight/testing/linear.h"
 
 extern "C" {
 #include "flight/sensing/sun_line.h"
@@ -123,7 +124,7 @@ struct Flown {
         Eigen::Matrix<double, 6, 1> error;
         error << d.norm() * s - d, (gyro ? Vector3d(-bias) : omega) - eigen(m.mem.b_B);
         const Eigen::Matrix4d P = to * root.transpose() * root * to.transpose();
-        return (to * error).dot(P.ldlt().solve(to * error));
+        return (to * error).dot(solve(P, to * error));
     }
 };
 
