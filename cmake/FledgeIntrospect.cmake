@@ -71,6 +71,10 @@ function(fledge_introspect target)
         DEPFILE ${first}.d
         COMMENT "Reading the headers of ${arg_LIBRARY}"
         VERBATIM)
+    # Ninja runs a command after what all its targets depend on. A target of its own depends on nothing: headers are
+    # read, and the sources after them compiled, before the libraries are built that the other target links.
+    add_custom_target(${target}_${arg_LIBRARY}_headers DEPENDS ${written})
+    add_dependencies(${target} ${target}_${arg_LIBRARY}_headers)
     # A program that makes no models by name links them without their tables.
     set_source_files_properties(${written} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     target_sources(${target} PRIVATE ${written})

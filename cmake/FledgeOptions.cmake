@@ -66,6 +66,7 @@ function(fledge_cxx_options target)
 endfunction()
 
 # fledge_precompile(<target> <header>...): compile headers of libraries once for all sources of a target in C++.
+# For a library that is one object (FLEDGE_UNITY) they cost more than they save.
 function(fledge_precompile target)
     target_precompile_headers(${target} PRIVATE ${ARGN})
     target_compile_options(${target} PRIVATE -fpch-preprocess)    # so that ccache can cache them

@@ -266,9 +266,10 @@ def test_the_cases_of_a_program_of_googletest_count_and_a_crashed_one_counts_onc
 
 @pytest.mark.parametrize("arguments, parts", [
     (["run", "x"], "desktop"), (["up", "x.toml"], "desktop cosim"), (["exec", "true"], "all"),
-    (["up", str(ROOT / "missions/earth_imager/board.toml")], "desktop cosim emulator ground"),
-    (["fly", "x", "--on", "desktop"], "desktop"), (["fly", "x", "--on", "linux"], "desktop cosim"),
-    (["fly", "x", "--on", "leon3-qemu"], "desktop cosim emulator"), (["test"], "all tests")])
+    (["up", str(ROOT / "missions/earth_imager/board.toml")], "desktop cosim loop fledge_leon3 ground"),
+    (["fly", "x", "--on", "desktop"], "desktop"), (["fly", "x", "--on", "linux"], "desktop loop"),
+    (["fly", "x", "--on", "leon3-qemu"], "desktop loop fledge_leon3"),
+    (["profile", "x", "--on", "leon3"], "desktop _emulator loop fledge_leon3"), (["test"], "all tests")])
 def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")

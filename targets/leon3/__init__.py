@@ -27,7 +27,7 @@ class Leon3(Target):
     profiled_by = "board"
     takes_tools = True
     needs: tuple[str, ...] = ("sparc64-linux-gnu-gcc",)
-    parts = ("cosim", "emulator")
+    parts = ("loop", "fledge_leon3")
     board = build.ROOT / "emulator/boards/leon3.toml"
 
     def __init__(self, tools: Sequence[str] = ()) -> None:

@@ -36,7 +36,7 @@ def add(command: Callable) -> None:
     one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
                      help="of the emulator; default: translator")
     one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
-    one.set_defaults(needs=lambda options: ["leon3"])
+    one.set_defaults(needs=lambda options: ["leon3", "build _emulator"])
 
 
 def flips(options: argparse.Namespace) -> int:

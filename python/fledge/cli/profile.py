@@ -38,7 +38,7 @@ def add(command: Callable) -> None:
     one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
                      "runs/MISSION/profile")
     add_parameters(one)
-    one.set_defaults(needs=lambda options: ["profile", *TARGETS.known(_names(options))])
+    one.set_defaults(needs=lambda options: ["profile", "build _emulator", *TARGETS.known(_names(options))])
 
 
 def profile(options: argparse.Namespace) -> int:

@@ -36,6 +36,8 @@ class Newest:
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
+        self._outputs = [one.path for one in dictionary.outputs]
+        self._beginnings = {path[:i] for path in self._outputs for i, letter in enumerate(path) if letter == "."}
         self._contents: dict[str, Any] = {}
         self.events: list[Event] = []   #: what modules have said, in the order of its arrival; each once
 
@@ -66,11 +68,10 @@ class Newest:
 
     def __getitem__(self, path: str) -> Any:
         """An output's fields as a dict, or one field."""
-        known = [one.path for one in self._dictionary.outputs]
-        output = next((one for one in known if path == one or path.startswith(f"{one}.")), None)
+        output = next((one for one in self._outputs if path == one or path.startswith(f"{one}.")), None)
         if output is None:
-            raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, known)} it has "
-                             + listed(known, none="none"))
+            raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, self._outputs)} "
+                             f"it has {listed(self._outputs, none='none')}")
         found = self._content(output)
         for name in path[len(output) + 1:].split(".") if path != output else []:
             if not isinstance(found, dict) or name not in found:
@@ -99,8 +100,7 @@ class _Path:
 
     def __getattr__(self, name: str) -> Any:
         path = f"{self._path}.{name}"
-        beginnings = [one.path for one in self._newest._dictionary.outputs]
-        if any(one.startswith(f"{path}.") for one in beginnings):
+        if path in self._newest._beginnings:
             return _Path(self._newest, path)
         found = self._newest[path]
         return _Fields(found) if isinstance(found, dict) else found
