@@ -28,6 +28,7 @@ def test_a_bug_that_the_scenarios_pass_is_found(extension):
     assert any("along / along" in line for line in falsify.said(rows[0]))
 
 
+@pytest.mark.long("a search")
 def test_changes_that_are_no_planted_bugs_are_counted(extension):
     file = "flight/guidance/sun_safe.c"
     noticed = mutant(file, "*out = error;", ";")

@@ -193,6 +193,7 @@ def test_without_git_or_with_a_wrong_base_one_line_says_so(repository, monkeypat
         changed.changed_files(folder)
 
 
+@pytest.mark.long("starts the program several times")
 def test_the_program_prints_three_lines_or_one_of_error():
     def run(*words):
         return subprocess.run([sys.executable, "-P", "-m", "tests.changed", *words], cwd=ROOT, capture_output=True,

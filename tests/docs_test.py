@@ -116,6 +116,7 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
     assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
 
 
+@pytest.mark.long("follows the page; draws")
 def test_the_loop_meets_control_theory(tmp_path):
     assert follow("linear.md", Shell(tmp_path)) == 4
     assert (tmp_path / "loop.png").stat().st_size > 10_000
@@ -134,6 +135,7 @@ def test_a_mission_is_verified(tmp_path):
     assert (tmp_path / "verification/nadir_spin/report.html").stat().st_size > 20_000
 
 
+@pytest.mark.long("follows the page; a search")
 def test_a_search_finds_a_run_that_fails(tmp_path):
     assert follow("falsification.md", Shell(tmp_path)) == 1
     assert "keeps_sun_1(sim)" in (tmp_path / "runs/sun_safe/falsify/SUN-1/keeps_sun_1.py").read_text()

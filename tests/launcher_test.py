@@ -15,7 +15,6 @@ import pytest
 
 import fledge
 from fledge import cli
-from tests.circles import long_after
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -222,12 +221,13 @@ def test_a_bench_builds_what_it_measures_in_c(launch):
     assert "pytest" not in command
 
 
-@pytest.mark.parametrize("failures, status, line", long_after(1, [
+@pytest.mark.long("runs ./fledge test in a tree of its own")
+@pytest.mark.parametrize("failures, status, line", [
     (0, 0, "5 passed, 0 failed, 1 skipped"),
     (2, 8, "3 passed, 2 failed, 1 skipped"),
     (0, 8, "5 passed, 1 failed, 1 skipped"),     # it failed, but no test did
     (None, 8, "1 passed, 1 failed, 0 skipped"),  # it left no report
-], "runs ./fledge test in a tree of its own"))
+])
 def test_the_closing_line_adds_up_and_the_status_is_honest(launch, failures, status, line):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text(str(status))

@@ -73,6 +73,7 @@ def test_rasters_begin_to_the_nanosecond_whatever_the_rate_of_the_task():
     np.testing.assert_allclose(log["euler.angles"][running], expected[running], atol=1e-15)
 
 
+@pytest.mark.long("draws all figures")
 def test_it_draws_its_figures(tmp_path):
     from fledge.cli import main
 

@@ -88,6 +88,7 @@ def alone():
     return written
 
 
+@pytest.mark.long("a co-simulation of all programs")
 @pytest.mark.parametrize("transport", ["ipc", "tcp"])
 def test_many_programs_give_the_bits_of_one(flown, alone, transport):
     assert len(alone) == 5

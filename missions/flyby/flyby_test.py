@@ -80,6 +80,7 @@ def test_mars_turns_the_velocity_by_what_the_hyperbola_says(flown):
     assert turned == pytest.approx(2 * f - 2 * path, abs=1e-3) and turned > np.radians(50)
 
 
+@pytest.mark.long("draws all figures")
 def test_it_draws_its_figures(tmp_path):
     from fledge.cli import main
 

@@ -65,6 +65,7 @@ def ends_on_the_sun(craft, within=20 * minute):
     assert craft.listen(within).mode == "safe" and off(craft) < 0.01
 
 
+@pytest.mark.long("flies minutes of the orbiter")
 def test_a_mode_before_its_time(craft):
     """Without an attitude, and without the bodies."""
     for mode in ("inertial", "mars", "delta_v"):
@@ -76,6 +77,7 @@ def test_a_mode_before_its_time(craft):
     ends_on_the_sun(craft)
 
 
+@pytest.mark.long("flies minutes of the orbiter")
 def test_commands_of_another_version(craft):
     """One to be executed now, one that is stored, and a sequence in a table."""
     packets = craft.link.simulation.flight.commands.packets
@@ -190,6 +192,7 @@ def test_a_ground_that_floods(craft):
     ends_on_the_sun(craft)
 
 
+@pytest.mark.long("flies the insertion again")
 @pytest.mark.parametrize("left", [0.01, 60], ids=["empty", "empty soon"])
 def test_a_burn_without_propellant(left):
     one = insertion.fly(fledge.load("mars_orbiter"), engines=lambda planned: {"propellant": [left] * kg})

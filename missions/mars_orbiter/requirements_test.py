@@ -71,6 +71,7 @@ def test_a_scenario_fulfils_its_requirements_and_so_says_its_record(scenario):
         assert one.margin == other.margin or one.margin == pytest.approx(other.margin, rel=0.05), (one, other)
 
 
+@pytest.mark.long("flies the orbiter with each mistake")
 @pytest.mark.parametrize("requirement", TESTED, ids=lambda one: one.id)
 def test_each_can_fail_wherever_it_is_shown(requirement):
     """In a record in which one of its signals is something else."""

@@ -69,6 +69,7 @@ def test_another_list_takes_over_while_it_flies():
     assert sim.flight.rasters.status.refused == 1 and log["command.start"][-1] == 82_300_000_000
 
 
+@pytest.mark.long("draws all figures")
 def test_it_draws_its_figures(tmp_path):
     from fledge.cli import main
 

@@ -47,6 +47,7 @@ def test_two_peaks_and_small_torques_between(flown):
         assert error[quiet].max() < 1e-5 and torque[quiet].max() < 1e-4
 
 
+@pytest.mark.long("draws all figures")
 def test_it_draws_its_figures(tmp_path):
     from fledge.cli import main
 

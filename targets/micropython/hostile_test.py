@@ -346,6 +346,7 @@ def test_hostile_procedures_leave_flight_as_it_was(flight, undisturbed):  # noqa
         check_bits(flight, undisturbed)
 
 
+@pytest.mark.long("hundreds of mutants")
 def test_mutated_bytecode_is_refused_or_does_no_harm(flight, undisturbed):  # noqa: F811
     chance, refused = random.Random(SEED), 0
     for seed in range(SEED, SEED + CASES):

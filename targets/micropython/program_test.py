@@ -55,6 +55,7 @@ def test_the_same_mission_gives_the_same_bytes(small, tmp_path, capsys):
     assert ours == {path.name: path.read_bytes() for path in (tmp_path / "out/c").iterdir()} and len(ours) > 10
 
 
+@pytest.mark.long("flies on two targets")
 @pytest.mark.parametrize("target", ["micropython", LEON3])
 def test_what_the_script_computes_of_the_world_is_frozen(tmp_path, capsys, target):
     text = FLIGHT.replace("import flight as fsw\n", "import flight as fsw, world\n").replace(

@@ -88,6 +88,7 @@ def test_the_time_of_each_node_is_the_end_of_the_run(tmp_path):
             "outcome": "passed", "ended": "10.27 s"}
 
 
+@pytest.mark.long("kills each process in turn")
 @pytest.mark.parametrize("which", ["the command", "a program of it"])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_nothing_stays_behind(which, number):

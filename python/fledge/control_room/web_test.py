@@ -303,6 +303,7 @@ function = "functions.py:wrong"
 """
 
 
+@pytest.mark.long("flies and replays")
 @flown
 async def test_history_derived_parameters_and_replays_agree(tmp_path):
     (tmp_path / "functions.py").write_text("def twice(a):\n    return 2 * a\ndef wrong(a):\n    return 1 // 0\n")

@@ -98,6 +98,7 @@ def test_a_flip_at_a_time_acts_from_the_next_instant_on(campaign):
     assert campaign.one(gain).first == (None if campaign.edac else 6.0)
 
 
+@pytest.mark.long("waits for the watchdog")
 def test_without_time_for_the_watchdog_the_processor_stands():
     campaign = Campaign("nadir_spin", at=2, duration=1, after=1)
     assert campaign.one(Flip("control register", "%pc", 31, 1000)).effect == "trap"
@@ -117,6 +118,7 @@ def test_a_seed_says_all_and_the_processes_do_not_matter(campaign, tmp_path):
     assert len(shown) == 5 * len({one.effect for one in first} - {"no effect"})
 
 
+@pytest.mark.long("a campaign on each engine")
 def test_all_engines_agree_on_every_outcome():
     translated, interpreted = (Campaign("nadir_spin", at=2, duration=2, after=1, engine=engine)
                                for engine in ("translator", "interpreter"))

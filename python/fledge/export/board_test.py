@@ -101,6 +101,7 @@ class OnBoard(Compiled):
         return [self.board.trouble(i) for i in range(3)]
 
 
+@pytest.mark.long("compiles a board for each mission")
 @pytest.mark.parametrize("name", ["nadir_spin", "asterisk_scan", "two_body_pointing"])
 def test_messages_pass_whole(name, tmp_path):
     sim = fledge.load(name)

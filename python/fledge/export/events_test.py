@@ -198,6 +198,7 @@ def test_random_events_are_those_of_their_definition(seed):
     flown(*mission(seed))
 
 
+@pytest.mark.long("flies 10 s of random events")
 def test_they_fire():
     counts = [flown(*mission(seed))[1] for seed in range(20)]
     assert sum(counts) > 500 and sum(n > 0 for n in counts) > 15

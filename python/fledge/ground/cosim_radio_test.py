@@ -184,6 +184,7 @@ def test_a_command_of_the_console_goes_by_radio(place):
     assert exchange["radio.up_traffic.received"].max() == 3 and exchange["radio.down_traffic.received"].max() >= 2
 
 
+@pytest.mark.long("starts the command for each mistake")
 def test_what_does_not_fit_the_radio_is_refused(place, capfd):
     assert up(place, every=2) == 1
     assert "what comes by radio comes every 0.5 s, with flight's instants; write every=0.5" in capfd.readouterr().out

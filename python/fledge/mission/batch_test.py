@@ -252,6 +252,7 @@ def test_a_step_before_the_first_reset_is_refused(sim):
         make(sim, actions=()).step()
 
 
+@pytest.mark.long("a thousand batches")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET") == "asan", reason="the sanitizer holds back freed memory")
 def test_memory_does_not_grow(sim):
     def flown():

@@ -28,7 +28,6 @@ from fledge.report import campaign as pages
 from fledge.report.report_test import Page
 from fledge.requirements import after, always, implies, within
 from fledge.units import N, deg, kg, m, s
-from tests.circles import long_after
 
 
 def short(d):
@@ -119,6 +118,7 @@ def release(d):
 """
 
 
+@pytest.mark.long("a campaign by processes")
 def test_python_events_fall_back_to_processes(tmp_path, capfd):
     mission(tmp_path, RELEASE, CALLABLES)
     campaign = Campaign(tmp_path)
@@ -155,6 +155,7 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
     assert set(result.failures) == set(np.flatnonzero(died | (mass < 0.3)))
 
 
+@pytest.mark.long("kills processes of a campaign")
 def test_processes_that_are_killed_fail_their_runs_and_end_with_the_campaign(tmp_path):
     mission(tmp_path, RELEASE, CALLABLES)
     killed = []
@@ -389,7 +390,8 @@ def test_confidence_of_a_rate():
     assert report.confidence(10, 10) == (pytest.approx(0.7225, abs=1e-4), 1)
 
 
-@pytest.mark.parametrize("runs", long_after(1, [1, 2, 5], "draws a report with all its figures"))
+@pytest.mark.long("draws a report with all its figures")
+@pytest.mark.parametrize("runs", [1, 2, 5])
 @pytest.mark.filterwarnings("error")
 def test_few_runs_have_a_report_too(campaign, runs, tmp_path):
     result = campaign.fly(runs)

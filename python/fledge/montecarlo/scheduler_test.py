@@ -132,6 +132,7 @@ def test_a_sweep_flies_on_workers_too(scheduler, worker, tmp_path):
     assert far.draws["mass"].tolist() == [1, 2, 3] * 6 and same(far, sweep.fly(3, seed=1, threads=2))
 
 
+@pytest.mark.long("starts a scheduler and workers")
 def test_functions_go_to_the_workers_as_they_are(scheduler, worker, tmp_path):
     low = 1.0
 

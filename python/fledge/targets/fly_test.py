@@ -86,6 +86,7 @@ def test_flight_puts_out_the_same_bits_on_every_target(mission, folder, capsys):
         assert compare(desktop, target, outputs) == []
 
 
+@pytest.mark.long("builds and flies a board")
 def test_offsets_rates_modes_and_events_cross_a_board_too(tmp_path):
     from fledge.export.run_test import FLIGHT, WORLD
 
@@ -317,6 +318,7 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
         assert len(found) == 12 and all(one.good for one in found)
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_what_is_set_before_the_first_run_is_kept_beside_changes_between_runs(tmp_path, capsys):
     """In the world, at a time in the world, in flight, and by command."""
     on = ["fly", str(plays(tmp_path)), "both", "--on", "linux", "--out", str(tmp_path / "out")]

@@ -127,6 +127,7 @@ class Altered:
         return values
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     """A whole flight on a target passes by its own data, with the page and plots of a run, and the world that it drove
     is the one that it flew in; the same record with the other sign of the torques fails."""
@@ -184,6 +185,7 @@ def test_a_part_of_a_scenario_is_not_judged(tmp_path, capsys):
     assert "  checks   none: the flight ends before the scenario spin\n" in capsys.readouterr().out
 
 
+@pytest.mark.long("builds and flies a board")
 def test_behind_boards_that_round_the_world_is_the_one_that_was_flown(tmp_path):
     """What the world reads is what the board made of it, to the bit: so its state is that of the flight."""
     mission = tmp_path / "short"

@@ -108,6 +108,7 @@ def test_a_scenario_that_fails_on_the_desktop_is_flown_nowhere(mission, tmp_path
     assert "fledge: the scenario bad fails on the desktop: " in said.err
 
 
+@pytest.mark.long("builds and flies on targets")
 def test_ctrl_c_keeps_what_other_targets_flew(folder, capsys, monkeypatch):
     def interrupted(self, part, options, timeout):
         signal.raise_signal(signal.SIGINT)
@@ -157,6 +158,7 @@ def mission(tmp_path):
     return made
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_refused_command_is_told_in_words(mission, tmp_path, capsys):
     """One that the scenario itself sends in vain, on the desktop too, is no failure."""
     assert cli.main(["fly", str(mission), "vain", "--on", "linux", "--out", str(tmp_path / "out")]) == 0, (
@@ -169,6 +171,7 @@ def test_a_refused_command_is_told_in_words(mission, tmp_path, capsys):
         assert f"\n  refused  {name}: evaluate, " in said.out
 
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_command_that_only_flight_refuses_fails_it(mission, tmp_path, capsys, monkeypatch):
     """What a scenario changes becomes a command; flight has not changed then, whatever its outputs are."""
     real = Part.reports
@@ -196,6 +199,7 @@ def test_every_reason_has_words(mission):
 
 # --- checks that read memory -----------------------------------------------------------------------
 
+@pytest.mark.long("builds and flies on a target")
 def test_a_check_of_memory_is_refused_on_a_target_and_names_the_output(mission, tmp_path, capsys):
     assert cli.main(["fly", str(mission), "memory", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
     line, said = last(capsys)

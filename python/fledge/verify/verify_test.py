@@ -142,6 +142,7 @@ def test_a_scenario_keeps_the_rate_at_which_it_records(report):
     assert np.diff(Archive(report / "flights/settle/desktop/run.mcap").series("error.sigma_BR").time).min() == 1
 
 
+@pytest.mark.long("verifies a mission with mistakes")
 def test_a_flight_that_fails_shows_what_was_decided_before_and_no_other_flight_suffers(here, capsys):
     write(here, scenarios=SCENARIOS.replace("sim.run(8 * minute)", "sim.run(8 * minute)\n        assert 0, 'a check'")
           .replace("sim.run(1 * s)", "import os; os._exit(7)"), requirements=REQUIREMENTS.replace(
@@ -181,6 +182,7 @@ def test_parents_that_go_round_are_refused():
 
 # --- what is flown again ---------------------------------------------------------------------------
 
+@pytest.mark.long("verifies six times")
 def test_a_flight_is_flown_again_if_anything_that_it_depends_on_has_changed(here, capsys):
     both = {"settle on desktop", "brief on desktop"}
     assert of(verify(capsys), "flown") == both
@@ -201,6 +203,7 @@ def test_a_flight_is_flown_again_if_anything_that_it_depends_on_has_changed(here
     assert of(verify(capsys, "--seed", "3"), "before") == both
 
 
+@pytest.mark.long("verifies several times")
 def test_a_part_of_the_requirements_or_scenarios(here, capsys):
     text = verify(capsys, "--only", "PNT-1", code=0)
     assert of(text, "flown") == {"settle on desktop", "brief on desktop"}, "PNT-3 is a child of PNT-1"
@@ -211,6 +214,7 @@ def test_a_part_of_the_requirements_or_scenarios(here, capsys):
     assert results(here / "verification/spinner")[0]["RAT-1"]["verdict"] == "not shown"
 
 
+@pytest.mark.long("verifies several times")
 def test_the_report_names_what_differs_from_the_one_before(here, capsys):
     verify(capsys)
     write(here, REQUIREMENTS.replace("error < 0.05", "error < 0.04").replace("error < 0.1", "error < 3")

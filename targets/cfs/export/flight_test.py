@@ -155,6 +155,7 @@ def test_on_the_bus_alone_it_puts_out_the_same_bits(tmp_path):
         core.kill()
 
 
+@pytest.mark.long("builds an app")
 def test_a_sender_without_a_head_gets_one_and_time_is_that_of_the_core(tmp_path):
     sim = fledge.load("nadir_spin")
     mission = export.read(sim)
@@ -240,6 +241,7 @@ def test_wakeups_that_are_missing_or_too_many_are_told_and_counted(on_bus):
         core.kill()
 
 
+@pytest.mark.long("builds an app")
 def test_wakeups_halfway_between_steps_are_regular(tmp_path):
     mission = export.read(fledge.load("nadir_spin"))
     mission = replace(mission, tasks=[replace(task, period=10 * NS) for task in mission.tasks])
@@ -258,6 +260,7 @@ def test_wakeups_halfway_between_steps_are_regular(tmp_path):
         core.kill()
 
 
+@pytest.mark.long("builds an app")
 def test_flight_begins_anew_where_the_mission_elapsed_time_goes_back(on_bus):
     core = Bus(*on_bus[0])
     try:

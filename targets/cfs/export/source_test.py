@@ -203,6 +203,7 @@ def test_what_a_file_defines_for_others_is_found(text, names):
     assert sources.external(text) == names
 
 
+@pytest.mark.long("builds an app")
 def test_an_app_may_be_called_as_its_mission(nadir, tmp_path):
     cfs.write(nadir, cfs.App("nadir_spin"), tmp_path / "nadir_spin")
     linked.build([(cfs.App("nadir_spin"), tmp_path / "nadir_spin")], tmp_path / "run", options=["-O0"])
@@ -369,6 +370,7 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(nadir, tmp_path):
         "apps", "apps/nav", "apps/nav/fsw", "apps/nav/fsw/src"]
 
 
+@pytest.mark.long("compiles each")
 @pytest.mark.parametrize("what", ["triple_spiral", "words", "subset"])
 def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
     files, tasks = (), None

@@ -16,7 +16,6 @@ from fledge.archive import Archive
 from fledge.cosim.up.testing import BUILT, Mark
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.targets import TARGETS
-from tests.circles import long_after
 from tests.waiting import wait_for
 
 pytestmark = [
@@ -145,7 +144,8 @@ def rewound(t, *options, code=0, out="again", run="runs/first"):
 
 # Before the first snapshot; while a file goes up; while the computer is down, before and after commands have come that
 # wait for it; afterwards.
-@pytest.mark.parametrize("t", long_after(1, [0.7, 5.3, 14.75, 16.2, 18], "flies on the LEON3 again"))
+@pytest.mark.long("flies on the LEON3, for each instant again")
+@pytest.mark.parametrize("t", [0.7, 5.3, 14.75, 16.2, 18])
 def test_from_any_instant_flight_on_the_leon3_goes_on_with_the_same_bytes(t, flown, capfd):
     assert hashes(rewound(t)) == hashes(flown)
     said = capfd.readouterr().out

@@ -262,6 +262,7 @@ def test_ctrl_c_ends_all_in_order(mark, tmp_path):
     assert mark.gone() == [] and not sockets_and_memory(simulation)
 
 
+@pytest.mark.long("waits for programs that do not end")
 def test_ctrl_c_twice_waits_for_no_program(mark, tmp_path):
     simulation = f"twice-{os.getpid()}"
     terminal = Terminal(write_pair(tmp_path, until=1e6, simulation=simulation, spring='env = { HANGS_AT = "0" }'), mark)

@@ -83,6 +83,7 @@ def test_all_descendants_end_with_it(mark):
     assert mark.gone(0) == []
 
 
+@pytest.mark.long("waits 5 s")
 def test_what_a_program_leaves_behind_ends_too(mark):
     wait(start(["sh", "-c", "(setsid sleep 600 &); setsid sh -c \"trap '' TERM; sleep 600\" & exit 0"], mark))
     assert mark.gone(0) == []

@@ -181,6 +181,7 @@ def flown(place, capfd):
     return place / "runs/pair"
 
 
+@pytest.mark.long("flies and goes back several times")
 def test_from_random_instants_a_run_goes_on_with_the_same_bytes(flown, capfd):
     assert len(list((flown / "snapshots").iterdir())) == 11
     dice = random.Random(time.time_ns())
