@@ -4,6 +4,7 @@
 #include "registers/lane.h"
 
 #include <algorithm>
+#include <cstring>
 #include <deque>
 #include <random>
 #include <utility>

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <future>
+#include <limits>
 #include <sys/socket.h>
 #include <thread>
 #include <unistd.h>

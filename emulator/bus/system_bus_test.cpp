@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 namespace fledge::emulator {
 namespace system_bus_test {
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The translator beside the reference: random programs, in slices of random length, with the same state at each end.
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <random>
 #include <string>

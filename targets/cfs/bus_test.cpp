@@ -2,6 +2,7 @@
 // Packets, the software bus, events, time.
 #include "targets/cfs/testing/pocket.h"
 
+#include <cstring>
 #include <deque>
 #include <map>
 #include <random>

@@ -2,6 +2,7 @@
 // Tables: files by hand, loads by the owner and by the ground, and all that is refused.
 #include "targets/cfs/testing/pocket.h"
 
+#include <cstring>
 #include <random>
 
 namespace tables_test {
