@@ -6,11 +6,11 @@
 add_custom_target(tests)
 file(WRITE ${PROJECT_BINARY_DIR}/tests.txt "")      # on each line a program and its sources: tests/changed.py reads it
 
-# A test runs once: to optimise its source takes longer than it saves. Eigen is an exception, so a folder whose tests
-# compute with it sets FLEDGE_EIGEN_TESTS. The code under test keeps the options of its library.
+# A test runs once: to optimise its source takes longer than it saves. A folder whose tests compute for long or with
+# Eigen sets FLEDGE_COMPUTING_TESTS. The code under test keeps the options of its library.
 set(FLEDGE_TEST_OPTIONS "" CACHE STRING "compile options of the sources of tests")
-set(FLEDGE_EIGEN_TEST_OPTIONS "" CACHE STRING "more compile options of tests where FLEDGE_EIGEN_TESTS is set")
-mark_as_advanced(FLEDGE_TEST_OPTIONS FLEDGE_EIGEN_TEST_OPTIONS)
+set(FLEDGE_COMPUTING_TEST_OPTIONS "" CACHE STRING "more compile options of tests where FLEDGE_COMPUTING_TESTS is set")
+mark_as_advanced(FLEDGE_TEST_OPTIONS FLEDGE_COMPUTING_TEST_OPTIONS)
 
 if(BUILD_TESTING)
     find_package(GTest REQUIRED)
@@ -35,9 +35,9 @@ function(fledge_add_test program)
         # What gcc 12 says at -O1 about Eigen's unset members is false alarm.
         target_compile_options(${program} PRIVATE ${FLEDGE_TEST_OPTIONS} -Wno-maybe-uninitialized)
         set(headers fledge_test_headers)
-        if(FLEDGE_EIGEN_TESTS)
+        if(FLEDGE_COMPUTING_TESTS)
             set(headers fledge_eigen_test_headers)
-            target_compile_options(${program} PRIVATE ${FLEDGE_EIGEN_TEST_OPTIONS})
+            target_compile_options(${program} PRIVATE ${FLEDGE_COMPUTING_TEST_OPTIONS})
         endif()
         target_compile_definitions(${program} PRIVATE FLEDGE_ROOT="${PROJECT_SOURCE_DIR}")
         if(TARGET ${headers})
@@ -81,7 +81,7 @@ function(fledge_precompile_test_headers)
         target_compile_options(${target} PRIVATE ${FLEDGE_TEST_OPTIONS})
         target_link_libraries(${target} PRIVATE GTest::gtest)
     endforeach()
-    target_compile_options(fledge_eigen_test_headers PRIVATE ${FLEDGE_EIGEN_TEST_OPTIONS})
+    target_compile_options(fledge_eigen_test_headers PRIVATE ${FLEDGE_COMPUTING_TEST_OPTIONS})
     target_link_libraries(fledge_eigen_test_headers PRIVATE Eigen3::Eigen)
     fledge_precompile(fledge_test_headers ${ARGN})
     fledge_precompile(fledge_eigen_test_headers <Eigen/Dense> ${ARGN})
