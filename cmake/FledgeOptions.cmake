@@ -52,17 +52,27 @@ function(fledge_flight_symbols name)
     add_custom_target(${name} ALL DEPENDS ${stamp})
 endfunction()
 
+# Under the sanitizers only C++ that computes for long is optimised: that of folders that set FLEDGE_COMPUTING.
+set(FLEDGE_COMPUTING_OPTIONS "" CACHE STRING "more compile options of C++ where FLEDGE_COMPUTING is set")
+mark_as_advanced(FLEDGE_COMPUTING_OPTIONS)
+
 # fledge_cxx_options(<target>): C++ of the kernel, the world and the tools. Not -pedantic, for the
 # flight headers that it includes use C99's compound literals. What gcc 12 says at -O3 about the
 # bounds of std::string and std::vector is false alarm; the sanitizers watch those. It warns of a class with a member
 # from an anonymous namespace, unless that class stands in the file that is compiled: with FLEDGE_UNITY none does.
+# gcc searches its memory for garbage each time that it has grown by a third, which takes a seventh of the time of a
+# large object: below 1 GB it need not. The largest objects take 1.6 GB so, and 1.1 GB else.
 function(fledge_cxx_options target)
     fledge_common_options(${target})
     set_target_properties(${target} PROPERTIES UNITY_BUILD ${FLEDGE_UNITY} UNITY_BUILD_BATCH_SIZE 0)
     target_compile_options(${target} PRIVATE
         $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wnon-virtual-dtor -Werror>
         $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-restrict -Wno-array-bounds -Wno-stringop-overflow
-            $<$<BOOL:${FLEDGE_UNITY}>:-Wno-subobject-linkage>>)
+            $<$<BOOL:${FLEDGE_UNITY}>:-Wno-subobject-linkage>
+            --param=ggc-min-expand=100 --param=ggc-min-heapsize=1000000>)
+    if(FLEDGE_COMPUTING)
+        target_compile_options(${target} PRIVATE ${FLEDGE_COMPUTING_OPTIONS})
+    endif()
 endfunction()
 
 # fledge_precompile(<target> <header>...): compile headers of libraries once for all sources of a target in C++.
