@@ -9,6 +9,7 @@ import pytest
 
 from registers import emit_c, emit_markdown
 from registers.description import read
+from tests.circles import long_after
 
 ROOT = Path(__file__).resolve().parents[1]
 BOARDS = [read(file) for file in sorted((ROOT / "registers/testing/boards").glob("*.toml"))]
@@ -68,7 +69,8 @@ def written(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("compiler, runner", COMPILERS.items(), ids=list(COMPILERS))
+@pytest.mark.parametrize("compiler, runner", long_after(1, COMPILERS.items(), "another compiler"),
+                         ids=list(COMPILERS))
 def test_headers_and_tables_are_strict_c99_and_say_what_the_description_says(written, compiler,
                                                                              runner):
     if not shutil.which(compiler) or runner and not shutil.which(runner[0]):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from registers.__main__ import main
+from tests.circles import long_after
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAGS = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O1", "-pedantic", "-Wall", "-Wextra", "-Werror",
@@ -48,7 +49,7 @@ def folder(tmp_path_factory, request):
     return folder
 
 
-@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("machine", long_after(2, MACHINES, "another machine"))
 def test_flight_of_any_machine_gives_the_same_answers(folder, machine):
     compiler, runner = MACHINES[machine]
     for program in (compiler, *runner):

@@ -15,6 +15,7 @@ import pytest
 
 import fledge
 from fledge import cli
+from tests.circles import long_after
 from tests.tree import ROOT
 
 pytestmark = pytest.mark.spread
@@ -517,7 +518,7 @@ def test_the_first_command_runs_after_an_install(launch):
         assert done.stdout.startswith(" ".join(arguments) + " in "), done.stderr
 
 
-@pytest.mark.parametrize("arguments, needed, prepared", [
+@pytest.mark.parametrize("arguments, needed, prepared", long_after(9, [
     (["setup", "--on", "leon3"], ["leon3"], ["leon3"]), (["setup"], [], []),
     (["setup", "--test"], [*ROOMS, "profile"], [""]), (["test"], [*ROOMS, "profile"], [""]),
     (["fly", "x"], [], []), (["fly", "x", "--on", "linux", "--out", "leon3_old"], [], []),
@@ -531,7 +532,7 @@ def test_the_first_command_runs_after_an_install(launch):
     (["export", "micropython", "x"], ["micropython"], []), (["export", "c", "micropython"], [], []),
     (["bench", "micropython"], ["profile", "leon3", "micropython"], []),
     (["bench", "emulator"], ["leon3", "leon3_qemu"], []), (["bench", "sim", "leon3"], [], []),
-    (["plot", "runs/x/fly/micropython.mcap"], [], [])])
+    (["plot", "runs/x/fly/micropython.mcap"], [], [])], "another command"))
 def test_what_the_targets_of_a_command_need_comes_with_it(launch, arguments, needed, prepared):
     """An installed compiler, and a library that `setup` builds; other commands build it when they fly."""
     (launch.fake / "updated").touch()

@@ -84,9 +84,9 @@ public:
           a("/b/n", "/a/n", Latency::next_instant, this), b("/a/n", "/b/n", Latency::same_instant, this)
     {
         a.more_wants = std::move(more_wants);
-        run = std::async(std::launch::async, [this] { return router.run([this] { return !stop; }); });
-        serve_a = std::async(std::launch::async, [this, keys] { return serve(nodes, router.address(), "a", a, keys); });
-        serve_b = std::async(std::launch::async, [this, keys] { return serve(nodes, router.address(), "b", b, keys); });
+        run = in_thread([this] { return router.run([this] { return !stop; }); });
+        serve_a = in_thread([this, keys] { return serve(nodes, router.address(), "a", a, keys); });
+        serve_b = in_thread([this, keys] { return serve(nodes, router.address(), "b", b, keys); });
     }
     ~Watched()
     {
@@ -278,7 +278,7 @@ TEST(Broker, AnEarlyObserverWaitsForTheMatching)
     auto run_config = config_of({{"a", Policy::abort}}, 1000);
     run_config.watched = {"/a/n"};
     Router router(context, run_config, config);
-    auto run = std::async(std::launch::async, [&] { return router.run(); });
+    auto run = in_thread([&] { return router.run(); });
     MemberConfig observer;
     observer.simulation = "test";
     observer.node = "viewer";
@@ -286,13 +286,13 @@ TEST(Broker, AnEarlyObserverWaitsForTheMatching)
     observer.connect_timeout = 300ms;
     EXPECT_THROW(Observer(other, observer), LinkError);
     observer.connect_timeout = patience;
-    auto watch = std::async(std::launch::async, [&] {
+    auto watch = in_thread([&] {
         Observer viewer(other, observer);
         return viewer.topics().count("/a/n");
     });
     std::this_thread::sleep_for(200ms); // by then it waits
     Held a("", "/a/n", Latency::same_instant);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(other, router.address(), "a", a); });
+    auto serve_a = in_thread([&] { return serve(other, router.address(), "a", a); });
     EXPECT_EQ(watch.get(), 1u);
     a.go = true;
     EXPECT_EQ(serve_a.get(), "");
@@ -409,8 +409,8 @@ TEST(Broker, ASlowObserverSeesTheGapByTheCountAndSlowsNoNode)
     run_config.watched = {"/a/n"};
     Router router(context, run_config, config);
     Held a("", "/a/n", Latency::same_instant);
-    auto run = std::async(std::launch::async, [&] { return router.run(); });
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    auto run = in_thread([&] { return router.run(); });
+    auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
     MemberConfig slow;
     slow.simulation = "test";
     slow.node = "slow";
@@ -605,7 +605,7 @@ TEST(Broker, ImpossibleConfigurationsAreRefused)
     run.asynchronous.clear();
     Router router(context, run, config);
     std::atomic<bool> stop{false};
-    auto done = std::async(std::launch::async, [&] { return router.run([&] { return !stop; }); });
+    auto done = in_thread([&] { return router.run([&] { return !stop; }); });
     MemberConfig observer;
     observer.simulation = "test";
     observer.node = "viewer";
@@ -633,8 +633,8 @@ TEST(Broker, AnObserverWhoseQueueIsFullOutlivesTheRun)
         config.broker = true;
         Router router(context, config_of({{"a", Policy::abort}, {"b", Policy::abort}}, 20'000), config);
         router.host("b", b);
-        auto node = std::async(std::launch::async, [&] { return serve(elsewhere, router.address(), "a", a); });
-        auto observing = std::async(std::launch::async, [&] {
+        auto node = in_thread([&] { return serve(elsewhere, router.address(), "a", a); });
+        auto observing = in_thread([&] {
             MemberConfig member;
             member.simulation = "test";
             member.node = "observer";

@@ -21,7 +21,7 @@ struct Guarded : Reports {
     explicit Guarded(const std::string &keys, const std::string &address = "tcp://127.0.0.1:*")
         : router(context, config_of({{"a", Policy::abort}, {"b", Policy::abort}}, 1000), router_config(keys, address))
     {
-        run = std::async(std::launch::async, [this] {
+        run = in_thread([this] {
             return router.run([this] {
                 absent = router.controller().absent().size();
                 return !stop;
@@ -83,10 +83,8 @@ TEST_P(Keyed, AProgramWithAnAllowedKeyTakesPart)
     Guarded guarded(keys.folder(), address());
     zmq::context_t context;
     Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
-    auto serve_a =
-        std::async(std::launch::async, [&] { return serve(context, guarded.router.address(), "a", a, keys.folder()); });
-    auto serve_b = std::async(std::launch::async,
-                              [&] { return serve(context, guarded.router.address(), "b", b, keys.of("lab")); });
+    auto serve_a = in_thread([&] { return serve(context, guarded.router.address(), "a", a, keys.folder()); });
+    auto serve_b = in_thread([&] { return serve(context, guarded.router.address(), "b", b, keys.of("lab")); });
     EXPECT_EQ(guarded.run.get(), "");
     EXPECT_EQ(serve_a.get() + serve_b.get(), "");
     EXPECT_EQ(b.heard, 201u);
@@ -140,7 +138,7 @@ TEST(Authenticator, AKeyAllowedWhileTheControllerWaitsIsAccepted)
     EXPECT_NE(guarded.try_as("b", keys.of("late")).find("it does not know this key"), std::string::npos);
     Keys::write(keys.folder() / "allowed" / "late.public", late, "", "b");
     std::this_thread::sleep_for(250ms);
-    auto late_b = std::async(std::launch::async, [&] { return guarded.try_as("b", keys.of("late")); });
+    auto late_b = in_thread([&] { return guarded.try_as("b", keys.of("late")); });
     while (guarded.absent == 2) {
         std::this_thread::sleep_for(10ms);
     }

@@ -95,7 +95,7 @@ struct Running {
     explicit Running(const ControllerConfig &controller, RouterConfig config = listening())
         : router(context, controller, with_reports(std::move(config)))
     {
-        result = std::async(std::launch::async, [this] { return router.run(); });
+        result = in_thread([this] { return router.run(); });
     }
 
     RouterConfig with_reports(RouterConfig config)
@@ -106,8 +106,7 @@ struct Running {
 
     std::future<std::string> serve(const std::string &name, Node &node)
     {
-        return std::async(std::launch::async,
-                          [this, name, &node] { return testing_nodes::serve(context, router.address(), name, node); });
+        return in_thread([this, name, &node] { return testing_nodes::serve(context, router.address(), name, node); });
     }
 
     zmq::context_t context;

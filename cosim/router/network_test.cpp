@@ -25,6 +25,7 @@ namespace network_test {
 using namespace std::chrono_literals;
 
 using testing_nodes::Counter;
+using testing_nodes::in_thread;
 using testing_nodes::serve;
 
 ControllerConfig two_nodes(Ns end)
@@ -52,8 +53,8 @@ TEST_P(Transport, TwoNodesCountTogether)
     zmq::context_t context;
     Router router(context, two_nodes(1000), listening(GetParam()));
     Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
-    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
     EXPECT_EQ(router.run(), "");
     EXPECT_EQ(serve_a.get(), "");
     EXPECT_EQ(serve_b.get(), "");
@@ -80,8 +81,8 @@ TEST_P(Transport, AnErrorInANodeReachesTheUser)
     Router router(context, two_nodes(1000), listening(GetParam()));
     Counter a("/b/n", "/a/n", Latency::next_instant);
     Pole b("/a/n", "/b/n", Latency::same_instant);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
-    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
     EXPECT_EQ(router.run(), "b: it failed: a pole (it had reached 0.00000049 s)");
     EXPECT_EQ(serve_a.get(), "b: it failed: a pole (it had reached 0.00000049 s)");
     EXPECT_EQ(serve_b.get(), "threw: a pole");
@@ -95,7 +96,7 @@ TEST_P(Transport, ANodeMayLiveInTheControllersProgram)
     router.host("a", a);
     EXPECT_THROW(router.host("a", b), LinkError);
     EXPECT_THROW(router.host("c", b), LinkError);
-    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
     EXPECT_EQ(router.run(), "");
     EXPECT_EQ(serve_b.get(), "");
     EXPECT_EQ(a.heard, 200u);
@@ -150,7 +151,7 @@ TEST(Router, AnInvalidGreetingIsRefusedAndTheRunGoesOn)
 {
     zmq::context_t context;
     Router router(context, two_nodes(1000), listening("tcp"));
-    auto run = std::async(std::launch::async, [&] { return router.run(); });
+    auto run = in_thread([&] { return router.run(); });
     Bytes garbage(100, std::byte{0x5a});
     EXPECT_EQ(std::get<Refused>(Rogue(context, router.address(), garbage).answer()).reason,
               "this is no frame of a co-simulation");
@@ -159,8 +160,8 @@ TEST(Router, AnInvalidGreetingIsRefusedAndTheRunGoesOn)
     EXPECT_EQ(std::get<Refused>(Rogue(context, router.address(), hello_of("c")).answer()).reason,
               "test has no node c; it has a and b");
     Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
-    auto serve_b = std::async(std::launch::async, [&] { return serve(context, router.address(), "b", b); });
+    auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
+    auto serve_b = in_thread([&] { return serve(context, router.address(), "b", b); });
     EXPECT_EQ(run.get(), "");
     EXPECT_EQ(serve_a.get() + serve_b.get(), "");
 }
@@ -173,8 +174,8 @@ TEST(Router, ADeadHangingOrInvalidNodeEndsTheRunWithItsName)
         config.reply = 500ms;
         Router router(context, two_nodes(1000), config);
         Counter a("/b/n", "/a/n", Latency::next_instant);
-        auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
-        auto run = std::async(std::launch::async, [&] { return router.run(); });
+        auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
+        auto run = in_thread([&] { return router.run(); });
         {
             zmq::context_t other;
             Rogue rogue(other, router.address(), hello_of("b"));
@@ -227,7 +228,7 @@ TEST(Router, MissingNodesAreNamed)
     config.join = 300ms;
     Router router(context, two_nodes(1000), config);
     Counter a("/b/n", "/a/n", Latency::next_instant);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, router.address(), "a", a); });
+    auto serve_a = in_thread([&] { return serve(context, router.address(), "a", a); });
     EXPECT_EQ(router.run(), "b did not come within 0.3 s");
     EXPECT_EQ(serve_a.get(), "b did not come within 0.3 s");
 }
@@ -248,7 +249,7 @@ TEST(Delegate, ItEndsWhenItsControllerIsGone)
     zmq::socket_t greetings(other, zmq::socket_type::router);
     const std::string address = listening("ipc").address;
     greetings.bind(address);
-    auto serve_a = std::async(std::launch::async, [&] { return serve(context, address, "a", a); });
+    auto serve_a = in_thread([&] { return serve(context, address, "a", a); });
     zmq::message_t peer, hello;
     EXPECT_TRUE(greetings.recv(peer) && greetings.recv(hello));
     {
@@ -293,7 +294,7 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
         using Counter::Counter;
         std::vector<Publication> match(const std::vector<Channel> &asked) override
         {
-            killed = std::async(std::launch::async, [this] {
+            killed = in_thread([this] {
                 std::this_thread::sleep_for(100ms); // by then it waits for Start, which never comes
                 victim->kill();
                 dead = true;
@@ -319,7 +320,7 @@ TEST(SharedMemory, ASleepingNodeNoticesThatTheControllerWasKilled)
         const std::atomic<bool> *dead = nullptr;
     } b("/a/n", "/b/n", Latency::same_instant);
     b.dead = &a.dead;
-    auto serve_b = std::async(std::launch::async, [&] { return serve(context, config.address, "b", b); });
+    auto serve_b = in_thread([&] { return serve(context, config.address, "b", b); });
     EXPECT_EQ(serve(context, config.address, "a", a), "threw: the controller is gone");
     EXPECT_EQ(serve_b.get(), "threw: the controller is gone");
 }
@@ -390,7 +391,7 @@ TEST(SharedMemory, ItIsUsedWhereBothSidesHaveIt)
         Router router(context, two_nodes(1000), config);
         Counter a("/b/n", "/a/n", Latency::next_instant), b("/a/n", "/b/n", Latency::same_instant);
         router.host("a", a);
-        auto serve_b = std::async(std::launch::async, [&]() -> std::string {
+        auto serve_b = in_thread([&]() -> std::string {
             try {
                 MemberConfig own;
                 own.simulation = "test";
@@ -427,7 +428,7 @@ TEST(Delegate, ItEndsWhenItsContextCloses)
         zmq::context_t context, other;
         Router router(context, two_nodes(1000), listening(transport));
         Counter a("/b/n", "/a/n", Latency::next_instant);
-        auto serve_a = std::async(std::launch::async, [&] { return serve(other, router.address(), "a", a); });
+        auto serve_a = in_thread([&] { return serve(other, router.address(), "a", a); });
         bool there = false; // then it waits for the next frame, without a timeout
         const std::string reason = router.run([&] {
             there = router.controller().absent().size() == 1 && !router.controller().waiting_for(0);
@@ -450,9 +451,7 @@ TEST(Delegate, ItEndsWhenTheControllersProgramLeavesTheRun)
         std::future<std::string> serve_a;
         try {
             Router router(context, two_nodes(1000), listening(transport));
-            serve_a = std::async(std::launch::async, [&context, &a, address = router.address()] {
-                return serve(context, address, "a", a);
-            });
+            serve_a = in_thread([&context, &a, address = router.address()] { return serve(context, address, "a", a); });
             router.run([&]() -> bool {
                 if (router.controller().absent().size() == 1 && !router.controller().waiting_for(0)) {
                     throw std::runtime_error("an error of the user's");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Many ticks: every message arrives in order and unchanged, and the memory of the programs does not grow. The same
 // holds while SIGKILL ends one node in each cycle, which another program replaces, and SIGSTOP stops the other one for
-// a while. Some hundred thousand ticks over shared memory by default; for a night:
+// a while. Some ten thousand ticks over shared memory by default; for a night:
 //
 //     FLEDGE_SOAK_TICKS=10000000 FLEDGE_SOAK_CYCLES=500 cosim_soak_test
 //     FLEDGE_SOAK_TICKS=3000000 FLEDGE_SOAK_CYCLES=500 FLEDGE_SOAK_TRANSPORT=tcp cosim_soak_test     also ipc
@@ -326,7 +326,7 @@ TEST(Soak, ManyTicksArriveWithoutMemoryGrowth)
 {
     soak(asked   ? asked
          : grows ? 20'000
-                 : 100'000,
+                 : 50'000,
          static_cast<unsigned>(std::stoul(setting("FLEDGE_SOAK_CYCLES", "0"))));
 }
 
@@ -335,7 +335,7 @@ TEST(Soak, ManyTicksArriveAlthoughNodesAreKilledAndStopped)
     if (asked) {
         GTEST_SKIP() << "FLEDGE_SOAK_TICKS asks for the other one alone";
     }
-    soak(grows ? 60'000 : 300'000, 3);
+    soak(grows ? 60'000 : 100'000, 3);
 }
 
 } // namespace soak_test

@@ -41,7 +41,7 @@ struct Running : Reports {
         : router(context, std::move(nodes), with_reports(std::move(config)))
     {
         router.host("a", a);
-        result = std::async(std::launch::async, [this] {
+        result = in_thread([this] {
             return router.run([this] {
                 lost = std::string_view(router.controller().state(1)) == "lost";
                 return !stop;

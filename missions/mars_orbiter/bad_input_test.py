@@ -18,6 +18,7 @@ from fledge.mission.commands import block_bytes, fill_store
 from fledge.units import kg, m, minute, s
 from missions.mars_orbiter import insertion
 from missions.mars_orbiter.vehicle import EPOCH, STORED
+from tests.circles import long_after
 
 LOCKED = 12 * minute        # by then -b1 is on the Sun and the attitude is known
 
@@ -133,7 +134,8 @@ def test_a_table_that_is_not_what_was_made(craft, spoil, why):
     ends_on_the_sun(craft)
 
 
-@pytest.mark.parametrize("mode, body", [("mars", "mars"), ("sun", "sun"), ("two_body", "earth")])
+@pytest.mark.parametrize("mode, body", long_after(
+    1, [("mars", "mars"), ("sun", "sun"), ("two_body", "earth")], "flies 24 min with another body"))
 def test_an_ephemeris_that_ends(craft, mode, body):
     """Where it ends, the body stands still: telemetry says so, soon the Sun is safe, and the mode is refused."""
     lock(craft)

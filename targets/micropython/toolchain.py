@@ -235,7 +235,7 @@ def cross_compiler() -> Path:
             core = [path for path in sorted((source / "py").glob("*.c")) if path.name != "formatfloat.c"]
             others = [source / "mpy-cross/main.c", source / "mpy-cross/gccollect.c",
                       source / "shared/runtime/gchelper_generic.c", PORT / "decimal.c"]
-            words = ["-std=gnu99", "-O1", "-w", *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
+            words = ["-std=gnu99", "-O0", "-w", *DECIMAL, "-Dscript_pow=pow", "-Dscript_check_fits(a,b)=",
                      "-Dscript_step()=", "-Dscript_broken()=__builtin_trap()",
                      f"-I{source}/mpy-cross", f"-I{source}", f"-I{folder}", f"-I{ROOT}"]
             _headers(folder, source, ["gcc", *words], core)

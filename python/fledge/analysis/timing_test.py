@@ -56,6 +56,7 @@ def test_the_search_keeps_the_longest_and_says_how_to_fly_it_again(search):
     assert search.search(6, jobs=1) == found
 
 
+@pytest.mark.long("searches another mission")
 def test_a_task_has_a_row_for_each_mode(tmp_path, capsys):
     folder = tmp_path / "two_modes"
     shutil.copytree(build.ROOT / "missions/nadir_spin", folder, ignore=shutil.ignore_patterns("*_test.py", "disp*"))

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from fledge.archive import Archive, ArchiveError
+from tests.circles import long_after
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCES = [ROOT / "record" / name for name in ("mcap.c", "mcap_crc.c", "file_sink.c")]
@@ -533,7 +534,7 @@ def test_messages_larger_than_the_chunks_are_read(tmp_path, shim):
         assert [one.tobytes() for one in a["image.pixels"]] == images[:2] and a["small.x"].tolist() == [0, 1, 2]
 
 
-@pytest.mark.parametrize("chunk_size", [0, 1024])
+@pytest.mark.parametrize("chunk_size", long_after(1, [1024, 0], "every byte of a file"))
 def test_cut_at_any_byte_the_last_whole_message_is_readable(tmp_path, shim, chunk_size):
     path = tmp_path / "run.mcap"
     data = c_run(shim, path, chunk_size)
@@ -556,7 +557,7 @@ def test_cut_at_any_byte_the_last_whole_message_is_readable(tmp_path, shim, chun
                 assert found.get(topic, [])[:len(before)] == before
 
 
-@pytest.mark.parametrize("chunk_size", [0, 1024])
+@pytest.mark.parametrize("chunk_size", long_after(1, [1024, 0], "every byte of a file"))
 def test_a_wrong_byte_is_never_silent(tmp_path, shim, chunk_size):
     """With chunks, no message is ever wrong, and what is missing is after good_until. Without,
     values may be wrong, but then the archive says so and gives no time."""

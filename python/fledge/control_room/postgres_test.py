@@ -16,6 +16,7 @@ from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.errors import SetupError
 from fledge.ground import Database
+from tests.circles import long_after
 from tests.tree import ROOT
 from tests.waiting import wait_for
 
@@ -188,7 +189,7 @@ def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(t
                                          for i in range(50)]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", long_after(1, [1, 2], "more draws"))
 def test_nothing_is_missing_or_twice_after_outages_of_either_side(tmp_path, base, seed):
     """The database is stopped without notice, the writer ends and begins, the archive goes on in sessions."""
     chance = random.Random(seed)

@@ -148,12 +148,16 @@ async def executed(c, name):
         assert sorted(stages(row)) == sorted((one, True) for one in ("released", "delivered", "accepted", "completed"))
 
 
+MINE = '[[craft]]\nmission = "./plays"\nlink = "{}"\n'
+FOREIGN = ('folder = "other"\n[[craft]]\nname = "sat"\ndatabase = "foreign.xml"\nheader = "cfs"\n'
+           f'link = "{{}}&frames={FRAMES}"\n')
+
+
 @flown
 async def test_a_frame_that_is_lost_goes_again_and_the_link_says_when_it_is_there(tmp_path):
     mission(tmp_path / "plays", FLIGHT + LINK.format(more=FULL), WORLD)
-    mine = '[[craft]]\nmission = "./plays"\nlink = "{}"\n'
     with Flown(fledge.load(tmp_path / "plays")) as flight:
-        async with console(tmp_path, mine.format(flight.link)) as c:
+        async with console(tmp_path, MINE.format(flight.link)) as c:
             await commanded(c, flight, "plays", "flight.noop", ("flight.write.control.K", {"K": 3}))
             await executed(c, "plays")
             assert flight.sim.flight.control.K == 3 and flight.sim.flight.commands.counters.executed == 2
@@ -161,15 +165,22 @@ async def test_a_frame_that_is_lost_goes_again_and_the_link_says_when_it_is_ther
             assert craft.link.cop1["state"] == "active" and craft.told()["link"]["clcws"] > 0
     # The same by its database alone, and by frames that the address names.
     shutil.copy(tmp_path / "runs/ground/databases/plays.xml", tmp_path / "foreign.xml")
-    foreign = ('folder = "other"\n[[craft]]\nname = "sat"\ndatabase = "foreign.xml"\nheader = "cfs"\n'
-               f'link = "{{}}&frames={FRAMES}"\n')
     with Flown(fledge.load(tmp_path / "plays")) as flight:
-        async with console(tmp_path, foreign.format(flight.link)) as c:
+        async with console(tmp_path, FOREIGN.format(flight.link)) as c:
             await c.until("crafts", lambda rows: rows[0]["link"]["up"])
             await commanded(c, flight, "sat", "flight.noop", ("flight.write.control.K", {"K": 3}))
             await executed(c, "sat")
             assert flight.sim.flight.control.K == 3 and flight.sim.flight.commands.counters.executed == 2
-    for name, text in (("plays", mine), ("sat", foreign)):
+
+
+@pytest.mark.long("waits until COP-1 gives up")
+@flown
+async def test_a_frame_that_never_arrives_is_given_up(tmp_path):
+    mission(tmp_path / "plays", FLIGHT + LINK.format(more=FULL), WORLD)
+    with Flown(fledge.load(tmp_path / "plays")) as flight:
+        async with console(tmp_path, MINE.format(flight.link)):
+            shutil.copy(tmp_path / "runs/ground/databases/plays.xml", tmp_path / "foreign.xml")
+    for name, text in (("plays", MINE), ("sat", FOREIGN)):
         with Flown(fledge.load(tmp_path / "plays"), limit=3) as flight:
             async with console(tmp_path, text.format(flight.link)) as c:
                 await c.until("crafts", lambda rows: rows[0]["link"]["up"])

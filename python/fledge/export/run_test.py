@@ -44,21 +44,22 @@ def first_difference(sim, mission, c, run, every=0, all_instants=False, request=
     return None
 
 
-def whole_run(name, folder, compiler):
+def whole_run(name, folder, compiler="gcc", optimise="-O0"):
     sim = fledge.load(name)
     mission = export.read(sim)
-    c = Compiled(mission, folder, compiler=compiler)
+    c = Compiled(mission, folder, compiler=compiler, optimise=optimise)
     return first_difference(sim, mission, c, lambda s: s.run(160 * 60.0), every=0.5)
 
 
 @pytest.mark.parametrize("name", long_after(1, ["nadir_spin", "asterisk_scan", "two_body_pointing"], "another mission"))
 def test_a_whole_run_is_the_same_bits(name, tmp_path):
-    assert whole_run(name, tmp_path, "gcc") is None
+    assert whole_run(name, tmp_path) is None
 
 
-@pytest.mark.parametrize("compiler", COMPILERS[1:])
-def test_so_it_is_with_another_compiler(compiler, tmp_path):
-    assert whole_run("two_body_pointing", tmp_path, compiler) is None
+@pytest.mark.long("compiles flight with two compilers, optimised")
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_so_it_is_optimised_and_with_another_compiler(compiler, tmp_path):
+    assert whole_run("two_body_pointing", tmp_path, compiler, "-O2") is None
 
 
 def test_a_difference_would_be_seen(tmp_path):
@@ -260,7 +261,7 @@ def test_a_mode_that_is_asked_for_from_outside(modes, tmp_path):
 def test_after_init_every_module_is_as_the_desktop_has_it(name, tmp_path):
     sim = fledge.load(name)
     for mission in export.read_all(sim):            # which also resets the desktop's
-        c = Compiled(mission, tmp_path, optimise="-O0")
+        c = Compiled(mission, tmp_path)
         live = sim.process(mission.process).instances
         assert modules_of(c, mission) == b"".join(unread(mission, m, objects.memory(live[m.path.partition(".")[2]]))
                                                   for m in in_order(mission))

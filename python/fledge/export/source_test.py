@@ -12,6 +12,7 @@ from fledge import SetupError, cli, export, flight
 from fledge.export import names
 from fledge.export.run_test import FLIGHT, WORLD, first_difference
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
+from tests.circles import long_after
 
 ALL = sorted(fledge.missions())
 MISSIONS = [name for name in ALL if not fledge.missions()[name].several]
@@ -95,7 +96,9 @@ def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path
     assert [m.path for m in mission.outputs if m.direction == "out"] == ["flight.motor.command"]
     assert {"the task track", "the task guide", "the task turn it", "the event settled"} <= set(mission.left_out)
     assert [e.name for e in mission.events] == ["late"]
-    # Flown beside the desktop: in the mode that runs it, it is the same.
+
+
+def test_a_subset_flies_as_it_does_on_the_desktop_in_the_mode_that_runs_it(tmp_path):
     sim = fledge.load(mission_of(tmp_path, FLIGHT.replace('start_in("wait")', 'start_in("point")')))
     mission = export.read(sim, tasks=["control"])
     c = Compiled(mission, tmp_path / "c")
@@ -154,7 +157,7 @@ def test_a_wire_from_another_flight_process_is_an_input(two):
     assert export.emit_c(export.read(fledge.load(two), "slow")) == export.emit_c(slow)
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("compiler", long_after(1, COMPILERS, "another compiler"))
 def test_a_flight_that_exchanges_nothing_compiles(two, compiler, tmp_path):
     inside = ("fast.connect(fast.still.reference >> [fast.turn.base, fast.top.base], slow.own.reference >> "
               "slow.turn.base, "

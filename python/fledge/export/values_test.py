@@ -154,7 +154,7 @@ def test_every_kind_of_parameter_comes_back_exactly(mine, seed, compiler, tmp_pa
     root, _ = mine
     sim = store_mission(mine, Random(seed))
     mission = export.read(sim)
-    c = Compiled(mission, tmp_path, roots=[root], compiler=compiler, optimise="-O0")
+    c = Compiled(mission, tmp_path, roots=[root], compiler=compiler)
     expected = b"".join(objects.memory(one) for one in sim.flight)
     assert c.memory.raw[-len(expected):] == expected
 

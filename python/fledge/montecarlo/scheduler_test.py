@@ -146,6 +146,7 @@ def test_functions_go_to_the_workers_as_they_are(scheduler, worker, tmp_path):
     assert same(campaign.fly(20, scheduler=scheduler), campaign.fly(20))
 
 
+@pytest.mark.long("waits for schedulers that do not answer")
 def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch, scheduler):
     monkeypatch.setattr("fledge.montecarlo.scheduler.PATIENCE", 1.0)
     monkeypatch.chdir(tmp_path)

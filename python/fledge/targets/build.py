@@ -24,7 +24,7 @@ FLAGS = ["-std=c99", "-Os", "-pedantic", "-Wall", "-Wextra", "-ffp-contract=off"
          "-ffunction-sections", "-fdata-sections", "-fno-asynchronous-unwind-tables", "-DMCAP_CRC_TABLES=1",
          "-DFILE_SINK_PATH_MAX=256"]
 
-# Folders whose sources are compiled once for all missions.
+# Folders whose sources are compiled once for all programs, without what one of them defines or includes.
 SHARED = ("ccsds", "flight", "record", "registers")
 
 COMMAND = ["flight/command/command.c", "flight/command/rules.c", "flight/telemetry/telemetry.c"]
@@ -61,7 +61,8 @@ def program(folder: Path | str, name: str, sources: Sequence[Path], includes: Se
         raise Failure(f"{compiler} is not installed")
     flags = [*FLAGS, *machine, *flags]
     compiled = f"{compiler} {_words(machine)}"
-    shared = shared_objects(folder, sources, compiler, flags)
+    shared = shared_objects(folder, sources, compiler, [one for one in flags if not one.startswith(("-D", "-I"))
+                                                        or one in FLAGS])
     objects: list[str] = []
     lines: list[str] = []
     for source in sources:

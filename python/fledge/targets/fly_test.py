@@ -808,6 +808,7 @@ def test_it_joins_a_run_whose_controller_is_elsewhere(folder, tmp_path, encrypte
                    ["motor.command", "tracking.error"]) == []
 
 
+@pytest.mark.long("builds and flies once more, as a node")
 def test_it_flies_in_a_simulation_from_a_file(folder, tmp_path):
     """As a node of `fledge up`, which tells it by the environment where to go."""
     (tmp_path / "sim.toml").write_text(f'''

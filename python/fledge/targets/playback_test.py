@@ -162,6 +162,7 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
     assert heard == [packets[:1], packets[1:], []]
 
 
+@pytest.mark.long("builds a target with another gain")
 def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypatch):
     real = Linux.build
 

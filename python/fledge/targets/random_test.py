@@ -23,7 +23,7 @@ def test_a_random_mission_is_the_same_bits_on_targets(number, tmp_path):
     assert int(flown.split()[-2]) > 1000
 
 
-@pytest.mark.parametrize("number", range(100, 200) if LONG else [8, 31])
+@pytest.mark.parametrize("number", range(100, 200) if LONG else [31])
 def test_a_random_mission_is_composed_and_flown_under_micropython(number, tmp_path):
     flown, difference = fly_mission(number, tmp_path, ["micropython"])
     assert not difference, f"{flown}: {difference}"

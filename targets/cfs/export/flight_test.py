@@ -343,6 +343,7 @@ def test_an_input_that_stops_coming_is_told_once_and_counted_until_it_comes(on_b
         core.kill()
 
 
+@pytest.mark.long("waits for the clock")
 def test_an_app_wakes_itself(on_bus):
     core = Bus(*on_bus[1])
     try:

@@ -19,6 +19,7 @@ from fledge.targets.cfs.testing import HERE, ROOT, Core, command, linked, read_t
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.source_test import MISSIONS, mission_of
 from fledge.export.testing import COMPILERS
+from tests.circles import long_after
 
 STRICTER = ["-Wextra", "-Wconversion", "-Wmissing-prototypes"]
 
@@ -36,7 +37,7 @@ def written(nadir, tmp_path_factory):
 
 
 @pytest.mark.parametrize("version", ["caelum", "draco"])
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("compiler", long_after(1, COMPILERS, "another compiler"))
 def test_it_compiles_under_the_flags_and_headers_of_every_version(written, version, compiler, tmp_path):
     included = ["-I", HERE / version, *linked.own(cfs.App("nadir"), written, tmp_path)]
     app = sorted((written / "fsw/src").rglob("*.c"))

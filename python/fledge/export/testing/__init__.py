@@ -48,7 +48,7 @@ class Row(ctypes.Structure):
 class Compiled:
     """A mission in C, with the source of its modules, in memory of its own."""
 
-    def __init__(self, mission, folder, roots=(), compiler="gcc", optimise="-O2"):
+    def __init__(self, mission, folder, roots=(), compiler="gcc", optimise="-O0"):
         folder = Path(folder)
         export.write(mission, folder)
         roots = [*map(Path, roots), ROOT]
