@@ -265,12 +265,13 @@ def test_the_cases_of_a_program_of_googletest_count_and_a_crashed_one_counts_onc
     assert done.stdout == "2 2 2\n", done.stderr
 
 
-@pytest.mark.parametrize("arguments, parts", [
+@pytest.mark.parametrize("arguments, parts", long_after(8, [
     (["run", "x"], "desktop"), (["up", "x.toml"], "desktop cosim"), (["exec", "true"], "all"),
     (["up", str(ROOT / "missions/earth_imager/board.toml")], "desktop cosim loop fledge_leon3 ground"),
     (["fly", "x", "--on", "desktop"], "desktop"), (["fly", "x", "--on", "linux"], "desktop loop"),
     (["fly", "x", "--on", "leon3-qemu"], "desktop loop fledge_leon3"),
-    (["profile", "x", "--on", "leon3"], "desktop _emulator loop fledge_leon3"), (["test"], "all tests")])
+    (["profile", "x", "--on", "leon3"], "desktop _emulator loop fledge_leon3"),
+    (["test"], "all tests")], "starts pytest"))
 def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
     (launch.fake / "updated").touch()
     (launch.fake / "status").write_text("0")
@@ -793,7 +794,7 @@ SHELLS = {
 }
 
 
-@pytest.fixture(params=SHELLS)
+@pytest.fixture(params=long_after(1, SHELLS, "another shell"))
 def complete(request, tmp_path):
     """complete(line) -> what the shell offers at its end, in a folder with a project and runs."""
     if not shutil.which(request.param):

@@ -111,10 +111,11 @@ def load(craft, module, block, to=None, spoil=lambda file: file):
         craft.command("load_table", name, module).completed(within=10 * s)
 
 
-@pytest.mark.parametrize("spoil, why", [
+@pytest.mark.parametrize("spoil, why", long_after(1, [
     (lambda file: file[:40] + bytes([file[40] ^ 4]) + file[41:], "what is staged is not what it names"),
     (lambda file: file[:4] + bytes([file[4] ^ 1]) + file[5:], "another version of the mission's dictionary"),
-    (lambda file: file[:-8], "its length is wrong")], ids=["a flipped bit", "another version", "its end is missing"])
+    (lambda file: file[:-8], "its length is wrong")], "resets the computer"),
+    ids=["a flipped bit", "another version", "its end is missing"])
 def test_a_table_that_is_not_what_was_made(craft, spoil, why):
     """The old one stays, and so it does after a reset of the computer that finds such a table in boot."""
     f = craft.simulation.flight

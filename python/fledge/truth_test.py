@@ -17,6 +17,7 @@ from fledge.cosim.random_test import build
 from fledge.montecarlo.requirements import Requirement
 from fledge.montecarlo.shares import Series
 from fledge.scene.tracks import SHARE
+from tests.circles import long_after
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 DURATION = 0.6
@@ -48,7 +49,7 @@ def fields(log):
             yield port, name, path
 
 
-@pytest.mark.parametrize("seed", range(100_000 if LONG else 60))
+@pytest.mark.parametrize("seed", long_after(30, range(100_000 if LONG else 60), "more draws"))
 def test_readers(seed, tmp_path):
     every = seed % 10 == 0  # files and figures take long
     sim, log = flown(seed, tmp_path / "run.mcap" if every else None)
@@ -92,7 +93,7 @@ def tables(archive, folder):
             assert all((cell == "") == (row[quality] == "none") for cell in row[1:head])
 
 
-@pytest.mark.parametrize("seed", range(100_000 if LONG else 60))
+@pytest.mark.parametrize("seed", long_after(30, range(100_000 if LONG else 60), "more draws"))
 def test_what_executives_say_is_what_a_second_run_sees(seed):
     sim, _ = flown(seed)
     said = {process.name: dict(modes(sim.activity)).get(process.name, []) for process in sim.processes}
@@ -122,7 +123,7 @@ def test_what_executives_say_is_what_a_second_run_sees(seed):
         == sorted(fired)
 
 
-@pytest.mark.parametrize("seed", range(20_000 if LONG else 300))
+@pytest.mark.parametrize("seed", long_after(100, range(20_000 if LONG else 300), "more draws"))
 def test_requirements_judge_only_what_exists(seed):
     dice = np.random.default_rng(seed)
     n = int(dice.integers(1, 6))

@@ -110,6 +110,7 @@ def test_no_compiler_warns(tmp_path, monkeypatch):
         TARGETS[name].build(job.parts[0])
 
 
+@pytest.mark.long("links several programs")
 def test_a_board_without_the_room_is_reported(tmp_path, monkeypatch, capsys):
     board = tmp_path / "board.toml"
     text = boards.BOARD.read_text()

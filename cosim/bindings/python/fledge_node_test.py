@@ -835,6 +835,7 @@ def test_an_observer_in_c_sees_what_nodes_write_and_writes(programs):
     library.fledge_observer_destroy(ground)
 
 
+@pytest.mark.long("compiles an observer and waits for connections to fail")
 def test_an_observer_in_c_is_refused_with_the_reason_and_reports_that_the_controller_was_killed(programs):
     controller = Controller("--node", "mass", "--no-broker")
     library, seen = c_library(), SeenInC()

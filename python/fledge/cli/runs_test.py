@@ -15,6 +15,7 @@ from fledge.archive import mcap
 from fledge.cli.runs import alone, folder_of
 from fledge.errors import Failure
 from fledge.files import Part, create
+from tests.circles import long_after
 from tests.waiting import wait_for
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": ":".join(p for p in sys.path if p)}
@@ -134,8 +135,9 @@ def test_two_simulations_in_one_program_do_not_write_one_file(here):
     assert Archive(here / "run.mcap").time("error")[-1] == 20
 
 
-@pytest.mark.parametrize("command", [["plot", "looker", "error.sigma_BR"], ["convert", "looker", "--csv"],
-                                     ["convert", "looker", "--about"], ["compare", "looker", "looker"]])
+@pytest.mark.parametrize("command", long_after(1, [
+    ["plot", "looker", "error.sigma_BR"], ["convert", "looker", "--csv"], ["convert", "looker", "--about"],
+    ["compare", "looker", "looker"]], "another command"))
 def test_a_run_that_was_killed_is_no_secret(here, capsys, command):
     lost = Waiting(here)
     lost.kill()

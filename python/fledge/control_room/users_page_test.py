@@ -30,6 +30,7 @@ def found(tmp_path_factory):
         return browse(SCRIPT, address, folder)
 
 
+@pytest.mark.long("a browser on a room: 10 s")
 @pytest.mark.parametrize("check", checks(SCRIPT))
 def test_in_the_browser(found, check):
     assert found[check] == "", found[check]

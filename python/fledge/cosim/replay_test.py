@@ -137,6 +137,7 @@ def test_a_program_that_fails_ends_the_replay(flown, tmp_path):
     assert "ended with exit code 3" in again.outcome
 
 
+@pytest.mark.long("flies and replays twice")
 def test_the_record_of_an_earlier_replay_is_not_taken_for_this_ones(flown, tmp_path, capsys):
     (tmp_path / "again.mcap").write_bytes(flown.read_bytes())
     assert main(["replay", str(flown), "flight", "--out", str(tmp_path / "again.mcap"), "--until", "2s", "--",

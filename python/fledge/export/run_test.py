@@ -58,7 +58,7 @@ def test_a_whole_run_is_the_same_bits(name, tmp_path):
 
 @pytest.mark.long("compiles flight with two compilers, optimised")
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_so_it_is_optimised_and_with_another_compiler(compiler, tmp_path):
+def test_so_it_is_with_another_compiler(compiler, tmp_path):
     assert whole_run("two_body_pointing", tmp_path, compiler, "-O2") is None
 
 

@@ -98,6 +98,7 @@ def test_a_subset_reads_the_rest_of_flight_as_it_reads_the_world(modes, tmp_path
     assert [e.name for e in mission.events] == ["late"]
 
 
+@pytest.mark.long("flies a minute beside the desktop, at all instants")
 def test_a_subset_flies_as_it_does_on_the_desktop_in_the_mode_that_runs_it(tmp_path):
     sim = fledge.load(mission_of(tmp_path, FLIGHT.replace('start_in("wait")', 'start_in("point")')))
     mission = export.read(sim, tasks=["control"])

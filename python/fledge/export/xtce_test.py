@@ -30,6 +30,7 @@ from fledge.mission.folder import missions
 from fledge.targets import services_test
 from fledge.targets.services_test import STORED
 from fledge.targets.testing import Draft
+from tests.circles import long_after
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
@@ -258,7 +259,7 @@ def test_packets_of_flight_are_read_to_the_values_of_the_record(name, folder, tm
         assert name != "plays" or seen["flight.reports"] == 9
 
 
-@pytest.mark.parametrize("number", range(50) if LONG else [3, 5])
+@pytest.mark.parametrize("number", long_after(1, range(50) if LONG else [3, 5], "more draws"))
 def test_any_packets_of_random_missions_are_read_alike(number, tmp_path):
     """By the file and by fledge.commands: of any bytes, in both byte orders."""
     (tmp_path / "mission.py").write_text(Draft(number).text)

@@ -505,6 +505,7 @@ def apart(a, b):
     return abs((a - b + np.pi) % (2 * np.pi) - np.pi)
 
 
+@pytest.mark.long("loads another library")
 @needs_browser
 def test_the_ground_track_is_that_of_another_library(browser, passing, tmp_path):
     shown, sim, log = passing

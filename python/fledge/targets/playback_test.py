@@ -181,6 +181,7 @@ def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypa
                              "desktop)\n")
 
 
+@pytest.mark.long("flies another part on a target")
 def test_a_part_of_a_scenario_is_not_judged(tmp_path, capsys):
     assert cli.main(["fly", "nadir_spin", "--on", "linux", "--for", "20s", "--out", str(tmp_path)]) == 0
     assert "  checks   none: the flight ends before the scenario spin\n" in capsys.readouterr().out

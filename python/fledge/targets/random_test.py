@@ -8,6 +8,7 @@ import pytest
 
 from fledge.targets.linux import Linux
 from fledge.targets.testing import fly_mission
+from tests.circles import long_after
 
 LONG = os.environ.get("FLEDGE_LONG", "") not in ("", "0")
 
@@ -23,7 +24,7 @@ def test_a_random_mission_is_the_same_bits_on_targets(number, tmp_path):
     assert int(flown.split()[-2]) > 1000
 
 
-@pytest.mark.parametrize("number", range(100, 200) if LONG else [31])
+@pytest.mark.parametrize("number", long_after(1, range(100, 200) if LONG else [31, 8], "more draws"))
 def test_a_random_mission_is_composed_and_flown_under_micropython(number, tmp_path):
     flown, difference = fly_mission(number, tmp_path, ["micropython"])
     assert not difference, f"{flown}: {difference}"

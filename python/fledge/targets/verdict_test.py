@@ -29,6 +29,7 @@ def last(capsys):
 
 # --- targets that do not fly -----------------------------------------------------------------------
 
+@pytest.mark.long("flies on another target")
 def test_a_target_that_is_not_installed_is_in_the_last_line_and_the_others_fly(folder, capsys, monkeypatch):
     monkeypatch.setattr(TARGETS["aarch64"], "needs", ("no-such-compiler",))
     assert cli.main(["fly", "nadir_spin", "--for", "5s", "--on", "aarch64,linux", "--out", str(folder / "nadir")]) == 1

@@ -294,6 +294,7 @@ def test_junit_has_a_case_for_each_requirement_of_each_flight(report):
     assert skipped.get("message") == "docs/tank.md"
 
 
+@pytest.mark.long("verifies three times more")
 def test_the_table_that_is_written_is_read_without_a_difference(report, monkeypatch, capsys):
     monkeypatch.chdir(report.parents[1])
     shutil.copy(report / "requirements.csv", "given.csv")

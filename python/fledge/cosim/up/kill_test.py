@@ -214,6 +214,7 @@ def test_restarts_come_to_an_end(mark, tmp_path):
     assert "  | ValueError: the spring breaks\n" in out and "ended early: spring" in out
 
 
+@pytest.mark.long("waits for a limit of time")
 def test_one_that_hangs_is_started_again(mark, tmp_path):
     file = write_pair(tmp_path, simulation=f"hung-{os.getpid()}", spring='on_loss = "restart"\nreply = 0.5\n'
                       'env = { HANGS_AT = "1" }')

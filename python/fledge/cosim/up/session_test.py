@@ -34,6 +34,7 @@ def test_two_programs_fly_to_the_end(mark, tmp_path):
     assert re.search(r"^ +\d+\.\d{3} spring     \| the spring is there$", said["all"], re.M)
 
 
+@pytest.mark.long("flies three missions")
 def test_two_missions_fly_in_one_run(mark, tmp_path):
     """Both nadir spins, one under a prefix, and a third flight computer that hears the first world: all as alone."""
     from fledge.archive import Archive
@@ -79,6 +80,7 @@ def test_options_win_over_the_file(mark, tmp_path):
     assert done.returncode == 0 and done.stdout.startswith("pair: 2 nodes, 0.5 s\n")
 
 
+@pytest.mark.long("flies by the wall clock")
 def test_a_pace_is_kept_or_it_is_said_that_it_is_not(mark, tmp_path):
     file = write_pair(tmp_path, until=1, top="pace = 2")
     done = up(file, mark=mark)
@@ -169,6 +171,7 @@ def test_one_that_fails_after_the_end_is_not_overlooked(mark, tmp_path):
     assert "  | the orbit is wrong\n" in done.stdout
 
 
+@pytest.mark.long("flies by the wall clock")
 def test_asynchronous_programs_end_with_the_run(mark, tmp_path):
     file = write_pair(tmp_path, until=0.5)
     with open(file, "a") as text:
