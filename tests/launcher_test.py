@@ -21,7 +21,7 @@ from tests.tree import ROOT
 pytestmark = pytest.mark.spread
 
 # What the launcher may find on the PATH besides the stand-ins: no sudo, no compiler.
-TOOLS = ("cat cksum cut date df dirname env find flock getconf grep head ls mkdir paste readlink rm sed sleep sort "
+TOOLS = ("awk cat cksum cut date df dirname env find flock getconf grep head ls mkdir readlink rm sed sleep sort "
          "stat tail tr").split()
 
 STAND_INS = {
