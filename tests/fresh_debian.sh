@@ -178,9 +178,9 @@ if [ -n "$package" ]; then
     another wheel
     cp "$package"/*.whl "$fresh/home"
     inside "apt-get update > /dev/null"
-    step "apt install python3-venv, numpy, matplotlib, h5py" \
+    step "apt install python3-venv, numpy, matplotlib, h5py, jinja2" \
         inside "apt-get install -y --no-install-recommends python3-venv python3-numpy \
-            python3-matplotlib python3-h5py > /dev/null"
+            python3-matplotlib python3-h5py python3-jinja2 > /dev/null"
     step "python3 -m venv, pip install fledge-*.whl" \
         inside "python3 -m venv --system-site-packages env && env/bin/pip install -q --no-index fledge-*.whl" ||
         failed "no wheel"
