@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The main function of all tests in GoogleTest. A program holds the tests of a folder, and ctest knows each source by
 // itself: `PROGRAM --source=a/b_test.cpp` runs the cases of that source which GTEST_FILTER selects. Where GTEST_OUTPUT
-// names a folder, it writes their report into a file with the name of the source: a.b_test.xml.
+// names a folder, it writes their report into a file with the name of the source: a.b_test.xml. Temporary files of the
+// tests, and of what they start, are in a folder of this program, which it removes: another run, perhaps another user's,
+// writes the same names.
 #include <gtest/gtest.h>
 
 #include <fnmatch.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 namespace {
 
@@ -68,5 +74,16 @@ int main(int argc, char **argv)
     if (!source.empty()) {
         testing::GTEST_FLAG(filter) = cases_of(source, testing::GTEST_FLAG(filter));
     }
-    return RUN_ALL_TESTS();
+    std::string folder = (std::filesystem::temp_directory_path() / "fledge-test-XXXXXX").string();
+    if (::mkdtemp(folder.data()) == nullptr) {
+        std::perror(folder.c_str());
+        return 1;
+    }
+    for (const char *name : {"TMPDIR", "TEST_TMPDIR"}) { // the second is GoogleTest's
+        ::setenv(name, folder.c_str(), 1);
+    }
+    const int status = RUN_ALL_TESTS();
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+    return status;
 }
