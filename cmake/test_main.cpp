@@ -2,8 +2,8 @@
 // The main function of all tests in GoogleTest. A program holds the tests of a folder, and ctest knows each source by
 // itself: `PROGRAM --source=a/b_test.cpp` runs the cases of that source which GTEST_FILTER selects. Where GTEST_OUTPUT
 // names a folder, it writes their report into a file with the name of the source: a.b_test.xml. Temporary files of the
-// tests, and of what they start, are in a folder of this program, which it removes: another run, perhaps another user's,
-// writes the same names.
+// tests, and of what they start, are in a folder of this program, which it removes: another run, perhaps of another
+// user, writes the same names.
 #include <gtest/gtest.h>
 
 #include <fnmatch.h>
