@@ -2,7 +2,7 @@
 // Stacks of commands: an ordered list that is run step by step, or until a verifier fails. A run goes on while other
 // pages are open; it ends with the browser's page.
 import {of} from "./api.js";
-import {STAGES, outcome, send} from "./forms.js";
+import {STAGES, isOlder, outcome, send} from "./forms.js";
 
 const KIND = "fledge-stack";
 const stacks = new Map();
@@ -141,7 +141,7 @@ export class Stack {
                 if (row.craft !== undefined && row.craft !== this.craft) return;
                 if (id === null)
                     early.set(row.id, row);
-                else if (row.id === id && row.stages.length >= (step.sent?.stages.length ?? 0)) { // a list may be old
+                else if (row.id === id && !isOlder(row, step.sent)) {
                     step.sent = row;
                     this.changed();
                     if (outcome(row, step.until).state !== "open") done(good, row);

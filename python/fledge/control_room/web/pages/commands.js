@@ -4,7 +4,7 @@ import {of} from "../api.js";
 import {attempt, dress, h, put} from "../dom.js";
 import {clock} from "../format.js";
 import {
-    Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
+    Form, bytesOf, groupOf, inWords, isOlder, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
 } from "../forms.js";
 import {stackOf} from "../stack.js";
 import {Table} from "../table.js";
@@ -212,6 +212,7 @@ export class Sent {
 
     take(row, draw = true) {
         const at = this.rows.findIndex((one) => one.id === row.id);
+        if (isOlder(row, this.rows[at])) return;
         if (at >= 0)
             this.rows[at] = row;
         else {

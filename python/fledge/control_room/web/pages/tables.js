@@ -3,7 +3,7 @@
 import {of} from "../api.js";
 import {attempt, h, put} from "../dom.js";
 import {clock} from "../format.js";
-import {outcome, tick, STAGES} from "../forms.js";
+import {isOlder, outcome, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
 
 export const title = "Tables", key = "t", role = "command";
@@ -193,7 +193,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
     const loadAll = () =>
         post({values: Object.fromEntries(different().map(({keys: [first]}) => [first, edited()[first]]))});
     function follow(row) {
-        if (!waiting.has(row.id)) return;
+        if (!waiting.has(row.id) || isOlder(row, waiting.get(row.id))) return;
         waiting.set(row.id, row);
         const rows = [...waiting.values()].filter(Boolean), outcomes = rows.map((one) => outcome(one)),
               failed = outcomes.find(({state}) => state === "bad");
