@@ -203,7 +203,7 @@ await run({
         await page.waitForFunction((was) => document.querySelector("td.value").textContent !== was, first);
         await page.locator("canvas").waitFor();
         const completed = page.locator(".buttons .answer", {hasText: "completed"});
-        await page.route("**/sent", async (route) => {      // the answer is older than the messages before it
+        await page.route("**/sent", async (route) => {      // the list arrives after messages that tell more
             const response = await route.fetch(), rows = await response.json();
             await completed.waitFor();
             await route.fulfill({response, body: JSON.stringify(rows.map((row) => ({...row, stages: []})))});
