@@ -117,6 +117,7 @@ class Spacecraft:
     # --- for all threads ---
 
     def start(self) -> None:
+        self._see_time()
         self._thread = Thread(target=self._serve, name=self.name, daemon=True)
         self._thread.start()
 
@@ -405,8 +406,6 @@ class Spacecraft:
         until = None
         if self.link is not None:
             until = self.run.until() if self.run else self.link.t + TURN
-        if self.clock == "utc":     # a craft that is silent has a time, too
-            self.now = max(self.now, time.time_ns())
         if self.link is None or until is None:
             self.commanding.look()
             self._over.wait(TURN / 1e9)
@@ -422,6 +421,7 @@ class Spacecraft:
 
     def _answer(self) -> None:
         """Carry out the requests of other threads."""
+        self._see_time()
         try:
             while True:
                 what, answer = self._asked.get_nowait()
@@ -433,6 +433,11 @@ class Spacecraft:
                     answer.set_exception(error)
         except Empty:
             pass
+
+    def _see_time(self) -> None:
+        """A craft that is silent has a time, too."""
+        if self.clock == "utc" and not self.replayed:
+            self.now = max(self.now, time.time_ns())
 
     def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
         """(t, received, packet) of each."""

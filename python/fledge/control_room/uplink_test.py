@@ -3,9 +3,11 @@
 import asyncio
 import shutil
 import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
 from operator import xor
-from threading import Event, Thread
+from threading import Event
 
 import pytest
 
@@ -17,7 +19,7 @@ from fledge.control_room.web_test import console, flown
 from fledge.errors import SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.ground.framed_test import FULL, LINK
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, wait_for
 
 FRAMES = "spacecraft:68,command_channel:1,telemetry_channel:0,cop1:1,cltu:1,segments:1"
 PASSING = '''
@@ -106,16 +108,17 @@ class Flown:
             other.bind(("127.0.0.1", 0))
             self._to = other.getsockname()
         self.link = f"udp://127.0.0.1:{self._socket.getsockname()[1]}?listen={self._to[1]}&timer=1&limit={limit}"
-        self._thread = Thread(target=self._fly)
+        self._thread = ThreadPoolExecutor(1)
 
     def __enter__(self):
-        self._thread.start()
+        self._flight = self._thread.submit(self._fly)
         return self
 
     def __exit__(self, *_):
         self._over.set()
-        self._thread.join()
+        self._thread.shutdown()
         self._socket.close()
+        self._flight.result()
 
     def _fly(self):
         commands = self.sim.flight.commands
@@ -171,6 +174,23 @@ async def test_a_frame_that_is_lost_goes_again_and_the_link_says_when_it_is_ther
             await commanded(c, flight, "sat", "flight.noop", ("flight.write.control.K", {"K": 3}))
             await executed(c, "sat")
             assert flight.sim.flight.control.K == 3 and flight.sim.flight.commands.counters.executed == 2
+
+
+def test_a_command_before_all_else_has_a_time(tmp_path):
+    mission(tmp_path / "plays", FLIGHT + LINK.format(more=FULL), WORLD)
+    with Flown(fledge.load(tmp_path / "plays")) as flight:
+        (tmp_path / "ground.toml").write_text(MINE.format(flight.link))
+        room, begin = Room(read(tmp_path / "ground.toml")), time.time_ns()
+        try:
+            craft = room.crafts["plays"]
+            sent = craft.call(lambda: craft.commanding.send("operator", "flight.noop", {}, False))
+            room.start()
+            assert int(sent.result(PATIENCE)["t_ns"]) >= begin
+            wait_for(lambda: len(sent.result()["stages"]) > 1)
+            assert stages(sent.result())[1] == ("delivered", True)
+            assert all(int(one["t_ns"]) >= begin for one in room.journal.rows("events"))
+        finally:
+            room.close()
 
 
 @pytest.mark.long("waits until COP-1 gives up")

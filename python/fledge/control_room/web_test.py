@@ -44,8 +44,12 @@ class Console:
 
     async def until(self, path, holds):
         """Ask again until the answer is as it must be."""
-        while not holds(found := await self.get(path)):
-            await asyncio.sleep(0.05)
+        found = None
+        try:
+            while not holds(found := await self.get(path)):
+                await asyncio.sleep(0.05)
+        except asyncio.CancelledError:
+            raise AssertionError(f"in vain waited for {path}, which is {found}") from None
         return found
 
     async def verified(self, craft, name, arguments, stage="completed"):
@@ -54,9 +58,14 @@ class Console:
         return await self.row(craft, number, stage)
 
     async def row(self, craft, number, stage="completed"):
-        rows = await self.until(f"crafts/{craft}/sent", lambda rows: stage in [
-            each["stage"] for one in rows if one["id"] == number for each in one["stages"]])
-        return next(one for one in rows if one["id"] == number)
+        """The row of a sent command that has come to a stage; one that has failed does not come to another."""
+        def reached(rows):
+            return [one["stage"] for row in rows if row["id"] == number for one in row["stages"]]
+
+        rows = await self.until(f"crafts/{craft}/sent", lambda rows: {stage, "failed"} & {*reached(rows)})
+        row = next(one for one in rows if one["id"] == number)
+        assert stage in reached(rows), f"{row}; {await self.get(f'crafts/{craft}/events')}"
+        return row
 
 
 @asynccontextmanager
