@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The open alarms of all spacecraft, for the page of alarms and for what every page shows of them.
-import {of} from "./api.js";
 
 export const isShelved = (one) => BigInt(one.shelved_until_ns || 0) > BigInt(Date.now()) * 1000000n;
 const rank = (one) => (isShelved(one) ? 2 : one.acknowledged ? 1 : 0);
@@ -16,8 +15,8 @@ export class Alarms {
     async load(only) {
         await Promise.all(this.live.crafts.filter(({name}) => !only || name === only).map(async ({name}) => {
             try {
-                const found = await this.live.api.get(of(name, "alarms"));
-                this.byCraft.set(name, new Map(found.map((one) => [one.name, one])));
+                const found = await this.live.rows(name, "alarms", "alarm");
+                this.byCraft.set(name, new Map(found.filter((one) => !one.ended_ns).map((one) => [one.name, one])));
             } catch (error) {
                 if (only) throw error;
             }

@@ -236,10 +236,6 @@ const TICKS = {
     null: "\u2026"
 };
 
-/** Whether a row of a sent command is older than what is known of it, if anything: the answer with a list may arrive
- *  after a message that the server sent later. */
-export const isOlder = (row, known) => row.stages.length < (known?.stages.length ?? 0);
-
 /** How far a sent command is: {stage: {good, text, t_ns}}, "failed" under "completed" too. */
 export function ladder(row) {
     const found = {};

@@ -80,6 +80,20 @@ export class Live {
         return () => this.hearers.get(kind).delete(hear);
     }
 
+    /**
+     * A list of a craft whose rows have an id. What the server says of a row while the answer is on its way may be
+     * newer than the answer, and takes the row's place.
+     */
+    async rows(craft, list, kind) {
+        const said = new Map(), end = this.on(kind, (one) => one.craft === craft && said.set(one.id, one));
+        try {
+            const found = await this.api.get(of(craft, list));
+            return [...found.filter(({id}) => !said.has(id)), ...said.values()];
+        } finally {
+            end();
+        }
+    }
+
     /** Be called once in each picture of the browser in which values have changed. Returns what ends it. */
     onFrame(draw) {
         this.frames.add(draw);

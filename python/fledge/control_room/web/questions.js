@@ -5,13 +5,14 @@ import {attempt, h} from "./dom.js";
 
 export class Questions {
     constructor(live, api) {
-        Object.assign(this, {api, element: h("div", {class: "questions", role: "alert"}), open: new Map()});
+        Object.assign(this, {live, api, element: h("div", {class: "questions", role: "alert"}), open: new Map()});
         live.on("question", (one) => this.merge(one));
         live.on("crafts", () => this.load(live.crafts));
     }
 
     async load(crafts) {
-        const found = await Promise.all(crafts.map(({name}) => this.api.get(of(name, "questions")).catch(() => [])));
+        const found = await Promise.all(
+            crafts.map(({name}) => this.live.rows(name, "questions", "question").catch(() => [])));
         for (const one of found.flat()) this.merge(one);
     }
 

@@ -2,7 +2,7 @@
 // Stacks of commands: an ordered list that is run step by step, or until a verifier fails. A run goes on while other
 // pages are open; it ends with the browser's page.
 import {of} from "./api.js";
-import {STAGES, isOlder, outcome, send} from "./forms.js";
+import {STAGES, outcome, send} from "./forms.js";
 
 const KIND = "fledge-stack";
 const stacks = new Map();
@@ -141,14 +141,14 @@ export class Stack {
                 if (row.craft !== undefined && row.craft !== this.craft) return;
                 if (id === null)
                     early.set(row.id, row);
-                else if (row.id === id && !isOlder(row, step.sent)) {
+                else if (row.id === id) {
                     step.sent = row;
                     this.changed();
                     if (outcome(row, step.until).state !== "open") done(good, row);
                 }
             };
             const again = async () => {
-                for (const row of await api.get(of(this.craft, "sent"))) take(row);
+                for (const row of await live.rows(this.craft, "sent", "sent")) take(row);
             };
             const off = [live.on("sent", take), live.on("again", () => again().catch(() => {}))];
             const done = (how, what) => {

@@ -4,7 +4,7 @@ import {of} from "../api.js";
 import {attempt, dress, h, put} from "../dom.js";
 import {clock} from "../format.js";
 import {
-    Form, bytesOf, groupOf, inWords, isOlder, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
+    Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
 } from "../forms.js";
 import {stackOf} from "../stack.js";
 import {Table} from "../table.js";
@@ -169,7 +169,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
         const chosen = forms.find((one) => one.name === selection);
         if (chosen) show(chosen);
         list.go(rows.findIndex((one) => one.form && one.form === chosen), true);
-        await sent.load(api);
+        await sent.load();
     });
     return () => {
         clearTimeout(timer);
@@ -182,7 +182,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
 /** The table of sent commands, newest first, with a tick for each verifier. */
 export class Sent {
     constructor(live, craft, utc, stages, chosen) {
-        Object.assign(this, {craft, rows: [], utc, stages, chosen, shown: null});
+        Object.assign(this, {live, craft, rows: [], utc, stages, chosen, shown: null});
         this.table = new Table({
             label: "sent commands",
             empty: "No command was sent yet",
@@ -199,20 +199,18 @@ export class Sent {
             moved: (k) => this.show(this.rows[k]),
         });
         this.off = [
-            live.on("sent", (row) => row.craft === craft && this.take(row)), live.on("again", () => this.load(this.api))
+            live.on("sent", (row) => row.craft === craft && this.take(row)), live.on("again", () => this.load())
         ];
     }
 
-    async load(api) {
-        this.api = api;
-        for (const row of await api.get(of(this.craft, "sent"))) this.take(row, false);
+    async load() {
+        for (const row of await this.live.rows(this.craft, "sent", "sent")) this.take(row, false);
         this.table.set(this.rows.length);
         this.table.draw();
     }
 
     take(row, draw = true) {
         const at = this.rows.findIndex((one) => one.id === row.id);
-        if (isOlder(row, this.rows[at])) return;
         if (at >= 0)
             this.rows[at] = row;
         else {

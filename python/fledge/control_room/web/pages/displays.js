@@ -3,7 +3,7 @@
 import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, chart, data} from "../curves.js";
-import {inWords, isOlder, outcome, send, STAGES} from "../forms.js";
+import {inWords, outcome, send, STAGES} from "../forms.js";
 import {valueText} from "../store.js";
 import {theme} from "../theme.js";
 
@@ -183,10 +183,9 @@ export async function open(context) {
     }
     function commands({items}) {
         const may = context.can("command"), answer = h("p", {class: "answer", role: "status"});
-        let id = null, known = null;
+        let id = null;
         const follow = (row) => {
-            if (row.id !== id || (row.craft ?? craft) !== craft || isOlder(row, known)) return;
-            known = row;
+            if (row.id !== id || (row.craft ?? craft) !== craft) return;
             const {state, text} = outcome(row);
             put(answer,
                 `${row.name}: ${
@@ -208,9 +207,8 @@ export async function open(context) {
                                       dress(answer, "answer");
                                       try {
                                           id = await send(api, craft, item.command, item.arguments);
-                                          known = null;
                                           put(answer, id === null ? "Not sent." : `${item.command}: sent`);
-                                          for (const row of id === null ? [] : await api.get(of(craft, "sent")))
+                                          for (const row of id === null ? [] : await live.rows(craft, "sent", "sent"))
                                               follow(row);
                                       } catch (error) {
                                           put(answer, error.message);

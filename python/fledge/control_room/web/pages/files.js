@@ -109,7 +109,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
             going.append(h("tr", {}, h("td", {class: "soft", colSpan: 7}, "No file was sent or fetched yet.")));
     }
     async function load() {
-        for (const one of await api.get(of(craft, "transfers"))) transfers.set(one.id, one);
+        for (const one of await live.rows(craft, "transfers", "transfer")) transfers.set(one.id, one);
         draw();
         const files = await api.get(of(craft, "files"));
         arrived.replaceChildren(

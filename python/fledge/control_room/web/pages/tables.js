@@ -3,7 +3,7 @@
 import {of} from "../api.js";
 import {attempt, h, put} from "../dom.js";
 import {clock} from "../format.js";
-import {isOlder, outcome, tick, STAGES} from "../forms.js";
+import {outcome, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
 
 export const title = "Tables", key = "t", role = "command";
@@ -186,14 +186,14 @@ export async function open({root, api, live, keys, craft, selection, select, can
             const {ids = []} = await api.post(of(craft, "tables", one.name), what);
             waiting = new Map(ids.map((k) => [k, null]));
             put(ticks, what.read ? "asked for \u2026" : "on its way \u2026");
-            for (const row of await api.get(of(craft, "sent"))) follow(row);
+            for (const row of await live.rows(craft, "sent", "sent")) follow(row);
         });
     }
     /** Load what differs: whole parameters, as their elements are one on board. */
     const loadAll = () =>
         post({values: Object.fromEntries(different().map(({keys: [first]}) => [first, edited()[first]]))});
     function follow(row) {
-        if (!waiting.has(row.id) || isOlder(row, waiting.get(row.id))) return;
+        if (!waiting.has(row.id)) return;
         waiting.set(row.id, row);
         const rows = [...waiting.values()].filter(Boolean), outcomes = rows.map((one) => outcome(one)),
               failed = outcomes.find(({state}) => state === "bad");
