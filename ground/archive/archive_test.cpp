@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/archive/history.h"
 #include "ground/archive/packet_archive.h"
+#include "ground/archive/packet_file.h"
 #include "ground/database/testing/database.h"
 
 #include <gmock/gmock.h>
@@ -326,6 +327,38 @@ template <class Work> int in_a_child(const Work &work, int kill_after_us)
     waitpid(child, &status, 0);
     EXPECT_TRUE(kill_after_us > 0 || (WIFEXITED(status) && WEXITSTATUS(status) == 0));
     return last;
+}
+
+TEST_F(Archive, AFileOfWhichNothingWasSavedIsNotMissed)
+{
+    in_a_child(
+        [&](const auto &) {
+            PacketArchive archive(folder, "craft", db, second);
+            fill(archive, 0, 1);
+            _exit(0);
+        },
+        0);
+    const std::string name = folder + "/craft/000001-0.mcap.part";
+    std::ifstream in(name, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+    const std::size_t at = PacketFile(name).chunks.at(0).at, head = 49;
+    std::vector<std::string> left; // by a program that was killed while it began the file, or saved the first time
+    for (std::size_t n = 0; n <= at; n++) {
+        left.push_back(bytes.substr(0, n));
+    }
+    for (std::size_t n = 1; n <= bytes.size() - at - head; n++) { // the head of a chunk goes last
+        left.push_back(bytes.substr(0, at) + std::string(head, '\0') + bytes.substr(at + head, n));
+    }
+    for (const std::string &one : left) {
+        std::ofstream(name, std::ios::binary) << one;
+        for (const auto &session : history(db).sessions()) {
+            EXPECT_TRUE(session.gaps.empty()) << session.gaps[0].why;
+            EXPECT_EQ(session.packets, 0u);
+        }
+        PacketArchive(folder, "craft", db, second);
+        EXPECT_TRUE(files().empty()) << files()[0] << " of " << one.size() << " bytes, " << at;
+        fs::remove(name);
+    }
 }
 
 TEST_F(Archive, WhatWasSavedOutlivesAnyKill)

@@ -310,6 +310,15 @@ void PacketFile::refresh()
     }
 }
 
+/// Whether a program ended while it saved the first packets of a chunk: they are there, and its head is not.
+bool PacketFile::is_unsaved(std::uint64_t at) const
+{
+    std::vector<std::uint8_t> memory;
+    const auto bytes = read(at, chunk_head + 1, memory);
+    return bytes.size() == chunk_head + 1 && bytes.back() >= schema && bytes.back() <= message &&
+           std::all_of(bytes.begin(), bytes.end() - 1, [](std::uint8_t one) { return one == 0; });
+}
+
 /// Read the records from where the last scan ended, chunk by chunk.
 void PacketFile::scan()
 {
@@ -352,7 +361,7 @@ void PacketFile::scan()
             continue;
         }
         if (n > size_ - content || op == 0 || op > data_end) {
-            if (op == 0 || op > data_end) {
+            if ((op == 0 || op > data_end) && !is_unsaved(scanned_)) {
                 damaged(scanned_, last, last, "there is no record; what follows cannot be read");
             }
             return;

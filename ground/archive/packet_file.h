@@ -88,6 +88,7 @@ private:
     bool next(std::span<const std::uint8_t> bytes, std::size_t &at, Stored &one);
     bool read_summary();
     void read_metadata(std::span<const std::uint8_t> content);
+    bool is_unsaved(std::uint64_t at) const;
     void scan();
     void scan_chunk(Chunk chunk);
     void damaged(std::uint64_t at, std::int64_t from, std::int64_t to, const std::string &what);
