@@ -66,8 +66,10 @@ def _files(mission: Path) -> str:
 
     own = [path for path in sorted(mission.rglob("*")) if path.is_file() and "__pycache__" not in path.parts
            and path.suffix not in (".md", ".mcap", ".part") and "_test." not in path.name]
-    loaded = sorted({Path(file) for name, one in list(sys.modules.items()) if name.startswith("_mission_")
-                     and (file := getattr(one, "__file__", None)) and not Path(file).is_relative_to(mission)})
+    # By their names: a collection of garbage, which a list of pairs may begin, takes modules of old simulations away.
+    loaded = sorted({Path(file) for name in list(sys.modules) if name.startswith("_mission_")
+                     and (file := getattr(sys.modules.get(name), "__file__", None))
+                     and not Path(file).is_relative_to(mission)})
     folder = project.folder()
     theirs = [path for name in ("flight", "world") for path in sorted((folder / name).rglob("*"))
               if path.suffix in SOURCES] if folder else []

@@ -2,6 +2,7 @@
 """`fledge verify` on a small mission: verdicts against numpy on the record, what is flown again, the four files."""
 
 import csv
+import gc
 import io
 import json
 import re
@@ -24,7 +25,7 @@ from fledge.report.report_test import Page
 from fledge.requirements import Requirements
 from fledge.verify import coverage, evidence, figure, tables
 from fledge.verify.evidence import Row
-from fledge.verify.flight import Flown, Shown
+from fledge.verify.flight import Flown, Shown, _files
 
 SCENARIOS = '''
     from fledge.units import minute, s
@@ -92,6 +93,24 @@ def report(tmp_path_factory):
         patch.chdir(folder)
         assert cli.main(["verify", "spinner"]) == 1
     return folder / "verification/spinner"
+
+
+def test_a_simulation_that_ends_meanwhile_does_not_harm_a_hash(here):
+    before = gc.get_threshold()
+    try:
+        for later in range(0, 3000, 100):       # the collection begins at another place each time
+            gc.disable()
+            ring = [fledge.load("spinner")]
+            ring.append(ring)
+            pairs = [(n, n) for n in range(3000)]   # Python has no free ones, so that new ones count
+            del ring
+            gc.set_threshold(gc.get_count()[0] + later)
+            gc.enable()
+            _files(here / "missions/spinner")
+            del pairs
+    finally:
+        gc.set_threshold(*before)
+        gc.enable()
 
 
 def results(folder):
