@@ -310,7 +310,7 @@ void PacketFile::refresh()
     }
 }
 
-/// Whether a program ended while it saved the first packets of a chunk: they are there, and its head is not.
+/// Whether a chunk begins there whose first packets are written, but not its head, which its writer writes last.
 bool PacketFile::is_unsaved(std::uint64_t at) const
 {
     std::vector<std::uint8_t> memory;

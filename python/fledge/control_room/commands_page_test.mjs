@@ -19,8 +19,8 @@ const choose = async (page, name) => {
     await page.locator(".command h2", {hasText: name}).waitFor();
 };
 
-/** What messages show after a deed stays when a list, asked for before them, arrives behind them. */
-async function outlives(page, craft, shown, list, deed) {
+/** Messages that follow an action show something; it stays when a list arrives that was requested before them. */
+async function outlives(page, craft, shown, list, act) {
     const {csrf} = await (await page.request.get(`${address}/api/session`)).json();
     const control = (action) => page.request.post(`${address}/api/crafts/${craft}/run`,
         {headers: {"X-Fledge-CSRF": csrf}, data: {action}});
@@ -32,7 +32,7 @@ async function outlives(page, craft, shown, list, deed) {
         await route.fulfill({response});
     });
     const late = page.waitForResponse(list);
-    await deed();
+    await act();
     await (await late).finished();
     await page.waitForTimeout(100);
     assert.equal(await shown.count(), 1);

@@ -435,7 +435,7 @@ class Spacecraft:
             pass
 
     def _see_time(self) -> None:
-        """A craft that is silent has a time, too."""
+        """Advance the clock of a craft by UTC, which goes on while the craft is silent."""
         if self.clock == "utc" and not self.replayed:
             self.now = max(self.now, time.time_ns())
 

@@ -108,15 +108,15 @@ class Flown:
             other.bind(("127.0.0.1", 0))
             self._to = other.getsockname()
         self.link = f"udp://127.0.0.1:{self._socket.getsockname()[1]}?listen={self._to[1]}&timer=1&limit={limit}"
-        self._thread = ThreadPoolExecutor(1)
+        self._pool = ThreadPoolExecutor(1)     # keeps an exception of its thread for __exit__
 
     def __enter__(self):
-        self._flight = self._thread.submit(self._fly)
+        self._flight = self._pool.submit(self._fly)
         return self
 
     def __exit__(self, *_):
         self._over.set()
-        self._thread.shutdown()
+        self._pool.shutdown()
         self._socket.close()
         self._flight.result()
 

@@ -49,7 +49,7 @@ class Console:
             while not holds(found := await self.get(path)):
                 await asyncio.sleep(0.05)
         except asyncio.CancelledError:
-            raise AssertionError(f"in vain waited for {path}, which is {found}") from None
+            raise AssertionError(f"waited in vain for {path}, which is {found}") from None
         return found
 
     async def verified(self, craft, name, arguments, stage="completed"):

@@ -66,7 +66,8 @@ def _files(mission: Path) -> str:
 
     own = [path for path in sorted(mission.rglob("*")) if path.is_file() and "__pycache__" not in path.parts
            and path.suffix not in (".md", ".mcap", ".part") and "_test." not in path.name]
-    # By their names: a collection of garbage, which a list of pairs may begin, takes modules of old simulations away.
+    # Names, not pairs: pairs are allocated, which may start a garbage collection, and that deletes the modules of old
+    # simulations.
     loaded = sorted({Path(file) for name in list(sys.modules) if name.startswith("_mission_")
                      and (file := getattr(sys.modules.get(name), "__file__", None))
                      and not Path(file).is_relative_to(mission)})

@@ -102,7 +102,7 @@ def test_a_simulation_that_ends_meanwhile_does_not_harm_a_hash(here):
             gc.disable()
             ring = [fledge.load("spinner")]
             ring.append(ring)
-            pairs = [(n, n) for n in range(3000)]   # Python has no free ones, so that new ones count
+            pairs = [(n, n) for n in range(3000)]   # use up CPython's free tuples: each new one counts
             del ring
             gc.set_threshold(gc.get_count()[0] + later)
             gc.enable()

@@ -175,7 +175,7 @@ async function begin() {
             h("button", {onclick: turn, title: "light or dark (T)", "aria-label": "light or dark"}, "\u25d0"),
             h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
             api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
-        menu, main, time.element, said, new Questions(live, api).element);
+        menu, main, time.element, said, new Questions(live).element);
     for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);
     live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
     live.on("again", () => show());

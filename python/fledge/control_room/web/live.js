@@ -81,8 +81,8 @@ export class Live {
     }
 
     /**
-     * A list of a craft whose rows have an id. What the server says of a row while the answer is on its way may be
-     * newer than the answer, and takes the row's place.
+     * Ask for a list of a craft whose rows have an id. A message of the same kind that arrives before the answer may be
+     * newer than the answer, so it replaces its row.
      */
     async rows(craft, list, kind) {
         const said = new Map(), end = this.on(kind, (one) => one.craft === craft && said.set(one.id, one));

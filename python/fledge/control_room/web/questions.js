@@ -4,8 +4,8 @@ import {of} from "./api.js";
 import {attempt, h} from "./dom.js";
 
 export class Questions {
-    constructor(live, api) {
-        Object.assign(this, {live, api, element: h("div", {class: "questions", role: "alert"}), open: new Map()});
+    constructor(live) {
+        Object.assign(this, {live, element: h("div", {class: "questions", role: "alert"}), open: new Map()});
         live.on("question", (one) => this.merge(one));
         live.on("crafts", () => this.load(live.crafts));
     }
@@ -20,8 +20,9 @@ export class Questions {
         this.open.get(one.id)?.remove();
         this.open.delete(one.id);
         if (one.answer !== null) return;
+        const {api} = this.live;
         const reply = (answer) => () => attempt(
-            node, () => this.api.post(of(one.craft, "questions", one.id), {answer}).then((row) => this.merge(row)));
+            node, () => api.post(of(one.craft, "questions", one.id), {answer}).then((row) => this.merge(row)));
         const node = h("div", {class: "question"}, h("p", {}, h("strong", {}, one.craft),
             ` \u00b7 a script of ${one.user} asks`), h("p", {class: "asked"}, one.text),
             h("div", {}, h("button", {onclick: reply(true)}, "Yes, go on"), " ",

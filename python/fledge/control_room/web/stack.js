@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stacks of commands: an ordered list that is run step by step, or until a verifier fails. A run goes on while other
 // pages are open; it ends with the browser's page.
-import {of} from "./api.js";
 import {STAGES, outcome, send} from "./forms.js";
 
 const KIND = "fledge-stack";
