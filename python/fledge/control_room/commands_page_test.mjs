@@ -19,11 +19,16 @@ const choose = async (page, name) => {
     await page.locator(".command h2", {hasText: name}).waitFor();
 };
 
+/** Ask the server for something of a craft, as a script does. */
+async function post(page, path, data) {
+    const {csrf} = await (await page.request.get(`${address}/api/session`)).json();
+    const answer = await page.request.post(`${address}/api/crafts/${path}`, {headers: {"X-Fledge-CSRF": csrf}, data});
+    assert.equal(answer.status(), 200, await answer.text());
+}
+
 /** Messages that follow an action show something; it stays when a list arrives that was requested before them. */
 async function outlives(page, craft, shown, list, act) {
-    const {csrf} = await (await page.request.get(`${address}/api/session`)).json();
-    const control = (action) => page.request.post(`${address}/api/crafts/${craft}/run`,
-        {headers: {"X-Fledge-CSRF": csrf}, data: {action}});
+    const control = (action) => post(page, `${craft}/run`, {action});
     await control("pause");     // no message comes before the list was asked for
     await page.route(list, async (route) => {
         const response = await route.fetch();
@@ -224,6 +229,17 @@ await run({
         await page.locator("canvas").waitFor();
         const completed = page.locator(".buttons .answer", {hasText: "completed"});
         await outlives(page, "imager", completed, "**/sent", () => page.click(".buttons >> text=Nothing"));
+        return page;
+    },
+
+    async "a question of a script is shown until it is answered"() {
+        const page = await at("overview");
+        await post(page, "imager/questions", {text: "Go on?"});
+        await page.locator(".question", {hasText: "Go on?"}).waitFor();
+        await page.reload();
+        await page.locator(".question", {hasText: "Go on?"}).waitFor();
+        await press(page, "Yes, go on");
+        await page.locator(".question").waitFor({state: "detached"});
         return page;
     },
 
