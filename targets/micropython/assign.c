@@ -142,23 +142,24 @@ static int enumerator(const ScriptEnum *values, mp_obj_t value, int32_t *number)
     return endings == 1;
 }
 
-/* What is within a quantity, whose dimensions must be the field's. seconds: set to 1 if a time must become one of
- * nanoseconds. */
+/* What is within a quantity, whose dimensions must be the field's; a field in [SI] takes any. seconds: set to 1 if a
+ * time must become one of nanoseconds. */
 static mp_obj_t within(const ScriptNode *node, const ScriptField *field, mp_obj_t value, int *seconds)
 {
     const ScriptQuantity *q = units_quantity(value);
     if (!q || field->type == FLEDGE_ENUM) {
         return value;
     }
-    if (!units_alike(q->dims, script_field_unit(field)->dims)) {
+    const char *unit = script_field_unit(field)->text;
+    if (!units_alike(q->dims, script_field_unit(field)->dims) && strcmp(unit, "SI") != 0) {
         const mp_print_t *error = at_field(node, field);
-        const int plain = !strcmp(script_field_unit(field)->text, "-");
+        const int plain = !strcmp(unit, "-");
         mp_printf(error, ": expected a %s%s; found ", plain ? "number without unit" : "quantity in ",
-                  plain ? "" : script_field_unit(field)->text);
+                  plain ? "" : unit);
         objects_print_found(error, value);
         objects_raise();
     }
-    *seconds |= !strcmp(script_field_unit(field)->text, "ns");
+    *seconds |= !strcmp(unit, "ns");
     return within(node, field, q->value, seconds);
 }
 

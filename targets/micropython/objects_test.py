@@ -470,3 +470,11 @@ def test_rules_hold_for_elements_and_what_is_required_is_asked_for(run):
     assert found[1].endswith("found -1.0 at [1]") and found[2:5] == ["[1.0, 1.0, 1.0, 1.0]", "no error", "no error"]
     assert found[5] == "SetupError: WheelConfig.axes_B is required"
     assert found[6].startswith("WheelConfig(wheels=WheelSet, n=4, axes_B=[[-0.5, 0.5, -0.70710")
+
+
+def test_a_field_in_any_unit_takes_one_on_both(run, types):
+    values = ["[1, 2, 3, 4] * W", "[1 * N, 2, 3 * m, 4]", "2 * kg * [1, 2, 3, 4]", "[1, 2] * W", "3 * W"]
+    cases = [f"x = fsw.FlightEvent()\nprint({i}, put(x, 'arguments', lambda: {value}), memory(x))"
+             for i, value in enumerate(values)]
+    lines = check(run, types[0], cases)
+    assert [line.split()[1] for line in lines] == ["stored"] * 3 + ["refused"] * 2
