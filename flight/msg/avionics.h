@@ -309,7 +309,7 @@ typedef struct PowerState {
     uint32_t on;      ///< [-] the loads that are on, a bit for each; none of a silent card
     uint32_t tripped; ///< [-] the loads that a trip has switched off, a bit for each
     uint32_t silent;  ///< [-] the cards whose reports stand still, a bit for each; bit 4: the controller
-    uint32_t spare;
+    uint32_t battery; ///< [-] of 65535: how full the battery is, as last reported
 } PowerState;
 
 #define ARRAYS_MAX 4

@@ -65,6 +65,7 @@ void power_manager_update(PowerManager *m, Tick t)
     }
     state->on = power_on(power) & reports;
     state->tripped = power_tripped(power);
+    state->battery = power->battery;
     const uint32_t clear = to_clear(m, state->tripped & reports, t.t);
     const UnitTable *units = &m->in.units; /* all zero: it decides no load */
     const uint32_t decided = units->loads & (units->waits != 0u ? power_on(power) : units->powered);

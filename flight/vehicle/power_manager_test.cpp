@@ -109,6 +109,14 @@ TEST(PowerManager, the_load_of_a_unit_on_a_silent_card_is_not_switched_off_while
     EXPECT_EQ(loop.m.out.command.on, 0x00010003u) << "the card may obey although it reports nothing";
 }
 
+TEST(PowerManager, how_full_the_battery_is_comes_from_the_last_report)
+{
+    Loop loop;
+    loop.m.in.power.battery = 40000;
+    loop.update();
+    EXPECT_EQ(loop.m.out.state.battery, 40000u);
+}
+
 TEST(PowerManager, a_trip_is_cleared_after_its_time_and_not_for_ever)
 {
     Loop loop;
