@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "flight/math/vec.h"
+#include "flight/math/geodesy.h"
 
 #define TURN 6.283185307179586
 
@@ -12,10 +12,10 @@ void ground_target_reset(GroundTarget *m)
     memset(&m->out, 0, sizeof m->out);
 }
 
-/* What has components (x, y, z) in P, with the planet's axes p1, p2, p3 in N. */
-static Vec3 to_N(const Vec3 p[3], double x, double y, double z)
+/* From P to N, with the planet's axes p1, p2, p3 in N. */
+static Vec3 to_N(const Vec3 p[3], Vec3 a)
 {
-    return vec_add(vec_add(vec_scale(x, p[0]), vec_scale(y, p[1])), vec_scale(z, p[2]));
+    return vec_add(vec_add(vec_scale(a.v[0], p[0]), vec_scale(a.v[1], p[1])), vec_scale(a.v[2], p[2]));
 }
 
 /* p1, p2, p3 in N now: orthonormal, whatever the parameter is. */
@@ -47,22 +47,15 @@ void ground_target_update(GroundTarget *m, Tick t)
 {
     const NavOrbit *orbit = &m->in.orbit;
     const BodyState *planet = &m->in.planet; /* all zero if never written */
-    Vec3 p[3], local[3];
+    Vec3 p[3];
     axes(m, t.t, p);
-
-    double sl, cl, sp, cp;
-    fm_sincos(m->par.longitude, &sl, &cl);
-    fm_sincos(m->par.latitude, &sp, &cp);
-    const double e2 = m->par.flattening * (2.0 - m->par.flattening);
-    const double across = m->par.radius / fm_sqrt(1.0 - e2 * sp * sp); /* radius of curvature towards the pole's axis */
-    local[0] = to_N(p, -sl, cl, 0.0);
-    local[1] = to_N(p, -sp * cl, -sp * sl, cp);
-    local[2] = to_N(p, cp * cl, cp * sl, sp);
+    const GroundPlace place =
+        ground_place(m->par.longitude, m->par.latitude, m->par.altitude, m->par.radius, m->par.flattening);
+    const Vec3 local[3] = {to_N(p, place.east), to_N(p, place.north), to_N(p, place.up)};
 
     BodyState target;
-    const double around = (across + m->par.altitude) * cp;
     const Vec3 omega = vec_scale(m->par.rate, p[2]);
-    const Vec3 r = to_N(p, around * cl, around * sl, (across * (1.0 - e2) + m->par.altitude) * sp);
+    const Vec3 r = to_N(p, place.r);
     const Vec3 v = vec_cross(omega, r);
     target.r_PN_N = vec_add(planet->r_PN_N, r);
     target.v_PN_N = vec_add(planet->v_PN_N, v);
