@@ -110,11 +110,21 @@ void set_parameters(sim::Instance &instance, Random &random)
     }
 }
 
-/// Inputs that are good and finite, of time t.
+bool in_matrix(const Number &number)
+{
+    return number.field->ndim == 2 && number.field->shape[0] == 3 && number.field->shape[1] == 3;
+}
+
+/// Inputs that are good and finite, of time t. Their matrices are anything, attitudes of no turn, or small covariances.
 void set_inputs(sim::Instance &instance, Random &random, Ns t)
 {
+    const int kind = random.below(3);
+    int place = 0; // in a matrix
     for (const Number &number : numbers(instance.type(), FLEDGE_IN, instance.memory())) {
-        if (number.type == FLEDGE_F64) {
+        place = in_matrix(number) ? place % 9 + 1 : 0;
+        if (place > 0 && kind > 0) {
+            number.write(place % 4 != 1 ? 0.0 : kind == 1 ? 1.0 : 1e-4);
+        } else if (number.type == FLEDGE_F64) {
             number.write(random.real(-2.0, 2.0));
         } else if (named(number, "quality")) {
             number.write(QUALITY_GOOD);

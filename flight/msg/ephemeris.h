@@ -9,7 +9,8 @@
 #define EPHEMERIS_TERMS 16
 #define EPHEMERIS_SEGMENTS 8
 
-/** The time that ephemerides count, such as TDB since an epoch. */
+/** The time that ephemerides count, such as TDB since an epoch. What flight knows of the Earth, the Sun and the Moon by
+ *  theories counts UTC since 2000-01-01T12:00:00, 86,400 s a day. */
 typedef struct EphemerisTime {
     Head head;
     int64_t time; ///< [ns] now
@@ -32,5 +33,12 @@ typedef struct EphemerisState {
     uint32_t taken;   ///< [-] blocks
     uint32_t refused; ///< [-] blocks
 } EphemerisState;
+
+/** How a planet P is turned, and turns. */
+typedef struct PlanetAttitude {
+    Head head;
+    Mat3 dcm_PN;     ///< [-]     attitude of P relative to N; the third axis is the pole
+    Vec3 omega_PN_N; ///< [rad/s] angular rate of P relative to N, N components
+} PlanetAttitude;
 
 #endif

@@ -16,4 +16,23 @@ typedef struct GroundContact {
     uint32_t spare;
 } GroundContact;
 
+/** How the search for the next pass stands. */
+typedef enum PassState {
+    PASS_SEARCHING = 0, ///< not found yet
+    PASS_FOUND = 1,     ///< it is to come
+    PASS_NOW = 2,       ///< it has begun
+    PASS_NONE = 3       ///< there is none within the horizon of the search
+} PassState;
+
+/** The next pass over a ground station, or the one that has begun. All times are 0 unless there is one. */
+typedef struct PassForecast {
+    Head head;
+    int64_t rise;      ///< [ns] flight's time when the spacecraft rises above the station's mask
+    int64_t highest;   ///< [ns] flight's time when it is highest
+    int64_t set;       ///< [ns] flight's time when it sets below the mask
+    double elevation;  ///< [rad] over the station's horizon, at the highest
+    PassState state;   ///< [-] how the search stands
+    uint32_t searches; ///< [-] how often it began since the reset
+} PassForecast;
+
 #endif

@@ -14,6 +14,12 @@ typedef struct MeasuredField {
     Vec3 B_B; ///< [T] flux density, B components
 } MeasuredField;
 
+/** The magnetic field at the spacecraft, as a model on board knows it. */
+typedef struct KnownField {
+    Head head;
+    Vec3 B_N; ///< [T] flux density, N components
+} KnownField;
+
 /** A magnetic dipole of the body. */
 typedef struct BodyDipole {
     Head head;

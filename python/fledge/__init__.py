@@ -45,6 +45,7 @@ _LAZY = {
     "limit_updates": ("mission.simulation", "limit_updates"),
     "linear": ("linear", None),
     "load": ("mission", "load"),
+    "mean_elements": ("mean_elements", None),
     "missions": ("mission", "missions"),
     "montecarlo": ("montecarlo", None),
     "plot": ("plot", None),
@@ -66,7 +67,8 @@ __all__ = sorted(n for n in _LAZY if not n.startswith("_"))
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:       # the same for editors
     from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, learning, linear,
-                        mission as sim, montecarlo, plot, prototype, scan, scene, trajectory, units, world)
+                        mean_elements, mission as sim, montecarlo, plot, prototype, scan, scene, trajectory, units,
+                        world)
     from fledge.archive import Archive, ArchiveError
     from fledge.errors import RunError, SetupError
     from fledge.mission import MissionError, load, missions

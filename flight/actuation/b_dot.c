@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/actuation/b_dot.h"
+
+#include <string.h>
+
+#include "flight/actuation/allocation.h"
+
+void b_dot_reset(BDot *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+/* Takes a measurement of a new time: the change of its direction, as a vector across it. */
+static void take_field(BDot *m, Vec3 b, int64_t at)
+{
+    const double step = tick_seconds(tick_since(at, m->mem.measured));
+    const int compared = m->mem.known && (!(m->par.gap > 0.0) || step <= m->par.gap);
+    if (compared) {
+        const Vec3 change = vec_scale(1.0 / step, vec_sub(b, m->mem.b_B));
+        const double part = m->mem.known == 2u && m->par.tau > 0.0 ? step / (step + m->par.tau) : 1.0;
+        const Vec3 db = vec_add(m->mem.db_B, vec_scale(part, vec_sub(change, m->mem.db_B)));
+        m->mem.db_B = vec_sub(db, vec_scale(vec_dot(db, b), b));
+    }
+    m->mem.known = compared ? 2u : 1u;
+    m->mem.b_B = b;
+    m->mem.measured = at;
+}
+
+/* Gives the dipoles of the rods, and the factor by which their limits scaled them. */
+static double share_dipole(const BDot *m, Vec3 d, double B, double *dipole, int *rank)
+{
+    const RodSet *rods = &m->in.rods;
+    const uint32_t n = rods_count(rods);
+    const int bang = m->par.bang_above > 0.0 && vec_norm(d) > m->par.bang_above;
+    Gram gram = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (uint32_t i = 0; i < n; i++) {
+        gram_add(&gram, rods->axes_B[i]);
+    }
+    const Vec3 y = mat_vec(gram_pinv(&gram, rank), vec_scale(-m->par.k / B, d));
+    for (uint32_t i = 0; i < n; i++) {
+        const double along = vec_dot(rods->axes_B[i], d);
+        const double most = along > 0.0 ? -rods->m_max[i] : along < 0.0 ? rods->m_max[i] : 0.0;
+        dipole[i] = bang ? most : vec_dot(rods->axes_B[i], y);
+    }
+    const double factor = bang ? 1.0 : within_limits(rods->m_max, dipole, n);
+    for (uint32_t i = 0; i < n; i++) {
+        dipole[i] *= factor;
+    }
+    return factor;
+}
+
+static void put_state(BDot *m, int64_t t, Quality quality, double rate, int gyro)
+{
+    DetumbleState *state = &m->out.state;
+    const int slow = rate < m->par.rate_slow;
+    m->mem.slow_since = slow && m->mem.slow ? m->mem.slow_since : t;
+    m->mem.slow = (uint32_t)slow;
+    state->head = head_next(state->head, t, quality);
+    state->rate = rate;
+    state->slow_for = tick_seconds(tick_since(t, m->mem.slow_since));
+    state->detumbled = slow && state->slow_for >= m->par.slow_time;
+    state->gyro = (uint32_t)gyro;
+}
+
+static void put_out(BDot *m, int64_t t, Quality quality, const double *dipole, Vec3 torque_B)
+{
+    m->out.command.head = head_next(m->out.command.head, t, quality);
+    memcpy(m->out.command.dipole, dipole, sizeof m->out.command.dipole);
+    m->out.achieved.head = head_next(m->out.achieved.head, t, quality);
+    m->out.achieved.torque_B = torque_B;
+}
+
+void b_dot_update(BDot *m, Tick t)
+{
+    const double none[RODS_MAX] = {0.0};
+    const Head field = m->in.field.head, gyro = m->in.gyro.head;
+    const Vec3 B = m->in.field.B_B, omega = m->in.gyro.omega_BN_B;
+    const double size = vec_norm(B);
+    const int speaks = gyro_speaks(&m->in.gyro), seen = head_written(field) && isfinite(size);
+    const int strong = size >= m->par.field_min && size > 0.0;
+    const Vec3 b = vec_unit(B);
+    const int64_t at = head_time(field, t.t);
+    if (seen && strong && (!m->mem.known || at > m->mem.measured)) {
+        take_field(m, b, at); /* which the next output needs, though this one may not be written */
+    }
+
+    int rank;
+    double dipole[RODS_MAX] = {0.0};
+    const Vec3 d = speaks ? vec_cross(b, omega) : m->mem.db_B;
+    const double factor = share_dipole(m, d, size, dipole, &rank);
+    Vec3 m_B = vec3(0.0, 0.0, 0.0);
+    for (uint32_t i = 0; i < rods_count(&m->in.rods); i++) {
+        m_B = vec_add(m_B, vec_scale(dipole[i], m->in.rods.axes_B[i]));
+    }
+    const Vec3 torque_B = vec_cross(m_B, B);
+
+    Quality quality = quality_min(quality_through(field), quality_through(m->in.rods.head));
+    const int given = quality != QUALITY_NONE && seen;
+    quality = quality_min(quality, speaks ? quality_through(gyro) : head_written(gyro) ? QUALITY_DEGRADED : quality);
+    const int computed = given && strong && (speaks || m->mem.known == 2u) && vec_finite(torque_B) && vec_finite(m_B);
+    const int64_t of_field = data_time(field, t.t), of_gyro = data_time(gyro, t.t);
+    const int64_t of_both = of_field < of_gyro ? of_field : of_gyro;
+    const int64_t newest = !computed ? m->mem.newest : speaks ? of_both : m->mem.measured;
+    const int lost = head_written(m->out.command.head) && data_lost(t, newest, m->par.hold);
+    if (lost || (given && !strong)) {
+        put_out(m, t.t, QUALITY_DEGRADED, none, vec3(0.0, 0.0, 0.0));
+        m->out.state.head = head_held(m->out.state.head);
+        m->mem.slow = 0u;
+    } else if (computed) {
+        m->mem.newest = newest;
+        m->mem.saturated += factor < 1.0;
+        put_state(m, t.t, quality, speaks ? vec_norm(omega) : vec_norm(d), speaks);
+        put_out(m, t.t, rank == 3 ? quality : QUALITY_DEGRADED, dipole, torque_B);
+    } else {
+        m->out.command.head = head_held(m->out.command.head);
+        m->out.achieved.head = head_held(m->out.achieved.head);
+        m->out.state.head = head_held(m->out.state.head);
+    }
+}

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// The energy falls, the momentum moves into the wheels, and neither depends on what the module does not know.
+#include "flight/testing/magnetic_orbit.h"
+#include "flight/testing/poison.h"
+
+extern "C" {
+#include "flight/control/rate_damping.h"
+}
+
+namespace flight::testing {
+namespace rate_damping_test {
+
+constexpr std::int64_t second = 1'000'000'000;
+
+RateDamping any(Random &random, double torque_max = 0)
+{
+    RateDamping m{};
+    m.in.gyro = {good(), vec(random.vector(0.1))};
+    m.par.P = mat(random.spd(1e-2));
+    m.par.torque_max = torque_max;
+    return m;
+}
+
+TEST(RateDamping, the_body_comes_to_rest_and_wheels_have_its_momentum)
+{
+    Random random{1};
+    for (int i = 0; i < runs(50); i++) {
+        RateDamping m = any(random, i % 2 ? 2e-3 : 0);
+        Craft craft;
+        craft.I = random.spd(0.05);
+        craft.look(random.attitude());
+        craft.omega = random.vector(0.1);
+        craft.h = random.vector(0.02);
+        const Vector3d H_N = craft.dcm_BN().transpose() * (craft.I * craft.omega + craft.h);
+        for (int k = 0; k < 6000; k++) {
+            m.in.gyro = {good(k * second / 10), vec(craft.omega)};
+            rate_damping_update(&m, {k * second / 10, k ? second / 10 : 0});
+            const double before = craft.energy();
+            Actions act;
+            act.wheels_B = eigen(m.out.torque.torque_B);
+            EXPECT_LE(act.wheels_B.dot(craft.omega), 0);
+            craft.step({}, 0, 0.1, act);
+            EXPECT_LE(craft.energy(), before + 1e-12);
+        }
+        EXPECT_LT(craft.omega.norm(), 1e-5);
+        EXPECT_LT((craft.dcm_BN().transpose() * (craft.I * craft.omega + craft.h) - H_N).norm(), 1e-6);
+    }
+}
+
+TEST(RateDamping, the_limit_keeps_the_direction)
+{
+    Random random{2};
+    for (int i = 0; i < 300; i++) {
+        RateDamping free = any(random), m = free;
+        m.par.torque_max = 1e-3;
+        rate_damping_update(&free, {0, 0});
+        rate_damping_update(&m, {0, 0});
+        const Vector3d wanted = eigen(free.out.torque.torque_B), given = eigen(m.out.torque.torque_B);
+        EXPECT_NEAR(given.norm(), std::min(1e-3, wanted.norm()), 1e-15);
+        EXPECT_GT(given.dot(wanted), (1 - 1e-12) * given.norm() * wanted.norm());
+    }
+}
+
+TEST(RateDamping, ends_without_usable_rates_and_a_reset_forgets)
+{
+    for (const Quality lost : {QUALITY_NONE, QUALITY_STALE, QUALITY_DEGRADED, QUALITY_GOOD}) {
+        Random random{3};
+        RateDamping m = any(random);
+        m.par.hold = 3;
+        rate_damping_update(&m, {0, 0});
+        EXPECT_EQ(m.out.torque.head.quality, QUALITY_GOOD);
+        m.in.gyro.head.quality = lost;
+        if (lost == QUALITY_GOOD) {
+            m.in.gyro.omega_BN_B.v[1] = NAN;
+        }
+        for (int k = 1; k < 8; k++) {
+            rate_damping_update(&m, {k * second, second});
+            EXPECT_EQ(vec_norm(m.out.torque.torque_B) > 0, k <= 3);
+            EXPECT_EQ(m.out.torque.head.quality, QUALITY_DEGRADED);
+        }
+        rate_damping_reset(&m);
+        EXPECT_TRUE(all_zero(m.out) && all_zero(m.mem));
+    }
+}
+
+TEST(RateDamping, bad_numbers_never_leave_it)
+{
+    Random random{4};
+    RateDamping m = any(random, 1e-3);
+    rate_damping_update(&m, {0, 0});
+    expect_held(
+        m, doubles(m.in.gyro.omega_BN_B, m.par.P),
+        [](RateDamping &one) {
+            rate_damping_update(&one, {5, 5});
+        },
+        [](RateDamping &one) { return std::vector<Head *>{&one.out.torque.head}; });
+    for (int round = 0; round < runs(20000); round++) {
+        throw_numbers(doubles(m.in.gyro.omega_BN_B, m.par), random, round);
+        m.in.gyro.head.quality = any_quality(random);
+        rate_damping_update(&m, {round, 1});
+        expect_finite(doubles(m.out.torque.torque_B), round);
+    }
+}
+
+} // namespace rate_damping_test
+} // namespace flight::testing

@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "flight/navigation/orbit_on_board.h"
+
+#include <string.h>
+
+#include "flight/navigation/earth_orientation.h"
+
+void orbit_on_board_reset(OrbitOnBoard *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+/* The acceleration by a point and J2 at r, of which the third axis is the pole. */
+static Vec3 gravity(Vec3 r)
+{
+    const double size2 = vec_norm2(r), mu = SGP4_MU / (size2 * fm_sqrt(size2));
+    const double k = 1.5 * SGP4_J2 * SGP4_RADIUS * SGP4_RADIUS / size2, z = r.v[2];
+    const Vec3 bulge = vec_add(vec_scale(1.0 - 5.0 * z * z / size2, r), vec3(0.0, 0.0, 2.0 * z));
+    return vec_scale(-mu, vec_add(r, vec_scale(k, bulge)));
+}
+
+void orbit_on_board_update(OrbitOnBoard *m, Tick t)
+{
+    const Sgp4Elements elements = {m->par.epoch, m->par.n,         m->par.e, m->par.i,
+                                   m->par.node,  m->par.periapsis, m->par.M, m->par.bstar};
+    const int64_t now = m->in.time.time;
+    const int64_t at = data_time(m->in.time.head, t.t);
+    const double age = tick_seconds(tick_since(now, elements.epoch));
+    Sgp4 sgp4 = m->mem.sgp4;
+    NavOrbit *orbit = &m->out.orbit;
+    OrbitElementsState *state = &m->out.state;
+    if (!head_written(m->in.time.head)) {
+        orbit->head = head_held(orbit->head);
+        state->head = head_held(state->head);
+        return;
+    }
+
+    OrbitElementsCode code = ORBIT_ELEMENTS_GOOD;
+    if (m->mem.any == 0u || memcmp(&sgp4.elements, &elements, sizeof elements) != 0) {
+        code = sgp4_init(&sgp4, elements);
+    }
+    Vec3 r = vec3(0.0, 0.0, 0.0), v = r, a = r;
+    if (code == ORBIT_ELEMENTS_GOOD) {
+        code = sgp4_state(&sgp4, age, &r, &v);
+    }
+    if (code == ORBIT_ELEMENTS_GOOD) {
+        const Mat3 dcm_TN = earth_teme(earth_days(now));
+        a = mat_transpose_vec(dcm_TN, gravity(r));
+        r = mat_transpose_vec(dcm_TN, r);
+        v = mat_transpose_vec(dcm_TN, v);
+        if (!(vec_finite(r) && vec_finite(v) && vec_finite(a))) {
+            code = ORBIT_ELEMENTS_UNSOUND;
+        }
+    }
+    const Quality quality = quality_through(m->in.time.head);
+    const int old = m->par.age_max > 0.0 && fm_abs(age) > m->par.age_max;
+    *state = (OrbitElementsState){head_next(state->head, at, quality), age, code, sgp4.deep};
+    if (code != ORBIT_ELEMENTS_GOOD) {
+        orbit->head = head_held(orbit->head);
+        return;
+    }
+    *orbit = (NavOrbit){head_next(orbit->head, at, old ? QUALITY_DEGRADED : quality), r, v, a};
+    m->mem.sgp4 = sgp4;
+    m->mem.any = 1u;
+}

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CubeSat as numbers: with and without star trackers, with three wheels and four, commanded by radio."""
+import numpy as np
+import pytest
+
+import fledge
+from fledge import ground
+from fledge.errors import SetupError
+from fledge.units import deg, minute, s
+
+
+def flown(name, **options):
+    sim = fledge.load("cubesat", **options)
+    sim.plots = False
+    sim.scenarios[name]()
+    return sim
+
+
+@pytest.mark.parametrize("name", ["release", "imaging", "blinded", "without_gps", "crippled"])
+def test_the_scenarios_pass(name):
+    flown(name)
+
+
+def test_three_wheels_and_one_star_tracker_do():
+    flown("imaging", trackers=1, wheels=3)
+
+
+def test_without_star_trackers_it_finds_the_sun_and_looks_down():
+    sim = fledge.load("cubesat", trackers=0)
+    f, craft = sim.flight, sim.world.craft
+    craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
+    f.start_in("brake")
+    sim.run(5 * minute)
+    ground.connect(sim).command("mode", "nadir").completed(within=10 * s)
+    sim.run(4 * minute)
+    down = -craft.state.r_BN_N / np.linalg.norm(craft.state.r_BN_N)
+    camera = fledge.attitude.mrp_to_dcm(np.array(craft.state.sigma_BN))[2]
+    assert sim.mode == "nadir" and np.degrees(np.arccos(camera @ down)) < 2
+
+
+def test_nadir_is_refused_before_the_attitude_is_known():
+    sim = fledge.load("cubesat")
+    craft = ground.connect(sim)
+    sim.run(1 * s)
+    with pytest.raises(ground.NoAnswer, match="nadir is entered only if"):
+        craft.command("mode", "nadir").completed(within=10 * s)
+
+
+def test_a_pass_is_commanded_by_radio():
+    """From below the horizon a command is lost; in the pass it arrives, and telemetry comes back."""
+    sim = fledge.load("cubesat")
+    sim.world.craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
+    sim.flight.start_in("brake")
+    craft = ground.connect(sim, radio=sim.world.radio)
+    early = craft.command("mode", "nadir")
+    sim.run(17 * minute)
+    assert not early.reports and sim.mode == "sun"
+    while not sim.world.radio.up.lock:
+        sim.run(5 * s)
+    craft.command("mode", "nadir").completed(within=10 * s)
+    craft.command("telemetry", "flight.orbit.orbit").completed(within=10 * s)
+    craft.listen(20 * s)
+    assert np.linalg.norm(np.array(craft.telemetry.flight.orbit.orbit.r_BN_N) - sim.world.craft.state.r_BN_N) < 2e6
+    assert sim.mode == "contact"
+
+
+@pytest.mark.parametrize("options", [{"trackers": -1}, {"trackers": 3}, {"wheels": 2}, {"trackers": 0.5}])
+def test_other_numbers_of_star_trackers_and_wheels_are_refused(options):
+    with pytest.raises(SetupError, match="expected 0, 1 or 2 star trackers, and 3 or 4 wheels; found"):
+        fledge.load("cubesat", **options)

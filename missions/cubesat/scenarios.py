@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A CubeSat from its release on: it finds the Sun by itself; the ground has it look down, at a target and at the
+station; and three faults."""
+import numpy as np
+
+from fledge import ground
+from fledge.activity import modes
+from fledge.attitude import angle, mrp_to_dcm, relative
+from fledge.units import N, deg, hour, m, minute, s
+
+from .vehicle import CAMERA, PANELS
+
+GOOD, TRACKING = 3, 2       # a message's quality; the phase of a slew
+
+
+def release(sim):
+    """No command: rods stop the tumble, wheels what is left of it, and the panels find the Sun, through eclipses."""
+    log = _record(sim)
+    sim.run(4 * hour)
+    _plot(log, "release", "A CubeSat after its release")
+    begins = modes(log)["flight"]
+    assert [name for _, name in begins] == ["detumble", "brake", "sun"], begins
+    settled = log.time > begins[-1][0] + 300
+    off = _off(log, PANELS, log["light.s_N"])[settled].max()
+    assert off < np.radians(5), f"the panels are {np.degrees(off):.3g} deg off the Sun"
+    assert log["light.visible"][settled].min() == 0, "there was no eclipse"
+
+    # Flight has known its attitude and its place since the first minutes, without star trackers, and still does.
+    early = log.time > 600
+    assert (log["vectors.attitude.head.quality"][early] == GOOD).all(), "the attitude is degraded"
+    assert _wrong(log, "vectors.attitude")[early].max() < np.radians(1.5), "the attitude is wrong"
+    assert _away(log)[early].max() < 30, "the place is wrong"
+    assert log["telemetry.battery"][-1] > 0.9 * 65535, "the battery empties"
+
+
+def imaging(sim):
+    """It looks down, then at the target of its camera, then at the station, while these are in sight."""
+    log = _pointing(sim)
+    sim.run(23 * minute)
+    _plot(log, "imaging", "A target of the camera, and a pass over the station")
+    begins = modes(log)["flight"]
+    assert [name for _, name in begins] == ["brake", "sun", "nadir", "image", "nadir", "contact", "nadir"], begins
+    _points(log, 0.2)
+    seen = (log["world.station.contact.visible"] == 1) & (log.time < sim.time)
+    forecast = (log["forecast.state"] == 2) & (log.time < sim.time)
+    assert seen.sum() > 100 and (seen != forecast).sum() <= 1, "the forecast of the pass is wrong"
+
+
+def blinded(sim):
+    """Both star trackers fall silent while it looks down: Sun, field and gyro hold it, less well."""
+    if "stars_a" not in dir(sim.world):
+        return
+    for tracker in (sim.world.stars_a, sim.world.stars_b):
+        tracker.faults = [{"kind": "DROPOUT", "begin": 8 * minute}]
+    log = _pointing(sim)
+    sim.run(55 * minute)
+    _plot(log, "blinded", "Both star trackers fall silent")
+    assert log["stars.attitude.head.quality"][-1] < GOOD, "flight still believes them"
+    assert log["light.visible"][-1] == 0 and modes(log)["flight"][-1][1] == "nadir", "it does not look down in the dark"
+    _points(log, 2)
+
+
+def without_gps(sim):
+    """The receiver of GPS is lost: the filter of the orbit goes on, then elements take its place; it keeps pointing."""
+    sim.world.gps.faults = [{"kind": "DROPOUT", "begin": 8 * minute}]
+    log = _pointing(sim)
+    sim.run(6 * hour)
+    assert log["orbit.orbit.head.quality"][-1] < GOOD, "it believes an orbit of hours ago"
+    _points(log, 0.5)
+
+
+def crippled(sim):
+    """Two wheels seize: rods and the momentum of what is left point the camera, coarsely."""
+    def seize():
+        sim.world.wheels.friction = [0.01, 2e-5, 2e-5, 0.01] * N * m
+
+    sim.world.at(8 * minute, seize)
+    log = _pointing(sim)
+    sim.run(9 * hour)
+    _plot(log, "crippled", "Two wheels seize")
+    assert modes(log)["flight"][-1][1] == "hover", modes(log)
+    off = _off(log, CAMERA, -log["craft.state.r_BN_N"])
+    late = log.time > 7 * 3600
+    assert off[late].max() < np.radians(10), f"the camera is {np.degrees(off[late].max()):.3g} deg off"
+
+
+def _pointing(sim, after=5 * minute):
+    """A CubeSat that turns slowly finds the Sun, and then the ground has it look down."""
+    sim.world.craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
+    sim.flight.start_in("brake")
+    log = _record(sim)
+    sim.run(after)
+    ground.connect(sim).command("mode", "nadir").completed(within=10 * s)
+    return log
+
+
+def _record(sim):
+    f, w = sim.flight, sim.world
+    stars = [f.stars.attitude] if "stars" in dir(f) else []
+    return sim.record(w.craft.state, w.light.light, w.wheels.speeds, w.power.telemetry, w.station.contact,
+                      w.station.state, f.vectors.attitude, f.vectors.state, f.orbit.orbit, f.elements.orbit,
+                      f.window.command, f.b_dot.state, f.plan.state, f.shadow.shadow, f.passes.forecast,
+                      f.tracking.error, f.slew.status, f.keep_out.status, f.target.target, *stars, every=2 * s)
+
+
+def _plot(log, name, title):
+    log.plot("craft.state.omega_BN_B", "craft.state.sigma_BN", "speeds.Omega", "window.command.dipole",
+             units={"craft.state.omega_BN_B": "deg/s", "speeds.Omega": "rpm"},
+             titles=["(a) rates", "(b) attitude", "(c) wheel speeds", "(d) dipoles of the rods"],
+             name=name, title=title)
+
+
+def _points(log, limit):
+    """Once a slew has ended, the camera looks at what the mode says, up to a limit [deg], by the truth."""
+    r = log["craft.state.r_BN_N"]
+    ways = {"nadir": -r, "contact": log["world.station.state.r_PN_N"] - r, "image": log["target.target.r_PN_N"] - r}
+    begins = modes(log)["flight"]
+    for (begin, name), (end, _) in zip(begins, [*begins[1:], (log.time[-1], "")], strict=True):
+        if name in ways:
+            there = (log.time > begin) & (log.time < end) & (log["slew.status.phase"] == TRACKING)
+            assert there.any(), f"{name}, from {begin:g} s on: it does not arrive"
+            off = np.degrees(_off(log, CAMERA, ways[name])[there].max())
+            assert off < limit, f"{name}, from {begin:g} s on: the camera is {off:.3g} deg off"
+
+
+def _off(log, axis_B, way_N):
+    """[rad] Between an axis of the body and a direction, by the truth."""
+    axis = np.einsum("nji,j->ni", mrp_to_dcm(log["craft.state.sigma_BN"]), axis_B)
+    return np.arctan2(np.linalg.norm(np.cross(axis, way_N), axis=1), np.einsum("ij,ij->i", axis, way_N))
+
+
+def _wrong(log, attitude):
+    """[rad] Between an attitude that flight knows and the truth."""
+    return angle(relative(log[f"{attitude}.sigma_BN"], log["craft.state.sigma_BN"]))
+
+
+def _away(log):
+    """[m] Between the filtered place and the truth."""
+    return np.linalg.norm(log["orbit.orbit.r_BN_N"] - log["craft.state.r_BN_N"], axis=1)

@@ -1,0 +1,431 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mean elements of SGP4 as they are published: two-line element sets, with or without a line of the name, and OMMs in
+KVN, XML, JSON or CSV.
+
+    elements = mean_elements.read("stations.txt", "ISS (ZARYA)")    # or its number in the catalogue
+    fsw.OrbitOnBoard(**elements.parameters(), age_max=3 * day)
+    for name, value in elements.parameters().items():               # in a scenario
+        setattr(sim.flight.orbit, name, value)
+
+What is not as its format says is refused with its file, its line and what was expected: columns and checksums of lines,
+frames, time systems and theories of OMMs, and elements of no orbit or of one that has decayed.
+
+Source: CelesTrak, NORAD Two-Line Element Set Format; Space-Track, Alpha-5; CCSDS 502.0, Orbit Data Messages.
+"""
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+from xml.parsers import expat
+
+from fledge.errors import SetupError, did_you_mean, listed, printable
+from fledge.files import shown
+
+DAY = 86_400_000_000_000                    # [ns]
+J2000 = datetime(2000, 1, 1, 12)
+RADIUS, MU = 6378.135e3, 398600.8e9         # of WGS 72, as SGP4 has them
+
+TURN = 2 * math.pi
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+TIME = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d)(?:\.(\d+))?Z?")
+LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"        # of Alpha-5: from 10 on, without I and O
+
+
+@dataclass(frozen=True)
+class MeanElements:
+    """The mean elements of an object by SGP4, in TEME of their epoch."""
+    name: str           # "" if it has none
+    number: int         # in the catalogue, 0 if it has none
+    designator: str     # of its launch, "1998-067A"
+    epoch: int          # [ns] UTC since 2000-01-01T12:00:00, 86,400 s a day
+    n: float            # [rad/s] mean motion (Kozai's)
+    e: float            # [-] eccentricity
+    i: float            # [rad] inclination
+    node: float         # [rad] right ascension of the ascending node
+    periapsis: float    # [rad] argument of perigee
+    M: float            # [rad] mean anomaly
+    bstar: float        # [-] B* for lengths in Earth radii
+    source: str = ""    # "stations.txt, line 2"
+
+    def parameters(self) -> dict[str, int | float]:
+        """What fsw.OrbitOnBoard takes."""
+        return {key: getattr(self, key) for key in ("epoch", "n", "e", "i", "node", "periapsis", "M", "bstar")}
+
+    @property
+    def utc(self) -> str:
+        """The epoch, "2020-10-13T04:52:48.472320", to microseconds."""
+        return (J2000 + timedelta(microseconds=round(self.epoch / 1000))).isoformat(timespec="microseconds")
+
+    @property
+    def title(self) -> str:
+        """Name and number, as far as it has them."""
+        return " ".join([*([self.name] if self.name else []), *([f"({self.number})"] if self.number else [])]) or "?"
+
+
+def read(source: str | os.PathLike[str], name: str | int | None = None) -> MeanElements:
+    """The elements of one object in a file, or in a text of several lines.
+
+    name: its name or its number in the catalogue, where there are several. Raises SetupError, with what is wrong where.
+    """
+    sets = read_all(source)
+    where = "the text" if _is_text(source) else str(shown(source))
+    found = [one for one in sets if name is None or _is_named(one, name)]
+    if not found:
+        names = [one.name or str(one.number) for one in sets]
+        raise SetupError(f"{where}: has no object {name!r}{did_you_mean(str(name), names)} it has "
+                         f"{listed([one.title for one in sets], 10)}")
+    if len(found) > 1:
+        several = len({one.number for one in found}) > 1
+        what = ("objects; give the name or the number of one" if several else
+                "element sets of one object; give a file of one, or choose among read_all(...)")
+        raise SetupError(f"{where}: has {len(found)} {what}: "
+                         f"{listed([one.title if several else f'{one.title} of {one.utc}' for one in found], 10)}")
+    return found[0]
+
+
+def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
+    """The elements of all objects in a file, or in a text of several lines. Raises SetupError."""
+    if _is_text(source):
+        text, where = str(source), "the text"
+    else:
+        where = str(shown(source))
+        try:
+            text = Path(source).read_text(encoding="utf-8-sig")
+        except UnicodeDecodeError:
+            raise SetupError(f"{where}: expected a text in UTF-8") from None
+        except (OSError, ValueError) as error:
+            raise SetupError(printable(f"{where}: expected a file of elements, or their text of several lines; "
+                                       f"{getattr(error, 'strerror', error)}")) from None
+    found = list(_reader(text)(text, where))
+    if not found:
+        raise SetupError(f"{where}: expected two-line elements, or an OMM in KVN, XML, JSON or CSV; it has none")
+    return found
+
+
+def _is_text(source):
+    return isinstance(source, str) and ("\n" in source or source.lstrip()[:1] in ("<", "{", "["))
+
+
+def _is_named(one, name):
+    text = str(name).strip()
+    return one.name.casefold() == text.casefold() or (text.isdecimal() and one.number == int(text))
+
+
+def _reader(text: str) -> Callable[[str, str], Iterator[MeanElements]]:
+    begin = text.lstrip("\ufeff \t\r\n")
+    if begin[:1] in ("{", "["):
+        return _json
+    if begin[:1] == "<":
+        return _xml
+    if re.search(r"^\s*CCSDS_OMM_VERS\s*=", text, re.MULTILINE):
+        return _kvn
+    if re.match(r"[^\n]*\bMEAN_MOTION\b[^\n]*,|[^\n]*,[^\n]*\bMEAN_MOTION\b", begin):
+        return _csv
+    return _lines
+
+
+def _refuse(place: str, text: str) -> NoReturn:
+    raise SetupError(printable(f"{place}: {text}"))
+
+
+def _made(places: Callable[[str], str], name: str, number: int, designator: str, epoch: int,
+          values: Mapping[str, float], source: str) -> MeanElements:
+    """MeanElements, of published units. places: where a value stands, by its name in an OMM."""
+    for key, least, most in (("ECCENTRICITY", 0.0, 1.0), ("INCLINATION", 0.0, 180.0)):
+        if not least <= values[key] <= most or (key == "ECCENTRICITY" and values[key] == 1.0):
+            _refuse(places(key), f"{key}: expected {least:g} to {most:g}{' deg' if most > 1 else ', less than 1'}; "
+                                 f"found {values[key]:g}")
+    if not values["MEAN_MOTION"] > 0.0:
+        _refuse(places("MEAN_MOTION"), f"MEAN_MOTION: expected revolutions a day, > 0; found {values['MEAN_MOTION']:g}")
+    n = values["MEAN_MOTION"] * TURN / 86400
+    perigee = (MU / n**2) ** (1 / 3) * (1 - values["ECCENTRICITY"]) - RADIUS
+    if perigee < 0.0:
+        _refuse(places("MEAN_MOTION"), f"its perigee is {-perigee / 1000:.0f} km below the Earth's surface: the object "
+                                       "has decayed, or mean motion or eccentricity are wrong")
+    i, node, periapsis, M = (math.radians(values[key]) for key in (
+        "INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY"))
+    return MeanElements(name, number, designator, epoch, n, values["ECCENTRICITY"], i, node, periapsis, M,
+                        values["BSTAR"], source)
+
+
+# --- two-line elements ------------------------------------------------------------------------------
+
+class _Field(NamedTuple):
+    first: int      # columns, from 1
+    last: int
+    pattern: str
+    what: str
+
+
+_ANGLE = r" *\d{1,3}\.\d{4}"
+_POWER = r"[ +-]\d{5}[+-]\d"
+_NUMBER = f" *[0-9]{{1,5}}|[{LETTERS}][0-9]{{4}}"
+_COLUMNS = {
+    "1": {
+        "number": _Field(3, 7, _NUMBER, "the number in the catalogue, of five digits or Alpha-5"),
+        "class": _Field(8, 8, "[UCS ]", "the classification, U, C or S"),
+        "designator": _Field(10, 17, r"\d{5}[A-Z]{1,3} *| *", "the designator of the launch, '98067A'"),
+        "epoch": _Field(19, 32, r"\d\d(\d{3}| \d\d|  \d)\.\d{8}", "the epoch, year and day, 'yyddd.dddddddd'"),
+        "ndot": _Field(34, 43, r"[ +-]\.\d{8}|[ +-]?\d\.\d{8}", "half the rate of the mean motion, ' .nnnnnnnn'"),
+        "nddot": _Field(45, 52, _POWER, "a sixth of its second rate, ' nnnnn-n'"),
+        "bstar": _Field(54, 61, _POWER, "B*, ' nnnnn-n'"),
+        "type": _Field(63, 63, "[0-9 ]", "the type of the elements"),
+        "set": _Field(65, 68, r" *\d*", "the number of the set"),
+    },
+    "2": {
+        "number": _Field(3, 7, _NUMBER, "the number in the catalogue, of five digits or Alpha-5"),
+        "INCLINATION": _Field(9, 16, _ANGLE, "the inclination [deg], 'nnn.nnnn'"),
+        "RA_OF_ASC_NODE": _Field(18, 25, _ANGLE, "the right ascension of the node [deg], 'nnn.nnnn'"),
+        "ECCENTRICITY": _Field(27, 33, r"\d{7}", "the eccentricity without its point, 'nnnnnnn'"),
+        "ARG_OF_PERICENTER": _Field(35, 42, _ANGLE, "the argument of perigee [deg], 'nnn.nnnn'"),
+        "MEAN_ANOMALY": _Field(44, 51, _ANGLE, "the mean anomaly [deg], 'nnn.nnnn'"),
+        "MEAN_MOTION": _Field(53, 63, r" *\d{1,2}\.\d{8}", "the mean motion [rev/day], 'nn.nnnnnnnn'"),
+        "revolution": _Field(64, 68, r" *\d*", "the revolution at the epoch"),
+    },
+}
+
+
+def checksum(line: str) -> int:
+    """The last digit of a line of elements, of the 68 columns before it: the sum of digits, minus signs as 1."""
+    return sum(int(c) if c.isdecimal() else c == "-" for c in line[:68]) % 10
+
+
+def _columns(line: str, place: str) -> dict[str, str]:
+    """The fields of a line, each as its columns have it."""
+    if not line.isascii() or len(line) != 69:
+        _refuse(place, f"expected 69 columns of a line of elements; found {len(line)}: {line!r}")
+    if line[68] != str(checksum(line)):
+        _refuse(place, f"column 69: expected {checksum(line)}, the checksum of what stands before; found {line[68]!r}")
+    fields, column = {}, 2
+    for key, (first, last, pattern, what) in _COLUMNS[line[0]].items():
+        if line[column - 1:first - 1].strip():
+            _refuse(place, f"column {column}: expected a space; found {line[column - 1:first - 1]!r}")
+        fields[key] = line[first - 1:last]
+        if not re.fullmatch(pattern, fields[key]):
+            columns = f"columns {first} to {last}" if last > first else f"column {first}"
+            _refuse(place, f"{columns}: expected {what}; found {fields[key]!r}")
+        column = last + 1
+    return fields
+
+
+def _catalogue(text: str) -> int:
+    """A number of five columns; Alpha-5 has a letter for 10 to 33 in front."""
+    return int(text) if not text[0].isalpha() else int(f"{LETTERS.index(text[0]) + 10}{text[1:]}")
+
+
+def _power(text: str) -> float:
+    """' 28098-4' is 0.28098e-4."""
+    return float(f"{text[0].strip()}0.{text[1:6]}e{text[6:]}")
+
+
+def _lines(text: str, where: str) -> Iterator[MeanElements]:
+    rows = [(number, line.rstrip()) for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if
+            line.strip()]
+    name, at = "", 0
+    while at < len(rows):
+        number, line = rows[at]
+        place = f"{where}, line {number}"
+        at += 1
+        if not line.startswith("1 "):
+            if name or line.startswith("2 "):
+                _refuse(place, f"expected line 1 of a two-line element set, '1 nnnnn...'; found {line!r}")
+            name = line.removeprefix("0 ").strip()
+            continue
+        if at == len(rows) or not rows[at][1].startswith("2 "):
+            _refuse(f"{where}, line {rows[at][0] if at < len(rows) else number + 1}",
+                    f"expected line 2 of the element set, '2 nnnnn...'; found "
+                    f"{repr(rows[at][1]) if at < len(rows) else 'the end'}")
+        second = f"{where}, line {rows[at][0]}"
+        one, two = _columns(line, place), _columns(rows[at][1], second)
+        at += 1
+        if one["number"] != two["number"]:
+            _refuse(second, f"columns 3 to 7: expected {one['number']}, as in line 1; found {two['number']}")
+        if one["type"] not in " 023":
+            _refuse(place, f"column 63: expected elements of SGP4, 0; found {one['type']}"
+                           f"{', which are of SGP4-XP' if one['type'] == '4' else ''}")
+        year = int(one["epoch"][:2])
+        first = date(year + (1900 if year >= 57 else 2000), 1, 1)
+        day, within = int(one["epoch"][2:5]), int(one["epoch"][6:]) * (DAY // 10**8)
+        most = (date(first.year + 1, 1, 1) - first).days
+        if not 1 <= day <= most:
+            _refuse(place, f"columns 21 to 32: expected a day of {first.year}, 1 to {most}; found {day}")
+        values = {key: float(two[key]) for key in two if key.isupper()} | {
+            "ECCENTRICITY": float("0." + two["ECCENTRICITY"]), "BSTAR": _power(one["bstar"])}
+        launch = one["designator"].strip()
+        if launch:
+            launch = f"{'19' if launch[:2] >= '57' else '20'}{launch[:2]}-{launch[2:]}"
+        epoch = ((first - J2000.date()).days + day - 1) * DAY + within - DAY // 2
+        yield _made(lambda _: second, name, _catalogue(one["number"]), launch, epoch, values, place)
+        name = ""
+    if name:
+        _refuse(place, f"expected line 1 of a two-line element set after the name {name!r}; found the end")
+
+
+# --- orbit mean-elements messages -------------------------------------------------------------------
+
+_REQUIRED = {"EPOCH": "", "MEAN_MOTION": "rev/day", "ECCENTRICITY": "", "INCLINATION": "deg", "RA_OF_ASC_NODE": "deg",
+             "ARG_OF_PERICENTER": "deg", "MEAN_ANOMALY": "deg", "BSTAR": "1/ER"}
+# What CelesTrak leaves out in JSON and CSV.
+_ASSUMED = {"CENTER_NAME": ["EARTH"], "REF_FRAME": ["TEME"], "TIME_SYSTEM": ["UTC"],
+            "MEAN_ELEMENT_THEORY": ["SGP4", "SGP/SGP4"]}
+
+
+class _Value(NamedTuple):
+    text: str
+    line: int
+    unit: str = ""
+
+
+def _of_omm(fields: Mapping[str, _Value], where: str, line: int, strict: bool) -> MeanElements:
+    """The elements of an OMM that begins at a line. strict: what says which elements they are must not be missing."""
+    def place(key: str) -> str:
+        return f"{where}, line {fields[key].line if key in fields else line}"
+
+    def value(key: str) -> str:
+        return fields[key].text.strip() if key in fields else ""
+
+    def number(key: str) -> float:
+        if not NUMBER.fullmatch(value(key)) or not math.isfinite(float(value(key))):
+            _refuse(place(key), f"{key}: expected a number; found {value(key)!r}")
+        return float(value(key))
+
+    needed = [*_REQUIRED, *(_ASSUMED if strict else ())]
+    missing = [key for key in needed if not value(key)]
+    if missing:
+        _refuse(place(missing[0]), f"expected {listed(missing)} in the OMM of {value('OBJECT_NAME') or 'an object'}; "
+                                   "there is none")
+    for key, allowed in _ASSUMED.items():
+        if value(key) and value(key).upper() not in allowed:
+            _refuse(place(key), f"{key}: expected {' or '.join(allowed)}; found {value(key)}")
+    for key, unit in _REQUIRED.items():
+        if fields[key].unit and fields[key].unit.lower() != unit.lower():
+            _refuse(place(key), f"{key}: expected the unit {unit or 'of a bare number'}; found {fields[key].unit}")
+    if value("EPHEMERIS_TYPE") not in ("", "0", "2", "3", "SGP", "SGP4"):
+        _refuse(place("EPHEMERIS_TYPE"), f"EPHEMERIS_TYPE: expected 0, elements of SGP4; found "
+                                         f"{value('EPHEMERIS_TYPE')}")
+    if value("DECAY_DATE"):
+        _refuse(place("DECAY_DATE"), f"{value('OBJECT_NAME')} decayed on {value('DECAY_DATE')}")
+    catalogue = value("NORAD_CAT_ID") or "0"
+    if not re.fullmatch(f"\\d{{1,9}}|[{LETTERS}]\\d{{4}}", catalogue):
+        _refuse(place("NORAD_CAT_ID"), f"NORAD_CAT_ID: expected up to nine digits, or Alpha-5; found {catalogue!r}")
+    return _made(place, value("OBJECT_NAME"), _catalogue(catalogue), value("OBJECT_ID"),
+                 _epoch(value("EPOCH"), place("EPOCH")), {key: number(key) for key in _REQUIRED if key != "EPOCH"},
+                 f"{where}, line {line}")
+
+
+def _epoch(text: str, place: str) -> int:
+    """[ns] since J2000, of "2020-10-13T04:52:48.472320" or "2020-287T04:52:48"."""
+    match = TIME.fullmatch(text)
+    try:
+        if not match:
+            raise ValueError
+        year, month, day, of_year, hours, minutes, seconds = (int(part or 1) for part in match.groups()[:7])
+        whole = datetime(year, month, day, hours, minutes, seconds) + timedelta(days=of_year - 1)
+        if not 1957 <= whole.year == year <= 2200:
+            raise ValueError
+    except ValueError:
+        _refuse(place, f"EPOCH: expected UTC from 1957 to 2200, '2020-10-13T04:52:48.472320'; found {text!r}")
+    since = whole - J2000
+    return since.days * DAY + since.seconds * 10**9 + int(f"{match.group(8) or '':0<9}"[:9])
+
+
+def _kvn(text: str, where: str) -> Iterator[MeanElements]:
+    fields: dict[str, _Value] = {}
+    begin = 1
+    for number, line in enumerate(text.lstrip("\ufeff").splitlines(), 1):
+        key, equals, rest = (part.strip() for part in line.partition("="))
+        if not line.strip() or line.split()[0] == "COMMENT" or line.strip() in (
+                "META_START", "META_STOP", "DATA_START", "DATA_STOP"):
+            continue
+        if not equals or not re.fullmatch(r"[A-Z][A-Z0-9_]*", key):
+            _refuse(f"{where}, line {number}", f"expected KEYWORD = value; found {line!r}")
+        if key == "CCSDS_OMM_VERS":
+            if fields:
+                yield _of_omm(fields, where, begin, True)
+            fields, begin = {}, number
+        elif not fields:
+            _refuse(f"{where}, line {number}", f"expected CCSDS_OMM_VERS = ... first; found {line!r}")
+        if key in fields:
+            _refuse(f"{where}, line {number}", f"{key} is given twice; the first is in line {fields[key].line}")
+        unit = re.fullmatch(r"(.*?)\s*\[(.*)\]", rest)
+        fields[key] = _Value(unit[1], number, unit[2].strip()) if unit else _Value(rest, number)
+    yield _of_omm(fields, where, begin, True)
+
+
+def _xml(text: str, where: str) -> Iterator[MeanElements]:
+    found: list[tuple[int, dict[str, _Value]]] = []
+    open_ones: list[tuple[str, int, str, list[str]]] = []       # name, line, unit, pieces of its text
+    parser = expat.ParserCreate()
+    before = text.index("<")            # no line feed may stand before the declaration
+    skipped = text.count("\n", 0, before)
+
+    def start(name, attributes):
+        name, line = name.rpartition(":")[2], parser.CurrentLineNumber + skipped
+        if name == "omm":
+            found.append((line, {}))
+        open_ones.append((name, line, attributes.get("units", ""), []))
+
+    def end(_):
+        name, line, unit, pieces = open_ones.pop()
+        if found and name.isupper():
+            fields = found[-1][1]
+            if name in fields and name in _REQUIRED:
+                _refuse(f"{where}, line {line}", f"{name} is given twice; the first is in line {fields[name].line}")
+            fields[name] = _Value("".join(pieces), line, unit)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = lambda data: open_ones[-1][3].append(data)
+    try:
+        parser.Parse(text[before:], True)
+    except expat.ExpatError as error:
+        _refuse(f"{where}, line {error.lineno + skipped}", f"expected XML; {expat.ErrorString(error.code)}")
+    for line, fields in found:
+        yield _of_omm(fields, where, line, True)
+
+
+def _json(text: str, where: str) -> Iterator[MeanElements]:
+    try:
+        sets = json.loads(text.lstrip("\ufeff"))
+    except (json.JSONDecodeError, RecursionError) as error:
+        _refuse(f"{where}, line {getattr(error, 'lineno', 1)}", f"expected JSON; {getattr(error, 'msg', error)}")
+    at = 0
+    for one in sets if isinstance(sets, list) else [sets]:
+        at = text.find("{", at)
+        line = text.count("\n", 0, max(at, 0)) + 1
+        if not isinstance(one, dict):
+            _refuse(f"{where}, line {line}", f"expected an object with the fields of an OMM; found {one!r}")
+        end, fields = at, {}
+        for key, value in one.items():
+            if isinstance(value, (dict, list, bool)):
+                _refuse(f"{where}, line {line}", f"{key}: expected a text or a number; found {value!r}")
+            end = max(end, text.find(f'"{key}"', at))
+            fields[key] = _Value("" if value is None else str(value), text.count("\n", 0, max(end, 0)) + 1)
+        yield _of_omm(fields, where, line, False)
+        at = max(end, at) + 1
+
+
+def _csv(text: str, where: str) -> Iterator[MeanElements]:
+    rows = csv.reader(text.lstrip("\ufeff").splitlines())
+    try:
+        keys: Sequence[str] = []
+        for row in rows:
+            place = f"{where}, line {rows.line_num}"
+            if not any(cell.strip() for cell in row):
+                continue
+            if not keys:
+                keys = [cell.strip() for cell in row]
+                continue
+            if len(row) != len(keys):
+                _refuse(place, f"expected {len(keys)} columns, as the first line names; found {len(row)}")
+            yield _of_omm({key: _Value(cell, rows.line_num) for key, cell in zip(keys, row)}, where, rows.line_num,
+                          False)
+    except csv.Error as error:
+        _refuse(f"{where}, line {rows.line_num}", f"expected CSV; {error}")
