@@ -60,7 +60,9 @@ void wheel_balance_update(WheelBalance *m, Tick t)
     const Quality of_speeds = quality_through(m->in.speeds.head);
 
     double u[WHEELS_MAX], null[WHEELS_MAX] = {0.0};
-    int balances = of_speeds != QUALITY_NONE && !data_lost(t, data_time(m->in.speeds.head, t.t), m->par.hold);
+    const Head wanted = m->in.wanted.head;
+    int balances = of_speeds != QUALITY_NONE && !data_lost(t, data_time(m->in.speeds.head, t.t), m->par.hold) &&
+                   !(head_written(wanted) && data_lost(t, data_time(wanted, t.t), m->par.hold));
     int finite = 1;
     if (balances) {
         null_motion(m, null);

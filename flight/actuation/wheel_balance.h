@@ -10,8 +10,8 @@
  *  the null motion of the wheels reaches; with wanted speeds of zero, which is balancing, no other distribution of the
  *  same momentum among equal wheels has a smaller sum. Where a motor would pass its limit, the null motion alone is
  *  scaled. Three wheels or fewer have no null motion.
- *  Without speeds that are new, or where the null motion is not finite, the command passes unchanged, degraded. The
- *  output is as old as the command, which its sender ends (WheelTorques); one that is not finite is held, degraded.
+ *  Without speeds that are new, where wanted ones at the input are old, and where the null motion is not finite, the
+ *  command passes unchanged, degraded. The output is as old as the command, which its sender ends (WheelTorques); one that is not finite is held, degraded.
  *  Source: Schaub and Junkins; the projector of the pseudo-inverse. */
 typedef struct WheelBalance {
     struct {
@@ -27,7 +27,7 @@ typedef struct WheelBalance {
     struct {
         double K;                 ///< [N m s] required, > 0: gain on the error of a speed
         double Omega[WHEELS_MAX]; ///< [rad/s] wanted speeds
-        double hold;              ///< [s] >= 0: how long old speeds count; 0: ten updates
+        double hold;              ///< [s] >= 0: how long old speeds and old wanted ones count; 0: ten updates
     } par;
 } WheelBalance;
 

@@ -109,6 +109,22 @@ TEST(WheelBalance, leaves_the_commanded_torque_whole_at_a_limit)
     EXPECT_GT(limited, 250);
 }
 
+TEST(WheelBalance, wanted_speeds_that_are_no_longer_written_do_not_count)
+{
+    Random random{5};
+    WheelBalance m = any(random, 4);
+    m.par.hold = 2;
+    m.in.wanted.head = good();
+    wheel_balance_update(&m, {5 * second, second});
+    EXPECT_NE(numbers(m.out.command.u, m), numbers(m.in.torques.u, m));
+    m.in.wanted.head = {3 * second, QUALITY_STALE, 1};
+    wheel_balance_update(&m, {5 * second, second});
+    EXPECT_NE(numbers(m.out.command.u, m), numbers(m.in.torques.u, m)) << "within the hold";
+    wheel_balance_update(&m, {6 * second, second});
+    EXPECT_EQ(numbers(m.out.command.u, m), numbers(m.in.torques.u, m));
+    EXPECT_EQ(m.out.command.head.quality, QUALITY_DEGRADED);
+}
+
 TEST(WheelBalance, without_new_speeds_the_command_passes_unchanged)
 {
     Random random{4};
