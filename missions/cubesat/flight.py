@@ -25,12 +25,17 @@ def vehicle(f, wheels):
     f.vehicle = fsw.VehicleConfig(I_B=INERTIA)
     f.wheels  = fsw.WheelConfig(axes_B=AXES[:wheels], **WHEEL)
     f.rods    = fsw.RodConfig(**RODS)
-    f.power   = fsw.PowerManager(on=switched(), clears=2, clear_after=10 * s, silent_after=2 * s)
+    f.power   = fsw.PowerManager(on=SAFE, clears=2, clear_after=10 * s, silent_after=2 * s)
 
 
-def switched(*more):
-    """The loads that are on, a bit for each: those that always are, and more."""
-    return sum(1 << LOADS[name] for name in ("computer", "wheels", "radio", "gps", "stars a", "stars b") + more)
+def loads(*names):
+    """A bit for each."""
+    return sum(1 << LOADS[name] for name in names)
+
+
+SAFE    = loads("computer", "radio", "gps", "wheels")
+POINTS  = SAFE + loads("stars a", "stars b")
+IMAGES  = POINTS + loads("camera")
 
 
 def knowledge(f):
@@ -148,7 +153,7 @@ def control(f, trackers):
                            slow_time=2 * minute)
     f.damping   = fsw.RateDamping(P=0.03 * N * m * s, torque_max=2e-3 * N * m)
     f.sun_safe  = fsw.SunSafe(axis_B=PANELS, search_B=[0.5, 0.3, 0] * deg / s, hold=60 * s)
-    f.sun_law   = fsw.MrpFeedback(K=6e-3 * N * m, P=0.03 * N * m * s, hold=2 * s)
+    f.sun_law   = fsw.MrpFeedback(K=3e-3 * N * m, P=0.06 * N * m * s, hold=2 * s)
     f.law       = fsw.MrpFeedback(K=0.07 * N * m, P=0.1 * N * m * s, hold=2 * s)
     f.monitor   = fsw.WheelMonitor(torque_max=5e-4 * N * m, persistence=6)
     f.motor     = fsw.WheelTorques(hold=2 * s)
@@ -175,7 +180,7 @@ def control(f, trackers):
         (fsw.by_mode(brake=f.damping.torque, sun=f.sun_law.torque, nadir=f.law.torque, contact=f.law.torque,
                      image=f.law.torque, hover=f.magnetic.wheels_torque) >> f.motor.torque).stale_after(2 * s),
         f.motor.command         >> f.balance.torques,
-        f.plan.wanted           >> f.balance.wanted,
+        (f.plan.wanted          >> f.balance.wanted).stale_after(2 * s),
         f.balance.command       >> f.monitor.command,
         f.monitor.availability  >> [f.motor.availability, f.plan.availability, f.balance.availability],
 
@@ -210,38 +215,40 @@ def modes(f, trackers):
     hover   = f.task("hover", every=GNC, run=[f.hill, f.hill_axes, f.off, f.magnetic])
     dump    = f.task("dump", every=GNC, run=[f.dump])
     rods    = f.task("rods act", every=GNC, run=[f.rod_law])
-    f.task("wheels act", every=GNC, run=[f.monitor, f.motor, f.plan, f.balance])
+    plan    = f.task("plan speeds", every=GNC, run=[f.plan])
+    f.task("wheels act", every=GNC, run=[f.monitor, f.motor, f.balance])
 
     sure = f.watch(f.vectors.attitude).head.quality == "GOOD"
     if trackers:
         sure = sure | (f.watch(f.stars.attitude).head.quality == "GOOD")
     f.mode("detumble", [tumble])
     f.mode("brake", [brake])
-    f.mode("sun", [sun, dump, rods])
-    f.mode("nadir", [down, point, dump, rods], when=sure)
-    f.mode("contact", [station, point, dump, rods], when=sure)
-    f.mode("image", [target, point, dump, rods], when=sure)
+    f.mode("sun", [sun, dump, rods, plan])
+    f.mode("nadir", [down, point, dump, rods, plan], when=sure)
+    f.mode("contact", [station, point, dump, rods, plan], when=sure)
+    f.mode("image", [target, point, dump, rods, plan], when=sure)
     f.mode("hover", [hover, rods], when=sure)
 
     # From the tumble to the Sun, and back to rods if something spins it up.
-    rate = f.watch(f.line.rate).omega_BN_B.norm()
+    rate, power = f.watch(f.line.rate).omega_BN_B.norm(), f.watch(f.power)
     f.event("slow", when=f.watch(f.b_dot.state).detumbled == 1, modes=[f.detumble], enter=f.brake)
-    f.event("still", when=rate < 0.2 * deg / s, hold=20 * s, modes=[f.brake], enter=f.sun)
-    f.event("spins", when=rate > 4 * deg / s, hold=10 * s, modes=[f.brake, f.sun], enter=f.detumble)
+    f.event("still", when=rate < 0.2 * deg / s, hold=20 * s, modes=[f.brake], enter=f.sun, set=[(power.on, POINTS)])
+    f.event("spins", when=rate > 4 * deg / s, hold=10 * s, modes=[f.brake, f.sun], enter=f.detumble,
+            set=[(power.on, SAFE)])
 
     # While it looks down, passes come by themselves: over the station, and over the target, where it is light, with the
     # camera switched on.
-    forecast, high, power = f.watch(f.passes.forecast), f.watch(f.target.contact), f.watch(f.power)
+    forecast, high = f.watch(f.passes.forecast), f.watch(f.target.contact)
     lit = f.watch(f.shadow.shadow).phase == "SHADOW_SUNLIT"
     f.event("rises", when=forecast.state == "PASS_NOW", modes=[f.nadir], enter=f.contact)
     f.event("sets", when=~(forecast.state == "PASS_NOW"), modes=[f.contact], enter=f.nadir)
     f.event("over", when=(high.visible == 1) & lit, modes=[f.nadir], enter=f.image,
-            set=[(power.on, switched("camera"))])
-    f.event("past", when=high.visible == 0, modes=[f.image], enter=f.nadir, set=[(power.on, switched())])
+            set=[(power.on, IMAGES)])
+    f.event("past", when=high.visible == 0, modes=[f.image], enter=f.nadir, set=[(power.on, POINTS)])
 
     # What can go wrong: the attitude, the battery, two wheels.
     pointing = [f.nadir, f.contact, f.image]
     f.event("blind", when=~sure, hold=5 * minute, modes=pointing, enter=f.sun)
     f.event("hungry", when=f.watch(f.power.state).battery < 26214, hold=1 * minute, modes=pointing + [f.hover],
-            enter=f.sun, set=[(power.on, switched())])
+            enter=f.sun, set=[(power.on, SAFE)])
     f.event("crippled", when=f.watch(f.monitor.state).trips > 1, modes=pointing, enter=f.hover)

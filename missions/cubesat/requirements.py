@@ -18,8 +18,8 @@ def release(r):
     r.require("REL-1", "The CubeSat shall turn slower than 0.6 deg/s within three hours of its release, and stay so.",
               settles(rate < 0.6 * deg / s, within=3 * hour),
               rationale="The battery lasts for four hours of a tumble.", shown_by="release")
-    r.require("REL-2", "The CubeSat shall point its panels at the Sun up to 5 degrees within five minutes of the mode "
-              "sun, and until that ends.", _holds(mode == "sun", _off_sun(r) < 5 * deg, 5 * minute),
+    r.require("REL-2", "The CubeSat shall point its panels at the Sun up to 8 degrees within five minutes of the mode "
+              "sun, and until that ends.", _holds(mode == "sun", _off_sun(r) < 8 * deg, 5 * minute),
               rationale="The panels lose less than a hundredth there.", shown_by="release")
     r.require("REL-3", "The CubeSat shall have half of its battery's charge at all times.",
               always((1 / 65535 * r.signal("world.power.telemetry.battery")).named("the battery's charge") > 0.5),

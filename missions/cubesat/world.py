@@ -6,6 +6,7 @@ from pathlib import Path
 from fledge import Orbit, world
 from fledge.units import A, MHz, N, V, W, arcsec, deg, hour, m, minute, ms, ohm, s
 
+from .flight import SAFE
 from .vehicle import (BORESIGHTS, CAMERA, CASES, CONVERTERS, EPOCH, FIELD, GYRO, INERTIA, LOADS, MASS, PANELS, RODS,
                       SPEED, STATION, SUN_SENSORS, TRACKER, WHEEL)
 
@@ -80,9 +81,9 @@ def sensors(w, trackers):
 def power_and_radio(w, sky):
     w.array = world.SolarArray(normals_B=[PANELS], areas=0.1 * m**2, efficiency=0.28)
     watts   = {"computer": 2, "wheels": 3, "radio": 2, "gps": 1, "stars a": 1.2, "stars b": 1.2, "camera": 10}
-    w.power = world.PowerUnit(n=16, on=sum(1 << LOADS[one] for one in watts if one != "camera"), volts=8 * V,
-                              inner=0.05 * ohm, load=_resistances(watts) * ohm, trip=[3] * 16 * A, trip_after=0.2 * s,
-                              count_current=1e-3 * A, count_volts=1e-3 * V, battery=40 * W * hour, charge=0.8)
+    w.power = world.PowerUnit(n=16, on=SAFE, volts=8 * V, inner=0.05 * ohm, load=_resistances(watts) * ohm,
+                              trip=[3] * 16 * A, trip_after=0.2 * s, count_current=1e-3 * A, count_volts=1e-3 * V,
+                              battery=80 * W * hour, charge=0.9)
     w.radio = world.Radio(
         station=w.station, sky=sky, axis_B=CAMERA, beam=75 * deg, floor_dB=20,
         down_frequency=2250 * MHz, down_eirp_dBW=4, down_g_t_dBK=13, down_loss_dB=3, down_rate=1e6 / s,
