@@ -18,18 +18,22 @@ static Vec3 to_N(const Vec3 p[3], Vec3 a)
     return vec_add(vec_add(vec_scale(a.v[0], p[0]), vec_scale(a.v[1], p[1])), vec_scale(a.v[2], p[2]));
 }
 
-/* p1, p2, p3 in N now: orthonormal, whatever the parameter is. */
-static void axes(const GroundTarget *m, int64_t t, Vec3 p[3])
+/* p1, p2, p3 in N now: orthonormal, whatever the attitude is. Returns the rate about p3 [rad/s]. */
+static double axes(const GroundTarget *m, int64_t t, Vec3 p[3])
 {
-    const double(*c)[3] = m->par.dcm_PN.m;
+    const PlanetAttitude *known = &m->in.attitude;
+    const int wired = head_written(known->head);
+    const double(*c)[3] = wired ? known->dcm_PN.m : m->par.dcm_PN.m;
     double s, k;
     const Vec3 pole = vec_unit(vec3(c[2][0], c[2][1], c[2][2]));
     const Vec3 east = vec_unit(vec_cross(pole, vec3(c[0][0], c[0][1], c[0][2])));
     const Vec3 prime = vec_cross(east, pole);
-    fm_sincos(m->par.rate * tick_seconds(t), &s, &k);
+    const double rate = wired ? vec_dot(known->omega_PN_N, pole) : m->par.rate;
+    fm_sincos(rate * tick_seconds(wired ? tick_since(t, known->head.t) : t), &s, &k);
     p[0] = vec_add(vec_scale(k, prime), vec_scale(s, east));
     p[1] = vec_cross(pole, p[0]);
     p[2] = pole;
+    return rate;
 }
 
 static void see(GroundContact *contact, Vec3 d, Vec3 dd, const Vec3 local[3])
@@ -48,19 +52,19 @@ void ground_target_update(GroundTarget *m, Tick t)
     const NavOrbit *orbit = &m->in.orbit;
     const BodyState *planet = &m->in.planet; /* all zero if never written */
     Vec3 p[3];
-    axes(m, t.t, p);
+    const double rate = axes(m, t.t, p);
     const GroundPlace place =
         ground_place(m->par.longitude, m->par.latitude, m->par.altitude, m->par.radius, m->par.flattening);
     const Vec3 local[3] = {to_N(p, place.east), to_N(p, place.north), to_N(p, place.up)};
 
     BodyState target;
-    const Vec3 omega = vec_scale(m->par.rate, p[2]);
+    const Vec3 omega = vec_scale(rate, p[2]);
     const Vec3 r = to_N(p, place.r);
     const Vec3 v = vec_cross(omega, r);
     target.r_PN_N = vec_add(planet->r_PN_N, r);
     target.v_PN_N = vec_add(planet->v_PN_N, v);
     target.a_PN_N = vec_add(planet->a_PN_N, vec_cross(omega, v));
-    const Quality placed = quality_optional(planet->head);
+    const Quality placed = quality_min(quality_optional(planet->head), quality_optional(m->in.attitude.head));
     const int spans = vec_norm2(p[0]) > 0.5; /* a unit vector, unless the planet's axes span no frame */
     if (spans && vec_finite(target.r_PN_N) && vec_finite(target.v_PN_N) && vec_finite(target.a_PN_N)) {
         target.head = head_next(m->out.target.head, t.t, placed);

@@ -13,6 +13,7 @@ namespace flight::testing {
 namespace ground_target_test {
 
 constexpr double degree = pi / 180;
+constexpr std::int64_t second = 1'000'000'000;
 
 GroundTarget any(Random &random)
 {
@@ -129,6 +130,27 @@ TEST(GroundTarget, a_planet_that_moves_takes_it_along_and_an_orbit_is_needed_for
     m.in.planet.head.quality = QUALITY_STALE;
     m = at(m, 70);
     EXPECT_EQ(m.out.target.head.quality, QUALITY_DEGRADED);
+}
+
+TEST(GroundTarget, a_wired_attitude_is_turned_on_from_its_time_and_replaces_that_of_the_parameters)
+{
+    Random random{9};
+    for (int k = 0; k < 100; k++) {
+        GroundTarget m = any(random);
+        ground_target_update(&m, {1000 * second, second});
+        GroundTarget wired = m;
+        const double t = random.real(0, 1000);
+        wired.par.dcm_PN = {};
+        wired.par.rate = 0;
+        const Matrix3d PN = turn(2, m.par.rate * t) * eigen(m.par.dcm_PN);
+        wired.in.attitude = {good(std::llround(t * 1e9)), mat(PN), vec(m.par.rate * Vector3d(PN.row(2)))};
+        ground_target_update(&wired, {1000 * second, second});
+        EXPECT_LT((eigen(wired.out.target.r_PN_N) - eigen(m.out.target.r_PN_N)).norm(), 1e-6);
+        EXPECT_LT((eigen(wired.out.target.v_PN_N) - eigen(m.out.target.v_PN_N)).norm(), 1e-9);
+        wired.in.attitude.head.quality = QUALITY_STALE;
+        ground_target_update(&wired, {1001 * second, second});
+        EXPECT_EQ(wired.out.target.head.quality, QUALITY_DEGRADED);
+    }
 }
 
 } // namespace ground_target_test
