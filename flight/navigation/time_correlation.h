@@ -16,7 +16,7 @@ typedef struct TimeCorrelation {
     } out;
     struct {
         int64_t clock_0; ///< [ns] of the clock, when they were compared
-        int64_t time_0;  ///< [ns] of the ephemerides, then
+        int64_t time_0;  ///< [ns] assumed: of the ephemerides, then
         double drift;    ///< [-] in [-0.001, 0.001]: how much faster the ephemerides' time goes
     } par;
 } TimeCorrelation;
