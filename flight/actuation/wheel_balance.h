@@ -11,7 +11,8 @@
  *  same momentum among equal wheels has a smaller sum. Where a motor would pass its limit, the null motion alone is
  *  scaled. Three wheels or fewer have no null motion.
  *  Without speeds that are new, where wanted ones at the input are old, and where the null motion is not finite, the
- *  command passes unchanged, degraded. The output is as old as the command, which its sender ends (WheelTorques); one that is not finite is held, degraded.
+ *  command passes unchanged, degraded. The output is as old as the command, which its sender ends (WheelTorques); one
+ *  that is not finite is held, degraded.
  *  Source: Schaub and Junkins; the projector of the pseudo-inverse. */
 typedef struct WheelBalance {
     struct {

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The CubeSat as numbers: with and without star trackers, with three wheels and four, commanded by radio."""
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import fledge
-from fledge import ground
+from fledge import cli, ground
 from fledge.errors import SetupError
 from fledge.units import deg, minute, s
 
@@ -68,3 +71,10 @@ def test_a_pass_is_commanded_by_radio():
 def test_other_numbers_of_star_trackers_and_wheels_are_refused(options):
     with pytest.raises(SetupError, match="expected 0, 1 or 2 star trackers, and 3 or 4 wheels; found"):
         fledge.load("cubesat", **options)
+
+
+def test_a_script_of_the_ground_meets_it_after_its_release(tmp_path):
+    script = Path(__file__).with_name("first_contact.py")
+    assert cli.main(["ground", "run", str(script), "--to", "cubesat", "--yes", "--out", str(tmp_path)]) == 0
+    said = [json.loads(line) for line in (tmp_path / "script.jsonl").read_text().splitlines()]
+    assert [one["good"] for one in said if one["kind"] == "check"] == [True] * 3

@@ -5,7 +5,7 @@ from fledge import flight as fsw
 from fledge.units import N, T, arcsec, day, deg, hour, km, m, minute, ms, rad, s
 
 from .vehicle import (AXES, BORESIGHTS, CAMERA, CASES, CONVERTERS, EARTH, ELEMENTS, EPOCH, FIELD, GYRO, INERTIA, LOADS,
-                      MU, PANELS, RODS, SPEED, STATION, SUN_SENSORS, TARGET, TRACKER, TURNS, WHEEL, ZONAL)
+                      MU, PANELS, RODS, SPEED, STATION, SUN_SENSORS, TARGET, TRACKER, WHEEL, ZONAL)
 
 GNC = 500 * ms
 
@@ -116,10 +116,10 @@ def guidance(f, trackers):
     star trackers keep away from Sun and Moon, and the body turns no faster than its wheels can."""
     f.to_nadir  = fsw.TwoBodyPointing(separation_min=1 * deg)
     f.nadir_axes = fsw.EulerRotation(angles=[-90, 0, -90] * deg)        # b3 at the place, -b1 towards the Sun
-    f.station   = fsw.GroundTarget(**STATION, **EARTH, **TURNS)
+    f.station   = fsw.GroundTarget(**STATION, **EARTH)
     f.to_station = fsw.TwoBodyPointing(separation_min=1 * deg)
     f.station_axes = fsw.EulerRotation(angles=[-90, 0, -90] * deg)
-    f.target    = fsw.GroundTarget(**TARGET, **EARTH, **TURNS)
+    f.target    = fsw.GroundTarget(**TARGET, **EARTH)
     f.to_target = fsw.TwoBodyPointing(separation_min=1 * deg)
     f.target_axes = fsw.EulerRotation(angles=[-90, 0, -90] * deg)
     f.keep_out  = fsw.KeepOut(
@@ -134,6 +134,7 @@ def guidance(f, trackers):
                                      f.keep_out.first],
         f.moon_at.moon           >> f.keep_out.second,
         f.earth.centre           >> f.to_nadir.primary,
+        f.earth.earth            >> [f.station.attitude, f.target.attitude],
         f.to_nadir.reference     >> f.nadir_axes.base,
         f.station.target         >> f.to_station.primary,
         f.to_station.reference   >> f.station_axes.base,

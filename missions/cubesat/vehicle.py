@@ -41,9 +41,3 @@ MU      = 3.986004418e14 * m**3 / s**2
 ZONAL   = dict(mu=MU, radius=6378.137 * km, J2=1.08263e-3, J3=-2.532e-6, J4=-1.611e-6)
 STATION = dict(longitude=15.39 * deg, latitude=78.23 * deg, altitude=450 * m, mask=8 * deg)
 TARGET  = dict(longitude=1.44 * deg, latitude=43.6 * deg, altitude=150 * m, mask=30 * deg)
-
-# How the Earth stands at time 0, and how fast it turns.
-TURNS   = dict(rate=7.292115018682752e-5 * rad / s, dcm_PN=[
-    [0.8436783814789698, -0.5368446223419787, -0.002154086238830078],
-    [0.5368428951377278, 0.8436811313562944, -0.0013618125810623534],
-    [0.0025484436757961595, -7.474058561493416e-06, 0.9999967526842123]])
