@@ -46,9 +46,9 @@ html_theme_options = {"sidebar_hide_name": False}
 
 # Entries are documents, or `Title <document>`.
 CHAPTERS = {
-    "Begin": ["Tutorial <docs/tutorial>", "docs/guide", f"{NOTEBOOKS}/notebook", "3-D view <docs/view>",
-              "Prototypes <docs/prototypes>", "Existing code <docs/existing-code>", "Debugging <docs/debugging>",
-              "docs/glossary"],
+    "Begin": ["Tutorial <docs/tutorial>", "docs/guide", "docs/cookbook", f"{NOTEBOOKS}/notebook",
+              "3-D view <docs/view>", "Prototypes <docs/prototypes>", "Existing code <docs/existing-code>",
+              "Debugging <docs/debugging>", "docs/glossary"],
     "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "registers/README"],
     "Flight and ground": ["Scripts and links <docs/ground>", "Control room <docs/control-room>",
                           "Flight services <docs/services>",
@@ -62,7 +62,7 @@ CHAPTERS = {
     "Models and missions": ["Dynamics <docs/dynamics>", "Environment <docs/environment>", "Sensors <docs/sensors>",
                             "docs/actuators", "Navigation <docs/navigation>", "Control <docs/control>",
                             "Control theory <docs/linear>", "docs/accuracy", "docs/performance", "docs/references",
-                            "missions/README", "docs/from-basilisk"],
+                            "missions/README", "docs/cubesat", "docs/from-basilisk"],
     "Reference": [f"{REFERENCE}/{page}" for page in (
         "flight-modules", "flight-messages", "world-models", "world-messages", "packets", "python", "nodes")],
     "Developers": ["CONTRIBUTING", "CHANGELOG", "docs/architecture", "The reader of headers <introspect/README>",

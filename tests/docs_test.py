@@ -116,6 +116,13 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
     assert (tmp_path / "runs/imager/acquire/band.png").stat().st_size > 10_000
 
 
+@pytest.mark.long("follows the page; flies on the emulated board: a minute")
+def test_the_cookbook_answers_what_teams_ask(tmp_path):
+    assert follow("cookbook.md", Shell(tmp_path)) >= 30
+    assert (tmp_path / "wiring.svg").stat().st_size > 10_000
+    assert (tmp_path / "run.scene.mcap").stat().st_size > 100_000
+
+
 @pytest.mark.long("follows the page; draws")
 def test_the_loop_meets_control_theory(tmp_path):
     assert follow("linear.md", Shell(tmp_path)) == 4
