@@ -180,6 +180,10 @@ static void look(VectorFilter *m, const Seen *seen, int source, int64_t now)
         m->mem.late++;
         return;
     }
+    if (repeated) {
+        m->mem.rejected[source]++;
+        return;
+    }
     VectorEstimate there = m->mem.at;
     const int is_one = seen->noise > 0.0 && vec_finite(seen->as_B) && vec_finite(seen->as_N);
     const double misfit = is_one ? correct(&there, seen, source, turn_since(m, t)) : INFINITY;
@@ -191,7 +195,7 @@ static void look(VectorFilter *m, const Seen *seen, int source, int64_t now)
         m->mem.running += m->mem.running <= m->par.persistence ? 1u : 0u;
     } else {
         m->mem.rejected[source]++;
-        m->mem.doubt[source] += is_one && !repeated && m->mem.doubt[source] < m->par.persistence ? 1u : 0u;
+        m->mem.doubt[source] += is_one && m->mem.doubt[source] < m->par.persistence ? 1u : 0u;
     }
 }
 

@@ -75,13 +75,13 @@ def attitude(f, trackers):
                              rate_std=GYRO["bias"], gate=5, good=3 * deg, hold=5 * s, persistence=100)
     f.window   = fsw.RodWindow(period=5 * s, on=3.5 * s, settle=0.4 * s)
     f.sun_seen = fsw.BodyDirection(std=1 * deg)
-    f.field_seen = fsw.FieldDirection(std=1 * deg, noise=FIELD["bias"], differ=0.3)
+    f.field_seen = fsw.FieldDirection(std=1 * deg, noise=FIELD["bias"], differ=0.15)
     f.triad    = fsw.Triad(separation_min=15 * deg, together=5 * s, gate=5)
     f.fix      = fsw.Quest(separation_min=15 * deg, together=5 * s, gate=5)
     f.vectors  = fsw.VectorFilter(
         rate_noise=GYRO["noise"], bias_walk=GYRO["walk"], bias_std=2 * GYRO["bias"], field_noise=3e-7 * T,
-        field_walk=1e-18 * T**2 / s, field_bias_std=2 * FIELD["bias"], gate=16, hold=2 * s, age_max=5 * s, good=3 * deg,
-        persistence=10)
+        field_walk=1e-18 * T**2 / s, field_bias_std=2 * FIELD["bias"], gate=5, hold=2 * s, age_max=5 * s,
+        good=1.5 * deg, persistence=10)
     f.connect(
         f.pyramids.cosines >> f.line.cosines,
         f.pyramids.heading >> [f.line.guess, f.sun_seen.heading],

@@ -8,7 +8,7 @@ import numpy as np
 from fledge import ground
 from fledge.activity import modes
 from fledge.attitude import angle, mrp_to_dcm, relative
-from fledge.units import N, deg, hour, m, minute, s
+from fledge.units import deg, hour, minute, s
 
 from .vehicle import CAMERA, PANELS
 
@@ -42,8 +42,9 @@ def imaging(sim):
     sim.run(23 * minute)
     _plot(log, "imaging", "A target of the camera, and a pass over the station", _camera(log))
     begins = modes(log)["flight"]
-    assert [name for _, name in begins] == ["brake", "sun", "nadir", "image", "nadir", "contact", "nadir"], begins
-    _points(log, 0.2)
+    assert [name for _, name in begins] == ["brake", "sun", "nadir", "image", "nadir", "contact", "nadir"], (
+        f"expected the target of the camera, then the station; found the modes {begins}")
+    _points(log, 0.2 if "stars" in dir(sim.flight) else 2)
     seen = (log["world.station.contact.visible"] == 1) & (log.time < sim.time)
     forecast = (log["forecast.state"] == 2) & (log.time < sim.time)
     assert seen.sum() > 100 and (seen != forecast).sum() <= 1, "the forecast of the pass is wrong"
@@ -51,14 +52,13 @@ def imaging(sim):
 
 def blinded(sim):
     """Both star trackers fall silent while it looks down: Sun, field and gyro hold it, less well."""
-    if "stars_a" not in dir(sim.world):
-        return
-    for tracker in (sim.world.stars_a, sim.world.stars_b):
+    trackers = [getattr(sim.world, name) for name in ("stars_a", "stars_b") if name in dir(sim.world)]
+    for tracker in trackers:
         tracker.faults = [{"kind": "DROPOUT", "begin": 8 * minute}]
     log = _pointing(sim)
     sim.run(55 * minute)
     _plot(log, "blinded", "Both star trackers fall silent", _camera(log))
-    assert log["stars.attitude.head.quality"][-1] < GOOD, "flight still believes them"
+    assert not trackers or log["stars.attitude.head.quality"][-1] < GOOD, "flight still believes them"
     assert log["light.visible"][-1] == 0 and modes(log)["flight"][-1][1] == "nadir", "it does not look down in the dark"
     _points(log, 2)
 
@@ -69,13 +69,13 @@ def without_gps(sim):
     log = _pointing(sim)
     sim.run(6 * hour)
     assert log["orbit.orbit.head.quality"][-1] < GOOD, "it believes an orbit of hours ago"
-    _points(log, 0.5)
+    _points(log, 0.5 if "stars" in dir(sim.flight) else 2)
 
 
 def crippled(sim):
     """Two wheels seize: rods and the momentum of what is left point the camera, coarsely."""
     def seize():
-        sim.world.wheels.friction = [0.01, 2e-5, 2e-5, 0.01] * N * m
+        sim.world.wheels.friction = [0.01, *sim.world.wheels.friction[1:-1], 0.01]      # [N m] the first and the last
 
     sim.world.at(8 * minute, seize)
     log = _pointing(sim)

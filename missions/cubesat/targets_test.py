@@ -1,19 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The CubeSat on each target: a target of the camera and a pass, with the outputs and the telemetry of the desktop, and
-the checks of the scenario."""
+"""The CubeSat on each target, and through four boards: it looks at a target and at the station with the outputs and the
+telemetry of the desktop, and the checks of the scenario hold."""
 import os
 
 import pytest
 
 from fledge import cli
-from fledge.targets import TARGETS
+from fledge.targets import TARGETS, build
+
+BOARDS = build.ROOT / "missions/cubesat/boards"
 
 
 @pytest.mark.long("builds and flies the CubeSat on targets: 200 s")
 @pytest.mark.skipif(os.environ.get("FLEDGE_PRESET", "release") != "release", reason="the release build shows it")
-@pytest.mark.parametrize("target", ["linux", "cfs", "leon3", "leon3-cfs", "micropython", "leon3-micropython"])
-def test_a_target_flies_and_says_what_the_desktop_does(target, tmp_path, capsys):
+@pytest.mark.parametrize("target, boards", [
+    *((one, []) for one in ("linux", "cfs", "leon3", "leon3-cfs", "micropython", "leon3-micropython")),
+    *((one, ["--board", str(BOARDS)]) for one in ("linux", "leon3"))],
+    ids=lambda one: one if isinstance(one, str) else "boards" if one else "whole")
+def test_a_target_flies_and_says_what_the_desktop_does(target, boards, tmp_path, capsys):
     if TARGETS[target].missing():
         pytest.skip(f"{target} is not installed")
-    assert cli.main(["fly", "cubesat", "imaging", "--on", target, "--out", str(tmp_path)]) == 0, capsys.readouterr()
-    assert f"passed   desktop, {target}" in capsys.readouterr().out
+    code = cli.main(["fly", "cubesat", "imaging", "--on", target, *boards, "--out", str(tmp_path)])
+    printed = capsys.readouterr()
+    assert code == 0 and "  none  " in printed.out, printed

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The truth: a low orbit with all that turns a small craft, the World Magnetic Model (WMM2025.COF: NOAA NCEI and BGS,
 2024), sensors as their data sheets have them, and a battery."""
+from datetime import datetime, timedelta
 from pathlib import Path
 
-from fledge import Orbit, world
+from fledge import Orbit, flight as fsw, world
 from fledge.units import A, MHz, N, V, W, arcsec, deg, hour, m, minute, ms, ohm, s
 
 from .flight import SAFE
-from .vehicle import (BORESIGHTS, CAMERA, CASES, CONVERTERS, EPOCH, FIELD, GYRO, INERTIA, LOADS, MASS, PANELS, RODS,
-                      SPEED, STATION, SUN_SENSORS, TRACKER, WHEEL)
+from .vehicle import (BORESIGHTS, CAMERA, CASES, CONVERTERS, ELEMENTS, EPOCH, FIELD, GYRO, INERTIA, LOADS, MASS, PANELS,
+                      RODS, SPEED, STATION, SUN_SENSORS, TRACKER, WHEEL)
 
-DATE = "2026-03-20T10:00:00"
-
-# Where flight's mean elements say that it is at the epoch.
-R_BN_N = [6343146.01, -2666747.42, -47243.217] * m
-V_BN_N = [-344.915352, -909.488965, 7550.39636] * m / s
+DATE = (datetime(2000, 1, 1, 12) + timedelta(seconds=EPOCH.value)).isoformat()
 
 
 def build(w, f, trackers=2):
@@ -36,6 +33,14 @@ def eyes(w, trackers):
     return [getattr(w, f"{what}_{name}") for name in "ab"[:trackers] for what in ("stars", "eye")]
 
 
+def begins():
+    """Where the mean elements of flight say that it is at the epoch, by SGP4."""
+    at = fsw.OrbitOnBoard(**ELEMENTS)
+    at.time.head.quality, at.time.time = "GOOD", EPOCH
+    at.update(t=0)
+    return Orbit.from_state(world.EARTH, at.orbit.r_BN_N * m, at.orbit.v_BN_N * m / s)
+
+
 def surroundings(w, sky):
     w.sun     = world.CelestialBody(body=world.SUN, sky=sky)
     w.moon    = world.CelestialBody(body=world.MOON, sky=sky)
@@ -55,7 +60,7 @@ def craft(w, f, sky):
     w.pressure = world.SolarPressure(light=w.light, area=0.12 * m**2, Cr=1.3, centre_B=[0.01, 0.005, -0.02] * m)
     w.craft    = world.Spacecraft(
         mass=MASS, I_B=INERTIA, parts=[w.wheels, w.rods, w.own, w.gradient, w.drag, w.pressure], sky=sky,
-        gravity=[world.EARTH.zonal(6), world.SUN, world.MOON], orbit=Orbit.from_state(world.EARTH, R_BN_N, V_BN_N),
+        gravity=[world.EARTH.zonal(6), world.SUN, world.MOON], orbit=begins(),
         sigma_BN=[0.3, -0.4, 0.2], omega_BN_B=[4, -6, 5] * deg / s)
     w.own.command = {"head": {"quality": "GOOD"}, "dipole": [1] + [0] * 7}    # at its limit, always
 
