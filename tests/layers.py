@@ -77,7 +77,7 @@ RULES = {
     "bench": Rule("Python, C++", "measurements",
                   ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge", "missions"]),
     "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip, the .deb", []),
-    "tests": Rule("Python, C++", "tests of the whole",
+    "tests": Rule("Python, C++, C99", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
                    "introspect", "fledge", "missions"]),
 }

@@ -524,6 +524,11 @@ static ExecutiveMode *mode_at(uint16_t mode)
     return one;
 }
 
+void executive_start_in(uint16_t mode)
+{
+    executive.initial = mode_at(mode);
+}
+
 void executive_enter(uint16_t mode)
 {
     ExecutiveMode *one = mode_at(mode);

@@ -24,6 +24,9 @@ void executive_init(void);
 /** NULL, or why the script did not compose the mission: "flight.py, line 12: ..." */
 const char *executive_failure(void);
 
+/** After executive_init: begin in another mode than the script's at the next restart. */
+void executive_start_in(uint16_t mode);
+
 /** The functions of targets/mission_host.h and flight/command/command.h. */
 void executive_restart(int64_t t);
 int64_t executive_next(void);

@@ -102,6 +102,17 @@ def test_what_it_composes_otherwise_is_refused(small):
         program.check(compose(sim, mission), sim.flight, built)
 
 
+def test_a_scenario_may_begin_in_another_mode_than_the_script(tmp_path):
+    folder = mission(tmp_path, FLIGHT + '''    f.mode("rests", [])
+    f.mode("works", ["gnc"])
+''')
+    own, sim = export.read(fledge.load(folder)), fledge.load(folder)
+    sim.flight.start_in("works")
+    built = program.export(compose(sim, export.read(sim), own), sim.flight, tmp_path / "out")
+    described = subprocess.run([built, "--describe"], capture_output=True, text=True, check=True).stdout
+    assert "\nstart works\n" in described
+
+
 @pytest.mark.parametrize("words, said", [
     (["--tasks", "gnc"], "--tasks is for `export c`"),
     (["--app", "nav"], "--app is for `export cfs`"),

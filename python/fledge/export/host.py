@@ -39,8 +39,11 @@ def emit_host(mission: Mission) -> dict[str, str]:
     if composed:
         lines += ["static MissionHeap heap(void)", "{",
                   "    return (MissionHeap){arena_in_use->used, arena_in_use->peak};", "}", ""]
-    if mission.changed:
-        lines += ["static void init(void)", "{", "    executive_init();", f"    {name}_set_up();", "}", ""]
+    set_up = [f"    {name}_set_up();"] * bool(mission.changed)
+    if mission.begins:
+        set_up.append(f"    executive_start_in({mission.modes.index(mission.begins)}u); /* {mission.begins} */")
+    if set_up:
+        lines += ["static void init(void)", "{", "    executive_init();", *set_up, "}", ""]
     lines += ["static const MissionTopic topics[] = {"]
     places = {one.name: i for i, one in enumerate(types)}
     for one in messages:
@@ -54,7 +57,7 @@ def emit_host(mission: Mission) -> dict[str, str]:
     secured = frames is not None and frames.secured > 0
     lines += [f"    .{key} = {value}," for key, value in (
         ("name", f'"{mission.folder}"'), ("mission", f"&{memory(mission) if composed else 'm'}"),
-        ("start", "&start"), ("init", "init" if mission.changed else own + "init"),
+        ("start", "&start"), ("init", "init" if set_up else own + "init"),
         *((one, own + one) for one in ("restart", "next", "tick")),
         *((one, own + one) for one in ("failure", "describe", "figures") if composed),
         *[("heap", "heap"), ("clock", "&executive_clock")] * composed, ("io", f"&{name}_io"), ("topics", "topics"),

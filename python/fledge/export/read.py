@@ -25,6 +25,8 @@ from fledge.objects.script import function_text, prototype, script
 
 # The files of ccsds/ of a SpaceLink.
 FRAMES = ("farm", "fop", "packet_zone", "space_link", "space_packet", "sync", "tc_frame", "tm_frame")
+INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)\.h"', re.MULTILINE)
+LINKED = ("ccsds/", "flight/command/", "flight/math/", "flight/telemetry/")     # by other rules
 
 
 class ExportError(SetupError):
@@ -131,6 +133,7 @@ class Mission:
     down: int = 0                    # [ns] how long it is down then
     form: str = "c"                  # c: with its functions; rtems: a thread for each task, too; micropython: composed
     changed: list = field(default_factory=list)     # micropython: Modules that are not as the script leaves them
+    begins: str | None = None        # micropython: the initial mode, if it is not the script's
     place: Path | None = None        # the mission's folder; None: a program composed it
     guards: dict[str, Guard] = field(default_factory=dict)  # C name of a mode -> when it may be entered, if not always
 
@@ -148,21 +151,44 @@ class Mission:
         """The name of the struct that holds it all."""
         return names.camel(self.name)
 
-    def sources(self) -> list[str]:
-        """The C files of its modules, from the root that their headers are included from, and what drives services;
+    def sources(self, roots: Sequence[Path]) -> list[str]:
+        """The C files of its modules, and what drives services, each from the first of the roots that has it;
         flight/math is needed beside them."""
         driven = {"flight/telemetry/services.c"} if self.services else set()
         if any(m.type == "Files" for m in self.modules):
-            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c",
-                       "flight/services/mirror.c"}
+            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c"}
         if any(m.type == "SpaceLink" for m in self.services):
             driven |= {f"ccsds/{name}.c" for name in FRAMES}
-        return sorted({m.struct.header.removesuffix(".h") + ".c" for m in self.modules} | driven)
+        own = [m.struct.header.removesuffix(".h") for m in self.modules]
+        return sorted({f"{one}.c" for one in own} | driven | included(own, roots))
 
     @property
     def services(self) -> list[Module]:
         """The modules that commands need."""
         return [m for m in self.modules if m.struct.service]
+
+
+def included(modules: Sequence[str], roots: Sequence[Path]) -> set[str]:
+    """The C files of modules, which are named without their suffix, and those beside the headers that they include,
+    from a root or beside themselves; and so on. Left out is what is linked anyway."""
+    def file(name):
+        return next((root / name for root in roots if (root / name).is_file()), None)
+
+    found: set[str] = set()
+    todo = list(modules)
+    for one in todo:            # it grows
+        for name in (f"{one}.h", f"{one}.c"):
+            path = file(name)
+            if path is None:
+                continue
+            if name.endswith(".c"):
+                found.add(name)
+            for other in INCLUDE.findall(path.read_text("utf-8", "replace")):
+                near = (Path(one).parent / other).as_posix()
+                other = near if file(f"{near}.h") else other
+                if other not in todo and not other.startswith(LINKED):
+                    todo.append(other)
+    return found
 
 
 def read(sim: Any, process: str | None = None, tasks: Sequence[str] | None = None) -> Mission:

@@ -10,6 +10,7 @@ import pytest
 import fledge
 from fledge import SetupError, cli, export, flight
 from fledge.export import names
+from fledge.export.read import included
 from fledge.export.run_test import FLIGHT, WORLD, first_difference
 from fledge.export.testing import COMPILERS, ROOT, STRICT, Compiled
 from tests.circles import long_after
@@ -83,6 +84,19 @@ def test_generated_code_is_small(exported, tmp_path):
     size = subprocess.run(["size", "nadir_spin.o"], check=True, cwd=tmp_path, capture_output=True, text=True).stdout
     text, data, bss = map(int, size.splitlines()[1].split()[:3])
     assert text + data < 4096 and bss == 0          # the list of messages holds addresses, hence data
+
+
+def test_c_beside_a_header_that_a_module_includes_comes_along(tmp_path):
+    """Also from there on, from another root, and named from its own folder; but not what every program has."""
+    texts = {"own/flight/law.h": "flight/part.h", "own/flight/law.c": "flight/math/vec.h", "own/flight/alone.c": "",
+             "own/flight/part.h": "flight/head.h", "own/flight/part.c": "deep/near.h", "own/flight/head.h": "",
+             "theirs/flight/deep/near.h": "flight/part.h", "theirs/flight/deep/near.c": "",
+             "theirs/flight/math/vec.h": "", "theirs/flight/math/vec.c": "", "theirs/flight/part.c": "flight/alone.h"}
+    for path, other in texts.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(f'#  include "{other}"\n' if other else "")
+    assert included(["flight/law"], [tmp_path / "own", tmp_path / "theirs"]) == {
+        "flight/law.c", "flight/part.c", "flight/deep/near.c"}
 
 
 # --- subsets ---------------------------------------------------------------------------------------

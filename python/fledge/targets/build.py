@@ -39,7 +39,7 @@ def math_sources() -> list[Path]:
 def module_sources(mission: Mission, roots: Sequence[Path]) -> list[Path]:
     """The files of a mission's modules, in the first root that has each."""
     found = []
-    for name in mission.sources():
+    for name in mission.sources(roots):
         path = next((root / name for root in roots if (root / name).is_file()), None)
         if path is None:
             raise Failure(f"{mission.title}: the source {name} is in none of {', '.join(map(str, roots))}")

@@ -217,7 +217,7 @@ class Stub:
     def __init__(self, *paths):
         self.paths = paths
 
-    def sources(self):
+    def sources(self, roots):
         return list(self.paths)
 
 

@@ -47,7 +47,7 @@ def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], 
         for other in INCLUDE.findall(text):
             if "/" in other:
                 take(other, name)
-    for path in [*mission.sources(), *ALWAYS, *more]:
+    for path in [*mission.sources(roots), *ALWAYS, *more]:
         take(path, mission.title)
     if "targets/mission_packets.h" in found:    # a board has numbers in packets
         take("targets/mission_packets.c", mission.title)

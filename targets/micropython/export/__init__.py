@@ -44,7 +44,8 @@ def compose(sim: Any, mission: Mission, own: Mission | None = None, boards: Sequ
     scripts = read_scripts(sim)
     left = {one.name: one.memory for one in own.modules}
     mission = replace(mission, form="micropython", changed=[
-        one for one in mission.modules if one.memory != left[one.name]])
+        one for one in mission.modules if one.memory != left[one.name]],
+        begins=mission.initial_mode if mission.initial_mode != own.initial_mode else None)
     files = (emit_c(mission) | emit_board(mission, boards, outputs) | emit_commands(mission) | emit_host(mission)
              | emit_tables(own, scripts.module, scripts.whole, [process.name for process in sim.processes],
                            COMPUTED in scripts.files))

@@ -52,7 +52,7 @@ class Compiled:
         folder = Path(folder)
         export.write(mission, folder)
         roots = [*map(Path, roots), ROOT]
-        sources = [next(root / s for root in roots if (root / s).is_file()) for s in mission.sources()]
+        sources = [next(root / s for root in roots if (root / s).is_file()) for s in mission.sources(roots)]
         ours = fly(compiler, optimise)
         size = folder / "size.c"
         size.write_text(f'#include "{mission.name}.h"\n\nconst uint32_t mission_size = '
