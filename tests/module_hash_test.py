@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The outputs of each flight module over random inputs have the same hash on each target, as it is compiled there, and
+whatever the optimiser does. The elementary functions that modules call: flight/math/cross_hash_test.py."""
+import subprocess
+
+import pytest
+
+from fledge.targets import TARGETS, build
+from fledge.targets.leon3 import board
+from tests import leon3_programs
+
+INPUTS = 1000       # of each module: SETS * ROUNDS of module_hash.c
+
+
+def sources():
+    """All that flies, and the tables of it."""
+    own = [path for folder in ("flight/*", "ccsds", "ccsds/store") for path in sorted(build.ROOT.glob(f"{folder}/*.c"))
+           if path.name not in ("elementary_hash.c", "posix_store.c")]
+    return [build.ROOT / "tests/module_hash.c", build.build_folder() / "introspect/flight_tables.c", *own]
+
+
+def hashes(printed):
+    """Name -> (hash, how often its outputs changed)."""
+    return {name: (found, int(changes)) for name, found, changes in map(str.split, printed.splitlines())}
+
+
+def run(folder, *flags, compiler="gcc", runner=(), link=()):
+    built = build.program(folder, "hash", sources(), [build.ROOT], compiler, list(flags), [*link, "-lm"])
+    return hashes(subprocess.run([*runner, built], capture_output=True, text=True, check=True).stdout)
+
+
+def run_on(name, folder, *flags):
+    target = TARGETS[name]
+    if missing := target.missing():
+        pytest.skip(f"{missing} not installed")
+    target.prepare()
+    if name == "leon3":
+        return hashes(leon3_programs.on_emulator(board.program(folder, "hash", sources(), []), "translator"))
+    return run(folder, "-fno-pie", *flags, compiler=target.compiler, runner=target.runner, link=target.link)
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """As this machine computes it without the optimiser."""
+    return run(tmp_path_factory.mktemp("plain"), "-O0")
+
+
+def test_most_modules_put_out_something_else_at_most_inputs(expected):
+    assert len(expected) > 80 and max(n for _, n in expected.values()) <= INPUTS
+    assert sum(n > INPUTS / 5 for _, n in expected.values()) > 0.7 * len(expected)
+
+
+@pytest.mark.parametrize("target", ["linux", "aarch64", "leon3", pytest.param("sparc64", marks=pytest.mark.long(
+    "compiles all of flight once more"))])
+def test_each_module_computes_the_same_bits_there(target, expected, tmp_path):
+    assert run_on(target, tmp_path) == expected
+
+
+@pytest.mark.long("compiles all of flight for each")
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_each_module_computes_the_same_bits_when_it_is_optimised(compiler, expected, tmp_path):
+    assert run(tmp_path, "-O3", compiler=compiler) == expected
+
+
+@pytest.mark.long("compiles all of flight once more")
+def test_fused_arithmetic_is_seen(expected, tmp_path):
+    fused = run_on("aarch64", tmp_path, "-O3", "-ffp-contract=fast")
+    assert sum(fused[name] != expected[name] for name in expected) > 0.4 * len(expected)
