@@ -25,11 +25,11 @@ typedef struct VectorEstimate {
  *  measurement counts once, if it is up to `age_max` old, as if it were of the time of the last rate, with the body
  *  turned there by that rate. Older ones are counted as late, and one of a time to come waits. Degraded ones do not
  *  count: a direction that was carried through the dark is none.
- *  One whose normalised innovation exceeds the gate is rejected, and one that repeats the last of its source to the last
- *  digit, as a stuck sensor does: that has no effect at all. After `persistence` other rejections in a row of one source
- *  the output is degraded until one fits; and if `start` contradicts the attitude too, the filter begins anew with it and
- *  forgets the biases. So it leaves a wrong attitude, and a stuck sensor does not draw it away. Where the attitude is not
- *  known to 0.3 rad, it begins anew with `start`, and the biases stay.
+ *  One whose normalised innovation exceeds the gate is rejected, and one that repeats the last of its source to the
+ *  last digit, as a stuck sensor does: that has no effect at all. After `persistence` other rejections in a row of one
+ *  source the output is degraded until one fits; and if `start` contradicts the attitude too, the filter begins anew
+ *  with it and forgets the biases. So it leaves a wrong attitude, and a stuck sensor does not draw it away. Where the
+ *  attitude is not known to 0.3 rad, it begins anew with `start`, and the biases stay.
  *  The output is degraded until `persistence` measurements counted, and where the standard deviation about any axis of
  *  B exceeds `good`: with one direction alone, it is good as long as the gyro carries. A gap of the gyro up to `hold`
  *  is bridged, degraded; after a longer one the output is held, degraded, until there are rates and `start` again.
