@@ -92,7 +92,7 @@ static double position_variance(const OrbitEstimate *e)
     return sum;
 }
 
-static int finite(const OrbitEstimate *e)
+static int all_finite(const OrbitEstimate *e)
 {
     double sum = fm_abs(e->along) + vec_norm2(e->x.r) + vec_norm2(e->x.v);
     for (int i = 0; i < 49; i++) {
@@ -189,7 +189,7 @@ static void look_at(OrbitFilter *m, const OrbitField *field, int64_t now, double
         there.x.v = vec_add(there.x.v, vec3(dx[3], dx[4], dx[5]));
         there.along += dx[6];
         m->mem.misfit = isfinite(misfit) ? misfit : 0.0;
-        if (!vague && misfit <= m->par.gate * m->par.gate && finite(&there)) {
+        if (!vague && misfit <= m->par.gate * m->par.gate && all_finite(&there)) {
             m->mem.at = there;
             count_used(m);
             return;
@@ -253,7 +253,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
         }
         predict(&next.mem.at, &field, m, step);
     }
-    if (next.mem.running != 0u && !finite(&next.mem.at)) { /* it is lost */
+    if (next.mem.running != 0u && !all_finite(&next.mem.at)) { /* it is lost */
         next.mem.restarts++;
         next.mem.running = 0u;
     }
@@ -268,7 +268,7 @@ void orbit_filter_update(OrbitFilter *m, Tick t)
     OrbitFilterState state = state_of(&next, &now);
     const Vec3 a = orbit_acceleration(&field, now.x, now.along);
     const double std = vec_norm(state.position_std);
-    const int known = next.mem.running != 0u && finite(&now) && vec_finite(a) && orbit_step_ns(m->par.step) > 0;
+    const int known = next.mem.running != 0u && all_finite(&now) && vec_finite(a) && orbit_step_ns(m->par.step) > 0;
     const int sound = isfinite(std) && vec_finite(state.velocity_std) && isfinite(state.along_std);
     if (next.mem.any != 0u && sound && (known || next.mem.running == 0u)) {
         const int good = known && now.t == t.t && next.mem.running >= m->par.persistence && std <= m->par.good;
