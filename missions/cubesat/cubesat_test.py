@@ -11,6 +11,7 @@ from fledge import cli, ground
 from fledge.attitude import angle, relative
 from fledge.errors import SetupError
 from fledge.units import T, deg, minute, s
+from tests.circles import long_after
 
 
 def flown(name, **options):
@@ -20,13 +21,15 @@ def flown(name, **options):
     return sim
 
 
-@pytest.mark.parametrize("name", ["release", "imaging", "blinded", "without_gps", "crippled"])
+@pytest.mark.parametrize("name", long_after(2, ["imaging", "blinded", "release", "without_gps", "crippled"],
+                                            "flies hours"))
 def test_the_scenarios_pass(name):
     flown(name)
 
 
-@pytest.mark.parametrize("name, options", [("imaging", {"trackers": 1, "wheels": 3}), ("imaging", {"trackers": 0}),
-                                           ("blinded", {"trackers": 0}), ("crippled", {"wheels": 3})])
+@pytest.mark.parametrize("name, options", long_after(2, [
+    ("imaging", {"trackers": 1, "wheels": 3}), ("imaging", {"trackers": 0}), ("blinded", {"trackers": 0}),
+    ("crippled", {"wheels": 3})], "flies hours"))
 def test_with_fewer_units_it_does(name, options):
     flown(name, **options)
 
@@ -74,7 +77,7 @@ def test_a_magnetometer_that_is_stuck_leaves_no_wrong_attitude_that_is_good():
     sim = fledge.load("cubesat", trackers=0)
     f, w = sim.flight, sim.world
     w.craft.omega_BN_B, w.tam.faults = [0.2, -0.5, 0.3] * deg / s, [{"kind": "HIGH", "size": 3e-5 * T,
-                                                                      "begin": 20 * minute}]
+                                                                     "begin": 20 * minute}]
     f.start_in("brake")
     log = sim.record(w.craft.state, f.vectors.attitude, every=4 * s)
     sim.run(5 * minute)
