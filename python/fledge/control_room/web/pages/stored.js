@@ -45,7 +45,8 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
     const utc = live.craft(craft)?.clock === "utc", may = can("command"), own = new Set();
     let stored = {lists: [], text: ""}, forms = [], shown = "";
     const now = () => live.craft(craft)?.t_ns ?? "0";
-    const line = h("div", {class: "timeline", role: "img"}), soon = h("tbody"), lists = h("div", {class: "lists"});
+    const line = h("div", {class: "timeline", role: "img", "aria-label": "what is due"}),
+        soon = h("tbody"), lists = h("div", {class: "lists"});
     const strip = h("section", {class: "panel wide", "aria-label": "what is due"}, h("h3", {}, "Due on board"), line,
         h("table", {class: "plain"},
             h("thead", {}, h("tr", {}, ["in", "at", "list", "step", "command"].map(head))), soon));
