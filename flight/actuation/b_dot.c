@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "flight/actuation/b_dot.h"
 
-#include <string.h>
-
-#include "flight/actuation/allocation.h"
+#include "flight/actuation/rod_dipoles.h"
 
 void b_dot_reset(BDot *m)
 {
@@ -27,27 +25,19 @@ static void take_field(BDot *m, Vec3 b, int64_t at)
     m->mem.measured = at;
 }
 
-/* Gives the dipoles of the rods, and the factor by which their limits scaled them. */
+/* The dipoles of the rods, each at its limit against its part of d where d is large; the factor of their limits. */
 static double share_dipole(const BDot *m, Vec3 d, double B, double *dipole, int *rank)
 {
     const RodSet *rods = &m->in.rods;
-    const uint32_t n = rods_count(rods);
-    const int bang = m->par.bang_above > 0.0 && vec_norm(d) > m->par.bang_above;
-    Gram gram = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-    for (uint32_t i = 0; i < n; i++) {
-        gram_add(&gram, rods->axes_B[i]);
+    const double factor = rods_share(rods, vec_scale(-m->par.k / B, d), dipole, rank);
+    if (!(m->par.bang_above > 0.0 && vec_norm(d) > m->par.bang_above)) {
+        return factor;
     }
-    const Vec3 y = mat_vec(gram_pinv(&gram, rank), vec_scale(-m->par.k / B, d));
-    for (uint32_t i = 0; i < n; i++) {
+    for (uint32_t i = 0; i < rods_count(rods); i++) {
         const double along = vec_dot(rods->axes_B[i], d);
-        const double most = along > 0.0 ? -rods->m_max[i] : along < 0.0 ? rods->m_max[i] : 0.0;
-        dipole[i] = bang ? most : vec_dot(rods->axes_B[i], y);
+        dipole[i] = along > 0.0 ? -rods->m_max[i] : along < 0.0 ? rods->m_max[i] : 0.0;
     }
-    const double factor = bang ? 1.0 : within_limits(rods->m_max, dipole, n);
-    for (uint32_t i = 0; i < n; i++) {
-        dipole[i] *= factor;
-    }
-    return factor;
+    return 1.0;
 }
 
 static void put_state(BDot *m, int64_t t, Quality quality, double rate, int gyro)
@@ -63,14 +53,6 @@ static void put_state(BDot *m, int64_t t, Quality quality, double rate, int gyro
     state->gyro = (uint32_t)gyro;
 }
 
-static void put_out(BDot *m, int64_t t, Quality quality, const double *dipole, Vec3 torque_B)
-{
-    m->out.command.head = head_next(m->out.command.head, t, quality);
-    memcpy(m->out.command.dipole, dipole, sizeof m->out.command.dipole);
-    m->out.achieved.head = head_next(m->out.achieved.head, t, quality);
-    m->out.achieved.torque_B = torque_B;
-}
-
 void b_dot_update(BDot *m, Tick t)
 {
     const double none[RODS_MAX] = {0.0};
@@ -82,18 +64,14 @@ void b_dot_update(BDot *m, Tick t)
     const Vec3 b = vec_unit(B);
     const int64_t at = head_time(field, t.t);
     if (seen && strong && (!m->mem.known || at > m->mem.measured)) {
-        take_field(m, b, at); /* which the next output needs, though this one may not be written */
+        take_field(m, b, at); /* the next output needs it, even if this one is not written */
     }
 
     int rank;
     double dipole[RODS_MAX] = {0.0};
     const Vec3 d = speaks ? vec_cross(b, omega) : m->mem.db_B;
     const double factor = share_dipole(m, d, size, dipole, &rank);
-    Vec3 m_B = vec3(0.0, 0.0, 0.0);
-    for (uint32_t i = 0; i < rods_count(&m->in.rods); i++) {
-        m_B = vec_add(m_B, vec_scale(dipole[i], m->in.rods.axes_B[i]));
-    }
-    const Vec3 torque_B = vec_cross(m_B, B);
+    const Vec3 m_B = rods_dipole(&m->in.rods, dipole), torque_B = vec_cross(m_B, B);
 
     Quality quality = quality_min(quality_through(field), quality_through(m->in.rods.head));
     const int given = quality != QUALITY_NONE && seen;
@@ -104,14 +82,15 @@ void b_dot_update(BDot *m, Tick t)
     const int64_t newest = !computed ? m->mem.newest : speaks ? of_both : m->mem.measured;
     const int lost = head_written(m->out.command.head) && data_lost(t, newest, m->par.hold);
     if (lost || (given && !strong)) {
-        put_out(m, t.t, QUALITY_DEGRADED, none, vec3(0.0, 0.0, 0.0));
+        rods_put(&m->out.command, &m->out.achieved, t.t, QUALITY_DEGRADED, none, vec3(0.0, 0.0, 0.0));
         m->out.state.head = head_held(m->out.state.head);
         m->mem.slow = 0u;
     } else if (computed) {
         m->mem.newest = newest;
         m->mem.saturated += factor < 1.0;
         put_state(m, t.t, quality, speaks ? vec_norm(omega) : vec_norm(d), speaks);
-        put_out(m, t.t, rank == 3 ? quality : QUALITY_DEGRADED, dipole, torque_B);
+        quality = rank == 3 ? quality : QUALITY_DEGRADED;
+        rods_put(&m->out.command, &m->out.achieved, t.t, quality, dipole, torque_B);
     } else {
         m->out.command.head = head_held(m->out.command.head);
         m->out.achieved.head = head_held(m->out.achieved.head);
