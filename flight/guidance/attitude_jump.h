@@ -6,12 +6,6 @@
 #include "flight/math/attitude.h"
 #include "flight/msg/attitude.h"
 
-/** [rad] The angle of a turn, of its MRP. */
-static inline double mrp_angle(Vec3 sigma)
-{
-    return 4.0 * fm_atan(vec_norm(sigma));
-}
-
 /** [rad] The angle between `now` and where `before` would have turned until then, by its rate and acceleration. */
 static inline double attitude_jump(const AttReference *before, const AttReference *now)
 {

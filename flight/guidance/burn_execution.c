@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "flight/math/vec.h"
+#include "flight/math/attitude.h"
 
 void burn_execution_reset(BurnExecution *m)
 {
@@ -32,7 +32,7 @@ static int points(const BurnExecution *m, Tick t)
     if (!(most > 0.0)) {
         return 1;
     }
-    return head_written(error->head) && 4.0 * fm_atan(vec_norm(error->sigma_BR)) <= most &&
+    return head_written(error->head) && mrp_angle(error->sigma_BR) <= most &&
            !data_lost(t, data_time(error->head, t.t), m->par.hold);
 }
 

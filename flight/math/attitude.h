@@ -70,6 +70,12 @@ static inline Quat mrp_to_quat(Vec3 sigma)
     return (Quat){{(1.0 - s2) * k, v.v[0], v.v[1], v.v[2]}};
 }
 
+/** [rad] The angle of a turn, in [0, pi] for the short set. */
+static inline double mrp_angle(Vec3 sigma)
+{
+    return 4.0 * fm_atan(vec_norm(sigma));
+}
+
 static inline Vec3 quat_to_mrp(Quat q)
 {
     return mrp_project(q.q[0], vec3(q.q[1], q.q[2], q.q[3]), 1.0);

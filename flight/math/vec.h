@@ -67,6 +67,12 @@ static inline Vec3 vec_unit(Vec3 a)
     return n > 0.0 ? vec_scale(1.0 / n, a) : vec3(0.0, 0.0, 0.0);
 }
 
+/** [rad] The angle between two vectors, in [0, pi], without loss of digits where it is near either end. */
+static inline double vec_angle(Vec3 a, Vec3 b)
+{
+    return fm_atan2(vec_norm(vec_cross(a, b)), vec_dot(a, b));
+}
+
 /** The unit axis that is farthest from the direction of a. */
 static inline Vec3 vec_far_axis(Vec3 a)
 {

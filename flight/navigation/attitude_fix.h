@@ -47,16 +47,10 @@ static inline FixChoice fix_choose(const SeenDirection *const *all, int n, Quali
     return c;
 }
 
-/** The angle between two directions, of any size, without loss of digits. */
-static inline double angle_between(Vec3 a, Vec3 b)
-{
-    return fm_atan2(vec_norm(vec_cross(a, b)), vec_dot(a, b));
-}
-
 /** Whether two directions of the body, and as known, are apart from each other and from the opposite. */
 static inline int fix_apart(const SeenDirection *a, const SeenDirection *b, double least)
 {
-    const double seen = fm_sin(angle_between(a->d_B, b->d_B)), known = fm_sin(angle_between(a->d_N, b->d_N));
+    const double seen = fm_sin(vec_angle(a->d_B, b->d_B)), known = fm_sin(vec_angle(a->d_N, b->d_N));
     return seen >= fm_sin(least) && known >= fm_sin(least);
 }
 

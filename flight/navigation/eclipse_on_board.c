@@ -56,7 +56,7 @@ static ShadowPhase phase_at(Vec3 r, Vec3 sun, double R)
 static double lit_part(Vec3 r, Vec3 sun, double R)
 {
     const Vec3 to_sun = vec_sub(sun, r);
-    const double apart = fm_atan2(vec_norm(vec_cross(to_sun, r)), -vec_dot(to_sun, r));
+    const double apart = vec_angle(to_sun, vec_neg(r));
     const double a = fm_asin(ECLIPSE_SUN / vec_norm(to_sun)), b = fm_asin(R / vec_norm(r));
     const double x = (apart * apart + a * a - b * b) / (2.0 * apart), y2 = a * a - x * x;
     if (apart <= a - b) {

@@ -47,7 +47,7 @@ void triad_update(Triad *m, Tick t)
     }
     if (finding == FIX_SOUND) {
         const double var_a = a->std * a->std, var_b = b->std * b->std;
-        const double rest = angle_between(a->d_B, b->d_B) - angle_between(a->d_N, b->d_N);
+        const double rest = vec_angle(a->d_B, b->d_B) - vec_angle(a->d_N, b->d_N);
         sigma_BN = dcm_to_mrp(mat_mul(mat_transpose(triad(a->d_B, b->d_B)), triad(a->d_N, b->d_N)));
         P_B = covariance(vec_unit(a->d_B), vec_unit(b->d_B), var_a, var_b);
         misfit = rest * rest / (var_a + var_b);

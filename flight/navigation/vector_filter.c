@@ -121,7 +121,7 @@ static double correct(VectorEstimate *e, const Seen *seen, int source, Vec3 turn
         /* Across b, as far as the angle between both; where they are opposite, to any side. */
         const Vec3 d = mat_vec(since, seen->as_B), side = vec_unit(vec_cross(b, vec_far_axis(b)));
         const Vec3 off = vec_sub(d, vec_scale(vec_dot(d, b), b));
-        const double angle = angle_between(d, b), length = vec_norm(off);
+        const double angle = vec_angle(d, b), length = vec_norm(off);
         const Vec3 w = vec_add(b, length > 0.0 ? vec_scale(angle / length, off) : vec_scale(angle, side));
         misfit += take_along(e, x, side, w, b, none, seen->noise);
         misfit += take_along(e, x, vec_unit(vec_cross(b, side)), w, b, none, seen->noise);

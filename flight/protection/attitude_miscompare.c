@@ -22,7 +22,7 @@ void attitude_miscompare_update(AttitudeMiscompare *m, Tick t)
     const NavAttitude *a = &m->in.a, *b = &m->in.b;
     NavAttitude *out = &m->out.attitude;
     const Quality quality = quality_min(a->head.quality, b->head.quality);
-    const double angle = 4.0 * fm_atan(vec_norm(mrp_relative(a->sigma_BN, b->sigma_BN))) / m->par.angle_max;
+    const double angle = mrp_angle(mrp_relative(a->sigma_BN, b->sigma_BN)) / m->par.angle_max;
     const double rate = vec_norm(vec_sub(a->omega_BN_B, b->omega_BN_B)) / m->par.rate_max;
     const double worse = angle > rate || isnan(angle) ? angle : rate;
     const int64_t of_a = data_time(a->head, t.t), of_b = data_time(b->head, t.t);
