@@ -9,8 +9,8 @@
 #include "flight/msg/magnetics.h"
 #include "flight/msg/vehicle.h"
 
-/** The dipoles of the least norm, G^+ wanted_B, with the unit axes of the rods the columns of G and its rank; where a rod
- *  would pass its limit, all are scaled alike, by the factor that is returned. */
+/** The dipoles of the least norm, G^+ wanted_B, with the unit axes of the rods the columns of G, and G's rank. Where a
+ *  rod would pass its limit, all are scaled alike, by the factor that is returned. */
 static inline double rods_share(const RodSet *rods, Vec3 wanted_B, double *dipole, int *rank)
 {
     const uint32_t n = rods_count(rods);

@@ -8,14 +8,14 @@
 /** Let torque rods and the magnetometer, which rods nearby disturb, take turns. In the first part of each period the
  *  rods act as wanted, in the rest they are off:
  *     on while t mod period < on,   off from the first update after that
- *  A measurement counts if its head says that it was taken in an off part, after the rods went off and `settle` or
- *  more; it may come later than that, until the next off part begins. Until then the last one that counted is held: its
- *  head keeps its time, so that who looks there sees no new measurement, and stays good for one period; then it is
- *  degraded. A command acts until the next update, so periods and parts are best multiples of the task's period.
- *  Dipoles are not scaled up. The mean torque is `share` of what RodTorques' `achieved` says, and gains may be divided
- *  by that. Run it after the law of control, whose field is then that of the update before, or before it, and then the
- *  command is. Without usable commands the last one is held until the on part ends; after `hold` without new ones the
- *  dipoles are zero, degraded. In off parts they are zero whatever comes in.
+ *  A measurement counts if its head says that it was taken in an off part, `settle` or more after the rods went off. It
+ *  may arrive later, until the next off part begins. Until then the output holds the last one that counted, with its
+ *  time: a module that compares times sees no new one. It stays good for one period, and is degraded after that.
+ *  A command acts until the next update, so periods and parts are best multiples of the task's period. Dipoles are not
+ *  scaled up: the mean torque is `share` of what RodTorques' `achieved` says, and gains may be divided by that.
+ *  If the module runs before the law of control, it gets the law's command of the update before; if it runs after the
+ *  law, the law has the field of the update before. Without usable commands it holds the last one until the on part
+ *  ends; after `hold` without new ones the dipoles are zero, degraded. In off parts they are zero whatever comes in.
  *  Source: Wertz 1978, section 19.1. */
 typedef struct RodWindow {
     struct {

@@ -27,7 +27,7 @@ typedef struct SeenDirection {
     double std; ///< [rad] > 0: standard deviation of the angle between the two, about each axis across it
 } SeenDirection;
 
-/** Whether a direction can be used: it is not missing, not stale, and its vectors and its error are such. */
+/** Whether a direction can be used: it is not missing or stale, has unit vectors, and its error is > 0 and finite. */
 static inline int direction_speaks(const SeenDirection *seen)
 {
     return seen->head.quality >= QUALITY_DEGRADED && fm_abs(vec_norm2(seen->d_B) - 1.0) < 1e-3 &&

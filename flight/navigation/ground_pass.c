@@ -103,7 +103,7 @@ static void search_step(GroundPass *m, const OrbitField *field, Vec3 up, int64_t
     m->mem.t += step;
 }
 
-/* Begin with the orbit in `in`, if it and the planet's attitude are such. */
+/* Begin the search with an orbit, if the planet's attitude is that of a frame and all numbers are finite. */
 static void begin(GroundPass *m, OrbitPoint orbit, Vec3 station, double mask, Vec3 up)
 {
     const Mat3 to_N = mat_transpose(m->in.planet.dcm_PN);

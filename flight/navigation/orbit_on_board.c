@@ -4,20 +4,12 @@
 #include <string.h>
 
 #include "flight/navigation/earth_orientation.h"
+#include "flight/navigation/orbit_motion.h"
 
 void orbit_on_board_reset(OrbitOnBoard *m)
 {
     memset(&m->out, 0, sizeof m->out);
     memset(&m->mem, 0, sizeof m->mem);
-}
-
-/* The acceleration by a point and J2 at r, of which the third axis is the pole. */
-static Vec3 gravity(Vec3 r)
-{
-    const double size2 = vec_norm2(r), mu = SGP4_MU / (size2 * fm_sqrt(size2));
-    const double k = 1.5 * SGP4_J2 * SGP4_RADIUS * SGP4_RADIUS / size2, z = r.v[2];
-    const Vec3 bulge = vec_add(vec_scale(1.0 - 5.0 * z * z / size2, r), vec3(0.0, 0.0, 2.0 * z));
-    return vec_scale(-mu, vec_add(r, vec_scale(k, bulge)));
 }
 
 void orbit_on_board_update(OrbitOnBoard *m, Tick t)
@@ -46,7 +38,8 @@ void orbit_on_board_update(OrbitOnBoard *m, Tick t)
     }
     if (code == ORBIT_ELEMENTS_GOOD) {
         const Mat3 dcm_TN = earth_teme(earth_days(now));
-        a = mat_transpose_vec(dcm_TN, gravity(r));
+        const OrbitField field = {SGP4_MU, SGP4_RADIUS, SGP4_J2, 0.0, 0.0, vec3(0.0, 0.0, 1.0)};
+        a = mat_transpose_vec(dcm_TN, orbit_gravity(&field, r));
         r = mat_transpose_vec(dcm_TN, r);
         v = mat_transpose_vec(dcm_TN, v);
         if (!(vec_finite(r) && vec_finite(v) && vec_finite(a))) {

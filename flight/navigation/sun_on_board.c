@@ -15,8 +15,8 @@ void sun_on_board_reset(SunOnBoard *m)
 /* [m] T centuries after J2000, N components. */
 static Vec3 sun_place(double T)
 {
-    /* What planets and the Moon do: argument [deg], and a century; its cosine in the longitude [1e-5 deg]; its sine in
-     * the distance [1e-8 AU]. */
+    /* The perturbations by planets and the Moon: argument [deg], and its change a century; factor of its cosine in the
+     * longitude [1e-5 deg], and of its sine in the distance [1e-8 AU]. */
     static const double terms[9][4] = {
         {207.85, 445267.11, 179.7, -3084.0}, {157.23, 32964.47, 200.4, 1628.0}, {253.14, 45036.88, 153.3, 1576.0},
         {351.52, 22518.44, 134.2, 542.0},    {42.54, 65928.94, 75.9, 925.0},    {162.08, 20.19, 195.8, 0.0},

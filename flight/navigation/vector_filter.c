@@ -185,8 +185,8 @@ static void look(VectorFilter *m, const Seen *seen, int source, int64_t now)
         return;
     }
     VectorEstimate there = m->mem.at;
-    const int is_one = seen->noise > 0.0 && vec_finite(seen->as_B) && vec_finite(seen->as_N);
-    const double misfit = is_one ? correct(&there, seen, source, turn_since(m, t)) : INFINITY;
+    const int usable = seen->noise > 0.0 && vec_finite(seen->as_B) && vec_finite(seen->as_N);
+    const double misfit = usable ? correct(&there, seen, source, turn_since(m, t)) : INFINITY;
     m->mem.misfit[source] = isfinite(misfit) ? misfit : 0.0;
     if (misfit <= m->par.gate * m->par.gate && sound(&there)) {
         m->mem.at = there;
@@ -195,7 +195,7 @@ static void look(VectorFilter *m, const Seen *seen, int source, int64_t now)
         m->mem.running += m->mem.running <= m->par.persistence ? 1u : 0u;
     } else {
         m->mem.rejected[source]++;
-        m->mem.doubt[source] += is_one && m->mem.doubt[source] < m->par.persistence ? 1u : 0u;
+        m->mem.doubt[source] += usable && m->mem.doubt[source] < m->par.persistence ? 1u : 0u;
     }
 }
 
