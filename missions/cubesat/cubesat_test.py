@@ -18,6 +18,13 @@ def flown(name, **options):
     sim = fledge.load("cubesat", **options)
     sim.plots = False
     sim.scenarios[name]()
+
+
+def slow(**options):
+    """A CubeSat whose tumble has ended."""
+    sim = fledge.load("cubesat", **options)
+    sim.world.craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
+    sim.flight.start_in("brake")
     return sim
 
 
@@ -35,10 +42,8 @@ def test_with_fewer_units_it_does(name, options):
 
 
 def test_without_star_trackers_it_finds_the_sun_and_looks_down():
-    sim = fledge.load("cubesat", trackers=0)
-    f, craft = sim.flight, sim.world.craft
-    craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
-    f.start_in("brake")
+    sim = slow(trackers=0)
+    craft = sim.world.craft
     sim.run(5 * minute)
     ground.connect(sim).command("mode", "nadir").completed(within=10 * s)
     sim.run(4 * minute)
@@ -57,9 +62,7 @@ def test_nadir_is_refused_before_the_attitude_is_known():
 
 def test_a_pass_is_commanded_by_radio():
     """From below the horizon a command is lost; in the pass it arrives, and telemetry comes back."""
-    sim = fledge.load("cubesat")
-    sim.world.craft.omega_BN_B = [0.2, -0.5, 0.3] * deg / s
-    sim.flight.start_in("brake")
+    sim = slow()
     craft = ground.connect(sim, radio=sim.world.radio)
     early = craft.command("mode", "nadir")
     sim.run(17 * minute)
@@ -74,11 +77,9 @@ def test_a_pass_is_commanded_by_radio():
 
 
 def test_a_magnetometer_that_is_stuck_leaves_no_wrong_attitude_that_is_good():
-    sim = fledge.load("cubesat", trackers=0)
+    sim = slow(trackers=0)
     f, w = sim.flight, sim.world
-    w.craft.omega_BN_B, w.tam.faults = [0.2, -0.5, 0.3] * deg / s, [{"kind": "HIGH", "size": 3e-5 * T,
-                                                                     "begin": 20 * minute}]
-    f.start_in("brake")
+    w.tam.faults = [{"kind": "HIGH", "size": 3e-5 * T, "begin": 20 * minute}]
     log = sim.record(w.craft.state, f.vectors.attitude, every=4 * s)
     sim.run(5 * minute)
     ground.connect(sim).command("mode", "nadir").completed(within=10 * s)

@@ -140,8 +140,7 @@ def guidance(f, trackers):
         f.to_station.reference   >> f.station_axes.base,
         f.target.target          >> f.to_target.primary,
         f.to_target.reference    >> f.target_axes.base,
-        fsw.by_mode(nadir=f.nadir_axes.reference, contact=f.station_axes.reference, image=f.target_axes.reference)
-        >> f.keep_out.target,
+        fsw.newest(f.nadir_axes.reference, f.station_axes.reference, f.target_axes.reference) >> f.keep_out.target,
         f.keep_out.way           >> f.slew.target,
         f.slew.reference         >> f.tracking.reference,
         known(f, trackers)       >> [f.keep_out.attitude, f.slew.attitude, f.tracking.attitude],
@@ -178,15 +177,14 @@ def control(f, trackers):
         f.hill_axes.reference   >> f.off.reference,
         known(f, trackers)      >> f.off.attitude,
         f.off.error             >> f.magnetic.error,
-        (fsw.by_mode(brake=f.damping.torque, sun=f.sun_law.torque, nadir=f.law.torque, contact=f.law.torque,
-                     image=f.law.torque, hover=f.magnetic.wheels_torque) >> f.motor.torque).stale_after(2 * s),
+        (fsw.newest(f.damping.torque, f.sun_law.torque, f.law.torque, f.magnetic.wheels_torque)
+         >> f.motor.torque).stale_after(2 * s),      # of a law that its mode has suspended
         f.motor.command         >> f.balance.torques,
         (f.plan.wanted          >> f.balance.wanted).stale_after(2 * s),
         f.balance.command       >> f.monitor.command,
         f.monitor.availability  >> [f.motor.availability, f.plan.availability, f.balance.availability],
 
-        fsw.by_mode(sun=f.dump.torque, nadir=f.dump.torque, contact=f.dump.torque, image=f.dump.torque,
-                    hover=f.magnetic.torque) >> f.rod_law.torque,
+        fsw.newest(f.dump.torque, f.magnetic.torque) >> f.rod_law.torque,
         (fsw.by_mode(detumble=f.b_dot.command, sun=f.rod_law.command, nadir=f.rod_law.command,
                      contact=f.rod_law.command, image=f.rod_law.command, hover=f.rod_law.command)
          >> f.window.wanted).stale_after(5 * s),
