@@ -82,7 +82,7 @@ def check_captured(flown: Flown, hours: float = 2, miss: float = 0.1) -> None:
     planned orbit [rad]; so says telemetry."""
     f, planned, log = flown.sim.flight, flown.planned, flown.log
     burnt = f.burned.kept
-    assert burnt.phase.name == "BURN_COMPLETE", f"the burn is {burnt.phase.name}, {burnt.abort.name}"
+    assert burnt.phase.name == "COMPLETE", f"the burn is {burnt.phase.name}, {burnt.abort.name}"
     assert abs(burnt.gained / norm(planned.dv_N) - 1) < 1e-3, f"{burnt.gained:.6g} m/s were gained"
     assert flown.orbit.e < 1, f"e is {flown.orbit.e:.3g}"
     assert abs(flown.period - PERIOD.value) < hours * 3600, f"a period of {flown.period / 3600:.3g} h"

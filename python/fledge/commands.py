@@ -25,7 +25,7 @@ from operator import xor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fledge.elements import ELEMENTS
+from fledge.elements import ELEMENTS, short_names
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.frames import ROOM, Frames
 from introspect.comment import SEVERITIES, event as event_of
@@ -990,7 +990,9 @@ def encoded(field: Field, value: Any, shape: Sequence[int] | None = None) -> byt
             raise SetupError(f"{field.name}: give {listed(missing)} too")
         return b"".join(encoded(f, value[f.name]) for f in field.fields)
     if field.type == "enum" and isinstance(value, str):
-        value = _place(list(field.enumerators.values()), list(field.enumerators), value, "enumerator", field.name)[1]
+        short = short_names(field.enumerators)
+        value = field.enumerators[value] if value in field.enumerators else _place(
+            list(field.enumerators.values()), list(short.values()), value, "enumerator", field.name)[1]
     element = ELEMENTS[field.type]
     try:
         return packing.pack(">" + element.code, float(value) if element.is_float else int(value))
@@ -1225,6 +1227,25 @@ def values(fields: Sequence[Field], raw: bytes, mark: str = ">") -> dict[str, An
     return {f.name: _value(f, raw[f.offset:f.offset + f.size], f.shape, mark) for f in fields}
 
 
+class Enumerator(str):
+    """The whole name of an enumerator, as databases of ground stations have it; its short name equals it, too."""
+
+    short: str
+
+    def __new__(cls, whole: str, short: str) -> Enumerator:
+        one = super().__new__(cls, whole)
+        one.short = short
+        return one
+
+    def __eq__(self, other: object) -> bool:
+        return str.__eq__(self, other) is True or other == self.short
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = str.__hash__
+
+
 def _value(field, raw, shape, mark):
     if field.type == "char" and len(shape) == 1:
         return raw.rstrip(b"\0").decode(errors="replace")
@@ -1235,7 +1256,8 @@ def _value(field, raw, shape, mark):
         return values(field.fields, raw, mark)
     value = packing.unpack(mark + ELEMENTS[field.type].code, raw)[0]
     if field.type == "enum":
-        return next((name for name, number in field.enumerators.items() if number == value), value)
+        return next((Enumerator(name, short) for name, short in short_names(field.enumerators).items()
+                     if field.enumerators[name] == value), value)
     return value
 
 

@@ -278,6 +278,15 @@ def test_any_value_is_encoded_and_decoded():
     assert values(FIELDS, raw) == given
 
 
+def test_an_enumerator_is_encoded_and_compared_by_its_short_and_its_whole_name():
+    level = Field("e", "enum", 0, 4, [], "", "", {"LEVEL_LOW": -1, "LEVEL_HIGH": 4})
+    assert encoded(level, "HIGH") == encoded(level, "LEVEL_HIGH") == struct.pack(">i", 4)
+    found = values([level], struct.pack(">i", 4))["e"]
+    assert found == "HIGH" and found == "LEVEL_HIGH" and found != "LOW" and found != 4 and {found: 1}["LEVEL_HIGH"]
+    with pytest.raises(SetupError, match="e has no enumerator 'HIHG'; did you mean 'HIGH'. it has LOW, HIGH"):
+        encoded(level, "HIHG")
+
+
 @pytest.mark.parametrize("field, value, complaint", [
     (0, [1.0], "a has the shape"), (0, 3.0, "a has the shape"), (1, "MIDDLE", "e has no enumerator 'MIDDLE'"),
     (2, "abcde", "t has room for 4 bytes"), (3, [{"u": [1, 2]}, {"u": [1, 2], "i": 1}], "s: give i too"),

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The types of a field's elements, as in flight/exec/element.h."""
+"""The types of a field's elements, as in flight/exec/element.h, and short names of enumerators."""
 
 import struct
+from collections.abc import Iterable, Mapping
+from functools import cache
+from os.path import commonprefix
 from typing import NamedTuple
 
 
@@ -32,3 +35,19 @@ ELEMENTS = {
     "i64": Element("q", "int64_t"), "u64": Element("Q", "uint64_t"),
     "enum": Element("i", "int32_t"), "char": Element("c", "char"),
 }
+
+
+def short_names(whole: Iterable[str], enumeration: str = "") -> Mapping[str, str]:
+    """Whole name -> short name of the enumerators of an enumeration, without its own name, or without the words with
+    which all begin: GOOD of QUALITY_GOOD, IGRF of FIELD_IGRF. Whole names stay if one would be no identifier."""
+    return _short_names(tuple(whole), enumeration)
+
+
+@cache
+def _short_names(names: tuple[str, ...], enumeration: str) -> dict[str, str]:
+    start = f"{enumeration.upper()}_"
+    if not enumeration or not all(name.startswith(start) for name in names):
+        start = commonprefix(names) if len(names) > 1 and all(map(str.isupper, names)) else ""     # not of modes
+        start = start[:start.rfind("_") + 1]
+    short = {name: name.removeprefix(start) for name in names}
+    return short if all(map(str.isidentifier, short.values())) else {name: name for name in names}

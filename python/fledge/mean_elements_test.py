@@ -223,7 +223,7 @@ def test_the_module_flies_the_elements_where_another_program_does():
         dpsi, deps = erfa.nut80(2451545.0, tt)
         eps = erfa.obl80(2451545.0, tt)
         teme = erfa.rz(dpsi * math.cos(eps + deps), erfa.pnm80(2451545.0, tt))
-        assert code == 0 and m.state.code.name == "ORBIT_ELEMENTS_GOOD" and m.state.age == minutes * 60
+        assert code == 0 and m.state.code.name == "GOOD" and m.state.age == minutes * 60
         assert np.linalg.norm(m.orbit.r_BN_N - teme.T @ r * 1000) < 2
         assert np.linalg.norm(m.orbit.v_BN_N - teme.T @ v * 1000) < 0.002
         assert m.orbit.head.quality.name == ("GOOD" if abs(minutes) <= 1440 else "DEGRADED")

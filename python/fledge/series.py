@@ -14,10 +14,10 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from os.path import commonprefix
 from typing import TYPE_CHECKING, Any
 
 from fledge.display import table, unit_text
+from fledge.elements import short_names
 from fledge.errors import SetupError, listed, nearest
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
 MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
 NONE, GOOD = 0, 3                              # of Quality: never written; with nothing to say against it
+STALE_S, STALE_UPDATES = 5.0, 10               # as of stale_after()
 HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
 
@@ -104,7 +105,17 @@ class Records:
             if found:
                 raise self._error(f"{self._label}: '{key}' is ambiguous: it may be "
                                   + listed([full_name(p, n) for p, n in found], most=12) + "; write more of the name")
-        last = dotted.rpartition(".")[2].lower()
+        owner, _, last = dotted.rpartition(".")
+        if owners := [(p, n) for p in ports for n in (None, *p.names) if owner and n not in p.fields
+                      and f".{full_name(p, n)}".endswith(f".{owner}")]:
+            known = {full_name(p, n): [field[len(n) + 1 if n else 0:] for field in p.fields
+                                       if not field.startswith(HEAD) and field.startswith(f"{n}." if n else "")]
+                     for p, n in owners}
+            near = list(filter(None, [nearest(last, [one for fields in known.values() for one in fields])]))
+            raise self._error(f"{self._label}: there is no '{key}'"
+                              + (f"; did you mean {owner}.{near[0]}? " if near else "; ")
+                              + "; ".join(f"{name} has {listed(fields, most=12)}" for name, fields in known.items()))
+        last = last.lower()
         everything = [full_name(p, n) for p in ports for n in (None, *p.names)]
         near = [full for full in everything if last and last in full.rpartition(".")[2].lower()]
         if not near:  # misspelt: the nearest of all names' endings
@@ -227,6 +238,12 @@ class Records:
         return next((tail for tail in tails if sum(name.endswith("." + tail) for name in names) == 1), port.name)
 
 
+def stale_after(period: float) -> float:
+    """[s] How old what is written each `period` [s] may be before it is stale: ten updates, as flight itself has it
+    (data_lost() of flight/msg/head.h), and 5 s at least, as telemetry is later than flight."""
+    return max(STALE_S, STALE_UPDATES * period)
+
+
 def full_name(port: Any, name: str | None) -> str:
     """ "flight.tracking.error.sigma_BR", or the port's name"""
     return f"{port.name}.{name}" if name else port.name
@@ -278,9 +295,7 @@ def head_columns(fields: Iterable[str]) -> dict[str, str]:
 def words_of(field: Any) -> dict[int, str]:
     """Value -> name of a field that is an enumeration: 3 -> "good". {} of others."""
     named = dict(getattr(field, "values", None) or getattr(field, "enumerators", None) or {})
-    common = commonprefix(list(named)) if len(named) > 1 else ""
-    start = common.rfind("_") + 1       # QUALITY_ of QUALITY_NONE, QUALITY_STALE, ...
-    return {value: name[start:].lower().replace("_", " ") for name, value in named.items()}
+    return {named[name]: short.lower().replace("_", " ") for name, short in short_names(named).items()}
 
 
 def in_words(values: Any, field: Any) -> list[str]:

@@ -44,7 +44,7 @@ from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.log import Log
 from fledge.mission.scenario import chosen
-from fledge.objects.si import time_ns
+from fledge.objects.si import enumerator_names, time_ns
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -290,9 +290,7 @@ def _fields(owner):
 
 def _kinds_of(owner):
     """Name -> number of each kind of fault of a model; without what the names have in common, and the sound one."""
-    found = _fields(owner)["kind"].enumerators
-    common = os.path.commonprefix([name for name, _ in found]).rpartition("_")[0]
-    return {name.removeprefix(f"{common}_"): number for name, number in found if number}
+    return {name: number for number, name in enumerator_names(_fields(owner)["kind"]).items() if number}
 
 
 def _planned(owner):

@@ -18,6 +18,7 @@ from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.requirements import FormulaCheck
+from fledge.objects.si import enumerator_names
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ class Flights:
         if ".orbit." not in path:
             field = FieldPath(self.campaign.nominal, path).field
             if field.type == "enum":
-                return enumerator_name(field, x)
+                return enumerator_names(field)[int(x)]
             unit = "" if field.unit in ("-", "SI") else field.unit
         return f"{x / 1e9:.7g} s" if unit == "ns" else f"{x:.7g}{' ' * bool(unit)}{unit}"
 
@@ -155,9 +156,3 @@ def _check(d: Dispersions) -> FormulaCheck:
     check, = d.requirements
     assert isinstance(check, FormulaCheck)
     return check
-
-
-def enumerator_name(field: Any, x: float) -> str:
-    """The name of an enumerator without what all have in common: HIGH of FAULT_HIGH."""
-    common = os.path.commonprefix([name for name, _ in field.enumerators]).rpartition("_")[0]
-    return next(name for name, number in field.enumerators if number == x).removeprefix(f"{common}_")

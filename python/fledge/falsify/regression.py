@@ -6,9 +6,10 @@ from __future__ import annotations
 import re
 
 from fledge import objects
-from fledge.falsify.flights import Flights, enumerator_name
+from fledge.falsify.flights import Flights
 from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
+from fledge.objects.si import enumerator_names
 from fledge.requirements.formula import number_text
 
 
@@ -64,7 +65,7 @@ def _assignments(sim, path, nominal):
     """The lines that give a parameter its number; an inertia is symmetric."""
     target = FieldPath(sim, path)
     field, x = target.field, target.value()
-    text = f'"{enumerator_name(field, x)}"' if field.type == "enum" else str(int(x)) if _whole(field) else repr(x)
+    text = f'"{enumerator_names(field)[int(x)]}"' if field.type == "enum" else str(int(x)) if _whole(field) else repr(x)
     note = "" if field.type == "enum" else f"  # {target.unit}{'; ' if target.unit else ''}nominal {nominal:.6g}"
     mirror = target.elements[0] - target.elements[0] % 9 + target.elements[0] % 3 * 3 + target.elements[0] % 9 // 3
     places = [target.elements[0]] + ([mirror] if "inertia" in field.rule and mirror != target.elements[0] else [])
@@ -77,7 +78,7 @@ def _fault(row):
     for field in objects.struct(row).fields:
         x = getattr(row, field.name)
         if field.type == "enum":
-            parts.append(f'"{field.name}": "{enumerator_name(field, x)}"')
+            parts.append(f'"{field.name}": "{enumerator_names(field)[int(x)]}"')
         elif x and not field.spare:
             parts.append(f'"{field.name}": {_seconds(x) if field.unit == "ns" else repr(x)}')
     return "{" + ", ".join(parts) + "}"

@@ -23,7 +23,7 @@ from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
-from fledge.objects.si import short_name, time_ns
+from fledge.objects.si import enumerator_names, time_ns
 from fledge.objects.wires import Wire, caller
 from fledge.objects.words import first_sentence
 
@@ -151,7 +151,7 @@ class Watch(Measured):
 def _constant_text(value, field):
     """A constant of a condition, as the user would write it."""
     if field.type == "enum":
-        return next((short_name(field.ctype, name) for name, one in field.enumerators if one == value), f"{value:g}")
+        return enumerator_names(field).get(value, f"{value:g}")
     return (str(value) if isinstance(value, int) else f"{value:g}") + unit_after(field.unit)
 
 

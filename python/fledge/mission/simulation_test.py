@@ -375,7 +375,8 @@ def test_every_kind_of_field_is_recorded_by_name(tmp_path):
     ("parts[3].share", "'parts[3].share' is out of range: flight.noise.kinds.parts.share has the shape (3,)"),
     ("parts[1].share[0]", "'parts[1].share[0]' is out of range: flight.noise.kinds.parts.share has the shape (3,)"),
     ("noise[1].kinds.i64", "'noise[1].kinds.i64' is out of range: flight.noise.kinds.i64 has the shape ()"),
-    ("parts[1].shape", "there is no 'parts[1].shape'; did you mean parts.share?"),
+    ("parts[1].shape", "there is no 'parts[1].shape'; did you mean parts.share? "
+     "flight.noise.kinds.parts has phase, share, pairs.count, pairs.x, steps"),
 ])
 def test_a_wrong_place_in_an_array_of_structs_is_told(key, text):
     sim = fledge.Simulation()

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
-from fledge.objects.si import enumerator, short_name, time_ns, to_number, to_si
+from fledge.objects.si import enumerator, enumerator_names, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import FormulaCheck, Requirement, Variable
 from fledge.requirements.declared import Requirement as Declared, Requirements, signal
@@ -230,7 +230,7 @@ class Dispersions:
         choice = draw.kind in ("choice", "grid")
         if target.field.type == "enum" and not choice:
             raise SetupError(f"{path} = {draw!r}: {target.field.ctype} is an enumeration; draw it by d.choice(...), of "
-                             + ", ".join(short_name(target.field.ctype, name) for name, _ in target.field.enumerators))
+                             + ", ".join(enumerator_names(target.field).values()))
         shown = f"{path} = {draw!r}" if choice else ""
         choices = [self._choice(value, target, draw.scale, shown) for value in draw.numbers] if choice else []
         if choice and not choices:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
-from fledge.objects.si import short_name, time_ns
+from fledge.objects.si import enumerator_names, time_ns
 from fledge.requirements.formula import Formula, number_text
 from fledge.requirements.judge import STALE, Judged
 from fledge.series import GOOD, NONE
@@ -194,7 +194,7 @@ class Requirement:
     def _shown(self, value, form="g"):
         """A number of the variable with its unit, or the name of an enumerator."""
         field = self.variable.field_path.field
-        names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
+        names = enumerator_names(field)
         return names.get(value, f"{value:{form}}{unit_after(self.variable.unit)}")
 
 

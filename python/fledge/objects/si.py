@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from enum import Enum, IntEnum
 from typing import Any
 
+from fledge.elements import short_names
 from fledge.errors import SetupError, nearest
 from fledge.units import Quantity, UnitError, nanoseconds
 
@@ -93,9 +94,10 @@ def time_ns(value: Any, path: str) -> int:
         raise SetupError(f"{path}: {error}") from None
 
 
-def short_name(ctype: str, name: str) -> str:
-    """An enumerator without the enumeration's name: "GOOD" of QUALITY_GOOD."""
-    return name.removeprefix(f"{ctype.upper()}_")
+def enumerator_names(field: Any) -> dict[int, str]:
+    """Number -> short name, "GOOD" of QUALITY_GOOD, of a field; {} if it is no enumeration."""
+    short = short_names((name for name, _ in field.enumerators), field.ctype)
+    return {number: short[name] for name, number in field.enumerators}
 
 
 def enumerator(ctype: str, enumerators: Sequence[tuple[str, int]], value: Any, path: str) -> int:
@@ -104,8 +106,8 @@ def enumerator(ctype: str, enumerators: Sequence[tuple[str, int]], value: Any, p
     foreign = isinstance(value, Enum) and type(value).__name__ != ctype
     if hasattr(value, "__index__") and not isinstance(value, bool) and not foreign:
         value = int(value)
-    names = [short_name(ctype, name) for name, _ in enumerators]
     whole = [name for name, _ in enumerators]
+    names = list(short_names(whole, ctype).values())
     for known in (names, whole) if isinstance(value, str) else ():
         if value in known:
             return enumerators[known.index(value)][1]
@@ -129,9 +131,9 @@ def to_enumerators(ctype: str, enumerators: Sequence[tuple[str, int]], value: An
 
 
 def enumeration(name: str, doc: str, values: Any) -> Any:
-    """A Python enum for one of C: its members without their common prefix."""
-    names = [short_name(name, n) for n, _, _ in values]
+    """A Python enum for one of C: its members by their short names; the whole ones are aliases."""
+    short = short_names((n for n, _, _ in values), name)
     make: Any = IntEnum  # mypy knows only enumerations with a literal name
-    made = make(name, list(zip(names, (v for _, v, _ in values))), module="fledge")
-    made.__doc__ = doc + "\n\n" + "\n".join(f"{n}: {d}" for n, (_, _, d) in zip(names, values))
+    made = make(name, {short[n]: v for n, v, _ in values} | {n: v for n, v, _ in values}, module="fledge")
+    made.__doc__ = doc + "\n\n" + "\n".join(f"{short[n]}: {d}" for n, _, d in values)
     return made

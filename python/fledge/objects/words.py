@@ -8,7 +8,7 @@ from typing import Any
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 from fledge.objects.script import function_text, prototype, python_text, script
-from fledge.objects.si import short_name
+from fledge.objects.si import enumerator_names
 
 GROUPS = (("par", "parameters"), ("in", "inputs"), ("out", "outputs"), ("mem", "memory"), ("", "fields"))
 
@@ -165,8 +165,7 @@ def _value(obj, field):
     value = getattr(obj, field.name)
     if not field.shape or field.type == "char":
         return f"{value:.7g}" if isinstance(value, float) else getattr(value, "name", repr(value))
-    names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
-    return _array(value.tolist(), names)
+    return _array(value.tolist(), enumerator_names(field))
 
 
 def _array(value, names={}):

@@ -15,7 +15,7 @@ from typing import Any
 from fledge.errors import SetupError
 from fledge.mission.field_path import FieldPath
 from fledge.objects.measured import flat_index, unit_after
-from fledge.objects.si import enumerator, short_name, time_ns, to_si, to_vector
+from fledge.objects.si import enumerator, enumerator_names, time_ns, to_si, to_vector
 from fledge.world.bodies import ANGLE
 
 _NUMBER = (0,) * 8
@@ -158,8 +158,8 @@ class Signal:
         field = self.field.field if self.field else None
         if field is not None and field.type == "enum":
             value: float = enumerator(field.ctype, field.enumerators, limit, f"{self.text} {relation}")
-            names = {number: short_name(field.ctype, name) for name, number in field.enumerators}
-            return Comparison(self, relation, float(value), f"{self.text} {relation} {names[int(value)]}")
+            name = enumerator_names(field)[int(value)]
+            return Comparison(self, relation, float(value), f"{self.text} {relation} {name}")
         value = to_si(limit, f"{self.text} {relation} {limit!r}", self.unit or "-", self.dims, "a number")
         if not isinstance(value, (int, float)) or not math.isfinite(value):
             raise SetupError(f"{self.text} {relation} {limit!r}: expected a finite number")

@@ -6,7 +6,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from fledge.objects.si import short_name
+from fledge.objects.si import enumerator_names
 from fledge.requirements.formula import shown_in
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
         figure = Figure(figsize=(4.6, 2.1), layout="constrained")
         axes = figure.add_subplot()
         field = signal.field.field if signal.field else None
-        names = field.enumerators if field else []
+        names = enumerator_names(field) if field else {}
         if signal.event:
             axes.vlines(time[values > 0] / factor, 0, 1, color="C0")
             axes.set_ylim(0, 1.1)
@@ -48,8 +48,7 @@ def draw(time: np.ndarray, values: np.ndarray, comparison: Comparison, at: float
                       drawstyle="default" if comparison.measured else "steps-post")
             axes.axhline(limit, color="C6", linestyle=(0, (5, 3)), linewidth=1.1)
         if names:
-            axes.set_yticks([number for _, number in names],
-                            [short_name(field.ctype, one) for one, _ in names])
+            axes.set_yticks(list(names), list(names.values()))
         elif not signal.event:
             _limit(axes, values[np.isfinite(values)], limit, comparison)
             axes.set_ylabel(f"[{unit_label(unit)}]" if unit_label(unit) else "")
