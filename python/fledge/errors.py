@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
+from functools import wraps
+from types import FunctionType
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from typing import Any
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from typing import Any, TypeVar
 
     from _core import RunError, SetupError
+
+    Named = TypeVar("Named", bound=Callable[..., Any])
 
 
 class Failure(Exception):
@@ -59,6 +63,49 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """What follows "... has no 'name'": "; did you mean 'names'?", or ";" if no known name is similar."""
     near = nearest(name, known)
     return f"; did you mean '{near}'?" if near else ";"
+
+
+def suggesting(**synonyms: str) -> Callable[[Named], Named]:
+    """Decorates a function, or a class, of which it means the constructor and the public methods: of arguments that do
+    not fit, the TypeError says which it takes, and of a keyword that it does not have, the nearest one.
+
+    synonyms: keyword that others use -> the one here, as inc="i"
+    """
+    def decorate(one: Any) -> Any:
+        if not isinstance(one, type):
+            return _suggesting(one, synonyms)
+        for name, value in list(vars(one).items()):
+            made = type(value) if isinstance(value, (classmethod, staticmethod)) else None
+            function = value.__func__ if made else value
+            if isinstance(function, FunctionType) and (name == "__init__" or not name.startswith("_")):
+                wrapped = _suggesting(function, synonyms, made is not staticmethod)
+                setattr(one, name, made(wrapped) if made else wrapped)
+        return one
+
+    return decorate
+
+
+def _suggesting(function: FunctionType, synonyms: Mapping[str, str], method: bool = False) -> Any:
+    code = function.__code__
+    takes = code.co_varnames[code.co_posonlyargcount or int(method):code.co_argcount + code.co_kwonlyargcount]
+    if not takes:
+        return function
+
+    @wraps(function)
+    def call(*given: Any, **named: Any) -> Any:
+        try:
+            return function(*given, **named)
+        except TypeError as error:
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                raise       # of its body
+            title = function.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
+            unknown = next((name for name in named if name not in takes), "")
+            means = f"; did you mean '{synonyms[unknown]}'?" if unknown in synonyms else \
+                did_you_mean(unknown, takes) if unknown else ";"
+            why = f"{title} has no '{unknown}'" if unknown else f"{title}() {str(error).partition('() ')[2]}"
+            raise TypeError(f"{why}{means} it takes {listed(takes)}") from None
+
+    return call
 
 
 def listed(names: Sequence[str], most: int | None = None, none: str = "none") -> str:

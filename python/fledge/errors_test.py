@@ -119,6 +119,53 @@ def test_unknown_types_and_bodies_list_the_known():
          "MARS, JUPITER, SATURN, URANUS, NEPTUNE, PLUTO", lambda: Orbit("VULCAN", a=1))
 
 
+def test_enumerators_have_short_and_whole_names():
+    make = fsw.FieldOnBoard
+    says("FieldOnBoard.model: expected one of DIPOLE, IGRF, WMM; found 'WMN'; did you mean 'WMM'?",
+         lambda: make(model="WMN"))
+    assert make(model="WMM").model == make(model="FIELD_WMM").model == make(model=2).model == 2
+    model = type(make().model)
+    assert model(2).name == "WMM" and model.WMM is model.FIELD_WMM and [one.value for one in model] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("make, text", [
+    (lambda: Orbit(world.EARTH, altitude=500 * km, inc=1), "Orbit has no 'inc'; did you mean 'i'? it takes body, a, e, "
+     "p, rp, ra, altitude, i, Omega, omega, f, frame"),
+    (lambda: Orbit(world.EARTH, altitde=500 * km), "Orbit has no 'altitde'; did you mean 'altitude'? it takes body, "),
+    (lambda: Orbit(a=7e6), "Orbit() missing 1 required positional argument: 'body'; it takes body, a, "),
+    (lambda: Orbit.from_state(world.EARTH, [7e6, 0, 0], [0, 7e3, 0], frme=1),
+     "Orbit.from_state has no 'frme'; did you mean 'frame'? it takes body, r, v, frame"),
+    (lambda: world.Sky(date="2026-03-01", center=world.EARTH), "Sky has no 'date'; did you mean 'epoch'? it takes "),
+    (lambda: world.EarthOrientation(epo="eop.txt"), "EarthOrientation has no 'epo'; did you mean 'eop'? it takes "),
+    (lambda: world.MARS.zonal(degre=2), "Body.zonal has no 'degre'; did you mean 'degree'? it takes degree, pole_N"),
+    (lambda: world.Adaptive(rtol=1e-9), "Adaptive has no 'rtol'; did you mean 'relative'? it takes relative, absolute"),
+    (lambda: fsw.MrpFeedback(k=1), "MrpFeedback has no attribute 'k'; did you mean 'K'?"),
+])
+def test_a_misspelt_argument(make, text):
+    with pytest.raises(TypeError) as error:
+        make()
+    assert str(error.value).startswith(text)
+
+
+def test_every_constructor_of_the_world_says_what_it_takes():
+    """Whatever stands in fledge.world and can be called with arguments."""
+    for name in dir(world):
+        one = getattr(world, name)
+        if callable(one) and one is not world.RK4 and not issubclass(one if isinstance(one, type) else int, Exception):
+            with pytest.raises(TypeError) as error:
+                one(nonsense=1)
+            assert f"{name} has no " in str(error.value) and "'nonsense'" in str(error.value)
+
+
+def test_a_type_error_of_the_body_of_a_function_stays(sim):
+    with pytest.raises(TypeError, match="^unsupported operand") as error:
+        world.Adaptive(relative=1, absolute=object() + 1)
+    assert "it takes" not in str(error.value)
+    with pytest.raises(TypeError) as error:
+        world.Body("X", 1.0, 1.0, J=3)
+    assert "it takes" not in str(error.value)
+
+
 def test_processes(sim):
     f = sim.flight
     says("the process flight has no 'controll'; did you mean 'control'? it has control, tracking",

@@ -11,7 +11,7 @@ ephemeris gives the positions of bodies, and N has its origin in one of them.
 """
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects import project as _project
 from fledge.objects.lookup import lookup
 from fledge.world.attributes import add_attributes
@@ -37,6 +37,7 @@ def RK4() -> _core.Integrator:
     return _core.rk4()
 
 
+@suggesting(rtol="relative", atol="absolute")
 def Adaptive(relative: float = 1e-10, absolute: float = 1e-12) -> _core.Integrator:
     """A method of order 8 with error control: as many steps per update as the tolerances require.
 

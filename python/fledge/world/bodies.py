@@ -8,7 +8,7 @@ from os import PathLike, fspath
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects.si import to_number, to_vector
 
 # The exponents of the base units, as in fledge.units.
@@ -19,6 +19,7 @@ ANGLE = (0, 0, 0, 0, 0, 0, 0, 1)
 NUMBER = (0,) * 8
 
 
+@suggesting()
 class Body:
     """A celestial body: gravity, size and pole.
 

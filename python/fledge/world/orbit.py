@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects.plausible import check_orbit
 from fledge.objects.si import to_number, to_si, to_vector
 from fledge.units import Quantity
@@ -40,6 +40,8 @@ def _axes(frame):
     return rows
 
 
+@suggesting(inc="i", incl="i", inclination="i", raan="Omega", RAAN="Omega", LAN="Omega", node="Omega", argp="omega",
+            aop="omega", nu="f", true_anomaly="f", sma="a", ecc="e", height="altitude", radius="a")
 class Orbit:
     """A Keplerian orbit of any shape, by classical elements.
 

@@ -16,7 +16,7 @@ from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects.si import time_ns, to_number, to_si
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ dcm_PN (3, 3) maps N to P; omega_PN_P [rad/s] (3,) is the rate of P relative to 
 """
 
 
+@suggesting()
 class EarthOrientation:
     """How the Earth stands and turns, for Sky(earth=...): a theory of the IAU, and what the IERS measured.
 
@@ -62,6 +63,7 @@ class EarthOrientation:
         self._core = _core.EarthData(theory == "IAU 1976/1980", self.eop, self.ut1_tai, pole)
 
 
+@suggesting(date="epoch", time="epoch", utc="epoch", body="center", kernel="kernels")
 class Sky:
     """The solar system from an epoch on, which is the time 0 of the run; the run's clock counts TDB.
 
