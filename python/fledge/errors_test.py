@@ -111,8 +111,10 @@ def test_a_misspelt_attribute(sim):
 
 
 def test_unknown_types_and_bodies_list_the_known():
-    with pytest.raises(AttributeError, match="no 'MrpFeedbak'; did you mean 'MrpFeedback'. there are .*EulerRotation"):
+    with pytest.raises(AttributeError, match="no 'MrpFeedbak'; did you mean 'MrpFeedback'. ./fledge list names all"):
         fsw.MrpFeedbak
+    with pytest.raises(AttributeError, match="fledge.flight has no 'Zzz'; there are .*EulerRotation"):
+        fsw.Zzz
     with pytest.raises(AttributeError, match="fledge.world has no 'VULCAN'; .*MARS.*Spacecraft"):
         world.VULCAN
     says("Orbit: expected a body, such as world.MARS; found 'VULCAN'. The bodies are SUN, MERCURY, VENUS, EARTH, MOON, "
@@ -174,6 +176,11 @@ def test_processes(sim):
     says("flight.task: this name is taken by the process itself; choose another",
          lambda: setattr(f, "task", fsw.HillPointing()))
     says("flight.control is already there, a MrpFeedback", lambda: setattr(f, "control", fsw.HillPointing()))
+    says("mode flight.control: the name is taken by the module flight.control (MrpFeedback); choose another",
+         lambda: f.mode("control", []))
+    f.mode("rest", [])
+    says("event flight.rest: the name is taken by the mode flight.rest; choose another",
+         lambda: f.event("rest", when=f.watch(f.tracking.error).sigma_BR.norm() < 1))
     says("flight.other: this MrpFeedback already is flight.control; make another one",
          lambda: setattr(f, "other", f.control))
     says("flight.wheels: a ReactionWheels is a model of the world and cannot fly; assign it in world.py",
@@ -188,6 +195,8 @@ def test_wires(sim):
          "flight.control takes BodyTorque at external", lambda: f.control.torque >> f.control.error)
     says("flight.control.error >> flight.control.error: flight.control.error is no output; flight.control has the "
          "outputs torque", lambda: f.control.error >> f.control.error)
+    says("flight.control.error >> flight.tracking.error: a wire leads from an output to an input: write "
+         "flight.tracking.error >> flight.control.error", lambda: f.control.error >> f.tracking.error)
     says("flight.tracking.error >> flight.control: name an input, not the module; it has the inputs error, vehicle, "
          "wheels, speeds, external", lambda: f.tracking.error >> f.control)
     says("flight.tracking.error >> 3: expected an input or a list of inputs", lambda: f.tracking.error >> 3)

@@ -335,4 +335,7 @@ def __getattr__(name):
         raise AttributeError(name)
     # ImportError, because units are reached by `from fledge.units import ...`, which would replace
     # the text of an AttributeError.
-    raise ImportError("fledge.units has no unit '%s'; the units are %s" % (name, ", ".join(UNITS)))
+    products = ["%s * %s" % (name[:i], name[i:]) for i in range(1, len(name))
+                if name[:i] in UNITS and name[i:] in UNITS]
+    raise ImportError("fledge.units has no unit '%s'; %sthe units are %s" % (
+        name, "write %s; " % products[0] if products else "", ", ".join(UNITS)))

@@ -22,6 +22,10 @@ from fledge.targets.micropython.export.script import placed
 if TYPE_CHECKING:
     from fledge.targets.job import Part
 
+# What unpacking a value of the world says there, which is empty, and what it means.
+EMPTY = "ValueError: need more than 0 values to unpack"
+UNKNOWN = ("this unpacks a value of the world or of another process, which is not known on the target: write numbers "
+           "into the script (docs/micropython.md)")
 LINK = ["-no-pie", "-Wl,-z,noseparate-code", "-lm"]     # without separate pages for code: 4 KB less
 
 
@@ -60,7 +64,8 @@ def check(composed: Composed, flight: Any, built: Path) -> None:
     done = subprocess.run([built.resolve(), "--describe"], capture_output=True, text=True, errors="replace")
     if done.returncode:
         why = done.stderr.strip().removeprefix(f"{composed.mission.folder}: script: ")
-        raise ExportError(placed(why, composed.scripts.files) or f"{built} ended with {done.returncode}")
+        raise ExportError(placed(why.replace(EMPTY, UNKNOWN), composed.scripts.files)
+                          or f"{built} ended with {done.returncode}")
     found = first_difference(composed.mission, flight, done.stdout.splitlines())
     if found:
         raise ExportError(f"{composed.mission.title}: under MicroPython it composes something else: {found}")

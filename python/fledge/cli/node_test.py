@@ -135,7 +135,7 @@ def test_ctrl_c_leaves_readable_records(tmp_path):
     (["nadir_spin", "flight", "--script", __file__], "expected lines of a time [ns] and hexadecimal"),
     (["nadir_spin", "flight", "--seed", 3], "the seed is the controller's to give"),
     (["nadir_spin", "all", "--until", "soon"], "--until: expected a duration such as 90s, 10min or 2h; found 'soon'"),
-    (["nadir_spin", "flight", "spni"], "the mission nadir_spin has no scenario 'spni'; it has spin"),
+    (["nadir_spin", "flight", "spni"], "nadir_spin has no scenario 'spni'; did you mean 'spin'? it has spin"),
     (["nadir_spin", "flight", "spin", "--free"], "give a scenario or --free, not both"),
     (["nadir_spin", "flight", "--set", "speed"], "--set speed: expected NAME=VALUE"),
     (["nadir_spin", "flight", "--set", "speed=3"], "the mission nadir_spin has no parameter 'speed'; it has none"),

@@ -24,7 +24,7 @@ from typing import Any
 from pathlib import Path
 
 from fledge import folders
-from fledge.errors import SetupError
+from fledge.errors import CompositionError, SetupError, did_you_mean
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
@@ -98,7 +98,8 @@ def find(name: str | os.PathLike[str]) -> Mission:
     if folder.is_dir() or os.sep in str(name):
         raise SetupError(f"there is no mission in {name}: a mission is a folder with a flight.py or a mission.py")
     places = ", ".join(str(p) for p in dict.fromkeys(folders.of_missions()))
-    raise SetupError(f"there is no mission '{name}'; there are {', '.join(known) or 'none'} (looked in {places})")
+    raise SetupError(f"there is no mission '{name}'{did_you_mean(str(name), known)} there are "
+                     f"{', '.join(known) or 'none'} (looked in {places})")
 
 
 def load(name: str | os.PathLike[str], seed: int = 0, **parameters: Any) -> Simulation:
@@ -252,10 +253,25 @@ def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | N
         return f"{shown(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")
     frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).is_relative_to(folder)]
     kind = "" if isinstance(error, (SetupError, AssertionError)) else f"{type(error).__name__}: "
-    text = f"{kind}{error}" if str(error) else kind.rstrip(": ") or "an assertion does not hold"
+    text = f"{kind}{error}{_advice(error)}" if str(error) else kind.rstrip(": ") or "an assertion does not hold"
     if not frames:
         return f"{shown(path)}: {text}" if path else text
     last = frames[-1]
     if text.startswith(f"{shown(last.filename)}, line "):   # a prototype's class, which names the line within it
         return text
     return f"{shown(last.filename)}, line {last.lineno}: {text}" + (f"\n    {last.line}" if last.line else "")
+
+
+def _advice(error: BaseException) -> str:
+    """What Python does not say of an error: where the name is that is not defined, and how lists get units."""
+    if isinstance(error, NameError):
+        from fledge import flight, units, world
+
+        if error.name in units.UNITS:
+            return f"; it is a unit: from fledge.units import {error.name}"
+        for module, short in ((flight, "fsw"), (world, "world")):
+            if error.name in dir(module):
+                return f"; write {short}.{error.name}"
+    if isinstance(error, TypeError) and "can't multiply sequence" in str(error):
+        return "; a list takes factors with a unit: [1, 2, 3] * (2.5 * N)"
+    return ""

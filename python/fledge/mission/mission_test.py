@@ -78,7 +78,7 @@ def test_found_by_name_and_by_path(here):
 
 
 def test_an_unknown_mission_lists_the_known(here):
-    with pytest.raises(SetupError, match="there is no mission 'loker'; there are looker,.* nadir_spin"):
+    with pytest.raises(SetupError, match="no mission 'loker'; did you mean 'looker'. there are looker,.* nadir_spin"):
         fledge.load("loker")
     with pytest.raises(SetupError, match="a mission is a folder with a flight.py"):
         fledge.load(here.parent)
@@ -247,8 +247,9 @@ def test_a_late_run_says_so(here, tmp_path):
 @pytest.mark.parametrize(
     "arguments, text",
     [
-        (["run", "loker"], "fledge: there is no mission 'loker'; there are looker, "),
-        (["run", "looker", "obrit"], "the mission looker has no scenario 'obrit'; it has orbit, helper, failing"),
+        (["run", "loker"], "fledge: there is no mission 'loker'; did you mean 'looker'? there are looker, "),
+        (["run", "looker", "obrit"], "looker has no scenario 'obrit'; did you mean 'orbit'? it has orbit, helper, "
+         "failing"),
         (["run", "looker", "--for", "soon"], "--for: expected a duration such as 90s, 10min or 2h; found 'soon'"),
         (["run", "looker", "--for", "1e400"], "--for: expected at most 1e9 s, which are 31 years; found '1e400'"),
         (["plot", "nothing"], "fledge: there is no record 'nothing'; none has been made yet: ./fledge run MISSION"),

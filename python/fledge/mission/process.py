@@ -638,8 +638,12 @@ class Process:
         """Refuse a condition or a function that events of this process must not have."""
 
     def _new_name(self, name, what):
-        if name in self._instances or name in self._handles:
-            raise SetupError(f"{what}: {self.name}.{name} is already there")
+        if name in self._instances:
+            raise SetupError(f"{what}: the name is taken by the {_core.struct(self._instances[name]).kind} "
+                             f"{self.name}.{name} ({_core.struct(self._instances[name]).name}); choose another")
+        if name in self._handles:
+            raise SetupError(f"{what}: the name is taken by the {type(self._handles[name]).__name__.lower()} "
+                             f"{self.name}.{name}; choose another")
         if name in dir(type(self)):
             raise SetupError(f"{what}: this name is taken by the process itself; choose another")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.si import time_ns
 
 
@@ -18,7 +18,8 @@ def chosen(sim: Any, wanted: str | None) -> tuple[str, Callable]:
     known = sim.mission.scenarios
     name = wanted if wanted else next(iter(known), "")
     if name not in known:
-        raise SetupError(f"the mission {sim.name} has no scenario '{name}'; it has {', '.join(known) or 'none'}")
+        raise SetupError(f"the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
+                         + listed(list(known), none="none"))
     return name, known[name]
 
 

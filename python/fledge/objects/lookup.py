@@ -26,8 +26,9 @@ def lookup(module: str, types: dict[str, Any],
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
         own = [n for n in known if n not in types and n[:1].isupper()
                and not isinstance(extra.get(n), dict) and not n.endswith("Error")]
-        raise AttributeError(f"{module} has no '{name}'{did_you_mean(name, known)} there are "
-                             + ", ".join(sorted(main + own)))
+        near = did_you_mean(name, known)
+        raise AttributeError(f"{module} has no '{name}'{near} " + (
+            f"there are {', '.join(sorted(main + own))}" if near == ";" else "./fledge list names all"))
 
     def __dir__():
         # Without the imports of the module: modules, and functions of others.

@@ -141,6 +141,9 @@ def wire(source: Any, target: Any) -> Wire:
     if (theirs.name, theirs.hash) != (ours.name, ours.hash):
         fitting = [f.name for f in _core.struct(_core.root(target)).fields
                    if f.group == "in" and f.struct.name == theirs.name]
+            if _groups(source, target) == ["in", "out"]:
+                raise SetupError(f"{start}: a wire leads from an output to an input: write {_core.path(target)} >> "
+                                 f"{_core.path(source)}")
         raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
                          + (f"; {_core.path(_core.root(target))} takes {theirs.name} at {', '.join(fitting)}"
                             if fitting else ""))
@@ -150,3 +153,7 @@ def wire(source: Any, target: Any) -> Wire:
 def _ports(obj, group):
     names = [f.name for f in _core.struct(obj).fields if f.group == group]
     return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")
+def _groups(*ports):
+    return [field and field.group for field in map(_core.field, ports)]
+
+

@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 
-from fledge.errors import Failure
+from fledge.errors import Failure, did_you_mean, listed
 from fledge.files import ROOT
 from fledge.targets.target import Target
 
@@ -85,8 +85,10 @@ class Targets(Mapping[str, Target]):
         """Raises Failure, which begins with the command, if there is no such target."""
         for name in names:
             if name not in self:
-                raise Failure(f"{command}: there is no target '{name}'; there are "
-                              + "; ".join(f"{one.name}, {one.about}" for one in self.values()))
+                near = did_you_mean(name, self)
+                known = listed(list(self)) if near != ";" else "; ".join(
+                    f"{one.name}, {one.about}" for one in self.values())
+                raise Failure(f"{command}: there is no target '{name}'{near} there are {known}")
 
     def ready(self, names: Iterable[str], command: str) -> list[Target]:
         """The targets of these names, once all is built that any flight there needs. Raises Failure, which begins with

@@ -728,7 +728,7 @@ def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
 @pytest.mark.parametrize("arguments, complaint", [
     (["nadir_spin", "--on", "desktop,vax"], "there is no target 'vax'; there are desktop, the run in one program"),
     (["nadir_spin", "--on", ","], "--on names no target; there are desktop, aarch64"),
-    (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; it has spin"),
+    (["nadir_spin", "spn"], "the mission nadir_spin has no scenario 'spn'; did you mean 'spin'? it has spin"),
     (["nadir_spin", "--within", "x=1"], "--within is for boards with words that round"),
     (["nadir_spin", "--board", str(CONVERTERS), "--within", "x=1"], "--within: flight puts out no field x"),
     (["nadir_spin", "--board", "no_such.toml"], "no_such.toml"),

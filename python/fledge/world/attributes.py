@@ -81,8 +81,10 @@ def _get_orbit(craft):
     bodies = _get_gravity(craft)
     if not bodies:
         raise SetupError(f"{_core.path(craft)}.orbit: no body attracts it")
-    t = craft.state.head.t
-    state, body = craft.state if craft.state.head.sequence else craft, bodies[0]
+    context, t = _core.context(craft), craft.state.head.t
+    process = context() if context is not None else None
+    runs = process is None or process._core_simulation.now >= 0     # else a change of the initial state counts
+    state, body = craft.state if runs and craft.state.head.sequence else craft, bodies[0]
     if _core.sky(craft) is not None:
         at = _get_sky(craft).state(body, t / 1e9)
         r_PN_N, v_PN_N = at.r_PN_N, at.v_PN_N

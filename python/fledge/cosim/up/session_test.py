@@ -388,7 +388,7 @@ def test_a_mission_without_a_file(mark, tmp_path):
     whole = up("nadir_spin", "--check", mark=mark, folder=tmp_path)
     assert whole.stdout == "nadir_spin: correct: 2 nodes, 9600 s\n"
     wrong = up("nadir_spin", "spun", mark=mark, folder=tmp_path)
-    assert wrong.returncode == 2 and "has no scenario 'spun'; it has spin" in wrong.stderr
+    assert wrong.returncode == 2 and "has no scenario 'spun'; did you mean 'spin'? it has spin" in wrong.stderr
 
 
 @pytest.fixture
