@@ -24,7 +24,7 @@ from typing import Any
 from pathlib import Path
 
 from fledge import folders
-from fledge.errors import CompositionError, SetupError, did_you_mean
+from fledge.errors import SetupError, did_you_mean
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
