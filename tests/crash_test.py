@@ -185,7 +185,7 @@ def test_a_crash_of_a_reset_has_no_task(own):
 
 
 def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
-    code, said = flown(own, "montecarlo", "fall", "--runs", 40, "--threads", 2, "--seed", 3)
+    code, said = flown(own, "montecarlo", "fall", "--runs", 40, "--jobs", 2, "--seed", 3)
     found = re.search(r"segmentation fault \(SIGSEGV\) in flight.trap \(Trap\), task gnc, at t = 2.125 s, in run "
                       r"(\d+) of a campaign\n.*(montecarlo fall --seed 3 --only \d+)", said)
     assert code == -signal.SIGSEGV and found and found[2].endswith(f" {found[1]}")
@@ -195,7 +195,7 @@ def test_a_campaign_names_the_run_and_the_command_for_it_alone(own):
 
 @pytest.mark.long("a campaign that crashes")
 def test_processes_of_a_campaign_tell_it_and_the_others_go_on(own):
-    code, said = flown(own, "montecarlo", "python", "--runs", 12, "--threads", 2, "--seed", 3)
+    code, said = flown(own, "montecarlo", "python", "--runs", 12, "--jobs", 2, "--seed", 3)
     assert code == 1 and "in flight.trap (Trap), task gnc, at t = 2.125 s, in run " in said
 
 

@@ -137,10 +137,9 @@ class Notebook:
 def test_progress_of_a_run_is_one_line_of_a_notebook(monkeypatch, capsys):
     notebook = Notebook(monkeypatch)
     with Progress("<run>", 0, 100_000_000_000) as progress:
-        assert progress.wanted, "in a notebook, without a terminal"
         progress._begun -= 10
-        progress.at(25_000_000_000)
-        progress.at(50_000_000_000)
+        progress.reaches(25_000_000_000)
+        progress.reaches(50_000_000_000)
     assert [data["text/plain"][:10] for data in notebook.shown] == ["<run>  25%", "<run>  50%", ""]
     assert 'value="0.5000"' in notebook.shown[1]["text/html"] and "&lt;run&gt;" in notebook.shown[1]["text/html"]
     assert capsys.readouterr().err == ""

@@ -55,7 +55,7 @@ def capture(part: Part, record: Path) -> list[tuple[int, list[tuple[int, bytes]]
         if other is not part:
             sim.process(other.process).commands.script([one for one in other.script if one.t >= 0])
     sim.prepare()
-    sim.run(until=job.duration, progress=False)
+    sim.run(until=job.duration)
     if process.outages:
         raise Failure(f"{job.title}: the scenario {job.scenario} resets the computer of {part.process}, which inputs "
                       "from a file cannot do; end before that, with --for")

@@ -34,18 +34,21 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import mission as missions, objects
 from fledge.activity import happenings
-from fledge.errors import RunError, SetupError, did_you_mean, listed, refuse_misspelt
+from fledge.errors import CompositionError, RunError, SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.files import shown
+from fledge.mission.checks import has_checks
 from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.log import Log
 from fledge.mission.scenario import chosen
 from fledge.objects.si import enumerator_names, time_ns
 from fledge.requirements import Requirements
+from fledge.requirements.judge import HOLDS
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
@@ -85,9 +88,10 @@ class Flight:
     """A flight with a fault, or with two. Times are [s] since the fault began; None: it did not happen.
 
     mode: that flight was in as the fault began, "" of a process without modes
-    effect: "none", where no output of flight and no attitude differs from the undisturbed flight by a bit; "tolerated";
-    "violated": a requirement does not hold that held without the fault; of a mission without requirements: a check of
-    the scenario; "unknown": one cannot be judged; "failed": the run did not come to its end
+    effect: "none", where no output of flight and no attitude differs from the undisturbed flight by a bit; "tolerated",
+    or "unjudged" where nothing judges the flight; "violated": a requirement does not hold that held without the fault;
+    of a mission without requirements: a check of the scenario; "unknown": one cannot be judged; "failed": the run did
+    not come to its end
     detected, by: when flight first said that something is wrong, and how
     isolated, as_: when it took a unit that has the fault out of use; wrongly: units without a fault that it took out
     back: when flight was back for good: in the modes of the undisturbed flight, and with each comparison of a violated
@@ -303,6 +307,10 @@ class _Done(BaseException):
     """All children have ended, so that the rest of the scenario is not needed here; or why none shall fly."""
 
 
+class _Limit(BaseException):
+    """The flight has come to its limit; the rest of the scenario is left out."""
+
+
 class _Seen(NamedTuple):
     """What a flight left."""
     activity: list[Any]     # its happenings
@@ -312,18 +320,21 @@ class _Seen(NamedTuple):
     duration: float         # [s]
     problem: str            # a check that does not hold, or an error
     failed: str             # "RunError" or "SetupError" that ended it; else ""
+    judged: bool            # whether something holds that a fault can violate: a requirement; without any, a check
     outcomes: dict[str, Any]        # of requirements, by id
     traces: dict[tuple[str, str], Any]      # whether their comparisons held, over time
 
 
 def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] | None = None, double: bool = False,
-        begin: Sequence[Any] | None = None, lasts: Any = None, jobs: int | None = None,
-        progress: Callable[[int, int], Any] = lambda done, all_: None) -> list[Flight]:
+        begin: Sequence[Any] | None = None, lasts: Any = None, jobs: int | None = None, limit: Any = None,
+        progress: Callable[[int, int, float], Any] = lambda done, all_, expected: None) -> list[Flight]:
     """Fly each fault in each scenario; returns a Flight for each, in the order of the declarations.
 
     scenarios: by name; default: the first. faults: default: all. double: the pairs of faults of different units too.
     begin: times; default: those of the matrix, or the middle of each mode's first stay. lasts: a time; 0: for ever.
-    jobs: processes at a time; default: all cores. progress(done, all): of a scenario.
+    jobs: processes at a time; default: all cores. limit: a time at which each flight ends; default: with its scenario.
+    progress(done, all, [s] that all will take, by the flights without a fault): before the first, and about every
+    second.
     Raises SetupError before the first flight if something is wrong with all of them.
     """
     assert matrix.simulation.mission
@@ -339,9 +350,12 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
     jobs = len(os.sched_getaffinity(0)) if jobs is None else jobs
     if jobs < 1:
         raise SetupError(f"jobs must be >= 1, found {jobs}")
-    found: list[Flight] = []
+    end = None if limit is None else time_ns(limit, "limit")
+    plans, expected = [], 0.0
     for name in names:
-        baseline = _flight(matrix, name)
+        started = perf_counter()
+        baseline = _flight(matrix, name, limit=end)
+        wall = perf_counter() - started
         if baseline.problem and (baseline.failed or not baseline.duration):
             raise SetupError(f"{matrix.simulation.name}, {name} does not fly without a fault: {baseline.problem}")
         begins = _begins(baseline) if times is None else times
@@ -350,7 +364,17 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
                 raise SetupError(f"begin: {ns / 1e9:g} s is not within the scenario {name}, which flies "
                                  f"{baseline.duration:g} s")
         tasks = [(ns, one) for ns in sorted(set(begins)) for one in sets]
-        found += _children(matrix, name, baseline, tasks, for_ns, jobs, progress)
+        plans.append((name, baseline, tasks))
+        # The rest of each flight, several at a time, and the one that leads up to all.
+        rest = sum(1 - max(0, ns - LEAD) / 1e9 / baseline.duration for ns, _ in tasks)
+        expected += wall * (rest / min(jobs, len(tasks)) + max(begins) / 1e9 / baseline.duration)
+    found: list[Flight] = []
+    count = sum(len(tasks) for *_, tasks in plans)
+    progress(0, count, expected)
+    for name, baseline, tasks in plans:
+        before = len(found)
+        found += _children(matrix, name, baseline, tasks, for_ns, jobs, end,
+                           lambda done: progress(before + done, count, expected))
     return found
 
 
@@ -363,17 +387,23 @@ def _begins(baseline):
     return [int(t) * SECOND for t in first.values()] or [int(baseline.duration / 3) * SECOND]
 
 
-def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable[[Any, int], Any] | None = None) -> Any:
-    """Fly a scenario, and return what was seen. At each of the stops [ns] `then` is called with the simulation."""
+def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable[[Any, int], Any] | None = None,
+            limit: int | None = None) -> Any:
+    """Fly a scenario, at most up to a limit [ns], and return what was seen. At each of the stops [ns] `then` is called
+    with the simulation."""
     sim = matrix._load()
     assert sim.mission
     _, function = chosen(sim, name)
     sim.plots = False
     watch = _watch(sim, name, matrix.left_out)
-    _on_the_way(sim, list(stops), then)
+    _on_the_way(sim, list(stops), then, limit)
     problem, failed = "", ""
     try:
         function(sim)
+    except _Limit:
+        pass
+    except CompositionError:
+        raise
     except Exception as error:      # a check does not hold, or the run cannot go on
         problem = missions.explain(error, sim.mission.folder)
         failed = "RunError" if isinstance(error, RunError) else "SetupError" if isinstance(error, SetupError) else ""
@@ -382,9 +412,10 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
     modes = {process.name: [(one.t, one.name) for one in activity
                             if one.kind == "mode" and one.process == process.name]
              for process in sim.processes if process.modes}
+    outcomes = {one.requirement.id: one for one in watch.outcomes()} if watch and not failed else {}
+    judged = any(one.verdict == HOLDS for one in outcomes.values()) if outcomes else not problem and has_checks(function)
     return _Seen(activity, modes, {port.name: port.decoded() for port in Log(sim, sim.kernel.logs)._ports()},
-                 {process.name for process in sim.flights}, sim.time, problem, failed,
-                 {one.requirement.id: one for one in watch.outcomes()} if watch and not failed else {},
+                 {process.name for process in sim.flights}, sim.time, problem, failed, judged, outcomes,
                  _traces(watch) if watch and not failed else {})
 
 
@@ -407,21 +438,25 @@ def _traces(watch):
     return found
 
 
-def _on_the_way(sim: Simulation, stops: list[int], then: Callable[[Any, int], Any] | None) -> None:
-    """Have a simulation record what is compared, and stop on its way at some times [ns], rising, to call `then`."""
+def _on_the_way(sim: Simulation, stops: list[int], then: Callable[[Any, int], Any] | None, limit: int | None) -> None:
+    """Have a simulation record what is compared, and stop on its way at some times [ns], rising, to call `then`. Its
+    scenario ends at the limit [ns], if that is not None."""
     run = sim.run
     recorded: list[bool] = []
 
     def go(ns: int, more: dict[str, Any]) -> None:
-        if plant := sim.__dict__.get("_plant"):
+        plant = sim.__dict__.get("_plant")
+        if plant:       # of a child; there are several, and all write to one terminal
             plant()
-        run(until=ns / 1e9, **{**more, "progress": False})
+        run(until=ns / 1e9, **{**more, "progress": False if plant else None})
 
     def on_the_way(duration: Any = None, *, until: Any = None, **more: Any) -> None:
         if not recorded:
             recorded.append(_record(sim))
         start = max(sim.time_ns, 0)
         end = start + time_ns(duration, "run") if until is None else time_ns(until, "run: until")
+        over = limit is not None and end > limit
+        end = limit if limit is not None and over else end
         while stops and stops[0] <= end:
             ns = stops.pop(0)
             if ns > start:
@@ -429,6 +464,8 @@ def _on_the_way(sim: Simulation, stops: list[int], then: Callable[[Any, int], An
             if then:
                 then(sim, ns)
         go(end, more)
+        if over:
+            raise _Limit
 
     sim.__dict__["run"] = on_the_way
 
@@ -449,7 +486,7 @@ def _record(sim):
     return True
 
 
-def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
+def _children(matrix, name, baseline, tasks, lasts, jobs, limit, progress):
     """Fly a scenario up to each beginning, and let a child go on with each fault."""
     flying: dict[int, tuple[int, int, bytearray]] = {}     # pipe -> (index, process, what it said)
     found: list[Any] = [None] * len(tasks)
@@ -459,7 +496,8 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
     def collect(most):
         nonlocal done
         while len(flying) > most:
-            for pipe in select.select(list(flying), [], [])[0]:
+            progress(done)
+            for pipe in select.select(list(flying), [], [], 1.0)[0]:
                 part = os.read(pipe, 1 << 16)
                 if part:
                     flying[pipe][2].extend(part)
@@ -474,7 +512,6 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
                 if isinstance(found[index], str):
                     raise _Done(SetupError(f"{' and '.join(map(str, faults))}: {found[index]}"))
                 done += 1
-                progress(done, len(tasks))
 
     def branch(sim, at):
         if mine:
@@ -504,7 +541,7 @@ def _children(matrix, name, baseline, tasks, lasts, jobs, progress):
 
     stops = sorted({max(0, ns - LEAD) for ns, _ in tasks})
     try:
-        seen = _flight(matrix, name, stops, careful)
+        seen = _flight(matrix, name, stops, careful, limit)
         if mine:
             index, pipe = mine
             ns, faults = tasks[index]
@@ -664,7 +701,7 @@ def _judge(found, baseline, seen, begin):
     # A check counts where there are no requirements, or where it has ended the run before they could be judged.
     broken = bool(seen.problem and not baseline.problem and (found.unknown or not seen.outcomes))
     found.effect = "failed" if seen.failed else "violated" if broken or found.violated else "unknown" if \
-        found.unknown else "none" if same else "tolerated"
+        found.unknown else "none" if same else "tolerated" if baseline.judged else "unjudged"
     if seen.failed or broken or seen.duration < baseline.duration:
         return
     away = [begin, *(t for process, stays in seen.modes.items() for t in _apart(stays, baseline.modes[process], begin))]

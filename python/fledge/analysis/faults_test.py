@@ -2,6 +2,7 @@
 """The faults of a mission, flown from the middle of a scenario, have the effects that whole flights with them have."""
 import csv
 import json
+import re
 import shutil
 
 import numpy as np
@@ -126,15 +127,17 @@ def test_what_is_violated_and_when_it_holds_again(mission):
 def test_without_requirements_the_checks_of_the_scenario_decide(without):
     fault = Fault("world.adc_a", "HIGH")
     short, other = [fly(Matrix(without), [name], [fault], begin=[200 * s])[0] for name in ("short", "other")]
-    assert short.effect == "tolerated" and short.text == ""
+    assert short.effect == "unjudged" and short.text == ""     # it has neither a check
     assert other.effect == "violated" and other.text.endswith("a converter is blamed") and other.back is None
 
 
-def test_the_command_writes_a_table(mission, tmp_path, capsys):
+def test_the_command_writes_a_table(mission, tmp_path, capsys, monkeypatch):
     words = ["faults", str(mission), "--unit", "world.gyro", "--unit", "world.css", "--begin", "200s,5min", "--jobs",
              "2", "--out", str(tmp_path)]
+    monkeypatch.setattr("fledge.cli.faults.LONG", 0.0)
     assert cli.main(words) == 0
     said = capsys.readouterr().out
+    assert re.search(r"\n  takes    about \d+ s for 32 flights, as those without a fault took; less with --for, ", said)
     with (tmp_path / "faults.csv").open() as file:
         rows = list(csv.DictReader(file))
     page = (tmp_path / "report.html").read_text()
@@ -147,6 +150,18 @@ def test_the_command_writes_a_table(mission, tmp_path, capsys):
     for effect in ("violated", "tolerated"):
         assert f"{sum(row['effect'] == effect for row in rows)}" in said
     assert "http" not in page.replace("http-equiv", "") and str(mission.parent) not in page.partition("<main>")[0]
+
+
+def test_a_limit_ends_each_flight(mission):
+    """Before the fault that violates a requirement is felt, and what is asked for beyond it is refused."""
+    matrix, fault = Matrix(mission), Fault("world.gyro", "DEAD")
+    told = []
+    short, = fly(matrix, faults=[fault], begin=[260 * s], limit=261 * s, progress=lambda *of: told.append(of))
+    whole, = fly(matrix, faults=[fault], begin=[260 * s])
+    assert (short.effect, whole.effect) == ("tolerated", "violated") and 0 < short.off_end < whole.off_end
+    assert told[0][:2] == (0, 1) and 0 < told[0][2] < 60 and told[-1][:2] == (0, 1)
+    with pytest.raises(fledge.SetupError, match="260 s is not within the scenario short, which flies 200 s"):
+        fly(matrix, faults=[fault], begin=[260 * s], limit=200 * s)
 
 
 @pytest.mark.parametrize("words, wrong", [
@@ -183,7 +198,7 @@ def test_a_requirement_for_flights_without_a_fault_is_left_out(mission):
     matrix.nominal("SUN-1")
     fault = Fault("world.gyro", "DEAD")
     left, judged = [fly(one, faults=[fault], begin=[200 * s])[0] for one in (matrix, Matrix(mission))]
-    assert (left.effect, judged.effect) == ("tolerated", "violated") and left.off == judged.off > 0
+    assert (left.effect, judged.effect) == ("unjudged", "violated") and left.off == judged.off > 0
 
 
 def test_a_fault_that_its_model_refuses_is_named(mission):

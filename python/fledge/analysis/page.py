@@ -19,6 +19,7 @@ from fledge.mission.provenance import identity
 
 EFFECTS = {"failed": "the run did not come to its end", "violated": "a requirement or a check does not hold",
            "unknown": "a requirement cannot be judged", "tolerated": "all that held without the fault holds",
+           "unjudged": "nothing judges it: the scenario has no check, and no requirement holds without the fault",
            "none": "nothing in flight differs by a bit"}
 
 

@@ -21,7 +21,7 @@ import json
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -169,7 +169,7 @@ class Search:
         with _pool(self, jobs) as fly:
             for batch in (lambda: drawn, lambda: list(local((left + 1) // 2)), lambda: list(local(left // 2))):
                 flown = batch()
-                for run, (paths, stack, size, heap) in zip(flown, fly(flown)):
+                for run, (paths, stack, size, heap) in zip(flown, fly(flown, lambda: progress(found.runs))):
                     found.runs += 1
                     found.stack, found.heap = max(found.stack, stack), max(found.heap, heap)
                     found.stack_size = max(found.stack_size, size)
@@ -307,8 +307,15 @@ class _pool:
             raise SetupError(f"jobs must be >= 1, found {jobs}")
         self.pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("fork"))
 
-    def __enter__(self) -> Callable[[Sequence[Run]], Iterator[Any]]:
-        return lambda runs: self.pool.map(_fly, runs)
+    def __enter__(self) -> Callable[[Sequence[Run], Callable[[], Any]], Iterator[Any]]:
+        return self._fly
+
+    def _fly(self, runs, tick):
+        tasks = [self.pool.submit(_fly, run) for run in runs]
+        for task in tasks:
+            while wait([task], 1.0).not_done:
+                tick()
+            yield task.result()
 
     def __exit__(self, *_):
         self.pool.shutdown(cancel_futures=True)

@@ -218,15 +218,15 @@ def fly(mission: str, against: str, campaign: str | None = None, runs: int = 100
     tree, theirs = other
     if tree is None:
         return this, _flown(Campaign(theirs, ours.name), runs, seed, folder / "other", threads)
-    return this, _by_launcher(tree, theirs, ours.name, runs, seed, folder / "other", threads)
+    return this, _by_launcher(tree, theirs, ours.name if campaign else None, runs, seed, folder / "other", threads)
 
 
 def _flown(campaign, runs, seed, folder, threads):
     result = campaign.fly(runs, seed, threads)
     if result.interrupted:
         raise KeyboardInterrupt
-    summary = report.summary(result, lambda index: f"./fledge montecarlo {campaign.nominal.name} {campaign.name} "
-                             f"--seed {seed} --only {index}")
+    summary = report.summary(result, lambda index: f"./fledge montecarlo {campaign.nominal.name} --campaign "
+                             f"{campaign.name} --seed {seed} --only {index}")
     write_files({RESULTS[0]: json.dumps(summary, indent=1) + "\n", RESULTS[1]: report.as_csv(result),
                  SOURCES: json.dumps(identity(campaign.folder), indent=1) + "\n"}, folder)
     return Kept(folder)
@@ -298,7 +298,7 @@ def _git(folder: Path, *words: str) -> str:
     return done.stdout.strip() if done.returncode == 0 else ""
 
 
-def _by_launcher(tree: Path, mission: Path, campaign: str, runs: int, seed: int, folder: Path,
+def _by_launcher(tree: Path, mission: Path, campaign: str | None, runs: int, seed: int, folder: Path,
                  threads: int | None) -> Kept:
     """Have another tree build and fly the campaign."""
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "FLEDGE_PROJECT")}
@@ -309,8 +309,8 @@ def _by_launcher(tree: Path, mission: Path, campaign: str, runs: int, seed: int,
         # Nothing that is compiled differs: its Python takes the extension of this build.
         launcher = [sys.executable, "-P", str(tree / "python/fledge/cli/__main__.py")]
         environment["PYTHONPATH"] = os.pathsep.join(map(str, (tree / "python", tree, build_folder() / "python")))
-    words = [*launcher, "montecarlo", str(mission), campaign, "--runs", str(runs), "--seed", str(seed), "--out",
-             str(folder.resolve()), *(["--threads", str(threads)] if threads else [])]
+    words = [*launcher, "montecarlo", str(mission), *(["--campaign", campaign] if campaign else []), "--runs",
+             str(runs), "--seed", str(seed), "--out", str(folder.resolve()), *(["--jobs", str(threads)] if threads else [])]
     done = subprocess.run(words, env=environment, stdout=subprocess.DEVNULL, stderr=sys.stderr, check=False)
     if done.returncode not in (0, 1):
         raise Failure(f"versions: {' '.join(words)} ended with {done.returncode}", 1)

@@ -90,7 +90,7 @@ def test_only_the_same_runs_are_compared(weak, tmp_path):
 @pytest.mark.parametrize("words, wrong", [
     (["--against", "no-such-version"], "there is no such folder, and no such revision"),
     (["--against", "."], "it has neither results of a campaign, nor a mission"),
-    (["other", "--against", "HEAD"], "has no campaign 'other'")])
+    (["--campaign", "other", "--against", "HEAD"], "has no campaign 'other'")])
 def test_wrong_words_are_refused(tmp_path, monkeypatch, capsys, words, wrong):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["versions", "nadir_spin", *words, "--runs", "1", "--out", str(tmp_path / "out")]) == 2

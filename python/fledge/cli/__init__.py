@@ -16,11 +16,11 @@ from pathlib import Path
 from fledge.cli.arguments import add_update_limit, number, parse_duration
 from fledge.cli.console import Plots, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
-from fledge.errors import Failure, printable
+from fledge.errors import Failure, did_you_mean, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from typing import NoReturn
+    from typing import Any, NoReturn
 
 BENCH = Path(__file__).resolve().parents[3] / "bench"
 
@@ -369,7 +369,16 @@ def new(options: argparse.Namespace) -> int:
 # --- the parser ------------------------------------------------------------------------------------
 
 class Parser(argparse.ArgumentParser):
-    """argparse with errors of one line that name the command."""
+    """argparse with errors of one line that name the command, and its usage."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse here what this command does not know: argparse itself leaves that to the parser above it."""
+        options, rest = super().parse_known_args(args, namespace)
+        if rest:
+            word = rest[0].partition("=")[0]
+            hint = did_you_mean(word, self._option_string_actions).rstrip(";") if word.startswith("-") else ""
+            self.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
+        return options, rest
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")
@@ -524,6 +533,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except Exception as error:
         trace(options)
+        if (jobs := getattr(options, "jobs", None)) is not None and jobs < 1:
+            raise Failure(f"--jobs must be >= 1, found {jobs}")
         if _expected(error):
             print(f"fledge: {_in_words(error)}", file=sys.stderr)
             return 1 if type(error).__name__ == "RunError" else 2

@@ -15,6 +15,16 @@ def add_update_limit(command: argparse.ArgumentParser) -> None:
                          "none")
 
 
+def add_campaign(command: argparse.ArgumentParser, when: str = "") -> None:
+    """The option of every command that flies a campaign of a mission."""
+    command.add_argument("--campaign", metavar="NAME", help=f"{when}a function of dispersions.py; default: the first")
+
+
+def add_jobs(command: argparse.ArgumentParser, when: str = "") -> None:
+    """The option of every command that flies several runs at a time."""
+    command.add_argument("--jobs", type=int, metavar="N", help=f"{when}flights at a time; default: one for each core")
+
+
 def number(what: str = "a number") -> Callable[[str], float]:
     """The type of an option that takes a finite number >= 0, for argparse."""
     def read(text: str) -> float:

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_update_limit
+from fledge.cli.arguments import add_campaign, add_jobs, add_update_limit
 from fledge.cli.console import say
 from fledge.cli.runs import alone
 from fledge.errors import Failure
@@ -31,7 +30,7 @@ def add(command: Callable) -> None:
                   "falsify sun_safe SUN-1 --runs 1000")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
     one.add_argument("requirement", help="the id of a requirement of its requirements.py")
-    one.add_argument("--campaign", metavar="NAME", help="a function of dispersions.py; default: the first")
+    add_campaign(one)
     one.add_argument("--scenario", metavar="NAME", help="fly this scenario with the campaign's dispersions, from what "
                      "it sets to the end of its first run")
     one.add_argument("--runs", type=int, metavar="N", help="at most; default: 1000. With --probability: of each level "
@@ -43,7 +42,7 @@ def add(command: Callable) -> None:
                      "interval; each has random streams of its own; default: %(default)s")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
                      "default: 0")
-    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    add_jobs(one)
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
     one.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
     add_update_limit(one)
@@ -60,7 +59,7 @@ def falsify(options: argparse.Namespace) -> int:
     if options.repetitions < 2:
         raise Failure(f"falsify: --repetitions must be >= 2, found {options.repetitions}")
     flights = Flights(options.mission, options.requirement, options.campaign, options.scenario, options.seed,
-                      options.threads)
+                      options.jobs)
     folder = Path(options.out) if options.out else \
         Path("runs") / flights.campaign.nominal.name / "falsify" / options.requirement
     with alone(folder):
@@ -72,12 +71,12 @@ class _Live(Bar):
 
     def __init__(self, flights: Flights, runs: int) -> None:
         super().__init__(f"{flights.campaign.nominal.name}, {flights.requirement}")
-        self._runs, self._wanted = runs, sys.stderr.isatty()
+        self._runs = runs
         flights.progress = self._at
 
     def _at(self, flown: int, least: float) -> None:
-        if self._wanted:
-            self.draw(min(1.0, flown / self._runs), f"{flown} runs, least margin {least:.4g}")
+        self.at(min(1.0, flown / self._runs), f"{flown} runs"
+                + (f", least margin {least:.4g}" if abs(least) < float("inf") else ""))
 
 
 def _search(options, flights, folder):

@@ -8,9 +8,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_update_limit
+from fledge.cli.arguments import add_jobs, add_update_limit
 from fledge.cli.node import add_parameters, given_parameters
 
+LONG = 10.0     # [s] of work that is told before it begins
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,9 +31,11 @@ def add(command: Callable) -> None:
     one.add_argument("--begin", metavar="TIMES", help="when they begin: 90s, or 5min,1h; default: those of faults.py, "
                      "or the middle of each mode's first stay")
     one.add_argument("--lasts", metavar="DURATION", help="for how long; default: that of faults.py, or for ever")
+    one.add_argument("--for", dest="duration", metavar="DURATION", help="end each flight so long after its start (90s, "
+                     "10min, 2h); default: with its scenario")
     one.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--jobs", type=int, metavar="N", help="processes at a time; default: one for each core")
+    add_jobs(one)
     one.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
     add_update_limit(one)
     add_parameters(one)
@@ -40,28 +43,34 @@ def add(command: Callable) -> None:
 
 def faults(options: argparse.Namespace) -> int:
     import shlex
-    import sys
     import time
 
     from fledge.analysis import Matrix, fly, page
     from fledge.cli.arguments import parse_duration
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
-    from fledge.progress import Bar
+    from fledge.progress import Bar, clock
 
     matrix = Matrix(options.mission, options.seed, **given_parameters(options))
     name = matrix.simulation.name
     wanted = matrix.faults(options.unit, options.kind)
     begin = [parse_duration(one, "--begin") for one in options.begin.split(",")] if options.begin else None
     lasts = parse_duration(options.lasts, "--lasts") if options.lasts else None
+    limit = parse_duration(options.duration) if options.duration else None
     folder = Path(options.out) if options.out else Path("runs") / name / "faults"
     with alone(folder):
         say(f"{name}: {counted(len(wanted), 'fault')} of {counted(len({one.unit for one in wanted}), 'unit')}")
         begun = time.perf_counter()
         with Bar(name) as bar:
-            shown = sys.stderr.isatty()
-            flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs,
-                          lambda done, all_: bar.draw(done / all_, f"{done} of {all_}") if shown else None)
+            def progress(done: int, all_: int, expected: float) -> None:
+                if not bar.expected:
+                    bar.expected = expected
+                    if expected > LONG:
+                        say(f"  takes    about {clock(expected)} for {counted(all_, 'flight')}, as those without a "
+                            "fault took; less with --for, --unit or --kind")
+                bar.at(done / all_, f"{done} of {counted(all_, 'flight')}")
+
+            flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs, limit, progress)
         wall = time.perf_counter() - begun
         paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
     say("\n".join(page.text(flights)))

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fledge.cli.arguments import parse_duration
+from fledge.cli.arguments import add_jobs, parse_duration
 
 
 def add(command: Callable) -> None:
@@ -32,7 +32,7 @@ def add(command: Callable) -> None:
                      " then come at any time, and effects have a rate; default: each bit as likely, at any instruction")
     one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
                      "both, one campaign after the other with the same flips")
-    one.add_argument("--workers", type=int, metavar="W", help="processes; default: one for each processor")
+    add_jobs(one)
     one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
                      help="of the emulator; default: translator")
     one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
@@ -40,7 +40,6 @@ def add(command: Callable) -> None:
 
 
 def flips(options: argparse.Namespace) -> int:
-    import sys
     import time
 
     from fledge.cli.console import say
@@ -62,10 +61,9 @@ def flips(options: argparse.Namespace) -> int:
             begun = time.perf_counter()
             with Bar(title) as bar:
                 def progress(done: int, bar: Bar = bar) -> None:
-                    if sys.stderr.isatty():
-                        bar.draw(done / options.count, f"{done} of {options.count} flips")
+                    bar.at(done / options.count, f"{done} of {options.count} flips")
 
-                outcomes = campaign.fly(options.count, options.seed, options.workers, progress)
+                outcomes = campaign.fly(options.count, options.seed, options.jobs, progress)
             wall = time.perf_counter() - begun
             results[title] = outcomes
             say(f"{campaign.name}, {title}, {options.count} flips from {at:g} s to {at + duration:g} s, seed "

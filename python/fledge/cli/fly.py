@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
+    from fledge.requirements import Outcome
     from fledge.targets.flown import Flown
     from fledge.targets.job import Part
     from fledge.targets.target import Target
@@ -115,7 +116,8 @@ def fly(options: argparse.Namespace) -> int:
         print(f"  {name}: {why}", file=sys.stderr)
     try:
         job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
-                  _boards(options.board), options.out, options.free, given_parameters(options), before=check)
+                  _boards(options.board), options.out, options.free, given_parameters(options), before=check,
+                  judged=True)
     except Failure as error:
         if error.code == 1:     # the scenario fails on the desktop
             _verdict({"desktop": ["the scenario's checks do not hold"], **{name: ["did not fly"] for name in chosen}})
@@ -253,7 +255,9 @@ def _boards(words):
 def _fly(options, job, runs, bounds, lacking):
     """runs: name -> the target of each process. lacking: why a target, by its name, cannot fly."""
     from fledge.cli.console import say
+    from fledge.cli.judge import show_required
     from fledge.errors import Failure, RunError, SetupError
+    from fledge.requirements.judge import VIOLATED
     from fledge.archive import Archive, ArchiveError
     from fledge.archive.compare import compare, digest
     from fledge.targets import fly, table
@@ -338,10 +342,19 @@ def _fly(options, job, runs, bounds, lacking):
     if not job.whole and job.scenario != "free":
         say(f"  checks   none: the flight ends before the scenario {job.scenario}")
     elif job.whole:
-        for name in list(records)[1:]:
-            if problem := _judged(options, job, name, records[name]):
+        same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
+        for name, record in records.items():
+            problem, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
+                options, job, name, record)
+            violated = [one.requirement.id for one in outcomes if one.verdict == VIOLATED]
+            if problem:
+                wrong[name].append(f"violates {', '.join(violated)}" if violated else "the scenario's checks "
+                                   + ("do not hold" if failed == 1 else "cannot be judged by its record"))
+            if problem and not violated:
                 print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
-                wrong[name].append("the scenario's checks do not hold")
+            same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, runs))
+        for names, outcomes in same.values():
+            show_required(outcomes, ", ".join(names))
     return _verdict({_title(name, runs): problems for name, problems in wrong.items()}, code)
 
 
@@ -363,7 +376,7 @@ def _verdict(wrong, code=1):
 
 
 def _judged(options, job, name, flown):
-    """Why the scenario's checks do not hold of what a target put out; "" if they do."""
+    """The same as of attempt(), of what a target put out."""
     from fledge.archive import Archive, ArchiveError
     from fledge.cli.judge import judge
     from fledge.errors import Failure, SetupError
@@ -371,7 +384,7 @@ def _judged(options, job, name, flown):
     try:
         return judge(options, job, name, flown, Archive(job.exchange(name)) if job.boards else None)
     except (Failure, SetupError, ArchiveError, OSError) as error:
-        return str(error)
+        return str(error), 2, []
 
 
 def _build(job, others):

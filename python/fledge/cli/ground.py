@@ -159,10 +159,10 @@ def _move(options, done, begin):
             return 0
         with Bar(options.file) as bar:
             def draw(one):
-                bar.draw(one.done / max(one.size, 1), f"{one.done} of {one.size} bytes")
+                bar.at(one.done / max(one.size, 1), f"{one.done} of {one.size} bytes")
 
             start = craft.link.t
-            one = begin(craft, draw if sys.stderr.isatty() else None)
+            one = begin(craft, draw)
             try:
                 one.completed(within)
             except (ground.NoAnswer, KeyboardInterrupt):

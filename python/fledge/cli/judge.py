@@ -7,9 +7,9 @@ import shlex
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, trace
-from fledge.errors import Failure, SetupError, Stopped
+from fledge.errors import CompositionError, Failure, SetupError, Stopped
 from fledge.requirements import Outcome, Requirements
-from fledge.requirements.judge import HOLDS, UNKNOWN, VIOLATED
+from fledge.requirements.judge import HOLDS, UNKNOWN, VIOLATED, problem_of
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -24,19 +24,16 @@ if TYPE_CHECKING:
 def attempt(options: argparse.Namespace, sim: Simulation, scenario: str, fly: Callable, stop: Path | None = None
             ) -> tuple[str | None, int, list[Outcome]]:
     """Fly a scenario, and judge the requirements that it shows; returns (what is wrong or None, the exit code, their
-    outcomes). stop: end the run at the first violation, and write the state into this file."""
-    try:
-        required = Requirements(sim)
-    except SetupError as error:
-        trace(options)
-        return str(error), 2, []
+    outcomes). stop: end the run at the first violation, and write the state into this file. Raises CompositionError,
+    and Failure of what goes wrong before the first instant: there is no run of which to speak."""
+    required = Requirements(sim)
     watch = required.watch([one.id for one in required.for_scenario(scenario)], stop is not None) if required else None
     problem, code = _attempt(options, sim, fly, stop)
+    if problem and sim.time_ns < 0:
+        raise Failure(f"{sim.name}, {scenario}: {problem}", code)
     outcomes = watch.outcomes() if watch else []
-    violated = [one for one in outcomes if one.verdict == VIOLATED]
-    if violated and not problem:
-        problem, code = "failed: " + "; ".join(map(str, violated)), 1
-    return problem, code, outcomes
+    verdict = problem_of(outcomes, sim.time, problem or "")
+    return verdict or None, code or int(verdict != ""), outcomes
 
 
 def _attempt(options, sim, fly, stop):
@@ -49,6 +46,8 @@ def _attempt(options, sim, fly, stop):
         return f"stopped at {sim.time:g} s: {error}; the state is in {stop}", 1
     except KeyboardInterrupt:
         return "interrupted", 130
+    except CompositionError:
+        raise
     except AssertionError as error:
         trace(options)
         return "failed: " + missions.explain(error, sim.mission.folder), 1
@@ -59,10 +58,10 @@ def _attempt(options, sim, fly, stop):
 
 
 def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str, Archive],
-          exchange: Archive | None = None) -> str:
+          exchange: Archive | None = None) -> tuple[str | None, int, list[Outcome]]:
     """Run the job's scenario with the records in the place of its flight processes (fledge.targets.playback). Returns
-    what is wrong in words; "" if its checks hold. With --report, what `fledge run --report` writes goes into the folder
-    TARGET_run beside the records."""
+    the same as attempt(). With --report, what `fledge run --report` writes goes into the folder TARGET_run beside the
+    records."""
     import fledge
     from fledge.commands import read_script
     from fledge.targets.playback import stand_in
@@ -74,31 +73,30 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
     stand_in(sim, records, exchange, packets)
     if not options.report:
         sim.plots = False
-        return attempt(options, sim, job.scenario, sim.mission.scenarios[job.scenario])[0] or ""
+        return attempt(options, sim, job.scenario, sim.mission.scenarios[job.scenario])
     return reported(options, sim, job.scenario, f"on {target}", job.folder / f"{target}_run", target=target)
 
 
 def reported(options: argparse.Namespace, sim: Simulation, scenario: str, where: str, folder: Path,
-             **metadata: str) -> str:
-    """Run a scenario, and write what `fledge run --report` writes into a folder. Returns what is wrong in words; "" if
-    its checks hold."""
+             **metadata: str) -> tuple[str | None, int, list[Outcome]]:
+    """Run a scenario, and write what `fledge run --report` writes into a folder. Returns the same as attempt()."""
     import fledge
-    from fledge.report import Outcome, Report
+    from fledge import report as pages
 
     assert sim.mission
     function = sim.mission.scenarios[scenario]
     folder.mkdir(exist_ok=True)
     plots = sim.plots = Plots(folder)
-    report = Report(sim, f"{scenario}, {where}", function)
+    report = pages.Report(sim, f"{scenario}, {where}", function)
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__, **metadata,
                 **sim.mission.metadata())
-    problem, code, _ = attempt(options, sim, scenario, function)
+    problem, code, outcomes = attempt(options, sim, scenario, function)
     path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
-    page = report.write(folder / "report.html", Outcome(
+    page = report.write(folder / "report.html", pages.Outcome(
         "failed" if problem else "passed", (problem or "").removeprefix("failed: "), Path(path) if path else None,
         plots.whole(), shlex.join(["./fledge", *options.words])))
     say(f"  report   {page}")
-    return problem or ""
+    return problem, code, outcomes
 
 
 def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
@@ -125,13 +123,13 @@ def flown(plan: Plan, folder: Path) -> tuple[Simulation, str]:
     return sim, chosen(sim, first.scenario)[0]
 
 
-def show_required(outcomes: Sequence[Outcome]) -> None:
-    """Print how many requirements hold, and each that does not."""
+def show_required(outcomes: Sequence[Outcome], where: str = "") -> None:
+    """Print how many requirements hold, and each that does not. where: on which targets, if on several."""
     if not outcomes:
         return
     count = {verdict: sum(one.verdict == verdict for one in outcomes) for verdict in (HOLDS, VIOLATED, UNKNOWN)}
-    say("  required " + ", ".join(f"{n} {word}" for n, word in zip(count.values(), ("hold", "violated", "unknown"))
-                                  if n))
+    counts = [f"{n} {word}" for n, word in zip(count.values(), ("hold", "violated", "unknown")) if n]
+    say("  required " + (f"{where}: " if where else "") + ", ".join(counts))
     for one in outcomes:
         if one.verdict != HOLDS:
             say(f"           {one}")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`fledge montecarlo MISSION [CAMPAIGN] --runs N`: dispersed runs, or with --only one of them.
-`fledge sweep MISSION [CAMPAIGN] --set NAME=VALUES`: the same over the points of a grid.
+"""`fledge montecarlo MISSION --runs N`: dispersed runs, or with --only one of them.
+`fledge sweep MISSION --set NAME=VALUES`: the same over the points of a grid.
 
 Exit codes as of all commands: 0 every run passed; 1 some failed; 2 the command line, the mission or its dispersions
 are wrong; 130 Ctrl-C, with a report on the finished runs.
@@ -14,11 +14,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_update_limit
+from fledge.cli.arguments import add_campaign, add_jobs, add_update_limit
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
-from fledge.progress import Bar, clock
+from fledge.progress import Bar
 
 FAILURES_SHOWN = 8
 
@@ -27,7 +27,6 @@ def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     one = command("montecarlo", montecarlo, "fly dispersed runs of a mission", "montecarlo nadir_spin --runs 2000")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
-    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
     one.add_argument("--runs", type=int, metavar="N", help="how many")
     _add_common(one, "montecarlo")
 
@@ -35,7 +34,6 @@ def add(command: Callable) -> None:
                   "sweep nadir_spin --set flight.control.K=1:5:9")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
                      "what it retains, and what must hold")
-    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
     one.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "
                      "grid: a parameter of the mission, or the path of a number in SI. VALUES: 0.1:1:10, ten at equal "
                      "distances; 0.1:1:10:log, at equal ratios; or a list, 1,2,5")
@@ -46,10 +44,11 @@ def add(command: Callable) -> None:
 
 def _add_common(one: argparse.ArgumentParser, name: str) -> None:
     """The options of campaigns and sweeps."""
+    add_campaign(one)
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
-    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    add_jobs(one)
     one.add_argument("--scheduler", metavar="ADDRESS", help="fly on the workers of this Dask scheduler, as "
-                     "tcp://127.0.0.1:8786, in place of threads")
+                     "tcp://127.0.0.1:8786, in place of --jobs")
     one.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
     one.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
@@ -118,9 +117,9 @@ def _fly(campaign, options, runs, name, given):
     import shlex
 
     first = next(iter(campaign.known))
-    words = ["./fledge", name, options.mission, *([campaign.name] if campaign.name != first else []), *given,
-             "--seed", str(options.seed), *(["--update-limit", options.update_limit] if options.update_limit else []),
-             "--only"]
+    words = ["./fledge", name, options.mission, *given,
+             *(["--campaign", campaign.name] if campaign.name != first else []), "--seed", str(options.seed),
+             *(["--update-limit", options.update_limit] if options.update_limit else []), "--only"]
     campaign.tell_crashes([sys.executable, "-m", "fledge.cli", *words[1:]])
     folder = Path(options.out) if options.out else Path("runs") / campaign.nominal.name / name / campaign.name
     if options.only is not None and not options.out:
@@ -140,14 +139,14 @@ def _all(campaign, options, runs, folder, command):
     from fledge.montecarlo import cores, report
 
     points = getattr(campaign, "points", 1)
-    workers = min(cores() if options.threads is None else options.threads, runs * points)
+    workers = min(cores() if options.jobs is None else options.jobs, runs * points)
     if campaign.has_callables and workers > 0 and not options.scheduler:
         parameters = getattr(campaign, "parameters", [])
         print(f"fledge: the mission {f'takes {listed(parameters)}' if parameters else 'calls Python'}, so {workers} "
               "processes fly the runs instead of threads, each run in a mission loaded afresh", file=sys.stderr)
     begun = time.perf_counter()
     with _Live(f"{campaign.nominal.name}, {campaign.name}", runs * points) as line:
-        result = campaign.fly(runs, options.seed, options.threads, progress=line.at, strict=options.strict,
+        result = campaign.fly(runs, options.seed, options.jobs, progress=line.count, strict=options.strict,
                               folder=folder, scheduler=options.scheduler)
     wall = time.perf_counter() - begun
     data, paths = report.write(result, folder, command)
@@ -178,28 +177,19 @@ def _all(campaign, options, runs, folder, command):
 
 
 class _Live(Bar):
-    """The bar of a campaign: finished runs, their rate, the time left, failures."""
+    """The bar of a campaign: finished runs, failures, the rate."""
 
     def __init__(self, title: str, runs: int):
         super().__init__(title)
         self._runs = runs
-        self._wanted = sys.stderr.isatty()
-        self._before: int | None = None     # flown by an earlier program
+        self._earlier: int | None = None    # flown by an earlier program
         self.flown = 0
 
-    def at(self, finished: int, failed: int) -> None:
-        self._before = finished if self._before is None else self._before
-        self.flown = finished - self._before
-        if not self._wanted:
-            return
-        spent = time.monotonic() - self._begun
-        text = f"{finished} of {self._runs}"
-        if self.flown:
-            rate = self.flown / spent
-            text += f", {rate:,.3g} a second, {clock((self._runs - finished) / rate)} left"
-        if failed:
-            text += f", {failed} failed"
-        self.draw(finished / self._runs, text)
+    def count(self, finished: int, failed: int) -> None:
+        self._earlier = finished if self._earlier is None else self._earlier
+        self.flown = finished - self._earlier
+        self.at(finished / self._runs, f"{finished} of {self._runs}" + (f", {failed} failed" if failed else "")
+                + (f", {self.flown / self.spent:,.3g} a second" if self.flown else ""))
 
 
 # --- one run of it ---------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fledge.cli.arguments import add_campaign, add_jobs
 from fledge.cli.node import add_parameters, given_parameters
 from fledge.targets import TARGETS
 
@@ -32,9 +33,8 @@ def add(command: Callable) -> None:
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--longest", type=int, metavar="N", help="on leon3: search the longest path of each task in N "
                      "flights with the mission's dispersions; SCENARIO may be several, A,B")
-    one.add_argument("--campaign", metavar="NAME", help="with --longest: a function of dispersions.py; default: the "
-                     "first")
-    one.add_argument("--jobs", type=int, metavar="N", help="with --longest: flights at a time; default: all cores")
+    add_campaign(one, "with --longest: ")
+    add_jobs(one, "with --longest: ")
     one.add_argument("--out", metavar="DIR", help="for profile.html, profile.json and what is built; default: "
                      "runs/MISSION/profile")
     add_parameters(one)
@@ -100,9 +100,8 @@ def _longest(options, folder, duration):
                                options.campaign, duration, options.seed, options.process, folder,
                                **given_parameters(options))
         with Bar(Path(options.mission).name) as bar:
-            shown = sys.stderr.isatty()
-            found = search.search(options.longest, options.jobs, lambda done: bar.draw(
-                done / options.longest, f"{done} of {options.longest}") if shown else None)
+            found = search.search(options.longest, options.jobs, lambda done: bar.at(
+                done / options.longest, f"{done} of {options.longest}"))
         say(f"{search.jobs[0].title}, {', '.join(one.scenario for one in search.jobs)}: the longest paths in "
             f"{counted(found.runs, 'flight')}" + (f" with the dispersions of {search.campaign.name}" if search.campaign
                                                   else ", which differ in their noise: there is no dispersions.py"))

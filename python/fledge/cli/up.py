@@ -78,14 +78,17 @@ def up(options: argparse.Namespace) -> int:
     folder = Path(options.out) if options.out else Path("runs") / plan.simulation
     if not options.report:
         return fly(plan, folder, view_of(options))
-    from fledge.cli.judge import flown, reported
+    from fledge.cli.judge import flown, reported, show_required
     from fledge.cosim.up.missions import whole_mission
 
     whole_mission(plan)
     plan.report = True
     fly(plan, folder, view_of(options))
     sim, scenario = flown(plan, folder)
-    if problem := reported(options, sim, scenario, f"{plan.simulation} in {_programs(plan)}", folder / "report"):
+    problem, _, outcomes = reported(options, sim, scenario, f"{plan.simulation} in {_programs(plan)}",
+                                    folder / "report")
+    show_required(outcomes)
+    if problem:
         raise Failure(f"{plan.simulation}, {scenario}: {problem}", 1)
     say("  passed")
     return 0

@@ -10,6 +10,7 @@ import argparse
 import os
 from pathlib import Path
 
+from fledge.cli.arguments import add_jobs
 from fledge.cli.node import add_parameters, given_parameters
 from fledge.targets import TARGETS
 
@@ -37,7 +38,7 @@ def add(command: Callable) -> None:
     one.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    one.add_argument("--jobs", type=int, metavar="N", help="flights at a time; default: all cores")
+    add_jobs(one)
     one.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
     one.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
                      f"records; default: {OUT}/MISSION")
@@ -55,8 +56,6 @@ def verify(options: argparse.Namespace) -> int:
     targets = _targets(options)
     if not targets:
         raise Failure("verify: --on names no target; there are " + ", ".join(TARGETS))
-    if options.jobs is not None and options.jobs < 1:
-        raise Failure(f"verify: --jobs must be >= 1, found {options.jobs}")
     TARGETS.ready(targets, "verify")
     if options.coverage and not any(TARGETS[name].takes_tools for name in targets):
         taking = [name for name, one in TARGETS.items() if one.takes_tools]
@@ -85,6 +84,7 @@ def _verify(options, targets, sim, requirements, given, folder):
     from fledge.cli.console import counted, say
     from fledge.columns import columns
     from fledge.errors import Failure
+    from fledge.progress import Bar
     from fledge.requirements.judge import UNKNOWN, VIOLATED
     from fledge.verify import evidence, flights, tables
     from fledge.verify.flight import Flight
@@ -114,7 +114,9 @@ def _verify(options, targets, sim, requirements, given, folder):
             f"{one.time:g} s in {one.wall:.3g} s, {one.speed:,.0f} times real time; {verdicts}"
         say(f"  {'before ' if one.before else 'flown  '}  {one.title}: {how}")
 
-    flown = flights.fly(chosen, sim.mission.folder, options.jobs or os.cpu_count() or 1, options.again, tell)
+    with Bar(sim.name) as bar:
+        flown = flights.fly(chosen, sim.mission.folder, options.jobs or os.cpu_count() or 1, options.again, tell,
+                            lambda done, all_: bar.at(done / max(all_, 1), f"{done} of {all_} flights"))
     for one in flown:
         if one.record:
             one.record = f"flights/{one.scenario}/{one.target}/{one.record}"

@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fledge.cli.arguments import add_campaign, add_jobs
+
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,12 +21,12 @@ def add(command: Callable) -> None:
     one = command("versions", versions, "fly a campaign with two versions of flight, and compare",
                   "versions nadir_spin --against HEAD~1 --runs 200")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
-    one.add_argument("campaign", nargs="?", help="a function of dispersions.py; default: the first")
+    add_campaign(one)
     one.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "
                      "tree of Fledge or of the project, the mission as it was, or results of this campaign")
     one.add_argument("--runs", type=int, default=100, metavar="N", help="default: %(default)s")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
-    one.add_argument("--threads", type=int, metavar="T", help="default: all cores")
+    add_jobs(one)
     one.add_argument("--out", metavar="DIR", help="for the results of both and versions.csv; default: "
                      "runs/MISSION/versions")
 
@@ -41,7 +43,7 @@ def versions(options: argparse.Namespace) -> int:
     folder = Path(options.out) if options.out else Path("runs") / missions.find(options.mission).name / "versions"
     with alone(folder):
         this, other = comparing.fly(options.mission, options.against, options.campaign, options.runs, options.seed,
-                                    folder, options.threads)
+                                    folder, options.jobs)
         found = comparing.compare(this, other)
         say("\n".join(comparing.text(this, other, found)))
         for path in write_files({"versions.csv": comparing.as_csv(this, found)}, folder):

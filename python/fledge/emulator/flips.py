@@ -14,7 +14,7 @@ import random
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -28,6 +28,7 @@ from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.report import confidence
 from fledge.objects.measured import unit_after
 from fledge.objects.si import time_ns
+from fledge.progress import completed
 
 EFFECTS = {
     "no effect": "all that flight wrote into its registers is the same, at all instants",
@@ -115,16 +116,16 @@ class Campaign:
             self.board = load(mission, scenario, engine=engine, board=file, folder=scratch, **parameters)
         self.name = self.board.sim.name
         self.measures = self._record(mission, parameters)
-        self.board.sim.run(until=self.at / 1e9, progress=False)
+        self.board.sim.run(until=self.at / 1e9)
         if edac:
             self.board.core.enable_edac()
         self.survey()
         self.start = self.board.snapshot()
         self.first, self.epoch = self.board.core.instructions, self.board._link.epoch
         self.nominal = self.board.in_flight.record()
-        self.board.sim.run(until=self.middle / 1e9, progress=False)
+        self.board.sim.run(until=self.middle / 1e9)
         self.instructions = self.board.core.instructions - self.first
-        self.board.sim.run(until=self.end / 1e9, progress=False)
+        self.board.sim.run(until=self.end / 1e9)
         self.undisturbed = self._values()
 
     def _record(self, mission, parameters):
@@ -242,8 +243,10 @@ class Campaign:
         if n < 1:
             raise SetupError(f"flips: expected at least 1, found {n}")
         outcomes: list[Any] = [None] * n
-        for done, (i, outcome) in enumerate(_spread(self, n, seed, workers or len(os.sched_getaffinity(0))), 1):
+        done = 0
+        for i, outcome in _spread(self, n, seed, workers or len(os.sched_getaffinity(0)), lambda: progress(done)):
             outcomes[i] = outcome
+            done += 1
             progress(done)
         return outcomes
 
@@ -273,7 +276,7 @@ def deviation(measure: Measure, values: Any, undisturbed: Any) -> float:
 _campaign: Any = None       # of this process' children, which begin as copies of it
 
 
-def _spread(campaign, n, seed, workers) -> Iterator[tuple[int, Outcome]]:
+def _spread(campaign, n, seed, workers, tick) -> Iterator[tuple[int, Outcome]]:
     global _campaign
     _campaign = campaign
     if workers <= 1:
@@ -282,7 +285,7 @@ def _spread(campaign, n, seed, workers) -> Iterator[tuple[int, Outcome]]:
     with ProcessPoolExecutor(min(workers, n), multiprocessing.get_context("fork"), _begin) as pool:
         waiting = [pool.submit(_work, (seed, i)) for i in range(n)]
         try:
-            for one in as_completed(waiting):
+            for one in completed(waiting, tick):
                 yield one.result()
         finally:
             pool.shutdown(cancel_futures=True)

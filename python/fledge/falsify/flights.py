@@ -113,7 +113,7 @@ class Flights:
             halves = [{path: numbers[part] for path, numbers in values.items()}
                       for part in (slice(n // 2), slice(n // 2, None))]
             return np.concatenate([self.fly(half, seed) for half in halves])
-        result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads)
+        result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads, progress=self._count)
         if result.interrupted:
             raise KeyboardInterrupt
         self.flown += n
@@ -121,9 +121,11 @@ class Flights:
         margins = result.reached(self.check)[0]
         self.unknown += int(np.isnan(margins).sum()) - len(result.errors)
         self.least = np.fmin(self.least, np.fmin.reduce(margins))
-        if self.progress:
-            self.progress(self.flown, self.least)
         return margins
+
+    def _count(self, finished, _):
+        if self.progress:
+            self.progress(self.flown + finished, self.least)
 
     def smallest(self, values: Array, margin: float) -> Counterexample:
         """The smallest counterexample from a failing run with these numbers of `space`."""

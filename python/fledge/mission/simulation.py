@@ -269,7 +269,8 @@ class Simulation:
         at its process' first instant after `time`. Processes in programs of their own do the same.
 
         pace: simulated seconds per second, 1 for real time; 0 or not given: as fast as possible.
-        progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s.
+        progress: show a bar on stderr; not given: on a terminal, for runs of more than about 2 s, elsewhere some lines
+        for runs of more than 10 s.
 
         Ctrl-C ends the run after the current instant: all is consistent, and run() can go on from there. A
         second Ctrl-C also interrupts a Python event.
@@ -296,8 +297,7 @@ class Simulation:
             with Interruption() as interruption, Progress(self.name, start, end, progress) as bar:
                 def poll(now: int) -> None:
                     interruption.check()
-                    if bar.wanted:
-                        bar.at(now)
+                    bar.reaches(now)
 
                 self._core.run_until(end, float(pace), poll)
         finally:

@@ -87,7 +87,7 @@ class Campaign:
 
         threads: default: all cores; processes: fly by processes even where threads would do; scheduler: the address of
         a Dask scheduler, whose workers fly in place of both;
-        progress(finished, failed) is called about ten times a second; not given: a notebook shows a bar;
+        progress(finished, failed) is called about ten times a second; not given: as fledge.progress shows it;
         strict: a run with a finding about its health has failed. folder: results go to disk there, in `unfinished`, so
         that a campaign that was broken off goes on where it was; Result.close() deletes them. Ctrl-C stops the
         campaign: the result has the runs that were finished, and `interrupted` is set.
@@ -110,8 +110,8 @@ class Campaign:
             finished, failed = before + finished, bad + failed
             if progress:
                 progress(finished, failed)
-            elif live.notebook:
-                live.draw(finished / runs, f"{finished} of {runs}" + (f", {failed} failed" if failed else ""))
+            else:
+                live.at(finished / runs, f"{finished} of {runs}" + (f", {failed} failed" if failed else ""))
 
         report(0, 0)
         if scheduler:

@@ -136,7 +136,7 @@ def test_python_events_fall_back_to_processes(tmp_path, capfd):
     assert same(Campaign(tmp_path).fly(9, seed=2), two)
 
     mission(tmp_path, RELEASE, CALLABLES)
-    assert cli.main(["montecarlo", str(tmp_path), "--runs", "3", "--threads", "2", "--out", str(tmp_path / "out")]) == 0
+    assert cli.main(["montecarlo", str(tmp_path), "--runs", "3", "--jobs", "2", "--out", str(tmp_path / "out")]) == 0
     out, err = capfd.readouterr()
     assert "the mission calls Python, so 2 processes fly the runs" in err and err.count("\n") == 1
     assert "3 of 3" in out and "on 2 processes" in out
@@ -263,11 +263,11 @@ def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     ([], "give --runs N, or --only INDEX"),
     (["--runs", "3", "--only", "1"], "give --runs N, or --only INDEX"),
     (["--runs", "0"], "runs must be >= 1, found 0"),
-    (["--runs", "2", "--threads", "0"], "threads must be >= 1, found 0"),
+    (["--runs", "2", "--jobs", "0"], "--jobs must be >= 1, found 0"),
     (["--runs", "2", "--seed", "-1"], "seed must be a whole number from 0 to 2^64 - 1, found -1"),
     (["--only", "-1"], "a run's index must be >= 0, found -1"),
     (["--only", "1", "--json"], "--json is for --runs"),
-    (["storm", "--runs", "2"], "has no campaign 'storm'; it has release"),
+    (["--campaign", "storm", "--runs", "2"], "has no campaign 'storm'; it has release"),
     (["--runs", "10000000000"], "more than what is left of the disk of "),
 ])
 def test_wrong_commands(arguments, words, capsys, tmp_path, monkeypatch):
@@ -318,7 +318,7 @@ def test_ctrl_c_on_the_command_line_leaves_a_report(tmp_path):
     mission(tmp_path, text)
     terminal, theirs = pty.openpty()
     child = subprocess.Popen([sys.executable, "-m", "fledge.cli", "montecarlo", str(tmp_path), "--runs", "5000",
-                              "--out", str(tmp_path / "out"), "--threads", "1"], stderr=theirs,
+                              "--out", str(tmp_path / "out"), "--jobs", "1"], stderr=theirs,
                              stdout=subprocess.PIPE, text=True,
                              env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
     os.close(theirs)
@@ -602,7 +602,7 @@ def test_a_live_line_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with _Live("nadir_spin, release", 200) as line:
         line._begun -= 10
-        line.at(0, 0)
-        line.at(50, 2)
-    assert re.search(r"nadir_spin, release \[#######\.+\]  25%  50 of 200, 5 a second, 30 s left, 2 failed",
+        line.count(0, 0)
+        line.count(50, 2)
+    assert re.search(r"nadir_spin, release \[#######\.+\]  25%  50 of 200, 2 failed, 5 a second, 30 s left",
                      capsys.readouterr().err)

@@ -144,7 +144,7 @@ def test_the_command_and_the_page(spin, tmp_path, monkeypatch, capsys):
     drawn = {line.split()[1]: line for line in out.splitlines() if line.startswith("  drawn")}
     assert "nominal" in drawn["flight.control.K"] and "nominal" not in drawn["mass"]
     assert cli.main(["sweep", str(spin), "--set", "mass=1,2", "--runs",
-                    "3", "--threads", "1", "--out", "more"]) in (0, 1)
+                    "3", "--jobs", "1", "--out", "more"]) in (0, 1)
     assert "runs     6 of 10 s" in capsys.readouterr().out
 
 

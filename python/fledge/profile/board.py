@@ -57,7 +57,7 @@ def measure(target: Any, part: Part, record: Path) -> Profile:
 
     flight.tick = counted
     board.sim.kernel.process(part.process).fly_by(compared)
-    board.sim.run(until=job.duration, progress=False)
+    board.sim.run(until=job.duration)
 
     n = len(after) - 1
     steps = [b - a for a, b in zip(after, after[1:])]

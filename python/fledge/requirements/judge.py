@@ -53,6 +53,16 @@ class Outcome:
         return f"{self.requirement.id} {self.verdict}" + "".join(f", {one}" for one in (told, when) if one)
 
 
+def problem_of(outcomes: Sequence[Outcome], time: float, problem: str = "") -> str:
+    """The verdict on a run of a scenario, in every command and on every target: what is wrong in words, "" of one that
+    has passed. outcomes: of the requirements that the scenario shows; time: [s] flown; problem: what the scenario
+    raised, in words."""
+    violated = [one for one in outcomes if one.verdict == VIOLATED]
+    if not problem and violated:
+        return "failed: " + "; ".join(map(str, violated))
+    return problem or ("" if time > 0 else "failed: it flew 0 s, which shows nothing")
+
+
 def unit_of(formula: Formula) -> str | None:
     """The unit of its margin; None if its comparisons differ, so that each is taken as a fraction of its limit."""
     units = {tuple(one.signal.dims): one.unit for one in formula.comparisons if one.measured}

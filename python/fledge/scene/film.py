@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.errors import SetupError
+from fledge.progress import Bar
 from fledge.scene import browser, page
 
 if TYPE_CHECKING:
@@ -40,10 +41,11 @@ def write(scene: Scene, path: str | PathLike[str], look: str = "", begin: float 
     path, pictures = Path(path), []
     shown = page.write(scene, path.with_name(f"{path.name}.html"))
     try:
-        with browser.Browser(WIDTH, HEIGHT) as one:
+        with browser.Browser(WIDTH, HEIGHT) as one, Bar(path.name) as bar:
             one.open(shown, f"#map=0&{look}")
             one.ask("fledgeView.root.classList.add('filmed')")
             for k in range(frames):
+                bar.at(k / frames, f"{k} of {frames} frames")
                 one.ask(f"fledgeView.seek({begin + (end - begin) * k / (frames - 1)!r})")
                 one.wait_for("!fledgeView.dirty")
                 pictures.append(Image.open(io.BytesIO(one.picture())).convert("RGB"))

@@ -215,6 +215,7 @@ class Job:
     boards: files of boards, or folders of them, by flight process; "" stands for the only one. free: take no scenario.
     before: a function of the job, called when all is known but what the rehearsal finds: duration, script, whole,
     in_vain.
+    judged: judge the requirements that the scenario shows, too: `problem` and `outcomes` are the verdict.
     parameters: of the mission, as fledge.load() takes them. roots: further folders with headers and sources of
     modules.
     """
@@ -222,7 +223,7 @@ class Job:
     def __init__(self, mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
                  boards: Mapping[str, Sequence[Path | str]] | None = None, folder: Path | str | None = None,
                  free: bool = False, parameters: dict[str, Any] | None = None, roots: Sequence[Path] = (),
-                 before: Callable[[Job], None] = lambda job: None) -> None:
+                 before: Callable[[Job], None] = lambda job: None, judged: bool = False) -> None:
         self.asked, self.parameters, self.seed = mission, parameters or {}, seed    # as other programs are to load it
         self.roots = list(roots)
 
@@ -230,8 +231,9 @@ class Job:
             self._begin(play, boards or {}, folder)
             before(self)
 
-        play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin)
+        play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin, judged)
         self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
+        self.problem, self.outcomes = play.problem, play.outcomes   # of a whole scenario on the desktop
         for one in self.parts:
             one.take_script()
 

@@ -80,7 +80,7 @@ def _run(job, name, commands):
     with contextlib.ExitStack() as stack:
         text = stack.enter_context(log.open("w", encoding="utf-8", errors="replace"))
         bar = stack.enter_context(Progress(name, 0, round(job.duration * 1e9)))
-        how_far = stack.enter_context(HowFar()) if bar.wanted and CONTROLLER in commands else None
+        how_far = stack.enter_context(HowFar()) if CONTROLLER in commands else None
         if how_far:
             commands[CONTROLLER] += ["--status", how_far.write]
         # Python looks for missions from here; a target writes its record into the folder of its process.
@@ -90,7 +90,7 @@ def _run(job, name, commands):
         results, ends = {}, None
         while ends is None or time.monotonic() < ends:
             if how_far:
-                bar.at(how_far.now())
+                bar.reaches(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
             if None not in results.values():
                 break

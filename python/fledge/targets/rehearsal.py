@@ -12,6 +12,8 @@ from fledge.errors import Failure, SetupError
 from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen, set_up
 from fledge.objects.si import time_ns
+from fledge.requirements import Outcome, Requirements
+from fledge.requirements.judge import problem_of
 
 
 class Command(NamedTuple):
@@ -27,9 +29,9 @@ class _Ends(BaseException):
 
 def rehearse(mission: str, scenario: str | None = None, duration: float | None = None, seed: int = 0,
              free: bool = False, given: dict[str, Any] | None = None,
-             before: Callable[[Rehearsal], None] = lambda play: None) -> Rehearsal:
+             before: Callable[[Rehearsal], None] = lambda play: None, judged: bool = False) -> Rehearsal:
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs. before: called
-    before the first run, with `start` and `missions`."""
+    before the first run, with `start` and `missions`. judged: judge the requirements that the scenario shows."""
     def load():
         sim = missions.load(mission, **(given or {}))
         sim.seed = seed
@@ -45,6 +47,8 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
         play.begin()
         return play
     play.name, function = chosen(sim, scenario)
+    required = Requirements(sim).for_scenario(play.name) if judged else []
+    watch = Requirements(sim).watch([one.id for one in required]) if required else None
     sim.plots, sim.run = False, play.run
     sim.step = sim.reset = sim.restore = play.refused
     try:
@@ -61,6 +65,9 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
     if play.start is None:
         raise Failure(f"the scenario {play.name} runs nothing")
     play.finish()
+    if play.whole:
+        play.outcomes = watch.outcomes() if watch else []
+        play.problem = problem_of(play.outcomes, sim.time)
     return play
 
 
@@ -73,6 +80,8 @@ class Rehearsal:
         self.sim, self.duration, self.load, self.before_runs = sim, duration, load, before
         self.name = ""
         self.whole = False      # the scenario came to its end
+        self.problem = ""       # then: the verdict on it
+        self.outcomes: list[Outcome] = []
         self.ready = True       # False while `before` is called
         self.start: Any = None
         self.missions: list[Any] = []
@@ -136,7 +145,7 @@ class Rehearsal:
         limit = None if self.duration is None else round(self.duration * 1e9)
         if limit is not None and end > limit:
             raise _Ends
-        type(sim).run(sim, until=end / 1e9, progress=False)
+        type(sim).run(sim, until=end / 1e9)
         self.before = _memory(sim), _asked(sim)
 
     def flies(self, path: str) -> bool:

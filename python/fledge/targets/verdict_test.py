@@ -204,7 +204,7 @@ def test_every_reason_has_words(mission):
 def test_a_check_of_memory_is_refused_on_a_target_and_names_the_output(mission, tmp_path, capsys):
     assert cli.main(["fly", str(mission), "memory", "--on", "linux", "--out", str(tmp_path / "out")]) == 1
     line, said = last(capsys)
-    assert line == "  failed   linux: the scenario's checks do not hold (passed: desktop)"
+    assert line == "  failed   linux: the scenario's checks cannot be judged by its record (passed: desktop)"
     assert ("flight.switch.running is memory of a module, which the record of a target does not have. A check reads "
             "outputs: flight.switch.reference has sigma_RN, " in said.err)
 

@@ -7,19 +7,21 @@ import dataclasses
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from fledge.montecarlo.shares import death
+from fledge.progress import completed
 from fledge.verify.flight import FILE, Flight, Flown, dumps
 
 LOG = "flight.log"      # of a worker, in the folder of its flight
 
 
-def fly(flights: Sequence[Flight], mission: Path, jobs: int, again: bool, tell: Callable[[Flown], None]) -> list[Flown]:
+def fly(flights: Sequence[Flight], mission: Path, jobs: int, again: bool, tell: Callable[[Flown], None],
+        progress: Callable[[int, int], None] = lambda done, all_: None) -> list[Flown]:
     """The results of all flights, in their order. mission: its folder; jobs: processes at a time; again: fly all of
-    them; tell: is called with each result as it comes."""
+    them; tell: is called with each result as it comes; progress(done, all), of what is flown, about every second."""
     results: dict[int, Flown] = {}
     running: set[subprocess.Popen] = set()
     with ThreadPoolExecutor(jobs) as pool:
@@ -33,7 +35,12 @@ def fly(flights: Sequence[Flight], mission: Path, jobs: int, again: bool, tell: 
                     tell(results[i])
                 else:
                     tasks[pool.submit(_by_worker, flight, hash, running)] = i
-            for task in as_completed(tasks):
+
+            def tick():
+                progress(sum(task.done() for task in tasks), len(tasks))
+
+            tick()
+            for task in completed(tasks, tick):
                 results[tasks[task]] = task.result()
                 tell(task.result())
         finally:

@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from fledge.requirements.judge import UNKNOWN
+from fledge.requirements.judge import UNKNOWN, Outcome, problem_of
 from fledge.verify.flight import FILE, Flight, Flown, Shown
 
 if TYPE_CHECKING:
@@ -56,10 +56,14 @@ def fly(flight: Flight, hash: str) -> Flown:
     except Exception as error:
         found.error = missions.explain(error, sim.mission.folder)
     found.time = sim.time
-    sim.close_archive(outcome=found.error or "passed", ended=f"{sim.time:g} s")
+    outcomes = watch.outcomes(so_far=found.error != "")
+    problem = problem_of(outcomes, sim.time, found.error)
+    if not found.error and not sim.time:
+        found.error = problem
+    sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
     found.wall = perf_counter() - start
     found.record = record.name if record.exists() else ""
-    found.shown = _judged(watch, found.error)
+    found.shown = _shown(watch, outcomes, found.error)
     return found
 
 
@@ -85,12 +89,12 @@ def _record(sim: Simulation, requirements: Sequence[Requirement]) -> None:
     setattr(sim, "run", run)
 
 
-def _judged(watch: Judged, error: str) -> list[Shown]:
+def _shown(watch: Judged, outcomes: Sequence[Outcome], error: str) -> list[Shown]:
     """What the flight shows of each requirement; one that failed, what was decided before."""
     from fledge.verify import figure
 
     found = []
-    for one in watch.outcomes(so_far=error != ""):
+    for one in outcomes:
         shown = Shown(one.requirement.id, one.verdict, one.margin, one.low, one.high, one.unit, one.at, one.where,
                       one.reason)
         if error and shown.verdict == UNKNOWN:
