@@ -7,7 +7,7 @@ include(FledgeIntrospect)
 #
 # Builds one shared library, which `./fledge --project` loads. In FLIGHT, a path such as
 # flight/sun_slew stands for flight/sun_slew.c and flight/sun_slew_test.cpp; in WORLD, a path such as
-# world/eddy_damping for world/eddy_damping_model.cpp and world/eddy_damping_model_test.cpp. Their
+# world/gas_leak for world/gas_leak_model.cpp and world/gas_leak_model_test.cpp. Their
 # interfaces, and messages, are the headers found in flight/ and world/. EXISTING C comes as it is: no
 # warnings, GNU C11. C of FLIGHT and EXISTING that does not compute the same bits everywhere is refused (see
 # fledge_flight_symbols()); C that only models of the world call is NOT_FLOWN, and may call all.

@@ -7,12 +7,14 @@ import os
 import re
 import shutil
 import subprocess
+import tomllib
 from types import SimpleNamespace
 
 import pytest
 
-from fledge import SetupError, new, objects
+from fledge import SetupError, cli, folders, load, new, objects
 from introspect.model import Struct
+from tests.circles import long_after
 from tests.tree import ROOT, files
 
 
@@ -41,7 +43,7 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
     sat = tmp_path / "Größe 1/sat"
     sat.parent.mkdir()
     fledge("new", "project", "sat", cwd=sat.parent)
-    fledge("new", "module", "Spin", cwd=sat)
+    fledge("new", "module", "Spin", "--kind", "determination", cwd=sat)
     fledge("new", "model", "Leak", cwd=sat)
 
     def shown(file, old, new_):
@@ -53,14 +55,14 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
         assert len(said) - start < 12 and not any("FAILED" in line or "/usr/bin" in line for line in said)
         return " ".join(said[start + 1:start + 3])
 
-    assert re.match(rf"{sat}/flight/spin.h:\d+: a number has a unit; `rate` has none",
-                    shown("flight/spin.h", "///< [N m / s]", "///"))
+    assert re.match(rf"{sat}/flight/spin.h:\d+: a number has a unit; `T` has none",
+                    shown("flight/spin.h", "///< [s] ", "/// "))
     assert re.match(rf"{sat}/flight/spin.c:\d+:\d+: error: expected .;. before",
                     shown("flight/spin.c", "memset(&m->out, 0, sizeof m->out);", "memset(&m->out, 0, sizeof m->out)"))
     assert re.match(rf"{sat}/flight/spin.c:12: spin_reset calls sin of libm, whose last bits differ between machines; "
                     "use fm_sin of flight/math/elementary.h; C that never flies stands below NOT_FLOWN",
                     shown("flight/spin.c", "    memset(&m->mem, 0, sizeof m->mem);",
-                          "    double sin(double);\n    m->mem.torque_B.v[0] = sin(m->par.rate);"))
+                          "    double sin(double);\n    m->mem.omega_BN_B.v[0] = sin(m->par.T);"))
     (sat / "note.c").write_text("#include <stdio.h>\nvoid note(void)\n{\n    puts(\"x\");\n}\n")
     assert re.match(rf"{sat}/note.c:4: note refers to puts, which is neither flight code nor in flight/math",
                     shown("CMakeLists.txt", "    WORLD\n", "    EXISTING\n        note.c\n    WORLD\n"))
@@ -74,37 +76,38 @@ def test_what_fails_to_build_is_shown_without_the_build(tmp_path):
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
-    """A project with a module, a model, and a mission that flies both."""
+    """A project with a module, two models, and a mission that flies them."""
     place = tmp_path_factory.mktemp("own")
     fledge("new", "project", "big-bird", cwd=place)
-    for kind, name in (("module", "guidance/JerkLimit"), ("model", "GasLeak"), ("mission", "FirstScan")):
-        fledge("--project", "big-bird", "new", kind, name, cwd=place)
+    for words in (["module", "navigation/RateSmoother", "--kind", "determination"], ["model", "GasLeak"],
+                  ["model", "RateMeter", "--kind", "sensing"], ["mission", "FirstScan"]):
+        fledge("--project", "big-bird", "new", *words, cwd=place)
     mission = place / "big-bird/missions/first_scan"
-    replace(mission / "flight.py", "    f.motor    = ",
-            "    f.limiter  = fsw.JerkLimit(rate=0.05 * N * m / s)\n    f.motor    = ")
-    replace(mission / "flight.py", "f.control.torque     >> f.motor.torque",
-            "f.control.torque >> f.limiter.wanted, f.limiter.torque >> f.motor.torque")
-    replace(mission / "flight.py", "f.control, f.motor]", "f.control, f.limiter, f.motor]")
-    replace(mission / "world.py", "    w.nav    = ",
-            "    w.leak   = world.GasLeak(damping=1e-4 * N * m * s, noise=1e-6 * N * m)\n    w.nav    = ")
+    replace(mission / "flight.py", "    f.motor    = ", "    f.smoother = fsw.RateSmoother(T=1 * s)\n    f.motor    = ")
+    replace(mission / "flight.py", "        f.guidance.reference >> ",
+            "        f.smoother.attitude >> f.tracking.attitude,\n        f.guidance.reference >> ")
+    replace(mission / "flight.py", "run=[f.guidance,", "run=[f.smoother, f.guidance,")
+    replace(mission / "world.py", "    w.nav    = ", "    w.leak   = world.GasLeak(damping=1e-4 * N * m * s)\n"
+            "    w.meter  = world.RateMeter(noise=1e-4 * rad / s)\n    w.nav    = ")
     replace(mission / "world.py", "        # what flight sees\n",
-            "        w.craft.state >> w.leak.truth, w.leak.load >> w.craft.external,\n")
-    replace(mission / "world.py", "[w.craft, w.nav]", "[w.craft, w.leak, w.nav]")
+            "        w.craft.state >> [w.leak.truth, w.meter.truth], w.leak.load >> w.craft.external,\n")
+    replace(mission / "world.py", ">> f.tracking.attitude", ">> f.smoother.measured")
+    replace(mission / "world.py", "[w.craft, w.nav]", "[w.craft, w.leak, w.meter, w.nav]")
     return place / "big-bird"
 
 
 @pytest.mark.long("builds and tests a project: 20 s")
 def test_its_tests_pass(own):
     said = fledge("--project", own, "test", cwd=own)
-    assert said.splitlines()[-1] == "7 passed, 0 failed, 0 skipped"
-    assert fledge("--project", own, "test", "-k", "JerkLimit", cwd=own).splitlines()[-1].startswith("3 passed")
+    assert said.splitlines()[-1] == "6 passed, 0 failed, 0 skipped"
+    assert fledge("--project", own, "test", "-k", "RateSmoother", cwd=own).splitlines()[-1].startswith("2 passed")
 
 
 def test_its_mission_flies_with_its_module_and_its_model(own):
     said = fledge("--project", own, "run", "first_scan", cwd=own)
     assert "passed" in said and (own / "runs/first_scan/acquire/run.mcap").exists()
     said = fledge("--project", own, "list", "--ports", cwd=own)
-    for expected in ("first_scan", "nadir_spin", "JerkLimit", ">> torque        BodyTorque", "GasLeak"):
+    for expected in ("first_scan", "nadir_spin", "RateSmoother", ">> attitude      NavAttitude", "GasLeak"):
         assert expected in said
 
 
@@ -131,9 +134,9 @@ sim.restore(there)
 sim.run(60)
 assert clone.snapshot() == sim.snapshot()
 assert abs(sim.world.leak.load.torque_B).max() > 0
-assert "JerkLimit" in dir(fsw) and "JerkLimit" not in dir(world) and "GasLeak" not in dir(fsw)
+assert "RateSmoother" in dir(fsw) and "RateSmoother" not in dir(world) and "GasLeak" not in dir(fsw)
 try:
-    fsw.JerkLimit(rate=-1)
+    fsw.RateSmoother(T=-1)
 except SetupError as error:
     print(error)
 """
@@ -142,9 +145,9 @@ except SetupError as error:
 def test_its_objects_are_like_ours(own):
     """Snapshots and clones hold a model's own memory, and parameters are checked by the header."""
     said = fledge("--project", own, "exec", "/usr/bin/python3", "-c", SCRIPT, cwd=own)
-    assert said.splitlines()[-1] == "JerkLimit.rate must be > 0 N m / s, found -1 N m / s"
+    assert said.splitlines()[-1] == "RateSmoother.T must be > 0 s, found -1 s"
     stubs = own / "build" / os.environ.get("FLEDGE_PRESET", "release") / "stubs"
-    assert "class JerkLimit(Module):" in (stubs / "_project_flight.pyi").read_text()
+    assert "class RateSmoother(Module):" in (stubs / "_project_flight.pyi").read_text()
     assert "class GasLeak(Model):" in (stubs / "_project_world.pyi").read_text()
 
 
@@ -160,16 +163,16 @@ def test_an_editor_finds_the_types_of_its_modules(own):
     mission = own / "missions/first_scan"
     flight = mission / "flight.py"
     (mission / "study.py").write_text(
-        "import fledge\nfrom fledge import flight as fsw, world\nfrom fledge.units import N, m, s\n"
-        "reveal_type(fsw.JerkLimit(rate=1 * N * m / s).torque)\nreveal_type(world.GasLeak)\n"
+        "import fledge\nfrom fledge import flight as fsw, world\nfrom fledge.units import s\n"
+        "reveal_type(fsw.RateSmoother(T=1 * s).attitude)\nreveal_type(world.GasLeak)\n"
         "reveal_type(fledge.load('first_scan'))\n")
-    kinds = ["_fledge_flight.BodyTorque", "_project_world.GasLeak", "fledge.mission.simulation.Simulation"]
+    kinds = ["_fledge_flight.NavAttitude", "_project_world.GasLeak", "fledge.mission.simulation.Simulation"]
     lines = told()
     assert [kind in line for kind, line in zip(kinds, lines)] == [True, True, True] and len(lines) == 3
-    replace(flight, "fsw.JerkLimit(rate=", "fsw.JerkLimit(rat=")
+    replace(flight, "fsw.RateSmoother(T=", "fsw.RateSmoother(Tau=")
     (error,) = [line for line in told() if "error" in line]
-    assert 'missions/first_scan/flight.py' in error and 'Unexpected keyword argument "rat" for "JerkLimit"' in error
-    replace(flight, "fsw.JerkLimit(rat=", "fsw.JerkLimit(rate=")
+    assert 'missions/first_scan/flight.py' in error and 'Unexpected keyword argument "Tau" for "RateSmoother"' in error
+    replace(flight, "fsw.RateSmoother(Tau=", "fsw.RateSmoother(T=")
     (mission / "study.py").unlink()
     assert (own / "build/release/compile_commands.json").exists()       # for .clangd
 
@@ -182,8 +185,8 @@ def test_its_documents_have_its_modules_and_models(own):
     assert said.endswith(f"fledge: open {pages}/index.html\n") and "WARNING" not in said
     assert "build/docs/reference/index.html" in (pages / "index.html").read_text()
     modules = (pages / "build/docs/reference/big_bird-modules.html").read_text()
-    assert 'id="jerklimit"' in modules and "how much the torque may change per time" in modules
-    assert 'href="flight-messages.html#c-bodytorque"' in modules
+    assert 'id="ratesmoother"' in modules and "time constant" in modules
+    assert 'href="flight-messages.html#c-navattitude"' in modules
     (own / "docs").mkdir()
     (own / "README.md").write_text("# Big bird\n\nIt scans: [how](docs/how.md), [what](nowhere.md).\n")
     (own / "docs/how.md").write_text("# How\n")
@@ -201,7 +204,143 @@ def test_by_hand_it_is_a_cmake_package(own, tmp_path):
 
 
 def test_nothing_was_built_into_this_tree(own):
-    assert not any("jerk_limit" in str(path) for path in files())
+    assert not any("rate_smoother" in str(path) for path in files())
+
+
+# --- kinds of modules and models -------------------------------------------------------------------
+
+KINDS = [(what, kind) for what, kinds in tomllib.loads((new.TEMPLATES / "kinds.toml").read_text()).items()
+         for kind in kinds]
+
+
+@pytest.mark.long("builds and tests a project: a minute")
+def test_each_kind_builds_without_a_warning_and_passes_its_test(tmp_path):
+    fledge("new", "project", "kinds", cwd=tmp_path)
+    for what, kind in KINDS:
+        new_of_kind(what, kind, tmp_path / "kinds")
+    assert re.match(r"1[4-9] passed, 0 failed, 0 skipped$", fledge("test", cwd=tmp_path / "kinds").splitlines()[-1])
+
+
+def new_of_kind(what, kind, project):
+    """Its files, for a name that has the kind in it."""
+    return getattr(new, what)(f"Sun{kind.title()}{what.title()}", project, kind=kind)[0][:-1]
+
+
+@pytest.mark.parametrize("what, kind", KINDS)
+def test_what_each_kind_begins_with_is_formatted_and_compiles(what, kind, tmp_path):
+    new.project(tmp_path / "sat")
+    for file in new_of_kind(what, kind, tmp_path / "sat"):
+        text = file.read_text()
+        assert "$" not in text
+        formatted = subprocess.run(["clang-format", f"--style=file:{ROOT}/.clang-format", file], check=True, text=True,
+                                   capture_output=True).stdout
+        assert formatted == text, file.name
+        if file.suffix == ".c":
+            subprocess.run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", ROOT,
+                            "-I", tmp_path / "sat", file], check=True)
+
+
+def test_a_kind_is_that_of_its_folder_and_bare_elsewhere(tmp_path):
+    new.project(tmp_path)
+    for name, message in (("guidance/One", "AttReference"), ("rate/control/Two", "BodyTorque"), ("Three", "GyroRate")):
+        file = new.module(name, tmp_path)[0][0]
+        assert f"        {message} " in file.read_text()
+    assert "GyroRate rate;" in new.module("guidance/Four", tmp_path, kind="bare")[0][0].read_text()
+    assert "GyroRate rate;" in new.model("sensing/Five", tmp_path)[0][0].read_text()
+    with pytest.raises(new.NewError, match="there is no model of the kind guidance; there are bare, sensing"):
+        new.model("Six", tmp_path, kind="guidance")
+
+
+def test_options_that_do_not_fit_are_refused(tmp_path, capsys):
+    new.project(tmp_path)
+    for words, complaint in [(["mission", "one", "--bare"], "new: --kind and --bare are for a module or model"),
+                             (["project", "one", "--from", "cubesat"], "--from is for a module, model or mission")]:
+        assert cli.main(["new", *words, "--project", str(tmp_path)]) == 2
+        assert complaint in capsys.readouterr().err
+    for words in (["--bare", "--kind", "control"], ["--kind", "guidanse"], ["--bare", "--from", "a.py:B"]):
+        with pytest.raises(SystemExit):
+            cli.main(["new", "module", "One", *words])
+
+
+# --- a mission of another's ------------------------------------------------------------------------
+
+MISSIONS = dict.fromkeys(["cubesat", "asterisk_scan", "formation", *(
+    name for name, folder in folders.missions().items() if folder.parent == ROOT / "missions")])
+
+
+@pytest.mark.parametrize("name", long_after(3, MISSIONS, "flies each mission: 15 s"))
+def test_a_copy_of_a_mission_flies_with_the_same_bits(name, tmp_path):
+    """By its files alone, and those of the missions that it imports from: no file speaks of the old name as its own."""
+    new.project(tmp_path)
+    new.mission(f"{name}_2", tmp_path, name)
+    folder, flown = tmp_path / "missions" / f"{name}_2", []
+    for one in (name, folder):
+        sim = load(one)
+        sim.run(2)
+        flown.append(sim.snapshot())
+    assert flown[0] == flown[1] and sim.name == f"{name}_2"
+    assert {one.name.replace(f"{name}_2", name) for one in folder.rglob("*") if one.is_file()} == {
+        one.name for one in (ROOT / "missions" / name).rglob("*") if one.is_file() and "__pycache__" not in one.parts
+        and one.name != "README.md"}
+    for file in folder.rglob("*.toml"):
+        assert f'"{name}"' not in file.read_text() and f"missions/{name}/" not in file.read_text()
+    for file in folder.rglob("*_test.py"):
+        assert not re.search(rf'load\("{name}"|"fly", "{name}"|missions[./]{name}\b', file.read_text())
+
+
+@pytest.mark.long("builds a project and flies on targets")
+def test_a_copy_of_the_cubesat_flies_on_a_target_and_passes_its_tests(tmp_path):
+    fledge("new", "project", "sat", cwd=tmp_path)
+    fledge("new", "mission", "my_cube", "--from", "cubesat", cwd=tmp_path / "sat")
+    said = fledge("fly", "my_cube", "imaging", "--on", "linux,leon3", "--for", "60s", cwd=tmp_path / "sat")
+    assert "passed   desktop, linux, leon3" in said
+    said = fledge("test", cwd=tmp_path / "sat")
+    assert " deselected" in said and re.search(r"^1\d passed, 0 failed, 0 skipped$", said, re.M)
+
+
+def test_files_that_a_mission_shares_are_found_from_its_copy(tmp_path):
+    """In the same project by the same path, in another by a longer one. Data need not be text."""
+    for project in ("one", "two"):
+        new.project(tmp_path / project)
+    first = tmp_path / "one/missions/first"
+    new.mission("first", tmp_path / "one")
+    (first / "table.bin").write_bytes(b"\xff\x00")
+    (first.parent / "field.csv").write_text("1\n")
+    (first / "sky.py").write_text("FIELD = '../field.csv'\nRUNS = '../../runs/first'\n")
+    for source, project in (("first", "one"), (str(first), "two")):
+        new.mission("second", tmp_path / project, source)
+        second = tmp_path / project / "missions/second"
+        text = (second / "sky.py").read_text()
+        assert (second / re.search("FIELD = '(.*)'", text)[1]).read_text() == "1\n"
+        assert ("'../field.csv'" in text) == (project == "one") and "RUNS = '../../runs/second'" in text
+        assert (second / "table.bin").read_bytes() == b"\xff\x00" and (second / "second_test.py").exists()
+
+
+@pytest.mark.parametrize("name, source, answer", [
+    ("mine", "cubsat", "--from cubsat: there is no such mission; did you mean 'cubesat'\\? there are .*nadir_spin"),
+    ("mine", ".", "--from .: a mission is a folder with a flight.py or a mission.py"),
+    ("there", "cubesat", "missions/there is there already"),
+    ("nadir_spin", "cubesat", "missions/nadir_spin has this name, and would be hidden; choose another name"),
+    ("nadir_spin", None, "missions/nadir_spin has this name"),
+    ("mine", "OTHER/missions/flies", r"flies: it flies Own of the project .*other; first copy flight/own.\*"),
+    ("mine", "OTHER/missions/joins", "joins: it imports from the mission flies beside it; copy that first"),
+    ("mine", "OTHER/missions/broken", "missions/broken/flight.py, line 1: "),
+])
+def test_a_mission_that_could_not_fly_is_not_copied(name, source, answer, tmp_path):
+    other = tmp_path / "other"
+    for project in (other, tmp_path / "here"):
+        new.project(project)
+    new.module("Own", other)
+    new.mission("there", tmp_path / "here")
+    for mission, text in (("flies", "def build(f):\n    f.own = fsw.Own()\n"), ("broken", "def build(f:\n"),
+                          ("joins", "from .flies.flight import build\n")):
+        new.mission(mission, other)
+        (other / "missions" / mission / "flight.py").write_text(text)
+    before = sorted(files(tmp_path))
+    with pytest.raises(new.NewError, match=answer):
+        new.mission(name, tmp_path / "here", source and source.replace("OTHER", str(other)))
+    assert sorted(files(tmp_path)) == before
+    assert new.mission("again", other, str(other / "missions/flies"))[0]
 
 
 # --- what cannot be --------------------------------------------------------------------------------
@@ -259,7 +398,7 @@ def test_a_library_of_other_models_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("kind, name, answer", [
-    ("module", "sun_slew", "a module's name is CamelCase, of letters and digits, such as TorqueLimiter; found"),
+    ("module", "sun_slew", "a module's name is CamelCase, of letters and digits, such as SunSlew; found"),
     ("module", "Sun Slew", "a module's name is CamelCase"),
     ("module", "Class", "'class' is a keyword of C or C\\+\\+"),
     ("module", "Lambda", "'lambda' is a keyword of Python"),

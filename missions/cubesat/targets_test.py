@@ -2,13 +2,14 @@
 """The CubeSat on each target, and through four boards: it looks at a target and at the station with the outputs and the
 telemetry of the desktop, and the checks of the scenario hold."""
 import os
+from pathlib import Path
 
 import pytest
 
 from fledge import cli
-from fledge.targets import TARGETS, build
+from fledge.targets import TARGETS
 
-BOARDS = build.ROOT / "missions/cubesat/boards"
+BOARDS = Path(__file__).with_name("boards")
 
 
 @pytest.mark.long("builds and flies the CubeSat on targets: 200 s")

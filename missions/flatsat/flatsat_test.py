@@ -3,6 +3,7 @@
 through the registers of four boards, on every target."""
 
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ from fledge import cli, export
 from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.attitude import mrp_to_dcm
-from fledge.targets import TARGETS, build
+from fledge.targets import TARGETS
 from fledge.units import minute, s
 
-BOARDS = build.ROOT / "missions/flatsat/boards"
+BOARDS = Path(__file__).with_name("boards")
 DOWN = 63.5     # [s] the first instant of flight after the reset at 60.3 s, seen at 60.5 s, and 3 s
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The orbiter's tests on the desktop, and that each target flies and says the same through the four boards."""
 import os
+from pathlib import Path
 
 import pytest
 from numpy import arcsin, array, cos, cross, pi, sin, sqrt
@@ -9,14 +10,14 @@ from numpy.linalg import norm
 import fledge
 from fledge import Orbit, cli, world
 from fledge.commands import decoded
-from fledge.targets import TARGETS, build
+from fledge.targets import TARGETS
 from fledge.units import minute
 from missions.mars_orbiter.mission import DATE
 from missions.mars_orbiter.scenarios import FAILS, converter_fails, sun_faults, sun_off
 from missions.mars_orbiter.vehicle import PLACE
 from tests.circles import long_after
 
-BOARDS = build.ROOT / "missions/mars_orbiter/boards"
+BOARDS = Path(__file__).with_name("boards")
 
 
 @pytest.mark.parametrize("scenario", ["safe", "pointing", "sun_sensors"])

@@ -87,6 +87,8 @@ def test_what_they_name_is_there():
     for one in ALL:
         assert one.parent in ids or (not one.parent and one.id.startswith("SYS-")), one.id
         assert one.rationale and one.text.startswith("The orbiter shall ") and one.text.endswith("."), one.id
-        assert one.shown_by if one.formula is not None else broken(Path("x"), f"[]({one.evidence})", tree) == [], one.id
+        here = (Path(__file__).parents[2] / one.evidence).is_file()    # of Fledge, or of the project with this copy
+        there = here or not broken(Path("x"), f"[]({one.evidence})", tree)
+        assert one.shown_by if one.formula is not None else there, one.id
     assert "the instrument's angle to Mars < " in str(next(one for one in ALL if one.id == "PNT-1").formula)
     assert {name for one in TESTED for name in one.shown_by} == set(SIM.scenarios)

@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge new`: begin a module, model, mission or project.
 
-It copies templates/, a project that works, under other names. It checks all names and files before it writes, and
-never overwrites a file.
+It fills the frames of templates/ with a kind of module or model, and copies missions under other names. It checks all
+names and files before it writes, and never overwrites a file.
 """
 from __future__ import annotations
 
+import ast
+import os
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from string import Template
 
+from fledge import folders
+from fledge.errors import did_you_mean
 from introspect import keywords
 
 TEMPLATES = Path(__file__).with_name("templates")
 FLEDGE = Path(__file__).resolve().parents[2]
-EDITOR = ("pyproject.toml", ".clangd")      # how an editor finds types and compilation commands
+FILES = ("CMakeLists.txt", "pyproject.toml", ".clangd")     # for the build; for editors: types, compilation commands
 
 # Libraries, namespaces and CMake targets that a project's name would hide.
 _TAKEN = set("all clean fledge flight help install math package record sim std tables test tests world".split())
@@ -32,55 +39,72 @@ def snake(name: str) -> str:
     return re.sub(r"([A-Z])([A-Z][a-z])", r"\1_\2", words).lower()
 
 
-def module(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
+def module(name: str, project: Path | str | None = None, source: str | None = None,
+           kind: str | None = None) -> tuple[list[Path], str]:
     """Begin a flight module: its interface, its C, its test, and its line for CMake.
 
     name: "SunSlew", or "guidance/SunSlew" for a subfolder of flight/; project: its folder, else Fledge
-    itself; source: of a prototype whose interface it gets, "missions/turn/prototypes.py:SunSlew". Returns (files
-    written, advice for the next step). Raises NewError.
+    itself; source: of a prototype whose interface it gets, "missions/turn/prototypes.py:SunSlew"; kind: "guidance",
+    "control", "determination", "sensing" or "bare", else that of which its subfolder has the name, else "bare". Returns
+    (files written, advice for the next step). Raises NewError.
     """
-    return _type("module", name, project, "flight", "control", "TorqueLimiter", (".h", ".c", "_test.cpp"), source)
+    return _type("module", name, project, "flight", "control", (".h", ".c", "_test.cpp"), source, kind)
 
 
-def model(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
-    """Begin a model of the world: its interface, its class in C++, its test, and its line for CMake."""
-    return _type("model", name, project, "world", "dynamics", "EddyDamping",
-                 (".h", "_model.h", "_model.cpp", "_model_test.cpp"), source)
+def model(name: str, project: Path | str | None = None, source: str | None = None,
+          kind: str | None = None) -> tuple[list[Path], str]:
+    """Begin a model of the world, "sensing" or "bare": its interface, its class in C++, its test, and its line for
+    CMake."""
+    return _type("model", name, project, "world", "dynamics", (".h", "_model.h", "_model.cpp", "_model_test.cpp"),
+                 source, kind)
 
 
-def _type(kind: str, name: str, project: Path | str | None, top: str, default: str, theirs: str,
-          endings: tuple[str, ...], source: str | None) -> tuple[list[Path], str]:
-    """top: the folder; default: its subfolder within Fledge; theirs, endings: the name and the files of the template"""
+def _type(what: str, name: str, project: Path | str | None, top: str, default: str, endings: tuple[str, ...],
+          source: str | None, kind: str | None) -> tuple[list[Path], str]:
+    """top: the folder; default: its subfolder within Fledge; endings: of the files"""
     root = _root(project)
-    *folders, name = name.removeprefix(f"{top}/").split("/")
+    *parts, name = name.removeprefix(f"{top}/").split("/")
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
-        raise NewError(f"a {kind}'s name is CamelCase, of letters and digits, such as {theirs}; found '{name}'")
-    if not all(re.fullmatch(r"[a-z][a-z0-9_]*", f) for f in folders):
-        raise NewError(f"folders in {top}/ are in small letters; found '{'/'.join(folders)}'")
+        raise NewError(f"a {what}'s name is CamelCase, of letters and digits, such as SunSlew; found '{name}'")
+    if not all(re.fullmatch(r"[a-z][a-z0-9_]*", f) for f in parts):
+        raise NewError(f"folders in {top}/ are in small letters; found '{'/'.join(parts)}'")
     _no_keyword(snake(name), name)
     for tree in dict.fromkeys((root, FLEDGE)):
         for declared, header in _declared(tree):
             if declared.lower() == name.lower():
                 raise NewError(f"{declared} is declared in {tree / header} already; choose another name")
-    folder = "/".join([top, *(folders or ([] if project else [default]))])
-    path, old = f"{folder}/{snake(name)}", f"{top}/{snake(theirs)}"
-
+    path = "/".join([top, *(parts or ([] if project else [default])), snake(name)])
     namespace = _namespace(root) if project else "fledge::world"
-    names = {old: path, old.upper().replace("/", "_"): path.upper().replace("/", "_"),
-             theirs: name, snake(theirs): snake(name), "my_sat": namespace}
-    texts = {root / (path + ending): _text(old + ending, names) for ending in endings} if source is None else \
-        _from_prototype(kind, source, name, path, root, namespace)
+    if source is None:
+        texts = _framed(what, top, kind, parts[-1] if parts else "", endings, {
+            "Name": name, "name": snake(name), "path": path, "GUARD": path.upper().replace("/", "_"),
+            "namespace": namespace})
+    else:
+        texts = _from_prototype(what, source, name, path, root, namespace)
     file, text = (_project_line(root, top.upper(), path) if project
-                  else _module_line(root, path) if kind == "module" else _model_line(root, path, source is None))
-    _write(texts)
+                  else _module_line(root, path) if what == "module" else _model_line(root, path, source is None))
+    written = {root / (path + ending): text for ending, text in texts.items()}
+    _write(written)
     file.write_text(text, encoding="utf-8")
-    library = "fsw" if kind == "module" else "world"
-    return [*texts, file], (f"In a mission's {top}.py, it is {library}.{name}. "
-                            f"Its test: {_command(project)} test -k {name}")
+    library = "fsw" if what == "module" else "world"
+    return [*written, file], (f"In a mission's {top}.py, it is {library}.{name}. "
+                              f"Its test: {_command(project)} test -k {name}")
 
 
-def _from_prototype(kind: str, source: str, name: str, path: str, root: Path, namespace: str) -> dict[Path, str]:
-    """The texts of a module or model whose interface is that of a prototype."""
+def _framed(what: str, top: str, kind: str | None, folder: str, endings: tuple[str, ...],
+            names: Mapping[str, str]) -> dict[str, str]:
+    """Ending -> text: the frames of modules or models, filled with a kind's pieces from kinds.toml."""
+    kinds = tomllib.loads((TEMPLATES / "kinds.toml").read_text(encoding="utf-8"))[what]
+    kind = kind or (folder if folder in kinds else "bare")
+    if kind not in kinds:
+        raise NewError(f"there is no {what} of the kind {kind}; there are {', '.join(kinds)}")
+    pieces = {piece: Template(text).substitute(names) for piece, text in kinds[kind].items()}
+    return {ending: Template((TEMPLATES / top / f"{what}{ending}.in").read_text(encoding="utf-8")).substitute(
+        defaultdict(str, names | pieces)) for ending in endings}
+
+
+def _from_prototype(what: str, source: str, name: str, path: str, root: Path, namespace: str) -> dict[str, str]:
+    """Ending -> text of a module or model whose interface is that of a prototype."""
     from fledge import prototype
     from fledge.errors import SetupError
     from fledge.prototype import frame
@@ -89,15 +113,17 @@ def _from_prototype(kind: str, source: str, name: str, path: str, root: Path, na
         cls = prototype.load(source)
     except SetupError as error:
         raise NewError(f"--from {source}: {error}") from None
-    if cls._kind.value != kind:
+    if cls._kind.value != what:
         raise NewError(f"--from {source}: it is a {cls._kind.value}: ./fledge new {cls._kind.value} {name} --from ...")
     declared = {one: str(header) for tree in (FLEDGE, root) for one, header in _declared(tree)}
-    texts = frame.files(cls, Path(source.rpartition(":")[0]).resolve(), name, path, root.resolve(), namespace, declared)
-    return {root / (path + ending): text for ending, text in texts.items()}
+    return frame.files(cls, Path(source.rpartition(":")[0]).resolve(), name, path, root.resolve(), namespace, declared)
 
 
-def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], str]:
-    """Begin a mission: its flight software, its world, a scenario, and the test that flies it."""
+def mission(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
+    """Begin a mission: its flight software, its world, a scenario, and the test that flies it.
+
+    source: name or folder of another mission that it copies, else that of templates/.
+    """
     name = snake(name) if name[:1].isupper() else name
     _no_keyword(name, name)
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -106,10 +132,97 @@ def mission(name: str, project: Path | str | None = None) -> tuple[list[Path], s
     folder = root / "missions" / name
     if folder.exists():
         raise NewError(f"{folder} is there already; choose another name")
-    texts = {folder / file.replace("first_light", name): _text(f"missions/first_light/{file}", {"first_light": name})
-             for file in ("flight.py", "world.py", "scenarios.py", "first_light_test.py")}
+    known = _missions(root)
+    if name in known:
+        raise NewError(f"{known[name]} has this name, and would be hidden; choose another name")
+    texts = _copied(TEMPLATES / "missions/first_light" if source is None else _source(source, root, known), folder)
     _write(texts)
     return list(texts), f"Fly it: {_command(project)} run {name}"
+
+
+def _missions(root: Path) -> dict[str, Path]:
+    """The folder of each mission that a project finds, by its name."""
+    own = [one for one in sorted((root / "missions").glob("*")) if folders.is_mission(one)]
+    return folders.missions() | {one.name: one for one in own}
+
+
+def _source(source: str, root: Path, known: Mapping[str, Path]) -> Path:
+    """The folder of a mission, by its name or path, which flies in the project `root` too."""
+    folder = known.get(source) or Path(source)
+    if not folders.is_mission(folder):
+        if folder.is_dir():
+            raise NewError(f"--from {source}: a mission is a folder with a flight.py or a mission.py")
+        raise NewError(f"--from {source}: there is no such mission{did_you_mean(source, known)} there are "
+                       f"{', '.join(known)}")
+    folder = folder.resolve()
+    home = next((one for one in folder.parents if "fledge_project(" in _read(one / "CMakeLists.txt")), FLEDGE)
+    used = {word for file in folder.rglob("*.py") for word in _words(file)}
+    there = {declared for tree in (FLEDGE, root) for declared, _ in _declared(tree)}
+    if own := {declared: header for declared, header in _declared(home) if declared in used - there}:
+        sources = ", ".join(str(header.with_suffix(".*")) for header in own.values())
+        raise NewError(f"--from {source}: it flies {', '.join(own)} of the project {home}; first copy {sources} "
+                       "and the lines in CMakeLists.txt")
+    for other in {one[1:] for one in used if one.startswith(".")} - known.keys():
+        if folders.is_mission(folder.parent / other) and not (folder / f"{other}.py").exists():
+            raise NewError(f"--from {source}: it imports from the mission {other} beside it; copy that first")
+    return folder
+
+
+def _read(file: Path) -> str:
+    return file.read_text(encoding="utf-8", errors="replace") if file.is_file() else ""
+
+
+def _words(file: Path) -> Iterator[str]:
+    """The names, attributes and imports in a file of Python; behind a dot, the files of relative imports."""
+    try:
+        tree = ast.parse(_read(file))
+    except SyntaxError as error:
+        raise NewError(f"{file}, line {error.lineno}: {error.msg}") from None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.ImportFrom):
+            yield from (one.name for one in node.names)
+            if node.level:      # from .other.world import build
+                yield f".{(node.module or '').partition('.')[0]}"
+
+
+def _copied(source: Path, folder: Path) -> dict[Path, str | bytes]:
+    """The files of a mission's folder under the name of another. A README.md, which is about the first, is left out."""
+    texts: dict[Path, str | bytes] = {}
+    for file in sorted(one for one in source.rglob("*") if one.is_file()):
+        part = file.relative_to(source)
+        if part.name == "README.md" or any(one == "__pycache__" or one.startswith(".") for one in part.parts):
+            continue
+        there = folder / part.with_name(re.sub(rf"^{source.name}(?=_test\.py$)", folder.name, part.name))
+        texts[there] = file.read_bytes()
+        if file.suffix in (".py", ".toml"):
+            texts[there] = _renamed(_moved(_read(file), file, there), source.name, folder.name)
+    return texts
+
+
+# Where a text speaks of a mission by its name: where it is loaded, in command lines, in tables, and in paths.
+_COMMANDS = ("check|command|compare|console|convert|export|falsify|faults|fetch|flips|fly|montecarlo|node|plot|profile|"
+             "run|send|show|sweep|up|verify|versions|view|--mission|--to")
+_NAMED = (rf"""(\b(?:load|find|Campaign|Sweep|Controller)\(\s*["']|(?:\b|\\n)(?:mission|name|simulation)\s*=\s*["']|"""
+          rf"""["'](?:{_COMMANDS})["'],\s*["']|\bmissions[./]|\b(?:runs|verification)/|"""
+          rf"""fledge (?:\w+ )?(?:{_COMMANDS}) |--(?:to|mission) |["'](?=\w+[:,]\ )|\b(?=\w+_test\.py\b))""")
+
+
+def _renamed(text: str, old: str, name: str) -> str:
+    return re.sub(rf"{_NAMED}{old}(?:\b|(?=_test\.py))", rf"\g<1>{name}", text)
+
+
+def _moved(text: str, file: Path, there: Path) -> str:
+    """A text in which paths such as "../shared/field.csv" lead from another place to the same files."""
+    def path(match: re.Match) -> str:
+        target = file.parent / match[2]
+        same = not target.is_file() or (there.parent / match[2]).is_file()
+        return match[1] + (match[2] if same else os.path.relpath(target.resolve(), there.parent.resolve()))
+
+    return re.sub(r"""(["'])(\.\./[^"'\n]+)(?=\1)""", path, text)
 
 
 def project(folder: Path | str) -> tuple[list[Path], str]:
@@ -121,9 +234,8 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     _no_keyword(name, name)
     if name in _TAKEN or name.startswith("fledge_"):
         raise NewError(f"the name {name} is Fledge's or CMake's own; choose another for the project")
-    empty = re.sub(r"^ +(?:flight|world)/.*\n", "", _text("CMakeLists.txt", {"my_sat": name}), flags=re.M)
-    texts = {folder / "CMakeLists.txt": empty, **{folder / file: _text(file, {"my_sat": name}) for file in EDITOR},
-             folder / ".gitignore": "build/\nruns/\nverification/\n__pycache__/\n.*cache/\n"}
+    texts: dict[Path, str | bytes] = {folder / file: _read(TEMPLATES / file).replace("my_sat", name) for file in FILES}
+    texts[folder / ".gitignore"] = "build/\nruns/\nverification/\n__pycache__/\n.*cache/\n"
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)
@@ -160,12 +272,6 @@ def _declared(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 # --- text ------------------------------------------------------------------------------------------
-
-def _text(template: str, names: dict[str, str]) -> str:
-    """A template with other names, longer ones first."""
-    pattern = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
-    return re.sub(pattern, lambda match: names[match[0]], (TEMPLATES / template).read_text(encoding="utf-8"))
-
 
 def _last(file: Path, what: str, *patterns: str) -> re.Match:
     """The last match of the first pattern that matches the text of a file. what: to name in the error"""
@@ -210,12 +316,12 @@ def _model_line(root: Path, path: str, tested: bool) -> tuple[Path, str]:
     return file, text + line * tested
 
 
-def _write(texts: dict[Path, str]) -> None:
+def _write(texts: Mapping[Path, str | bytes]) -> None:
     """Write new files; none if one of them exists."""
     for path in texts:
         if path.exists():
             raise NewError(f"{path} is there already, and stays as it is")
     for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(path, "x", encoding="utf-8") as file:
-            file.write(text)
+        with open(path, "xb") as file:
+            file.write(text.encode() if isinstance(text, str) else text)

@@ -352,14 +352,16 @@ def bench(options: argparse.Namespace) -> int:
 def new(options: argparse.Namespace) -> int:
     from fledge import new as scaffold
 
-    if options.source and options.kind not in ("module", "model"):
-        raise Failure("new: --from is for a module or model")
-    make = getattr(scaffold, options.kind)
+    given = {name: value for name, value in (("source", options.source), ("kind", options.variant)) if value}
+    if options.what == "project" and options.source:
+        raise Failure("new: --from is for a module, model or mission")
+    if options.what not in ("module", "model") and options.variant:
+        raise Failure("new: --kind and --bare are for a module or model")
     try:
-        where = [] if options.kind == "project" else [options.project]
-        files, next_step = make(options.name, *where, **({"source": options.source} if options.source else {}))
+        where = [] if options.what == "project" else [options.project]
+        files, next_step = getattr(scaffold, options.what)(options.name, *where, **given)
     except scaffold.NewError as error:
-        raise Failure(f"new {options.kind}: {error}") from None
+        raise Failure(f"new {options.what}: {error}") from None
     for file in files:
         say(f"  wrote  {os.path.relpath(file)}")
     say(next_step)
@@ -452,14 +454,24 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--flight-only", action="store_true", help="leave out the world")
     node.add_parameters(one)
 
-    one = command("new", new, "begin a module, model, mission or project of your own", "new module SunSlew")
-    one.add_argument("kind", choices=["module", "model", "mission", "project"])
+    one = command("new", new, "begin a module, model, mission or project of your own",
+                  "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
+    one.formatter_class = argparse.RawDescriptionHelpFormatter
+    one.add_argument("what", metavar="KIND", choices=["module", "model", "mission", "project"],
+                     help="module, model, mission or project")
     one.add_argument("name", metavar="NAME",
                      help="SunSlew, or guidance/SunSlew for a subfolder; of a project: its folder")
     one.add_argument("--project", metavar="DIR", default=os.environ.get("FLEDGE_PROJECT"),
                      help="the project that it belongs to; default: FLEDGE_PROJECT, else Fledge itself")
-    one.add_argument("--from", dest="source", metavar="FILE:CLASS", help="of a module or model: the prototype whose "
-                     "interface it gets, with a test that compares both")
+    kind = one.add_mutually_exclusive_group()
+    kind.add_argument("--kind", dest="variant", choices=["guidance", "control", "determination", "sensing"],
+                      help="of a module: a small one that works, with fitting messages, units and a test; a model has "
+                      "sensing alone; default: as the subfolder is called, else --bare")
+    kind.add_argument("--bare", dest="variant", action="store_const", const="bare",
+                      help="of a module or model: the smallest that does something, with a test")
+    kind.add_argument("--from", dest="source", metavar="SOURCE", help="of a mission: another, by name or folder, of "
+                      "which it is a copy; of a module or model: FILE:CLASS, the prototype whose interface it gets, "
+                      "with a test that compares both")
 
     one = command("list", list_, "list missions, modules and models", "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")

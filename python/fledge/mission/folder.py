@@ -203,7 +203,8 @@ class MissionFiles:
 
     def __enter__(self):
         package = types.ModuleType(self.package)
-        package.__path__ = [str(self.mission.folder), str(self.mission.folder.parent)]
+        others = dict.fromkeys([self.mission.folder.parent, *folders.of_missions()])
+        package.__path__ = [str(self.mission.folder), *map(str, others)]
         sys.modules[self.package] = package
         return self
 

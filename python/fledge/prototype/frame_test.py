@@ -153,7 +153,7 @@ def test_the_c_has_the_python_to_translate(tmp_path):
     (["module", "Mine", "--from", f"{__file__}:Everyting"], "has no prototype 'Everyting'; did you mean 'Everything'"),
     (["model", "Mine", "--from", f"{__file__}:Everything"], "it is a module: ./fledge new module Mine"),
     (["module", "MrpFeedback", "--from", f"{__file__}:Everything"], "MrpFeedback is declared in"),
-    (["mission", "mine", "--from", f"{__file__}:Everything"], "--from is for a module or model"),
+    (["mission", "mine", "--from", f"{__file__}:Everything"], "Everything: there is no such mission"),
 ])
 def test_what_is_no_prototype_is_refused(words, complaint, tmp_path, capsys):
     (tmp_path / "CMakeLists.txt").write_text("fledge_project(mine\n    FLIGHT\n    WORLD\n)\n")

@@ -9,8 +9,9 @@ def build(f):
     f.vehicle  = fsw.VehicleConfig(I_B=[40, 35, 30] * kg * m**2)
     f.wheels   = fsw.WheelConfig(axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], J=0.01 * kg * m**2, u_max=0.1 * N * m)
 
-    # From the attitude reference to the wheel torques. Add a module of your own here,
-    #     f.limiter = fsw.TorqueLimiter(rate=0.01 * N * m / s)
+    # From the attitude reference to the wheel torques. Add a module of your own here, such as that which
+    # `fledge new module Offset --kind guidance` begins,
+    #     f.offset = fsw.Offset(sigma_RR0=[0, 0, 0.1])
     # wire it in connect(), and add it to the list of the task.
     f.guidance = fsw.HillPointing()
     f.tracking = fsw.TrackingError()

@@ -12,8 +12,8 @@ def build(w, f):
         sigma_BN=[0.2, -0.1, 0.1], omega_BN_B=[0.005, -0.01, 0.005] * rad / s)
     w.nav    = world.Navigation()
 
-    # Add a model of your own here, such as
-    #     w.damping = world.EddyDamping(damping=1e-4 * N * m * s)
+    # Add a model of your own here, such as that which `fledge new model Damping` begins,
+    #     w.damping = world.Damping(damping=1e-4 * N * m * s)
     # wire w.craft.state >> w.damping.truth and w.damping.load >> w.craft.external, and add it to the task.
     w.connect(
         w.craft.state   >> w.nav.truth,
