@@ -7,6 +7,7 @@ import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.objects.testing import kinds
+from fledge.requirements import settles
 from fledge.units import deg, kg, km, m, ms, s
 
 AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -141,6 +142,14 @@ def test_enumerators_have_short_and_whole_names():
     (lambda: world.EarthOrientation(epo="eop.txt"), "EarthOrientation has no 'epo'; did you mean 'eop'? it takes "),
     (lambda: world.MARS.zonal(degre=2), "Body.zonal has no 'degre'; did you mean 'degree'? it takes degree, pole_N"),
     (lambda: world.Adaptive(rtol=1e-9), "Adaptive has no 'rtol'; did you mean 'relative'? it takes relative, absolute"),
+    (lambda: fledge.Simulation(sed=1), "Simulation has no 'sed'; did you mean 'seed'? it takes name, seed, empty"),
+    (lambda: fledge.Simulation().record(evry=1), "Simulation.record has no 'evry'; did you mean 'every'? it takes "),
+    (lambda: fledge.Simulation().flight.task("a", period=1, run=[]), "Process.task has no 'period'; did you mean "
+     "'every'? it takes name, every, run, offset, priority"),
+    (lambda: fledge.Simulation().flight.reset_by(None, dwn=1), "Flight.reset_by has no 'dwn'; did you mean 'down'?"),
+    (lambda: settles(None, withn=1), "settles has no 'withn'; did you mean 'within'? it takes x, within, lasting"),
+    (lambda: Dispersions(fledge.Simulation()).normal(0, 1, hgh=2), "Dispersions.normal has no 'hgh'; did you mean "
+     "'high'?"),
     (lambda: fsw.MrpFeedback(k=1), "MrpFeedback has no attribute 'k'; did you mean 'K'?"),
 ])
 def test_a_misspelt_argument(make, text):

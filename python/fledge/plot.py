@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from fledge.display import shown_by_pyplot
 from fledge.activity import modes
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.series import GOOD, NONE, Series
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 # --- drawing ---------------------------------------------------------------------------------------
 
+@suggesting()
 def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles: Sequence[str] | None = None,
          columns: int = 1, units: dict[str, str] | None = None, title: str | None = None, name: str | None = None,
          size: tuple[float, float] | None = None) -> Figure:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fledge import _core
 from fledge.commands import (ALL, NUMBERS, TURNS, Action, Code, Dictionary, Packets, Reason, Report, Stage, Text, Timed,
                              byte_runs, frames_of, origins, parameters, reversed_numbers, table, values as values_of)
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.mission import procedures
 from fledge.mission.procedures import Procedures
 from fledge.objects.si import time_ns
@@ -47,6 +47,7 @@ def dictionary(process: Flight) -> Dictionary:
     return found
 
 
+@suggesting()
 class Commands:
     """Sends commands to a process, which executes them at its next instant, before its tasks.
 

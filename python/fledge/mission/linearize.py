@@ -47,7 +47,7 @@ def linearize(simulation: Any, inputs: Any, outputs: Any, hold: Any, discrete: b
     state.differential = [one for one in state.differential if one.name not in held]
     lin = _discrete(state, into, out, part, period) if discrete else _continuous(state, into, out)
     if lin.notes:
-        warnings.warn("\n".join(["linearize:", *lin.notes]), stacklevel=3)
+        warnings.warn("\n".join(["linearize:", *lin.notes]), stacklevel=4)
     return lin
 
 

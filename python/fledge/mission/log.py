@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
-from fledge.errors import SetupError, listed
+from fledge.errors import SetupError, listed, suggesting
 from fledge.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ class _Samples:
         return self._decoded
 
 
+@suggesting()
 class Log(Records):
     """The records of some ports. Fills while the simulation runs; reset() empties it."""
 

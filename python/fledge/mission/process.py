@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.elements import ELEMENTS
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.errors import SetupError, did_you_mean, listed, suggesting
+from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import enumerator_names, time_ns
@@ -355,6 +356,7 @@ class Event:
 
 # --- processes -------------------------------------------------------------------------------------
 
+@suggesting(period="every", modules="run", condition="when", mode="enter")
 class Process:
     """Instances by name, and the tasks, modes and events of a process.
 
@@ -713,6 +715,7 @@ class Flight(Process):
     def reset(self) -> tuple[str, int] | None:
         """(path of the input that resets its computer, [ns] how long it is down then), or None."""
         return self._core_process.reset
+@suggesting()
 
     @property
     def outages(self) -> list[tuple[int, int]]:
@@ -753,6 +756,7 @@ class World(Process):
         """The method for the world's differential equations: world.RK4() or world.Adaptive(...)."""
         return self._core_process.integrator
 
+@suggesting()
     @integrator.setter
     def integrator(self, method: Any) -> None:
         if not isinstance(method, _core.Integrator):

@@ -19,7 +19,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.errors import SetupError, refuse_misspelt
+from fledge.errors import SetupError, refuse_misspelt, suggesting
 from fledge.mission.process import Flight, Process, World
 from fledge.objects.plausible import check
 from fledge.objects.si import time_ns
@@ -71,6 +71,7 @@ class Finding(NamedTuple):
     text: str
 
 
+@suggesting()
 class Simulation:
     """A world and the flight software in it.
 

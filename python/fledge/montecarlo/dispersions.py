@@ -28,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
-from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
+from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt, suggesting
 from fledge.objects.si import enumerator, enumerator_names, time_ns, to_number, to_si
 from fledge.mission.field_path import FieldPath, index_text, names_of
 from fledge.montecarlo.requirements import FormulaCheck, Requirement, Variable
@@ -119,6 +119,7 @@ class _Nominal:
 
 # --- d ---------------------------------------------------------------------------------------------
 
+@suggesting()
 class Dispersions:
     """The declarations of a campaign: `d`, which its function fills."""
 

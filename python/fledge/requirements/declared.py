@@ -3,16 +3,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt
+from fledge.errors import SetupError, did_you_mean, listed, refuse_misspelt, suggesting
 from fledge.files import shown
 from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
 from fledge.objects.si import time_ns
+from fledge.objects.wires import caller
 from fledge.requirements.formula import Comparison, Formula, Signal, time_text
 from fledge.requirements.judge import Judged, Outcome
 
@@ -46,6 +46,7 @@ class Requirement:
         return f"{self.file}, line {self.line}"
 
 
+@suggesting()
 class Declaration:
     """What a function of requirements.py fills: `r`."""
 
@@ -90,10 +91,10 @@ class Declaration:
     def require(self, id: str, text: str, formula: Formula | None = None, *, method: str = "test", rationale: str = "",
                 parent: str = "", evidence: str = "", shown_by: str | Iterable[str] = ()) -> None:
         """Declare a requirement; see Requirement. shown_by: scenarios; none: all. Raises SetupError."""
-        frame = sys._getframe(1)
+        file, line = caller()
         one = Requirement(str(id), str(text), formula, method, rationale, parent, evidence,
                           (shown_by,) if isinstance(shown_by, str) else tuple(shown_by), self._group,
-                          str(shown(frame.f_code.co_filename)), frame.f_lineno, self._every)
+                          str(shown(file)), line, self._every)
         if not one.id or any(sign.isspace() or not sign.isprintable() or sign in "/\\," for sign in one.id):
             raise SetupError(f"r.require({id!r}): an id has no spaces, commas and slashes")
         if one.id in self._found:

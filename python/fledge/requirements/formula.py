@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.mission.field_path import FieldPath
 from fledge.objects.measured import flat_index, unit_after
 from fledge.objects.si import enumerator, enumerator_names, time_ns, to_si, to_vector
@@ -332,6 +332,7 @@ def _window(begin, end, what):
     return first, last, words, span
 
 
+@suggesting()
 def always(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
     """At all samples of a window from each sample on, `begin` to `end` later (times); None: until the end."""
     first, last, words, span = _window(begin, end, "always")
@@ -339,6 +340,7 @@ def always(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
                 f"□{span}{_symbols(x)}", first, last)
 
 
+@suggesting()
 def eventually(x: Formula, begin: Any = 0, end: Any = None) -> Formula:
     """At one sample at least of such a window."""
     first, last, words, span = _window(begin, end, "eventually")
@@ -362,6 +364,7 @@ def never(x: Formula) -> Formula:
     return Node("always", [inner], f"never {_inner(x)}", f"□¬{_symbols(x)}")
 
 
+@suggesting()
 def until(a: Formula, b: Formula, within: Any = None) -> Formula:
     """b holds at a sample of the next `within` (a time; None: until the end), and a at all samples before that."""
     _, last, _, span = _window(0, within, "until")
@@ -396,6 +399,7 @@ def begins(x: Formula) -> Formula:
     return Node("begins", [_formula(x, "begins")], f"{_inner(x)} begins", f"↑{_symbols(x)}")
 
 
+@suggesting()
 def settles(x: Formula, within: Any, lasting: Any = None) -> Formula:
     """It begins to hold within a time, and keeps on for `lasting`, a time; None: until the end of the run."""
     first = time_ns(within, "settles: within")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects.computed import for_flight
 from fledge.objects.si import time_ns, to_number
 from fledge.world.bodies import LENGTH, Body
@@ -15,6 +15,7 @@ SEGMENTS, TERMS = 8, 16  # as flight/msg/ephemeris.h
 
 
 @for_flight
+@suggesting()
 def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: Any, start: Any = 0,
                   center: Body | str | int | None = None) -> dict[str, Any]:
     """The parameters of a ChebyshevEphemeris that holds the position of a body within a bound.
