@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed, suggesting
-from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import enumerator_names, time_ns
