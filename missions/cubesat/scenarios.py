@@ -110,7 +110,8 @@ def _record(sim):
     return sim.record(w.craft.state, w.light.light, w.wheels.speeds, w.power.telemetry, w.station.contact,
                       w.station.state, f.vectors.attitude, f.vectors.state, f.orbit.orbit, f.elements.orbit,
                       f.window.command, f.b_dot.state, f.plan.state, f.shadow.shadow, f.passes.forecast,
-                      f.tracking.error, f.slew.status, f.keep_out.status, f.target.target, *stars, every=2 * s)
+                      f.tracking.error, f.sun_safe.error, f.off.error, f.slew.status, f.keep_out.status,
+                      f.target.target, *stars, every=2 * s)
 
 
 def _plot(log, name, title, angles, between="between the camera and what the mode looks at"):

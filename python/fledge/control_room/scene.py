@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from math import prod
+from math import inf, prod
 from threading import Lock
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ from fledge.errors import SetupError, listed
 from fledge.mission.log import dtype_of, leaves
 from fledge.scene import add_of_mission, facts_of_simulation, page
 from fledge.scene.derive import Derivation, Facts
-from fledge.series import GOOD, Records, nested_names
+from fledge.series import GOOD, HEAD, Records, nested_names, part, stale_after
 
 if TYPE_CHECKING:
     from fledge.scene.scene import Scene
@@ -54,8 +54,8 @@ class Port:
         for name, value in values.items():
             at = row
             try:
-                for part, index in re.findall(r"(\w+)(?:\[(\d+)\])?", name):
-                    at = at[part][:, int(index)] if index else at[part]
+                for one, index in re.findall(r"(\w+)(?:\[(\d+)\])?", name):
+                    at = at[one][:, int(index)] if index else at[one]
             except (ValueError, IndexError):
                 continue
             if at.dtype.kind in "fiu":
@@ -64,16 +64,29 @@ class Port:
 
 
 class Window(Records):
-    """The messages of some samples."""
+    """The messages of some samples. What telemetry has not said anew when it became stale stands in a sample with the
+    sample's time, too.
 
-    def __init__(self, label: str, ports: Mapping[str, Port], samples: list[Sample]) -> None:
+    single: it is one sample, of which the end counts: what led to it has been there
+    """
+
+    def __init__(self, label: str, ports: Mapping[str, Port], samples: list[Sample],
+                 periods: Mapping[str, float]) -> None:
         import numpy as np
 
         self._label = label
         self._all = list(ports.values())
         self._found = {}
+        self.single = len(samples) == 1
+        ends = [max(t for t, _ in one.values()) for one in samples]
         for port in self._all:
-            rows = [one[port.name] for one in samples if port.name in one]
+            old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in SAID else inf
+            rows: list[tuple[float, bytes]] = []
+            for end, one in zip(ends, samples):
+                t, message = one.get(port.name, (-inf, b""))
+                for at in (t, end) if end - t > old else (t,):
+                    if at > (rows[-1][0] if rows else -inf) and message:    # telemetry says it until it says another
+                        rows.append((at, message))
             self._found[port.name] = (np.array([t for t, _ in rows], dtype=float),
                                       np.frombuffer(b"".join(message for _, message in rows), port.dtype))
 
@@ -116,10 +129,13 @@ class Feed:
         self._heard: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
         self.said: dict[str, Port] = {}
+        self._flights: set[str] = set()
+        self._places: dict[str, int] = {}               # process of flight -> the parameter that says its mode
+        self._modes: dict[str, list[tuple[float, str]]] = {}    # process -> (t [s], mode) as telemetry said so first
         self._outputs: dict[str, Any] = {}
         if simulation is None:
             return
-        flights = {one.name for one in simulation.flights}
+        self._flights = flights = {one.name for one in simulation.flights}
         for process in simulation.processes:
             for instance in process:
                 for field in objects.struct(instance).fields:
@@ -128,10 +144,11 @@ class Feed:
                         if process.name in flights:
                             if field.struct.name in SAID:
                                 self.said[name] = port(name, field.struct)
-                        elif field.struct.name not in SAID:
+                        else:
                             self._truth[name] = port(name, field.struct)
                             self._outputs[name] = getattr(instance, field.name)
         self.facts: Facts = facts_of_simulation(simulation)
+        self.facts.periods = self._periods = periods_of(simulation)
 
     # --- the thread that has the link ---
 
@@ -143,6 +160,7 @@ class Feed:
         self._next = now + PERIOD
         self._watch()
         found = self._true() | self._from_telemetry()
+        self._note_modes()
         t = max((at for at, _ in found.values()), default=None)
         if t is None:
             return
@@ -152,6 +170,7 @@ class Feed:
                 self._kept.clear()
                 self._recent.clear()
                 self._made.clear()
+                self._modes.clear()
                 self._number += 1
                 self._made[self._number] = {"kind": "truth", "craft": self.craft, "again": True}
                 self._recent.append((self._number, {}))
@@ -190,32 +209,44 @@ class Feed:
         for name, fields in self._slots.items():
             port = self.said[name]
             row = np.zeros(1, port.dtype)
-            row["head"]["quality"] = GOOD
+            row["head"]["quality"] = GOOD       # where telemetry has no head
             times = set()
             for field, slots in fields:
                 newest = [self._monitor.newest(slot) for slot in slots]
                 if None in newest:
                     break
                 times |= {one[0] for one in newest}
-                row[field] = np.array([one[3] for one in newest]).reshape(row[field].shape[1:])
+                at = part(row, field)
+                at[...] = np.array([one[2] for one in newest]).reshape(at.shape[1:])
             else:
                 if len(times) == 1:     # else a packet came in between
-                    found[name] = ((times.pop() - self._zero) / 1e9, row.tobytes())
+                    row["head"]["t"] = t = times.pop() - self._zero     # flight sends what it writes, at once
+                    found[name] = (t / 1e9, row.tobytes())
         return found
+
+    def _note_modes(self) -> None:
+        """The modes of flight, when telemetry says of another one."""
+        for process, slot in self._places.items():
+            newest = self._monitor.newest(slot)
+            began = self._modes.get(process, [])
+            if newest is not None and newest[3] and (not began or began[-1][1] != newest[3]):
+                self._modes[process] = [*began, ((newest[0] - self._zero) / 1e9, newest[3])]
 
     def _slots_of_ports(self) -> dict[str, list[tuple[str, list[int]]]]:
         """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
         places: dict[str, list[int]] = {}
         for one in self._monitor.slots():
             places.setdefault(one["name"].partition("[")[0], []).append(one["slot"])
+        self._places = {process: places[f"{process}.housekeeping.mode"][0] for process in self._flights
+                        if f"{process}.housekeeping.mode" in places}
         found = {}
         for name, port in self.said.items():
             fields = []
             for field, about in port.fields.items():
                 slots = places.get(f"{name}.{field}", [])
-                if len(slots) == prod(about.shape) and not field.startswith("head"):
+                if len(slots) == prod(about.shape):
                     fields.append((field, slots))
-            if fields:
+            if any(not field.startswith(HEAD) for field, _ in fields):
                 found[name] = fields
         return found
 
@@ -301,14 +332,16 @@ class Feed:
         with self._lock:
             samples = list(self._kept)
         came = {name for one in samples for name in one}
-        ports = {name: port for name, port in self._ports().items() if port.type in SAID or name in came or (
-            self._watched is not None and topic_of(name) in self._watched.topics)}
+        coming = came | set(self._slots or {}) | {name for name in self._truth if self._watched is not None
+                                                  and topic_of(name) in self._watched.topics}
+        ports = {name: port for name, port in self._ports().items() if name in coming}
         if not any(ports[name].type in ("CraftState", "NavAttitude") for name in came if name in ports):
             raise SetupError(self._missing())
-        found = Derivation(Window(self.craft, ports, samples), self.facts, live=True)
+        found = Derivation(Window(self.craft, ports, samples, self._periods), self.facts, live=True)
         found.add_flight()
         found.add_plots()
         scene = found.scene
+        scene.modes = {process: list(began) for process, began in self._modes.items()}
         scene.end = max(t for one in samples for t, _ in one.values())
         self._explain(scene)
         if self.facts.folder is not None:
@@ -318,7 +351,6 @@ class Feed:
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
         for craft in scene.crafts:
-            craft.poses = [one for one in craft.poses if one.name in (self._slots or {})]
             if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.said:
                 scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
                                    "no ghost.")
@@ -350,15 +382,28 @@ class Feed:
         """What a sample adds to the tracks, by their numbers: (times, their numbers one row after the other)."""
         import numpy as np
 
-        later = Derivation(Window(self.craft, self._ports(), [sample]), self.facts, live=True)
+        later = Derivation(Window(self.craft, self._ports(), [sample], self._periods), self.facts, live=True)
         tracks = {}
         for number, source in enumerate(self._sources):
             new = source(later)
             if len(new.time):
                 columns = [getattr(new, name) for name in ("r", "v", "q", "values") if hasattr(new, name)]
+                columns += [] if new.written is None else [new.written[:, None]]
                 numbers = np.hstack(columns).ravel()
                 tracks[number] = [new.time.tolist(), [x if abs(x) < np.inf else None for x in numbers.tolist()]]
-        return {"kind": "truth", "craft": self.craft, "end": max(t for t, _ in sample.values()), "tracks": tracks}
+        return {"kind": "truth", "craft": self.craft, "end": max(t for t, _ in sample.values()), "tracks": tracks,
+                "modes": {process: began[-1] for process, began in self._modes.items()}}
+
+
+def periods_of(simulation: Any) -> dict[str, float]:
+    """[s] The periods of the instances that tasks run."""
+    found: dict[str, float] = {}
+    for process in simulation.processes:
+        for task in process.tasks:
+            for name in task.run:
+                path = f"{process.name}.{name}"
+                found[path] = min(found.get(path, inf), task.period / 1e9)
+    return found
 
 
 def topic_of(name: str) -> str:

@@ -18,7 +18,7 @@ from fledge.control_room import scene
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import serve
-from fledge.scene import bundle, page
+from fledge.scene import bundle, of as scene_of, page
 from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
 from fledge.scene.tracks import Turning
@@ -47,6 +47,84 @@ class Telemetry:
     def newest(self, slot):
         found = list(self.values.values())[slot]
         return None if found is None else (found[0], 0, found[1], found[1], 0, 0, 1)
+
+
+# --- live as recorded ------------------------------------------------------------------------------
+
+SHOWN = ("CraftState", "WheelSpeeds", "ThrusterOutput", "RodCommand", "NavAttitude", "NavOrbit", "AttError",
+         "AttReference")
+
+
+class Flown:
+    """A mission that is flown once, with what browsers get of it by the server, and with a record.
+
+    modes: at which time [s] the ground commands which one; begin: the first one
+    data: the scene as it was after ten steps; messages: what came since; recorded: the scene of the record
+    """
+
+    def __init__(self, folder, mission, seconds, every, modes=(), begin=None):
+        (folder / "room.toml").write_text(f'folder = "kept"\n[[craft]]\nname = "craft"\nmission = "{mission}"\n')
+        room = Room(read(folder / "room.toml"))
+        craft = room.crafts["craft"]
+        sim = craft.simulation
+        if begin:
+            sim.flight.start_in(begin)
+        log = sim.record(*[getattr(one, field.name) for process in sim.processes for one in process
+                           for field in objects.struct(one).fields if field.group == "out" and field.type == "struct"
+                           and not field.shape and field.struct.name in SHOWN], every=every)
+        craft._open()
+        self.messages, number, commands = [], 0, dict(modes)
+        for k in range(1, int(seconds / every) + 1):
+            t = k * every
+            if t in commands:
+                craft.commanding.release("server", "mode", {}, craft.ground.made("mode", commands[t]))
+            while sim.time_ns < t * 1e9:
+                if arrived := craft.ground.receive(round(t * 1e9)):
+                    craft.take(craft._timed(arrived))
+            craft.commanding.look()
+            craft.feed.sample()
+            number, news = craft.feed.since(number)
+            self.messages += news
+            if k == 10:
+                self.data, self.begun, self.messages = craft.feed.pack(), craft.feed.scene(), []
+                number, _ = craft.feed.since(0)
+        room.close()
+        self.recorded = scene_of(log)
+        self.times = [every * round(t / every) for t in np.linspace(seconds / 10, seconds, 10)]
+
+
+@needs_node
+def test_the_live_view_has_the_numbers_and_ages_of_the_recorded_one(tmp_path):
+    """Of a CubeSat whose laws for the Sun, the ground below and the tumble are of different modes: what the active mode
+    writes, and its age where none does."""
+    with np.errstate(divide="raise", invalid="raise"):
+        one = Flown(tmp_path, "cubesat", 80, 0.5, [(10, "brake"), (60, "sun")], "sun")
+        (tmp_path / "live").write_bytes(one.data)
+        (tmp_path / "recorded").write_bytes(page.pack(one.recorded))
+    (tmp_path / "messages").write_text(json.dumps(one.messages, allow_nan=False))
+    live, recorded = in_node(f"""
+        import {{readFileSync}} from "node:fs";
+        import {{age, append, attitude, growing, known, level, unpack}} from "SOURCES/data.js";
+        const read = (name) => unpack(new Uint8Array(readFileSync(`{tmp_path}/${{name}}`)).buffer);
+        const live = read("live"), tracks = growing(live);
+        for (const {{tracks: more}} of JSON.parse(readFileSync("{tmp_path}/messages")))
+            for (const [id, [times, numbers]] of Object.entries(more)) append(tracks.get(Number(id)), times, numbers);
+        console.log(JSON.stringify([live, read("recorded")].map(({{crafts: [craft]}}) => {json.dumps(one.times)}.map(
+            (t) => ({{
+                error: [level(craft.signals["attitude error"], t), age(craft.signals["attitude error"], t)],
+                rate: [0, 1, 2].map((k) => level(craft.signals.rate, t, k)),
+                wheel: level(craft.parts.find((part) => part.kind === "wheel").level, t),
+                poses: craft.poses.filter(({{turning}}) => known(turning, t)).map(({{name, turning}}) =>
+                    [name, age(turning, t), turning.q.data.slice(4 * turning.last, 4 * turning.last + 4)])
+            }})))));
+    """)
+    for there, here in zip(live, recorded):
+        assert there["error"][1] == here["error"][1]
+        for name in ("error", "rate", "wheel"):
+            np.testing.assert_allclose(here[name], there[name], rtol=2e-4, atol=1e-8)
+        assert [one[:2] for one in there["poses"]] == [one[:2] for one in here["poses"]]
+    ages = [one["error"][1] for one in live]
+    assert ages[0] == 0 and ages[-1] == 0 and any(age > 20 for age in ages), ages
 
 
 @needs_node
@@ -120,14 +198,14 @@ def test_the_ghost_is_what_telemetry_says_at_its_time():
     assert not any("ghost" in note for note in feed.scene().notes)
 
 
-def test_a_mission_without_navigation_on_board_has_no_ghost_and_says_so():
+def test_without_navigation_on_board_the_ghost_is_that_of_the_world_as_in_a_record():
     sim = fledge.load("earth_imager")
+    log = sim.record(sim.world.craft.state, sim.world.nav.attitude, every=1)
     sim.run(1)
     feed = scene.Feed("imager", sim, Telemetry({}))
     feed.sample()
-    found = text_of(feed.pack())
-    assert not [one for one in found["crafts"][0]["poses"] if one["kind"] == "estimate"]
-    assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in one for one in found["notes"])
+    for found in feed.scene(), scene_of(log):
+        assert [one.name for one in found.craft().poses if one.kind == "estimate"] == ["world.nav.attitude"]
 
 
 def test_messages_by_names_are_those_in_memory():
@@ -223,7 +301,10 @@ def test_the_messages_of_a_co_simulation_are_the_truth():
     feed.sample()
     found = feed.scene().craft()
     assert found.motion.time.tolist() == [5] and found.motion.r[0].tolist() == state.r_BN_N.tolist()
-    assert any(one["name"] == "EARTH" for one in text_of(feed.pack())["planets"])
+    text = text_of(feed.pack())
+    assert any(one["name"] == "EARTH" for one in text["planets"])
+    assert not text["crafts"][0]["poses"]
+    assert any("no attitude of world by navigation (NavAttitude): there is no ghost" in one for one in text["notes"])
 
 
 # --- in a browser, from the server -------------------------------------------------------------------
@@ -249,6 +330,41 @@ in_browser = pytest.mark.skipif(
     not PROGRAM or not bundle.is_built("console.js", "viewer.js") or os.environ.get("FLEDGE_PRESET") == "asan",
     reason="needs chromium, and the console, which ./fledge setup --view builds")
 VIEWER = "document.querySelector('.fledge-view')?.viewer"
+
+
+@pytest.mark.long("three missions, each in two pages of a browser")
+@in_browser
+@pytest.mark.parametrize("mission, seconds, every, modes, begin", [
+    ("cubesat", 900, 2, [(300, "nadir"), (600, "sun"), (700, "brake")], "brake"), ("nadir_spin", 600, 2, [], None),
+    ("mars_orbiter", 600, 2, [], None)])
+def test_the_live_page_reads_as_the_recorded_one(tmp_path, mission, seconds, every, modes, begin):
+    """The same words and colours among the numbers, and the same ghosts, at ten instants."""
+    flown = Flown(tmp_path, mission, seconds, every, modes, begin)
+    found = []
+    with Browser(900, 600, wait=PATIENCE) as browser:
+        for name, shown in ("live", flown.begun), ("recorded", flown.recorded):
+            browser.open(page.write(shown, tmp_path / f"{name}.html"), "#map=0&show=reference")
+            if name == "live":
+                browser.ask("""(() => {
+                    const {root, data, constructor} = fledgeView;
+                    fledgeView.destroy();
+                    window.fledgeView = new constructor(root, data, {live: true});
+                })()""")
+                browser.ask(f"{json.dumps(flown.messages)}.forEach((one) => fledgeView.extend(one))")
+            rows = []
+            for t in flown.times:
+                browser.ask(f"fledgeView.seek({t})")
+                browser.wait_for("!fledgeView.dirty")
+                rows.append([browser.ask(one) for one in (
+                    "[...document.querySelectorAll('.readout dt')].map((one) => [one.textContent, "
+                    "one.nextSibling.textContent, getComputedStyle(one.nextSibling).color])",
+                    "fledgeView.stage.crafts.map((one) => one.ghosts.filter(({ghost}) => ghost.visible).map("
+                    "({pose, ghost}) => [pose.name, ghost.children.at(-1).material.color.getHexString(), "
+                    "...ghost.quaternion.toArray().map((x) => x.toFixed(5))]))")])
+            found.append(rows)
+        assert browser.problems == []
+    for t, live, recorded in zip(flown.times, *found):
+        assert live == recorded, t
 
 
 @pytest.mark.long("a browser on a mission")

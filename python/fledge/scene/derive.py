@@ -11,7 +11,7 @@ from fledge.activity import happenings, modes
 from fledge.errors import SetupError
 from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, RadioLink, Scene, Station
 from fledge.scene.tracks import Motion, Signal, Turning
-from fledge.series import HEAD, NONE, Records, element_names
+from fledge.series import HEAD, NONE, Records, element_names, stale_after
 
 HAPPENINGS = 500    # on the time line
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
@@ -23,13 +23,14 @@ class Facts:
     """What a run began with.
 
     title, about: in words; parameters: path -> value in SI; types: path of an instance -> its type;
-    wires: input -> output; folder: of the mission, or None
+    wires: input -> output, or several; folder: of the mission, or None
+    periods [s]: of the instances that a task runs, where that is known
     """
 
     def __init__(self, title: str, about: str, parameters: dict[str, Any], types: dict[str, str],
-                 wires: dict[str, str], folder: Any) -> None:
+                 wires: dict[str, str], folder: Any, periods: dict[str, float] | None = None) -> None:
         self.title, self.about, self.folder = title, about, folder
-        self.parameters, self.types, self.wires = parameters, types, wires
+        self.parameters, self.types, self.wires, self.periods = parameters, types, wires, periods
 
     def of(self, path: str, name: str, default: Any = None) -> Any:
         """A parameter of an instance."""
@@ -38,6 +39,21 @@ class Facts:
     def all_of(self, *types: str) -> list[str]:
         """The paths of the instances of some types."""
         return [path for path, one in self.types.items() if one in types]
+
+    def said(self, names: list[str]) -> list[str]:
+        """Of outputs that say the same, those that are not made from others of them, in the order in which flight
+        itself prefers them: from an attitude and its correction the correction, from two that flight chooses from both.
+        """
+        into: dict[str, list[str]] = {}     # input -> those that are wired to it
+        for target, text in self.wires.items():
+            sources = [one.partition(" (")[0] for one in text.split(", ")]
+            into[target] = [one for one in sources if one in names]
+        choices = [sources for sources in into.values() if len(sources) > 1]
+        made = {source for target, sources in into.items() for source in sources for one in names
+                if one != source and one.rpartition(".")[0] == target.rpartition(".")[0]
+                and not any({one, source} <= {*sources} for sources in choices)}
+        order = [one for sources in choices for one in sources] + names
+        return sorted((one for one in names if one not in made), key=order.index)
 
 
 def derive(records: Records, facts: Facts, plots_only: bool = False) -> Scene:
@@ -86,6 +102,8 @@ class Derivation:
             scene.crafts.append(self._craft(path))
         if not scene.crafts:
             self._from_estimates()
+        if len(scene.crafts) == 1:
+            scene.crafts[0].label = self._facts.title
         if not scene.crafts:
             raise SetupError(f"{records._label}: no attitude is recorded, so there is nothing to show; "
                              f"{self._what_to_record()}")
@@ -105,6 +123,24 @@ class Derivation:
         """The names of recorded ports with messages of some types."""
         return [name for name, port in self._ports.items() if port.type in types]
 
+    def _rows(self, name, *fields):
+        """(messages of a port, whether each is the last of its instant, whether it was written, and is finite)"""
+        import numpy as np
+
+        self.used.add(name)
+        table, last = self._records._values(self._ports[name]), self._last(name)
+        good = (table["head"]["quality"] != NONE) & last
+        for one in fields:
+            good &= np.isfinite(table[one]).all(axis=tuple(range(1, table[one].ndim)))
+        return table, last, good
+
+    def _last(self, name):
+        """Whether each message of a port is the last of its instant."""
+        import numpy as np
+
+        time = self._records._time(self._ports[name])
+        return np.append(np.diff(time) > 0, True)[:len(time)]
+
     def _values(self, name, *fields, gaps=False):
         """(times [s], values of each field) of a port's messages that were written, the last one of each instant.
 
@@ -112,18 +148,73 @@ class Derivation:
         """
         import numpy as np
 
-        self.used.add(name)
-        port = self._ports[name]
-        time, table = self._records._time(port), self._records._values(port)
-        last = np.append(np.diff(time) > 0, True)[:len(time)]
-        good = (table["head"]["quality"] != NONE) & last
-        for one in fields:
-            good &= np.isfinite(table[one]).all(axis=tuple(range(1, table[one].ndim)))
+        table, last, good = self._rows(name, *fields)
         kept = last & np.logical_or.accumulate(good) if gaps and not self._live else last if self._live else good
         found = [np.array(table[one][kept], dtype=float) for one in fields]
         for one in found:
             one[~good[kept]] = np.nan
-        return time[kept], *found
+        return self._records._time(self._ports[name])[kept], *found
+
+    def _stale_after(self, name, table):
+        """[s] The age at which messages of a port are stale. Without its task's period, by what lies between two
+        messages that it wrote one after the other; what is written once does not age."""
+        import numpy as np
+
+        if self._facts.periods is not None:
+            period = self._facts.periods.get(name.rpartition(".")[0])
+            return math.inf if period is None else stale_after(period)
+        apart, more = np.diff(table["head"]["t"]), np.diff(table["head"]["sequence"].astype(np.int64))
+        on = (apart > 0) & (more > 0)
+        return stale_after((apart[on] / more[on]).min() / 1e9) if on.any() else math.inf
+
+    def _written(self, name, table):
+        """[s] When each message of a port was written, if it was stale when it was recorded; else NaN."""
+        import numpy as np
+
+        t = table["head"]["t"] / 1e9
+        old = self._records._time(self._ports[name]) - t > self._stale_after(name, table)
+        return np.where(old & (table["head"]["quality"] != NONE), t, np.nan)
+
+    def _newest(self, names, *fields, gaps=True):
+        """(times [s], values of each field, when they were written [s]) of outputs that say the same: of each time the
+        newest, of those as new the best, of those the first that is named. The last is NaN of what is not stale.
+
+        gaps: with NaN for what was not written, after it was
+        """
+        import numpy as np
+
+        found = []
+        for name in names:
+            table, last, good = self._rows(name, *fields)
+            time, head = self._records._time(self._ports[name]), table["head"]
+            found.append([one[last] for one in (time, good, head["t"] / 1e9, head["quality"],
+                                                self._written(name, table), *(
+                np.array(table[one], dtype=float) for one in fields))])
+        times = np.unique(np.concatenate([one[0] for one in found]))
+        if getattr(self._records, "single", False):
+            times = times[-1:]
+        best = (np.full(len(times), -np.inf), np.zeros(len(times)))     # when, and how well it was written
+        chosen = [np.full((len(times), *one.shape[1:]), np.nan) for one in found[0][4:]]
+        for time, good, t, quality, *columns in found:
+            i = np.searchsorted(time, times, side="right") - 1
+            has = (i >= 0) & (good[i] if len(good) else False)
+            t, quality = (np.where(has, one[i], 0) if len(one) else np.zeros(len(times)) for one in (t, quality))
+            better = has & ((t > best[0]) | (t == best[0]) & (quality > best[1]))
+            best = np.where(better, t, best[0]), np.where(better, quality, best[1])
+            for into, one in zip(chosen, columns):
+                into[better] = one[i[better]]
+        kept = np.isfinite(best[0]) if not gaps else np.logical_or.accumulate(np.isfinite(best[0])) if (
+            not self._live) else slice(None)
+        written, *values = (one[kept] for one in chosen)
+        return times[kept], *values, written
+
+    def _aged(self, track, written):
+        """A track with when it was written, if that matters."""
+        import numpy as np
+
+        if self._live or np.isfinite(written).any():
+            track.written = written
+        return track
 
     def _signal(self, name, one, element=None):
         """The Signal of a field or of an element of it; None if the port was not recorded."""
@@ -133,7 +224,7 @@ class Derivation:
         def make(found):
             time, values = found._values(name, one, gaps=True)
             values = values.reshape(len(time), math.prod(values.shape[1:]))
-            return Signal(time, values if element is None else values[:, [element]])
+            return Signal(time, values if element is None else values[:, [element]], read=True)
 
         signal = self._grows(make)
         return signal if self._live or len(signal.time) else None
@@ -167,11 +258,12 @@ class Derivation:
         """Spacecraft by what navigation says of them, in a record without the truth: of a real one."""
         import numpy as np
 
+        by_process: dict[str, list[str]] = {}
         for name in self._of("NavAttitude"):
-            process = name.partition(".")[0]
-            if any(craft.process == process for craft in self.scene.crafts):
-                continue
-            time = self._values(name, "sigma_BN")[0]
+            by_process.setdefault(name.partition(".")[0], []).append(name)
+        for process, names in by_process.items():
+            turning = self._turning(names, "sigma_BN", gaps=False)
+            time = turning.time
             if not len(time):
                 continue
             motion = self._estimated_motion(process)
@@ -179,20 +271,26 @@ class Derivation:
                 motion = Motion(time[[0]], np.zeros((1, 3)), np.zeros((1, 3)))
                 self.scene.notes.append(f"No position of {process} is recorded: it stands at the origin. Record its "
                                         "NavOrbit.")
-            self.scene.crafts.append(Craft(process, name.rpartition(".")[0], motion, self._turning(name, "sigma_BN"),
+            self.scene.crafts.append(Craft(process, self._facts.said(names)[0].rpartition(".")[0], motion, turning,
                                            self._facts.folder))
 
     def _estimated_motion(self, process):
-        for name in self._of("NavOrbit"):
-            if name.partition(".")[0] == process:
-                motion = self._grows(lambda found, name=name: Motion(*found._values(name, "r_BN_N", "v_BN_N")))
-                if self._live or len(motion.time):
-                    return motion
-        return None
+        """By what navigation says of its orbit; None if that is nothing."""
+        names = self._facts.said([name for name in self._of("NavOrbit") if name.partition(".")[0] == process])
+        if not names:
+            return None
+        motion = self._grows(lambda found: Motion(*found._newest(names, "r_BN_N", "v_BN_N", gaps=False)[:3]))
+        return motion if self._live or len(motion.time) else None
 
-    def _turning(self, name, one, gaps=False):
-        """The Turning of a field with MRP."""
-        return self._grows(lambda found: Turning.of_mrp(*found._values(name, one, gaps=gaps)))
+    def _turning(self, names, one, gaps=True):
+        """The Turning of a field with MRP, of outputs that say the same."""
+        names = self._facts.said(names)
+
+        def make(found):
+            time, sigma, written = found._newest(names, one, gaps=gaps)
+            return found._aged(Turning.of_mrp(time, sigma), written)
+
+        return self._grows(make)
 
     def _home(self, process):
         """The spacecraft that a process belongs to: whose world it commands, or else whose world it reads. None if
@@ -224,30 +322,36 @@ class Derivation:
         for part in craft.parts:
             if part.kind == "cone" and not part.length:
                 part.length = 4 * craft.extent
-        for name in self._of("NavAttitude"):
-            if self._home(name.partition(".")[0]) is craft and name.rpartition(".")[0] != craft.path:
-                turning = self._turning(name, "sigma_BN", gaps=True)
-                if self._live or len(turning.time):
-                    craft.poses.append(Pose("estimate", name, turning,
-                                            self._estimated_motion(name.partition(".")[0])))
-        for name in self._of("AttReference"):
-            if self._home(name.partition(".")[0]) is craft:
-                turning = self._turning(name, "sigma_RN", gaps=True)
-                if self._live or len(turning.time):
-                    craft.poses.append(Pose("reference", name, turning))
-        for name in self._of("AttError"):
-            if self._home(name.partition(".")[0]) is craft:
-                craft.signals.setdefault("attitude error", self._angle(name))
+        if self._of("CraftState"):      # else it is shown by its estimate
+            self._add_pose(craft, "estimate", self._said_of(craft, "NavAttitude"), "sigma_BN")
+        self._add_pose(craft, "reference", self._said_of(craft, "AttReference"), "sigma_RN")
+        if errors := self._facts.said(self._said_of(craft, "AttError")):
+            craft.signals["attitude error"] = self._angle(errors)
         for name in self._of("MagneticField"):
             if self._home(name.partition(".")[0]) is craft:
                 craft.directions.append(Direction("magnetic field", self._unit(name, "B_N")))
 
-    def _angle(self, name):
+    def _said_of(self, craft, kind):
+        """The outputs with messages of a type that flight says of a spacecraft; where it says none, its world."""
+        names = [name for name in self._of(kind) if self._home(name.partition(".")[0]) is craft]
+        return [name for name in names if name.partition(".")[0] != craft.process] or names
+
+    def _add_pose(self, craft, kind, names, one):
+        if not names:
+            return
+        turning = self._turning(names, one)
+        if self._live or len(turning.time):
+            motion = self._estimated_motion(names[0].partition(".")[0]) if kind == "estimate" else None
+            craft.poses.append(Pose(kind, ", ".join(self._facts.said(names)), turning, motion))
+
+    def _angle(self, names):
+        """[rad] The size of the attitude's error."""
         import numpy as np
 
         def make(found):
-            time, sigma = found._values(name, "sigma_BR", gaps=True)
-            return Signal(time, 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True)))
+            time, sigma, written = found._newest(names, "sigma_BR")
+            angle = 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True))
+            return found._aged(Signal(time, angle, read=True), written)
 
         return self._grows(make)
 
@@ -526,9 +630,13 @@ class Derivation:
                 default=0) + 1
 
             def make(found, name=name, size=size, used=min(used, 16)):
-                of = found._ports[port.name]
-                flat = found._records._field(of, name).reshape(-1, size).astype(float)
-                return Signal(found._records._time(of), np.ascontiguousarray(flat[:, :used]))
+                of, last = found._ports[port.name], found._last(port.name)
+                time, table = found._records._time(of)[last], found._records._values(of)
+                flat = found._records._field(of, name).reshape(-1, size)[last].astype(float)
+                signal = Signal(time, np.ascontiguousarray(flat[:, :used]))
+                if "head" not in table.dtype.names:
+                    return signal
+                return found._aged(signal, found._written(port.name, table)[last])
 
             signal = self._grows(make)
             labels = element_names(port.parts[name])[:signal.values.shape[1]]

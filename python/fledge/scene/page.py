@@ -3,7 +3,8 @@
 
 The data are the bytes that pack() makes, deflated and in base64: the length of a JSON text (4 bytes), the text, zeros
 up to a multiple of 8, and arrays, all little-endian. In the text an array is
-{"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}. A track that grows has a number, "id".
+{"at": byte from the first array, "n": rows, "k": columns, "as": "f8" or "f4"}. A track that grows has a number, "id";
+"written" has when a stale value was written, NaN of others.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ class _Arrays:
 
     def _track(self, track: Any, thin: Any, kind: str, *names: str) -> dict[str, Any]:
         found: dict[str, Any] = {name: self.add(getattr(thin, name), kind) for name in names}
+        if thin.written is not None:
+            found["written"] = self.add(thin.written)
         if track.source:
             found["id"] = len(self.growing)
             self.growing.append(track)
@@ -99,7 +102,7 @@ def pack_growing(scene: Scene) -> tuple[bytes, list[Any]]:
 
 
 def _craft(craft: Craft, arrays: _Arrays) -> dict[str, Any]:
-    return {"name": craft.name, "extent": craft.extent, "motion": arrays.motion(craft.motion),
+    return {"name": craft.name, "label": craft.label, "extent": craft.extent, "motion": arrays.motion(craft.motion),
             "turning": arrays.turning(craft.turning), "parts": [_part(one, arrays) for one in craft.parts],
             "poses": [{"kind": one.kind, "name": one.name, "turning": arrays.turning(one.turning),
                        "motion": arrays.motion(one.motion)} for one in craft.poses],

@@ -126,12 +126,13 @@ class Station:
 class Craft:
     """A spacecraft: its motion, its attitude, and its parts.
 
-    name: of the process of its world; path: of the instance that says how it moves
+    name: of the process of its world; path: of the instance that says how it moves; label: what the picture calls it
     """
 
     def __init__(self, name: str, path: str, motion: Motion, turning: Turning, folder: Path | None) -> None:
         self.name, self.path, self.motion, self.turning = name, path, motion, turning
         self.process = path.partition(".")[0]
+        self.label = name.removesuffix("_world")
         self.parts: list[Part] = []
         self.poses: list[Pose] = []
         self.directions: list[Direction] = []

@@ -390,7 +390,7 @@ def test_the_page_shows_the_spacecraft_where_it_was(browser, record, tmp_path):
     with fledge.Archive(record) as archive:
         r = archive["craft.state.r_BN_N"][300]
         sigma = archive["craft.state.sigma_BN"]
-    x, y = labels(browser)["world"]
+    x, y = labels(browser)["test_craft"]
     assert np.allclose((x, y), projected(r, eye, [0, 0, 1], width, height), atol=0.1)
     altitude = browser.ask("document.querySelector('.readout dd').textContent")
     assert float(altitude.split()[0]) == pytest.approx((np.linalg.norm(r) - EARTH.radius) / 1e3, abs=0.01)
@@ -448,7 +448,7 @@ def test_from_afar_it_is_enlarged_if_one_wants_it(browser, record, tmp_path):
         browser.ask(f"fledgeView.stage.view.distance = {distance}; fledgeView.dirty = true")
         browser.wait_for("!fledgeView.dirty")
         shown = labels(browser)
-        apart = [np.hypot(*np.subtract(shown[name], shown["world"])) for name in ("b1", "b2", "b3")]
+        apart = [np.hypot(*np.subtract(shown[name], shown["test_craft"])) for name in ("b1", "b2", "b3")]
         assert 30 < max(apart) < 110, apart     # [px], at any distance
     browser.open(path, "#camera=body&show=enlarged")
     assert browser.ask("fledgeView.stage.crafts[0].body.scale.x") == 1, "near enough"

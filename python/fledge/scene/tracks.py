@@ -5,6 +5,7 @@ A picture interpolates between the samples that are kept: positions by cubics (H
 turn, signals by lines. A sample is left out only where that interpolation is within the bound of it.
 
 Before its first sample, and from a sample that is NaN until the next one, a track has no value: at() gives NaN there.
+What was written too long ago is stale: age() says how old it is.
 """
 
 from __future__ import annotations
@@ -17,15 +18,31 @@ if TYPE_CHECKING:
     import numpy as np
 
 POSITION = 0.01     # [m] how far a shown position may be from a recorded one
-ATTITUDE = 1e-5     # [rad] the same of an attitude
+ATTITUDE = 1e-6     # [rad] the same of an attitude
 SHARE = 1e-3        # [-] the same of a signal, as a share of its range
+DIGITS = 1e-5       # [-] of one that is read as a number: as a share of its size
 POINTS = 20_000     # of a signal; with more, the smallest and largest of each of many short spans are shown
 
 
 @dataclass
 class Track:
-    """What all have. source: of a track that grows: makes the track of what came later, from its derivation."""
+    """What all have, besides time [s] (n,).
+
+    source: of a track that grows: makes the track of what came later, from its derivation
+    written [s] (n,): when the value of a sample was written, if it is stale; NaN of others; None: no sample is
+    """
     source: Callable[[Any], Any] | None = field(default=None, init=False, compare=False, repr=False)
+    written: np.ndarray | None = field(default=None, init=False, compare=False, repr=False)
+
+    def age(self, t: np.ndarray) -> np.ndarray:
+        """[s] (m,) How old the values are at some times [s] (m,); 0 where they are not stale."""
+        import numpy as np
+
+        time: np.ndarray = getattr(self, "time")
+        if self.written is None or not len(time):
+            return np.zeros(len(t))
+        written = self.written[np.searchsorted(time, t, side="right").clip(min=1) - 1]
+        return np.where(np.isnan(written) | (t < time[0]), 0.0, t - written)
 
 
 @dataclass
@@ -81,14 +98,17 @@ class Turning(Track):
                 return 2 * np.minimum(_norm(found - q), _norm(found + q))
             return keep(time, off, ATTITUDE)
 
-        return Turning(*_by_pieces(self.time, self.q, kept))
+        some, q = _by_pieces(self, self.q, kept)
+        return _with_ages(Turning(self.time[some], q), self, some)
 
 
 @dataclass
 class Signal(Track):
-    """Numbers over time. time [s] (n,), values (n, k)."""
+    """Numbers over time. time [s] (n,), values (n, k); read: they are shown as numbers, small ones as exactly as
+    large ones."""
     time: np.ndarray
     values: np.ndarray
+    read: bool = False
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """The values (m, k) at some times [s] (m,)."""
@@ -99,17 +119,20 @@ class Signal(Track):
 
         good = np.isfinite(self.values).all(axis=1)
         if not good.any():
-            return Signal(self.time[:0], self.values[:0])
+            return _with_ages(Signal(self.time[:0], self.values[:0]), self, slice(0))
         size = np.ptp(self.values[good], axis=0)
         size = np.where(size > 0, size, 1)
 
         def kept(time, values):
             scaled = values / size
-            found = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1), SHARE)
+            within = (DIGITS * _norm(scaled)).clip(min=1e-3 * DIGITS, max=SHARE) if self.read else SHARE
+            found = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1)
+                         / within, 1.0)
             most = max(2, POINTS * len(time) // len(good))
             return found if len(found) <= most else _extremes(values, max(1, most // (2 * values.shape[1])))
 
-        return Signal(*_by_pieces(self.time, self.values, kept))
+        some, values = _by_pieces(self, self.values, kept)
+        return _with_ages(Signal(self.time[some], values, self.read), self, some)
 
 
 def _begun(time, found, t):
@@ -118,22 +141,33 @@ def _begun(time, found, t):
     return found
 
 
-def _by_pieces(time, values, kept):
-    """(times, values) of the samples that kept(times, values) chooses of each piece without NaN, and of one NaN after
-    it where others follow."""
+def _by_pieces(track, values, kept):
+    """(indices, values) of the samples that kept(times, values) chooses of each piece without NaN, of one NaN after it
+    where others follow, and of both sides of where the values become stale or are no longer."""
     import numpy as np
 
+    time = track.time
     good = np.isfinite(values).all(axis=1)
-    if not good.any():
-        return time[:0], values[:0]
     turns = np.flatnonzero(np.diff(good, prepend=False, append=False))
+    if not len(turns):
+        return np.zeros(0, int), values[:0]
     found = []
     for begin, end in zip(turns[::2], turns[1::2]):
         found += [begin + kept(time[begin:end], values[begin:end]), [end]]
-    some = np.concatenate(found[:-1] if not len(turns) or turns[-1] == len(time) else found)
+    some = np.concatenate(found[:-1] if turns[-1] == len(time) else found)
+    if track.written is not None:
+        other = np.flatnonzero(np.diff(np.nan_to_num(track.written, nan=-1.0)) != 0)
+        other = np.concatenate([other, other + 1])
+        some = np.union1d(some, other[(other >= turns[0])])
     rows = values[some]
     rows[~good[some]] = np.nan
-    return time[some], rows
+    return some, rows
+
+
+def _with_ages(thin, track, some):
+    """The samples of a track, with its ages."""
+    thin.written = None if track.written is None else track.written[some]
+    return thin
 
 
 def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float) -> np.ndarray:

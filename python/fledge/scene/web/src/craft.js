@@ -8,6 +8,7 @@ import {OBJLoader} from "three/addons/loaders/OBJLoader.js";
 import {level} from "./data.js";
 
 const UP = new THREE.Vector3(0, 1, 0);
+const STALE = "#8a949e";  // of what has not been written for long
 export const COLOURS = {
     sensor: "#4fb3ff",
     "keep-out": "#ff5a4d",
@@ -310,6 +311,10 @@ export function makeGhost(craft, colour) {
             new THREE.BufferGeometry().setFromPoints(
                 [new THREE.Vector3(), new THREE.Vector3(...axis).multiplyScalar(length)]),
             line));
+    const fresh = new THREE.Color(colour), old = new THREE.Color(STALE);
+    group.grey = (stale) => {
+        for (const one of [skin, line]) one.color.copy(stale ? old : fresh);
+    };
     return group;
 }
 

@@ -111,6 +111,13 @@ export function known(track, t, values = track?.values ?? track?.q ?? track?.r) 
     return !values || !Number.isNaN(values.data[values.k * span(track, t).before]);
 }
 
+/** [s] How old a track's value is at a time; 0 of one that is not stale. */
+export function age(track, t) {
+    if (!track?.written || !track.time.n || t < track.time.data[0]) return 0;
+    const {before, after} = span(track, t), written = track.written.data[t < track.time.data[after] ? before : after];
+    return Number.isNaN(written) ? 0 : t - written;
+}
+
 /** The mode of a process at a time: the last of `began`, [t, name], until then; "" before the first. */
 export function modeAt({began}, t) {
     return began.findLast(([start]) => start <= t + 1e-9)?.[1] ?? "";
@@ -143,7 +150,7 @@ export function attitude(turning, t, out, spare) {
     if (!turning?.time.n) return out.identity();
     const {before, after, share} = span(turning, t), quaternions = turning.q.data;
     out.fromArray(quaternions, 4 * before);
-    if (Number.isNaN(quaternions[4 * after])) return out;
+    if (Number.isNaN(quaternions[4 * after]) || age(turning, t)) return out;
     return out.slerp(spare.fromArray(quaternions, 4 * after), share);
 }
 
@@ -152,7 +159,7 @@ export function level(signal, t, k = 0) {
     if (!known(signal, t)) return NaN;
     const {before, after, share} = span(signal, t), {data, k: elements} = signal.values;
     const first = data[elements * before + k], next = data[elements * after + k];
-    return Number.isNaN(next) ? first : (1 - share) * first + share * next;
+    return Number.isNaN(next) || (share < 1 && age(signal, t)) ? first : (1 - share) * first + share * next;
 }
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

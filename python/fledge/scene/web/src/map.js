@@ -157,7 +157,7 @@ export class GroundMap {
         Object.assign(brush, {fillStyle: colour, strokeStyle: "#ffffff", lineWidth: focused ? 2 : 1});
         brush.fill();
         brush.stroke();
-        if (named) this.text(craft.name, x, y - 9);
+        if (named) this.text(craft.label, x, y - 9);
     }
 
     text(words, x, y) {

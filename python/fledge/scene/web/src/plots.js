@@ -2,7 +2,7 @@
 // Plots of what was recorded: one time axis, and one cursor, for all of them and for the picture.
 import uPlot from "uplot";
 
-import {level} from "./data.js";
+import {age, level} from "./data.js";
 
 const COLOURS = {
     dark: ["#58b7ff", "#ff9d5c", "#7ee08a", "#e58cff", "#ffd75e", "#5ee0d6", "#ff7f97", "#b7c4d0"],
@@ -77,6 +77,15 @@ export class Plots {
                 value: (_, y) => (y == null ? "" : y.toPrecision(5)) }))],
             cursor: { sync: { key: "fledge", setSeries: false }, drag: { x: true, y: false }, points: { size: 5 } },
             hooks: {
+                drawClear: [(drawn) => {
+                    drawn.ctx.fillStyle = css.getPropertyValue("--stale");
+                    const {left, top, width, height} = drawn.bbox;
+                    for (const ends of stale(signal)) {
+                        const [a, b] = ends.map((t) => Math.max(left, Math.min(left + width,
+                                                                              drawn.valToPos(t, "x", true))));
+                        drawn.ctx.fillRect(a, top, b - a, height);
+                    }
+                }],
                 draw: [(drawn) => {
                     const x = drawn.valToPos(this.t, "x", true), { left, top, width, height } = drawn.bbox;
                     if (x < left || x > left + width) return;
@@ -134,9 +143,11 @@ export class Plots {
             chart.redraw(false);
             if (chart.cursor.left >= 0) continue;  // else it has what the pointer is at
             const said = chart.root.querySelectorAll(".u-value");
-            said[0].textContent = clock(Math.round(10 * t) / 10);
+            const since = age(plot.signal, t);
+            said[0].textContent = clock(Math.round(10 * t) / 10) + (since ? `, ${since.toFixed(0)} s old` : "");
             for (let k = 1; k < said.length; k++)
                 said[k].textContent = number(level(plot.signal, t, k - 1), (y) => y.toPrecision(5));
+            chart.root.classList.toggle("stale", since > 0);
         }
     }
 
@@ -146,6 +157,22 @@ export class Plots {
         for (const plot of open) this.remove(plot);
         for (const plot of open) this.add(plot);
     }
+}
+
+/** [[from, to], ...] [s] when a signal was stale. */
+function stale({time, written}) {
+    const found = [];
+    for (let i = 0, on = false; written && i < time.n; i++) {
+        if (Number.isNaN(written.data[i])) {
+            on = false;
+        } else if (on) {
+            found.at(-1)[1] = time.data[i];
+        } else {
+            found.push([time.data[i], time.data[i]]);
+            on = true;
+        }
+    }
+    return found;
 }
 
 /** The columns of a signal, as uPlot has them. */

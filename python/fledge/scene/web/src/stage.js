@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import {COLOURS, makeArrow, makeCraft, makeFrame, makeGhost} from "./craft.js";
 import {
-    attitude, cross, dot, known, level, norm, position, primary, sub, sunlight, toSun, unit, velocity
+    age, attitude, cross, dot, known, level, norm, position, primary, sub, sunlight, toSun, unit, velocity
 } from "./data.js";
 import {inertial, linkState, look, osculating, planetOf} from "./geo.js";
 import {makePath} from "./path.js";
@@ -138,7 +138,7 @@ export class Stage {
             made.path = makePath(craft.motion, data.begin, data.end, colour);
             world.add(made.path);
         }
-        made.label = this.label(craft.name, "craft", colour);
+        made.label = this.label(craft.label, "craft", colour);
         made.label.style.marginTop = `${- 0.7 + 1.25 * (data.crafts.indexOf(craft) % 6)}em`;
         made.axisLabels = ["b1", "b2", "b3"].map((name, k) => this.label(name, "tip", AXES[k]));
         return made;
@@ -333,6 +333,7 @@ export class Stage {
             ghost.visible = shown[pose.kind] && chosen && close && !cone && known(pose.turning, t) &&
                 (!pose.motion || known(pose.motion, t));
             if (!ghost.visible) continue;
+            ghost.grey(age(pose.turning, t) > 0);
             attitude(pose.turning, t, ghost.quaternion, spare);
             let away = pose.motion ? sub(position(pose.motion, t), place) : [0, 0, 0];
             if (pose.kind === "estimate" && this.exaggerate !== 1) {

@@ -6,7 +6,7 @@ import "./view.css";
 import * as THREE from "three";
 
 import {
-    append, attitude, growing, known, level, modeAt, norm, position, primary, sub, sunlight, velocity
+    age, append, attitude, growing, known, level, modeAt, norm, position, primary, sub, sunlight, velocity
 } from "./data.js";
 import {fixed, geodetic, linkState, look, passes} from "./geo.js";
 import {GroundMap} from "./map.js";
@@ -27,7 +27,6 @@ const READABLE = 90;  // [ms] that a number stands at least
 const REDRAWN = 1000;  // [ms] between two drawings of all that has come, of what goes on
 const LAG = 0.3;  // [s] of wall time that the picture of what goes on is behind, so that it moves evenly
 const PAUSE = 5;  // [s] of wall time after which nothing is said of the pace
-const OLD = 5;  // [s] after which an estimate says how old it is
 const KEYS = [
     ["Space", "play or pause"], ["← →", "a hundredth back or on"], ["Home End", "begin, end"],
     [", .", "slower, faster"], ["1 … 6", "cameras"], ["C", "next spacecraft"], ["I", "look inside"], ["P", "plots"],
@@ -122,9 +121,15 @@ export class Viewer {
 
     // --- what goes on -------------------------------------------------------------------------------
 
-    /** Take in more of what goes on: {end [s], tracks: {number: [times, numbers]}}, as the server sends it. */
-    extend({end, tracks}) {
+    /** Take in more of what goes on: {end [s], tracks: {number: [times, numbers]}, modes: {process: [t, name]}}, as the
+        server sends it. */
+    extend({end, tracks, modes = {}}) {
         const {data} = this;
+        for (const [process, mode] of Object.entries(modes)) {
+            let one = data.modes.find((found) => found.process === process);
+            if (!one) data.modes.push(one = {process, began: []});
+            if (one.began.at(-1)?.[1] !== mode[1]) one.began.push(mode);
+        }
         for (const [id, [times, numbers]] of Object.entries(tracks)) {
             const track = this.tracks.get(Number(id));
             if (track) append(track, times, numbers);
@@ -280,7 +285,7 @@ export class Viewer {
         aside.append(make("summary", "", "Legend"));
         const crafts = make("div", "crafts");
         data.crafts.forEach((craft, k) => {
-            const one = button(craft.name, "Look at it (C)", () => this.look(k));
+            const one = button(craft.label, "Look at it (C)", () => this.look(k));
             one.style.setProperty("--tint", stage.crafts[k].colour);
             crafts.append(one);
         });
@@ -695,13 +700,14 @@ export class Viewer {
                 ["body rate", number(degrees(Math.hypot(...[0, 1, 2].map((k) => level(rate, t, k)))),
                                      (turn) => `${turn.toFixed(4)} °/s`)]);
         for (const [name, signal] of Object.entries(others))
-            rows.push([name, number(degrees(level(signal, t)), (turn) => `${turn.toPrecision(4)}°`)]);
+            rows.push(
+                [name, ...aged(signal, t, number(degrees(level(signal, t)), (turn) => `${turn.toPrecision(4)}°`))]);
         if (data.sun || data.sun_N) rows.push(["sunlight", `${(100 * one.sunlight).toFixed(0)} %`]);
         const estimate = one.craft.poses.find((pose) => pose.kind === "estimate")?.turning;
         if (estimate && stage.shown.estimate) {
             const said = attitude(estimate, t, new THREE.Quaternion(), new THREE.Quaternion());
-            rows.push(["estimate off by", known(estimate, t) ?
-                angle(degrees(one.body.quaternion.angleTo(said))) + age(estimate, t) : "\u2013"]);
+            rows.push(["estimate off by", ...aged(estimate, t, known(estimate, t) ?
+                angle(degrees(one.body.quaternion.angleTo(said))) : "\u2013")]);
         }
         const wheels = one.craft.parts.filter((part) => part.kind === "wheel" && part.level);
         if (wheels.length)
@@ -715,7 +721,8 @@ export class Viewer {
                                         (sum) => `${sum.toFixed(3)} N`)]);
         data.crafts.forEach((craft, k) => {
             if (k !== stage.focus && data.crafts.length < 5)
-                rows.push([`to ${craft.name}`, `${(norm(sub(stage.crafts[k].place, one.place)) / 1e3).toFixed(3)} km`]);
+                rows.push(
+                    [`to ${craft.label}`, `${(norm(sub(stage.crafts[k].place, one.place)) / 1e3).toFixed(3)} km`]);
         });
         for (const station of data.stations.slice(0, 4)) {
             const {elevation, range} = look(data, station, one.place, t), seen = elevation >= station.mask;
@@ -747,14 +754,14 @@ export class Viewer {
     }
 }
 
-/** How old a track's newest value is at a time, if that is worth saying. */
-function age(track, t) {
-    const since = t - track.time.data[track.time.n - 1];
-    return since > OLD ? `, ${since.toFixed(0)} s old` : "";
+/** [words, class] of a track's value at a time: with its age if it is stale, and grey then. */
+function aged(track, t, words) {
+    const since = age(track, t);
+    return since ? [`${words}, ${since.toFixed(0)} s old`, "stale"] : [words];
 }
 
 function angle(degrees) {
     return degrees > 0.5 ? `${degrees.toFixed(2)}°` :
         degrees > 1 / 120 ? `${(60 * degrees).toFixed(2)}′` :
-                            `${(3600 * degrees).toFixed(2)}″`;
+                            `${(3600 * degrees).toFixed(1)}″`;
 }
