@@ -21,6 +21,12 @@ typedef struct WheelTachometers {
     int32_t counts[WHEELS_MAX]; ///< [-] of the tachometer; their sign is that of the direction
 } WheelTachometers;
 
+/** The currents of coarse sun sensors. */
+typedef struct SunCurrents {
+    Head head;
+    double current[SUN_SENSORS_MAX]; ///< [A] of each sensor
+} SunCurrents;
+
 /** What one converter makes of the currents of the coarse sun sensors. */
 typedef struct SunSensorCounts {
     Head head;

@@ -2,9 +2,9 @@
 #ifndef WORLD_AVIONICS_SUN_SENSOR_CONVERTER_H
 #define WORLD_AVIONICS_SUN_SENSOR_CONVERTER_H
 
+#include "flight/msg/avionics.h"
 #include "world/msg/fault.h"
 #include "world/msg/power.h"
-#include "world/msg/sun.h"
 
 /** A converter of the currents of coarse sun sensors to counts: count = (current + noise - offset) / scale, to the
  *  nearest one, within its range.

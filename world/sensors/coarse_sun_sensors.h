@@ -2,11 +2,11 @@
 #ifndef WORLD_SENSORS_COARSE_SUN_SENSORS_H
 #define WORLD_SENSORS_COARSE_SUN_SENSORS_H
 
+#include "flight/msg/avionics.h"
 #include "flight/msg/orbit.h"
 #include "world/msg/craft.h"
 #include "world/msg/environment.h"
 #include "world/msg/fault.h"
-#include "world/msg/sun.h"
 
 /** Coarse sun sensors: photodiodes whose current follows the cosine of the angle to the Sun, within a field of view.
  *  Assumptions: the Sun is a point of constant brightness and in sight, but for the
