@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast the world flies without flight code: 9,600 s at 0.1 s (RK4), one spacecraft and its parts about Mars
-(with the World Magnetic Model about the Earth; it needs WMM2025.COF in FLEDGE_TEST_DATA).
+(with the World Magnetic Model about the Earth).
 
     ./fledge bench world
     ./fledge bench world coupled panels
@@ -10,10 +10,8 @@ throughout. PEER_RATIOS: what a case of the best-known open peer, built from its
 the same numbers, on two quiet cores in 2026-11. There its rigid case took 2.27 s, and Fledge's 0.0137 s.
 """
 from __future__ import annotations
-import os
 import time
 from functools import partial
-from pathlib import Path
 
 from fledge import Orbit, Simulation, world
 from fledge.units import deg, kg, m, ms, rad, s
@@ -24,7 +22,6 @@ SECONDS = 9600
 STEPS = 10 * SECONDS
 PEER_RATIOS = {"wheels": 1.29, "jitter": 1.75, "coupled": 1.93, "panels": 2.14, "slosh": 3.05,
                "wheels and panels": 2.25, "8 thrusters": 1.2, "8 thrusters and tank": 1.98, "gyros": 2.08, "rods": 1.45}
-WMM = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[2] / "shared" / "data")) / "WMM2025.COF"
 PYRAMID = [[x, y, -0.5**0.5] for x, y in ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))]
 
 
@@ -94,7 +91,8 @@ CASES = {
     "8 thrusters and settled tank": lambda: {"thrusters": thrusters(8, **tank(2, fill=[0.7], down_B=[[0, 0, -1]]))},
     "gyros": lambda: {"gyros": gyros()},
     "rods": rods,
-    "rods with WMM": lambda: rods(body=world.EARTH, sky=world.Sky("2026-01-01", center=world.EARTH), coefficients=WMM),
+    "rods with WMM": lambda: rods(body=world.EARTH, coefficients="WMM2025",
+                                  sky=world.Sky("2026-01-01", center=world.EARTH)),
 }
 GROWTH = {"coupled": lambda n: wheels(n, jitter=0), "panels": panels, "slosh": slosh, "thrusters": thrusters,
           "gyros": gyros}
@@ -131,9 +129,6 @@ def seconds(sim):
 def main(arguments: list[str]) -> None:
     chosen = options("world", arguments, runs=9, cases=list(CASES))
     names = chosen.cases or list(CASES)
-    if not WMM.exists() and "rods with WMM" in names:
-        names.remove("rods with WMM")
-        print(f"without rods with WMM: not here: {WMM}")
     rows = Rows()
     times = in_turn({name: partial(seconds, prepared(CASES[name]())) for name in names}, chosen.runs)
     for name, samples in times.items():

@@ -154,22 +154,24 @@ TEST(OnBoard, the_shadow_is_the_worlds)
 
 TEST(OnBoard, the_field_is_that_of_the_file)
 {
-    const std::string path = fledge::world::testing::real_file("WMM2025.COF");
-    SKIP_WITHOUT(path);
     Random random{4};
-    for (const int degree : {1, 4, 8, 12}) {
-        const auto file = fledge::world::MagneticCoefficients::read(path, degree);
-        for (int i = 0; i < runs(500); i++) {
-            const double years = random.real(0, 4.99);
-            const Vector3d r = random.real(6.4e6, 5e7) * random.direction();
-            FieldOnBoard m{};
-            m.par.model = FIELD_WMM;
-            m.par.degree = static_cast<std::uint32_t>(degree);
-            m.in.time = {good(), std::llround((9131.5 + years * 365.25) * 86400e9)};
-            m.in.orbit = {good(), vec(r), {}, {}};
-            m.in.earth = {good(), mat_identity(), {}};
-            field_on_board_update(&m, {0, 0});
-            EXPECT_LT((eigen(m.out.field.B_N) - file.field(r, 2025 + years)).norm(), 1e-16) << degree; // 1e-7 nT
+    for (const FieldModel which : {FIELD_IGRF, FIELD_WMM}) {
+        const std::string name = which == FIELD_IGRF ? "IGRF-14" : "WMM2025";
+        for (const int degree : {1, 4, 8, 12, which == FIELD_IGRF ? 13 : 12}) {
+            const auto file = fledge::world::MagneticCoefficients::read(
+                FLEDGE_ROOT "/python/fledge/world/magnetic/" + name + ".COF", degree);
+            for (int i = 0; i < runs(500); i++) {
+                const double years = random.real(0, 4.99);
+                const Vector3d r = random.real(6.4e6, 5e7) * random.direction();
+                FieldOnBoard m{};
+                m.par.model = which;
+                m.par.degree = static_cast<std::uint32_t>(degree);
+                m.in.time = {good(), std::llround((9131.5 + years * 365.25) * 86400e9)};
+                m.in.orbit = {good(), vec(r), {}, {}};
+                m.in.earth = {good(), mat_identity(), {}};
+                field_on_board_update(&m, {0, 0});
+                EXPECT_LT((eigen(m.out.field.B_N) - file.field(r, 2025 + years)).norm(), 1e-16) << degree; // 1e-7 nT
+            }
         }
     }
 }

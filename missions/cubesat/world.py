@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The truth: a low orbit with all that turns a small craft, the World Magnetic Model (WMM2025.COF: NOAA NCEI and BGS,
-2024), sensors as their data sheets have them, and a battery."""
+"""The truth: a low orbit with all that turns a small craft, the World Magnetic Model, sensors as their data sheets have
+them, and a battery."""
 from datetime import datetime, timedelta
-from pathlib import Path
 
 from fledge import Orbit, flight as fsw, world
 from fledge.units import A, MHz, N, V, W, arcsec, deg, hour, m, minute, ms, ohm, s
@@ -45,7 +44,7 @@ def surroundings(w, sky):
     w.sun     = world.CelestialBody(body=world.SUN, sky=sky)
     w.moon    = world.CelestialBody(body=world.MOON, sky=sky)
     w.light   = world.Sunlight(sun=world.SUN, shadows=[world.EARTH], sky=sky)
-    w.field   = world.Magnetism(body=world.EARTH, sky=sky, coefficients=Path(__file__).with_name("WMM2025.COF"))
+    w.field   = world.Magnetism(body=world.EARTH, sky=sky, coefficients="WMM2025")
     w.air     = world.Atmosphere(body=world.EARTH, sky=sky, law="STANDARD_1976")
     w.station = world.GroundStation(body=world.EARTH, sky=sky, **STATION)
 

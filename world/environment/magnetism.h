@@ -5,9 +5,9 @@
 #include "world/msg/craft.h"
 #include "world/msg/environment.h"
 
-/** The magnetic field of a body, which turns with it: a dipole in the body's centre, or the World Magnetic Model from
- *  its file of coefficients. Python's `body` is the body, `sky` says where it is and how it turns, `coefficients`
- *  names the file (.COF), which needs a sky, for its epoch and the attitude of the Earth.
+/** The magnetic field of a body, which turns with it: a dipole in the body's centre, or a model in spherical harmonics.
+ *  Python's `body` is the body, `sky` says where it is and how it turns, `coefficients` is "WMM2025" or "IGRF-14", or
+ *  the path of a file of coefficients (.COF); it needs a sky, for its epoch and the attitude of the Earth.
  *  Assumptions: no currents in the ionosphere and beyond, no storms.
  *  Source: the technical report of the World Magnetic Model (NOAA NCEI, BGS). */
 typedef struct Magnetism {
@@ -19,9 +19,9 @@ typedef struct Magnetism {
     } out;
     struct {
         Vec3 dipole_P;   ///< [T m^3] moment times mu0 / 4 pi, in axes fixed in the body; of the Earth, about
-                         ///< [-3.6e14, 1.2e15, -7.6e15]; not with a file
+                         ///< [-3.6e14, 1.2e15, -7.6e15]; not with coefficients
         double spin;     ///< [rad/s] >= -1, <= 1: rate of the body about its pole, if there is no sky
-        uint32_t degree; ///< [-] in [0, 20]: highest degree from the file; 0: all; 1: its tilted dipole
+        uint32_t degree; ///< [-] in [0, 20]: highest degree of the coefficients; 0: all; 1: its tilted dipole
         uint32_t spare;
     } par;
 } Magnetism;

@@ -43,7 +43,7 @@ void MagnetismModel::refresh()
     model_.reset();
     if (path_.empty()) {
         if (!dipole) {
-            refuse(": give a moment, dipole_P, or the file of a World Magnetic Model, coefficients=\"WMM2025.COF\"");
+            refuse(": give a moment, dipole_P, or a model, coefficients=\"WMM2025\"");
         }
         if (par.degree > 0) {
             refuse(".degree: there is no file of coefficients; found " + std::to_string(par.degree));

@@ -158,9 +158,7 @@ TEST(MagneticCoefficients, HaveNoSourcesAndNoCurrents)
 
 TEST(MagneticCoefficients, OfTheWorldMagneticModelHaveItsPublishedTestValues)
 {
-    const std::string path = testing::real_file("WMM2025.COF");
-    SKIP_WITHOUT(path);
-    const auto model = MagneticCoefficients::read(path, 0);
+    const auto model = MagneticCoefficients::read(FLEDGE_ROOT "/python/fledge/world/magnetic/WMM2025.COF", 0);
     EXPECT_EQ(model.name(), "WMM-2025");
     EXPECT_EQ(model.degree(), 12);
     // Year, altitude [km], latitude, longitude [deg], geodetic; north, east, down [nT].
@@ -282,8 +280,7 @@ TEST_F(Field, AFilesFieldTurnsWithTheEarthAndChangesWithTheYears)
 
 TEST_F(Field, NamesWhatIsWrong)
 {
-    EXPECT_EQ(refusal(), "world.field: give a moment, dipole_P, or the file of a World Magnetic Model, "
-                         "coefficients=\"WMM2025.COF\"");
+    EXPECT_EQ(refusal(), "world.field: give a moment, dipole_P, or a model, coefficients=\"WMM2025\"");
     const TemporaryFile file("field.COF", Coefficients(2).text());
     model.set_coefficients(file.path());
     EXPECT_EQ(refusal(), "world.field.sky is missing: the field of " + file.path() +

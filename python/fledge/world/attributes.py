@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import weakref
 from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 from fledge import _core
-from fledge.errors import SetupError
+from fledge.errors import SetupError, did_you_mean
 from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, number
@@ -144,11 +145,26 @@ def _set_serves(radio, process):
     _core.set_serves(radio, process if isinstance(process, str) else process.name)
 
 
+# Models of the Earth's magnetic field whose coefficients come with Fledge; the last two names are those of FieldOnBoard.
+MAGNETIC = {"WMM2025": "WMM2025", "IGRF-14": "IGRF-14", "WMM": "WMM2025", "IGRF": "IGRF-14"}
+_MAGNETIC_FILES = Path(__file__).with_name("magnetic")
+
+
 def _set_coefficients(field, file):
+    what = f'{_core.path(field)}.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file'
     if not isinstance(file, (str, PathLike)):
-        raise SetupError(f"{_core.path(field)}.coefficients: expected the path of a .COF file; found {file!r}")
+        raise SetupError(f"{what}; found {file!r}")
+    if file in MAGNETIC:
+        file = _MAGNETIC_FILES / f"{MAGNETIC[file]}.COF"
+    elif isinstance(file, str) and not Path(file).suffix and not Path(file).exists():
+        raise SetupError(f"{what}; found {file!r}{did_you_mean(file, MAGNETIC)}".rstrip(";"))
     _changes(field)
     _core.set_coefficients(field, fspath(file))
+
+
+def _get_coefficients(field):
+    file = Path(_core.coefficients(field))
+    return file.stem if file.parent == _MAGNETIC_FILES else _core.coefficients(field)
 
 
 def _asked(name, doc):
@@ -205,8 +221,9 @@ def _add_attributes(types):
     types["Radio"].station = _asked("station", "The GroundStation with which it speaks.")
     types["Radio"].serves = property(_core.serves, _set_serves, None,
                                      "The flight process whose bytes it carries, or its name.")
-    types["Magnetism"].coefficients = property(_core.coefficients, _set_coefficients, None,
-                                               "The file of a World Magnetic Model (.COF), or empty.")
+    types["Magnetism"].coefficients = property(
+        _get_coefficients, _set_coefficients, None,
+        'A model of the Earth\'s field by its name, "WMM2025" or "IGRF-14", or by its file (.COF); or empty.')
     types["Thrusters"].panels = _asked("panels", "The HingedPanels on which some are mounted.")
     types["Drag"].air = _asked("air", "The Atmosphere that it feels.")
     types["TorqueRods"].field = _asked("field", "The Magnetism in which they are.")

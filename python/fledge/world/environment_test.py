@@ -134,24 +134,21 @@ def test_in_a_sky_the_moon_eclipses_the_sun():
 
 @needs_de405
 def test_the_world_magnetic_model_in_a_sky():
-    file = DATA / "WMM2025.COF"
-    if not file.exists():
-        pytest.skip(f"not here: {file}")
     sky = world.Sky("2025-01-01", center=EARTH)
     # A published test value at 80 N, 0 E, 100 km: north 6216.0, east 92.4, down 52598.8 nT.
     station = world.GroundStation(body=EARTH, sky=sky, latitude=80 * deg, longitude=0 * deg, altitude=100 * km)
     fly(0, craft=world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, orbit=Orbit(EARTH, a=2e7)), station=station)
-    field = world.Magnetism(body=EARTH, sky=sky, coefficients=file)
+    field = world.Magnetism(body=EARTH, sky=sky, coefficients="WMM2025")
     craft = world.Spacecraft(I_B=1, gravity=[EARTH], sky=sky, r_BN_N=station.state.r_PN_N, v_BN_N=[0, 0, 0])
     sim = fly(0, craft=craft, field=field)
     B_P = sky.orientation(EARTH).dcm_PN @ sim.world.field.field.B_N * 1e9
     lat = 80 * np.pi / 180
     north, up = np.array([-np.sin(lat), 0, np.cos(lat)]), np.array([np.cos(lat), 0, np.sin(lat)])
     assert [B_P @ north, B_P[1], -B_P @ up] == pytest.approx([6216.0, 92.4, 52598.8], abs=0.06)
-    assert sim.world.field.coefficients == str(file)
+    assert sim.world.field.coefficients == "WMM2025"
     says("WMM-2025 holds from 2025.0 to 2030.0; the run begins in 2015.", lambda: fly(
         0, craft=world.Spacecraft(I_B=1, gravity=[EARTH], orbit=Orbit(EARTH, a=2e7)),
-        field=world.Magnetism(body=EARTH, sky=world.Sky("2015-06-01", center=EARTH), coefficients=file)))
+        field=world.Magnetism(body=EARTH, sky=world.Sky("2015-06-01", center=EARTH), coefficients="WMM")))
 
 
 # --- what is refused -------------------------------------------------------------------------------
@@ -188,7 +185,9 @@ def test_what_cannot_be_is_refused_before_the_first_step():
          lambda: world.SolarPressure(light=5))
     says("Atmosphere.body: expected a body, such as world.MARS", lambda: world.Atmosphere(body=3))
     says("Sunlight.shadows: expected a body", lambda: world.Sunlight(shadows=[5]))
-    says("Magnetism.coefficients: expected the path of a .COF file; found 5", lambda: world.Magnetism(coefficients=5))
+    named = 'Magnetism.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file; found '
+    says(f"{named}5", lambda: world.Magnetism(coefficients=5))
+    says(f"{named}'WMM2020'; did you mean 'WMM2025'?", lambda: world.Magnetism(coefficients="WMM2020"))
     says("world.field.coefficients: ", lambda: fly(1, **{**surroundings(), "field": world.Magnetism(
         body=EARTH, coefficients=__file__, sky=world.Sky("2025-02-01", center=EARTH))}))
     says("world.station.latitude is required", lambda: fly(
