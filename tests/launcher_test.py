@@ -279,6 +279,30 @@ def test_a_command_builds_the_parts_that_it_needs(launch, arguments, parts):
     assert launch.said("ninja")[-1].endswith(f"build/release {parts}")
 
 
+def test_the_tests_of_fledge_run_from_elsewhere_only_if_they_are_asked_for(launch):
+    """Refused before anything is installed or built. In the checkout and below they need no option."""
+    (launch.fake / "updated").touch()
+    (launch.fake / "broken").write_text("it went too far")
+    elsewhere = launch.place / "elsewhere"
+    elsewhere.mkdir()
+    for words in ([], ["--all"], ["-k", "x"], ["--changed"]):
+        done = launch("test", *words, cwd=elsewhere)
+        assert (done.returncode, done.stdout) == (2, "") and not launch.said("apt")
+        assert done.stderr == (
+            "fledge: test: there is no project around this folder; go into one, or name it (fledge --project DIR test); "
+            "--fledge runs the tests of Fledge itself, which take long\n")
+    for words, cwd in (([], launch.tree), ([], launch.tree / "cmake"), (["--fledge"], elsewhere)):
+        done = launch("test", *words, cwd=cwd)
+        assert done.returncode == 1 and "it went too far" in done.stderr, done.stderr
+
+
+def test_an_installed_fledge_tests_projects_only(launch):
+    (launch.tree / "CMakeLists.txt").unlink()
+    for words in ([], ["--fledge"]):
+        done = launch("test", *words, cwd=launch.place)
+        assert done.returncode == 1 and "an installed Fledge has no tests of its own; go into a pro" in done.stderr
+
+
 @pytest.mark.long("runs ./fledge test in a tree of its own")
 def test_alternatives_in_a_pattern_are_for_both_runners(launch):
     (launch.fake / "updated").touch()

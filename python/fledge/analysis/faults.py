@@ -413,7 +413,8 @@ def _flight(matrix: Matrix, name: str, stops: Sequence[int] = (), then: Callable
                             if one.kind == "mode" and one.process == process.name]
              for process in sim.processes if process.modes}
     outcomes = {one.requirement.id: one for one in watch.outcomes()} if watch and not failed else {}
-    judged = any(one.verdict == HOLDS for one in outcomes.values()) if outcomes else not problem and has_checks(function)
+    judged = (any(one.verdict == HOLDS for one in outcomes.values()) if outcomes else
+              not problem and has_checks(function))
     return _Seen(activity, modes, {port.name: port.decoded() for port in Log(sim, sim.kernel.logs)._ports()},
                  {process.name for process in sim.flights}, sim.time, problem, failed, judged, outcomes,
                  _traces(watch) if watch and not failed else {})

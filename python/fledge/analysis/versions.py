@@ -309,8 +309,9 @@ def _by_launcher(tree: Path, mission: Path, campaign: str | None, runs: int, see
         # Nothing that is compiled differs: its Python takes the extension of this build.
         launcher = [sys.executable, "-P", str(tree / "python/fledge/cli/__main__.py")]
         environment["PYTHONPATH"] = os.pathsep.join(map(str, (tree / "python", tree, build_folder() / "python")))
-    words = [*launcher, "montecarlo", str(mission), *(["--campaign", campaign] if campaign else []), "--runs",
-             str(runs), "--seed", str(seed), "--out", str(folder.resolve()), *(["--jobs", str(threads)] if threads else [])]
+    words = [*launcher, "montecarlo", str(mission), *(["--campaign", campaign] if campaign else []),
+             "--runs", str(runs), "--seed", str(seed), *(["--jobs", str(threads)] if threads else []), "--out",
+             str(folder.resolve())]
     done = subprocess.run(words, env=environment, stdout=subprocess.DEVNULL, stderr=sys.stderr, check=False)
     if done.returncode not in (0, 1):
         raise Failure(f"versions: {' '.join(words)} ended with {done.returncode}", 1)

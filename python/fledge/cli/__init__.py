@@ -13,8 +13,8 @@ import sys
 import warnings
 from pathlib import Path
 
-from fledge.cli.arguments import add_update_limit, number, parse_duration
-from fledge.cli.console import Plots, say, size_of, trace
+from fledge.cli.arguments import add_update_limit, flight_time, number, parse_duration
+from fledge.cli.console import Plots, cannot_fly, itemized, placed, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, did_you_mean, printable
 
@@ -53,6 +53,7 @@ def _run(options, sim, name, fly, folder):
     import fledge
     from fledge.cli import check_replay, health
     from fledge.cli.judge import attempt, show_required
+    from fledge.mission.checks import has_checks
 
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
@@ -69,6 +70,7 @@ def _run(options, sim, name, fly, folder):
     say(title + (f": {about}" if about else ""))
     problem, code, outcomes = attempt(options, sim, name, fly, folder / "violated.snapshot" if options.stop else None)
     sim.close_outputs()
+    judged = not options.duration and (has_checks(fly) or bool(outcomes))
     again = ""
     if replay:
         different, again = replay.fly(options, sim, code)
@@ -113,24 +115,27 @@ def _run(options, sim, name, fly, folder):
                 os.replace(folder / page, older)
                 say(f"  earlier  {older}: {page} of the run before")
     if report:
-        say(f"  report   {_write_report(report, folder, options, code, problem, path, plots)}")
+        say(f"  report   {_write_report(report, folder, options, judged, code, problem, path, plots)}")
     if problem:
         say("  interrupted" if code == 130 else "  failed")
         raise Failure(f"{title} {problem}" if code == 130 else f"{title}: {problem}", code)
-    if not options.duration:
+    if judged:
         say("  passed")
+    elif not options.duration:
+        say("  ended    nothing judges it: the scenario has no check, and the mission no requirement for it")
     return 0
 
 
 def _scenario(sim, options):
     """(name, function of a simulation) to fly."""
-    if options.duration is not None:
+    duration = flight_time(options)
+    if duration is not None:
         if options.scenario:
             raise Failure("run: give a scenario, or --for a duration to fly freely; not both")
         duration = parse_duration(options.duration)
 
         def free(sim):
-            sim.record(*(one for process in sim.processes for one in process), every=min(1.0, duration / 10))
+            sim.record(*(one for process in sim.processes for one in process), every=every)
             sim.run(duration)
 
         return "free", free
@@ -147,13 +152,13 @@ def _report(sim, name):
     return Report(sim, name, sim.mission.scenarios.get(name))
 
 
-def _write_report(report, folder, options, code, problem, record, plots):
+def _write_report(report, folder, options, judged, code, problem, record, plots):
     """The page about a run; returns its path."""
     import shlex
 
     from fledge.report import Outcome
 
-    verdict = {0: "flown" if options.duration else "passed", 130: "interrupted"}.get(code, "failed")
+    verdict = {0: "passed" if judged else "flown", 130: "interrupted"}.get(code, "failed")
     command = ["./fledge", "run", Path(options.mission).name, *([options.scenario] if options.scenario else []),
                *(["--for", options.duration] if options.duration else []),
                *(["--seed", str(options.seed)] if options.seed else []),
@@ -529,6 +534,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.after_dashes and not getattr(options, "starts_command", False):
             raise Failure(f"nothing may follow --; found {' '.join(options.after_dashes)}")
+        if (jobs := getattr(options, "jobs", None)) is not None and jobs < 1:
+            raise Failure(f"--jobs must be >= 1, found {jobs}")
         if getattr(options, "update_limit", None):
             from fledge import limit_updates
 
@@ -545,8 +552,6 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except Exception as error:
         trace(options)
-        if (jobs := getattr(options, "jobs", None)) is not None and jobs < 1:
-            raise Failure(f"--jobs must be >= 1, found {jobs}")
         if _expected(error):
             print(f"fledge: {_in_words(error)}", file=sys.stderr)
             return 1 if type(error).__name__ == "RunError" else 2

@@ -39,6 +39,16 @@ def number(what: str = "a number") -> Callable[[str], float]:
     return read
 
 
+def flight_time(options: argparse.Namespace) -> float | None:
+    """[s] of --for, if it was given. Raises Failure unless it is > 0."""
+    if options.duration is None:
+        return None
+    duration = parse_duration(options.duration)
+    if not duration:
+        raise Failure("--for: fly longer than 0 s")
+    return duration
+
+
 def parse_duration(text: str, option: str = "--for") -> float:
     """Seconds of "90", "90s", "10min", "2.5 h", "1h23m"."""
     import re

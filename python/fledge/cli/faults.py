@@ -46,7 +46,7 @@ def faults(options: argparse.Namespace) -> int:
     import time
 
     from fledge.analysis import Matrix, fly, page
-    from fledge.cli.arguments import parse_duration
+    from fledge.cli.arguments import flight_time, parse_duration
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
     from fledge.progress import Bar, clock
@@ -56,7 +56,7 @@ def faults(options: argparse.Namespace) -> int:
     wanted = matrix.faults(options.unit, options.kind)
     begin = [parse_duration(one, "--begin") for one in options.begin.split(",")] if options.begin else None
     lasts = parse_duration(options.lasts, "--lasts") if options.lasts else None
-    limit = parse_duration(options.duration) if options.duration else None
+    limit = flight_time(options)
     folder = Path(options.out) if options.out else Path("runs") / name / "faults"
     with alone(folder):
         say(f"{name}: {counted(len(wanted), 'fault')} of {counted(len({one.unit for one in wanted}), 'unit')}")

@@ -73,7 +73,7 @@ def add(command: Callable) -> None:
 
 
 def fly(options: argparse.Namespace) -> int:
-    from fledge.cli.arguments import parse_duration
+    from fledge.cli.arguments import flight_time, parse_duration
     from fledge.cli.runs import alone
     from fledge.errors import Failure
     from fledge.targets import Job
@@ -89,10 +89,8 @@ def fly(options: argparse.Namespace) -> int:
     targets, lacking = _ready(["desktop", *chosen])
     targets |= _with_tools(options, chosen)
     targets |= _in_tree(options.cfs, targets) if options.cfs else {}
-    duration = parse_duration(options.duration) if options.duration else None
-    settled = parse_duration(options.settled) if options.settled else 0.0
-    if not duration and options.duration:
-        raise Failure("--for: fly longer than 0 s")
+    duration = flight_time(options)
+    settled = parse_duration(options.settled, "--settled") if options.settled else 0.0
     if options.clock and not duration:
         raise Failure("--clock: give a duration with --for; each second takes one")
     part = options.build or options.join is not None       # then the duration does not matter
@@ -342,6 +340,8 @@ def _fly(options, job, runs, bounds, lacking):
     if not job.whole and job.scenario != "free":
         say(f"  checks   none: the flight ends before the scenario {job.scenario}")
     elif job.whole:
+        if not job.checked:
+            say("  checks   none: the scenario has no check, and the mission no requirement for it")
         same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
         for name, record in records.items():
             problem, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(

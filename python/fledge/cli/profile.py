@@ -45,7 +45,7 @@ def profile(options: argparse.Namespace) -> int:
     import json
     import sys
 
-    from fledge.cli.arguments import parse_duration
+    from fledge.cli.arguments import flight_time
     from fledge.cli.console import say
     from fledge.cli.runs import alone
     from fledge.columns import columns
@@ -57,7 +57,7 @@ def profile(options: argparse.Namespace) -> int:
     names = _names(options)
     if not names:
         raise Failure("profile: --on names no target")
-    duration = parse_duration(options.duration) if options.duration else None
+    duration = flight_time(options)
     if options.free and (options.scenario or not duration):
         raise Failure("profile: --free is without a scenario, and needs --for")
     name = Path(options.mission).name

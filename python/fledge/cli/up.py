@@ -151,7 +151,7 @@ def _plan(options, description):
 
         plan = plan_of(options.simulation, options.scenario, given_parameters(options))
     if options.until is not None:
-        plan.until = parse_duration(options.until)
+        plan.until = parse_duration(options.until, "--until")
     if options.seed is not None:
         if options.seed < 0:
             raise Failure("up: a seed is a number from 0 on")

@@ -233,7 +233,8 @@ class Job:
 
         play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin, judged)
         self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
-        self.problem, self.outcomes = play.problem, play.outcomes   # of a whole scenario on the desktop
+        # Of a whole scenario on the desktop.
+        self.checked, self.problem, self.outcomes = play.checked, play.problem, play.outcomes
         for one in self.parts:
             one.take_script()
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, NoReturn
 from fledge import export, mission as missions, objects
 from fledge.commands import Code, moved, parameters, sequence_of
 from fledge.errors import Failure, SetupError
+from fledge.mission.checks import has_checks
 from fledge.mission.commands import block_bytes
 from fledge.mission.scenario import chosen, set_up
 from fledge.objects.si import time_ns
@@ -48,6 +49,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
         return play
     play.name, function = chosen(sim, scenario)
     required = Requirements(sim).for_scenario(play.name) if judged else []
+    play.checked = has_checks(function) or bool(required)
     watch = Requirements(sim).watch([one.id for one in required]) if required else None
     sim.plots, sim.run = False, play.run
     sim.step = sim.reset = sim.restore = play.refused
@@ -80,6 +82,7 @@ class Rehearsal:
         self.sim, self.duration, self.load, self.before_runs = sim, duration, load, before
         self.name = ""
         self.whole = False      # the scenario came to its end
+        self.checked = False    # whether anything judges it
         self.problem = ""       # then: the verdict on it
         self.outcomes: list[Outcome] = []
         self.ready = True       # False while `before` is called

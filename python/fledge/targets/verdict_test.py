@@ -109,6 +109,32 @@ def test_a_scenario_that_fails_on_the_desktop_is_flown_nowhere(mission, tmp_path
     assert "fledge: the scenario bad fails on the desktop: " in said.err
 
 
+REQUIREMENT = '''
+from fledge.requirements import always
+from fledge.units import deg, s
+
+def rate(r):
+    r.require("RATE-1", "It never turns.", always(r.signal("flight.tracking.error.omega_BR_B").norm() < 1e-9 * deg / s))
+'''
+
+
+@pytest.mark.parametrize("targets", ["desktop", pytest.param("linux", marks=pytest.mark.long("builds and flies"))])
+def test_a_violated_requirement_has_one_verdict_in_all_commands(mission, tmp_path, capsys, monkeypatch, targets):
+    """With its numbers; and on all targets that put out the same bits."""
+    monkeypatch.chdir(tmp_path)
+    (mission / "scenarios.py").write_text("def turns(sim):\n    sim.run(5)\n    assert sim.time == 5\n")
+    (mission / "requirements.py").write_text(REQUIREMENT)
+    violated = []
+    for command, on in (("run", []), ("fly", ["--on", targets]), ("verify", ["--on", targets])):
+        assert cli.main([command, str(mission), *on]) == 1
+        violated.append(capsys.readouterr().out)
+    number, = re.findall(r"\n           RATE-1 violated, by (.*), at (.*) s, norm", violated[0])
+    both = ["desktop", "linux"][:1 + (targets == "linux")]
+    assert f"\n  required {', '.join(both)}: 1 violated\n           RATE-1 violated, by {number[0]}" in violated[1]
+    assert violated[1].endswith(f"  failed   {'; '.join(f'{one}: violates RATE-1' for one in both)}\n")
+    assert re.search(rf"RATE-1 +violated +-{re.escape(number[0])} +turns on {targets}, t = {number[1]} s", violated[2])
+
+
 @pytest.mark.long("builds and flies on targets")
 def test_ctrl_c_keeps_what_other_targets_flew(folder, capsys, monkeypatch):
     def interrupted(self, part, options, timeout):
