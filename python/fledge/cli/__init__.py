@@ -14,7 +14,7 @@ import warnings
 from pathlib import Path
 
 from fledge.cli.arguments import add_update_limit, flight_time, number, parse_duration
-from fledge.cli.console import Plots, cannot_fly, itemized, placed, say, size_of, trace
+from fledge.cli.console import Plots, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, did_you_mean, printable
 
@@ -132,7 +132,7 @@ def _scenario(sim, options):
     if duration is not None:
         if options.scenario:
             raise Failure("run: give a scenario, or --for a duration to fly freely; not both")
-        duration = parse_duration(options.duration)
+        every = min(1.0, duration / 10)
 
         def free(sim):
             sim.record(*(one for process in sim.processes for one in process), every=every)
