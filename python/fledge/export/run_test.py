@@ -146,7 +146,8 @@ def modes(tmp_path):
     return folder
 
 
-# One set of wheels, three laws in three modes, and a fourth mode without one; two sensors.
+# One set of wheels, three laws in three modes, and a fourth mode without one, in which another module commands the wheels;
+# two sensors.
 CHOICES = '''
 """Three laws drive one set of wheels."""
 from fledge import flight as fsw
@@ -165,15 +166,17 @@ def build(f):
     f.slew     = fsw.MrpFeedback(K=5 * N * m, P=60.0 * N * m * s)
     f.fine     = fsw.MrpFeedback(K=2.5 * N * m, P=45.0 * N * m * s)
     f.motor    = fsw.WheelTorques(hold=2 * s)
+    f.reserve  = fsw.WheelTorques()
     f.connect(
         f.guidance.reference >> f.spin.base,
+        f.brake.torque       >> f.reserve.torque,
         (fsw.newest(f.spin.reference, f.rest.reference) >> [f.tracking.reference, f.backup.reference]),
         fsw.first(f.tracking.error, f.backup.error) >> [f.brake.error, f.fine.error],
         (fsw.best(f.backup.error, f.tracking.error) >> f.slew.error).stale_after(500 * ms),
         (fsw.by_mode(calm=f.brake.torque, turn=f.slew.torque, point=f.fine.torque)
          >> f.motor.torque).stale_after(1 * s),
         f.vehicle.vehicle    >> [f.brake.vehicle, f.slew.vehicle, f.fine.vehicle],
-        f.wheels.wheels      >> [f.brake.wheels, f.slew.wheels, f.fine.wheels, f.motor.wheels],
+        f.wheels.wheels      >> [f.brake.wheels, f.slew.wheels, f.fine.wheels, f.motor.wheels, f.reserve.wheels],
     )
     f.task("guide", every=1 * s, run=[f.guidance, f.spin])
     f.task("still", every=1 * s, run=[f.rest])
@@ -183,14 +186,17 @@ def build(f):
     f.mode("calm",  ["still", "track"])
     f.mode("turn",  ["still", "look"])
     f.mode("point", ["guide", "track", "look"])
-    f.mode("drift", ["look"])
+    f.task("spare", every=300 * ms, offset=100 * ms, priority=1, run=[f.reserve])
+    f.mode("drift", ["look", "spare"])
     command = f.watch(f.motor.command).head.quality
     f.event("braked",  when=command >= 2, hold=30 * s, modes=["calm"], enter="turn")
     f.event("slewed",  when=command >= 2, hold=50 * s, modes=["turn"], enter="point")
     f.event("pointed", when=command >= 2, hold=70 * s, modes=["point"], enter="drift")
     f.event("drifted", when=f.watch(f.backup.error).head.quality >= 2, hold=20 * s, modes=["drift"], enter="calm")
 '''
-CHOICES_WORLD = WORLD.replace(
+CHOICES_WORLD = WORLD.replace("from fledge import", "from fledge import flight as fsw,").replace(
+    "f.motor.command >> w.wheels.command", "(fsw.by_mode(calm=f.motor.command, turn=f.motor.command, "
+    "point=f.motor.command, drift=f.reserve.command)\n         >> w.wheels.command).stale_after(900 * ms)").replace(
     "(w.nav.attitude >> f.tracking.attitude).stale_after(150 * ms)",
     "(w.slow.attitude >> f.tracking.attitude).stale_after(1.1 * s), w.nav.attitude >> f.backup.attitude").replace(
     "w.wheels.speeds >> f.control.speeds", "w.wheels.speeds >> [f.brake.speeds, f.slew.speeds, f.fine.speeds]")

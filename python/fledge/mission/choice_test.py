@@ -6,6 +6,7 @@ import random
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fledge
@@ -183,6 +184,86 @@ def test_modes_and_tasks_that_are_not_there_are_refused_at_the_start():
         return fsw.newest(f.a.reference, f.idle.reference) >> f.other.base
 
     refused("flight.idle.reference >> flight.other.base, newest: no task runs flight.idle", idle, run=True)
+
+
+def commanding(wire, order="tasks first", tasks=(("a", 2 * s, 0 * s), ("b", 3 * s, 1 * s))):
+    """Two modules command one set of wheels. (simulation, log): the log has what they and the wheels' input hold."""
+    sim, log = fledge.Simulation("commanding"), []
+    f, w = sim.flight, sim.world
+
+    def write(scale):
+        def update(m, t, dt):
+            m.command.head.t, m.command.head.quality = round(t * 1e9), "GOOD"
+            m.command.u[0] = scale * (t + 1)
+            m.publish(m.command)
+        return update
+
+    f.a, f.b = (fsw.WheelTorques(update=write(scale)) for scale in (1, -1))
+    f.wheels = fsw.WheelConfig(axes_B=[[1, 0, 0]], J=1, u_max=100)
+    f.zero = fsw.RateDamping(P=1, torque_max=1)
+    w.wheels = fledge.world.ReactionWheels(axes_B=[[1, 0, 0]], J=1, u_max=100)
+    w.craft = fledge.world.Spacecraft(I_B=1, parts=[w.wheels])
+    w.gyro = fledge.world.Gyro()
+    f.connect(f.wheels.wheels >> [f.a.wheels, f.b.wheels], f.zero.torque >> [f.a.torque, f.b.torque])
+    w.connect(w.craft.state >> w.gyro.truth, w.gyro.rate >> f.zero.gyro)
+    if order != "tasks first":
+        w.connect(wire(f) >> w.wheels.command)
+    for name, every, offset in tasks:
+        f.task(name, every=every, offset=offset, run=[f.instances[name]])
+    f.task("zero", every=10 * s, run=[f.zero])
+    f.mode("safe", ["a"])
+    f.mode("point", ["b"])
+    if order == "tasks first":
+        w.connect(wire(f) >> w.wheels.command)
+    w.task("dynamics", every=1 * s, run=[w.craft, w.gyro])
+    return sim
+
+
+@pytest.mark.parametrize("order", ["tasks first", "wires first"])
+@pytest.mark.parametrize("rule, names", [("newest", ("a", "b")), ("by_mode", ("safe", "point"))])
+def test_flight_chooses_among_commands_for_the_world(rule, names, order):
+    make = getattr(fsw, rule)
+    sim = commanding(lambda f: make(f.a.command, f.b.command) if rule == "newest" else
+                     make(safe=f.a.command, point=f.b.command), order)
+    f, w = sim.flight, sim.world
+    assert [task[1:4] for task in f.tasks if task.name == "wheels_command"] == [(1_000_000_000, 0, -1)]
+    assert ("flight.wheels_command.command", "world.wheels.command", 0, 0, "") in sim.wires
+    sim.run(4 * s)
+    assert w.wheels.command.u[0] == 5 - 2      # the world acts on what flight said at the instant before
+    for mode, sign, module in (("point", -1, f.b), ("safe", 1, f.a)):
+        f.enter(mode)
+        sim.run(10 * s)
+        assert np.sign(w.wheels.command.u[0]) == sign and f.wheels_command.command.u[0] == module.command.u[0]
+        assert f.wheels_command.command.head.t == module.command.head.t
+    twin = sim.clone()
+    sim.run(5 * s), twin.run(5 * s)
+    assert twin.snapshot() == sim.snapshot() and twin.flight.command_choices == sim.flight.command_choices
+
+
+def test_a_choice_for_flight_and_the_world_chooses_for_each():
+    sim = commanding(lambda f: fsw.newest(f.a.command, f.b.command))
+    f, w = sim.flight, sim.world
+    f.monitor = fsw.WheelMonitor(torque_max=1, persistence=1)
+    w.more = fledge.world.ReactionWheels(axes_B=[[0, 1, 0]], J=1, u_max=100)
+    w.craft.parts = [w.more]
+    w.connect((fsw.newest(f.a.command, f.b.command) >> [f.monitor.command, w.more.command]).stale_after(9 * s))
+    assert sorted(wire for wire in sim.wires if wire[1].startswith(("flight.monitor.", "world.more", "flight.more"))) == [
+        ("flight.a.command", "flight.monitor.command", 0, 9_000_000_000, "newest"),
+        ("flight.a.command", "flight.more_command.chosen", 0, 9_000_000_000, "newest"),
+        ("flight.b.command", "flight.monitor.command", 0, 9_000_000_000, "newest"),
+        ("flight.b.command", "flight.more_command.chosen", 0, 9_000_000_000, "newest"),
+        ("flight.more_command.command", "world.more.command", 0, 9_000_000_000, "")]
+
+
+def test_what_no_module_passes_on_is_refused_with_those_that_one_does():
+    sim = choosing("newest")
+    f, w = sim.flight, sim.world
+    f.one, f.two = fsw.PowerManager(on=1), fsw.PowerManager(on=2)
+    w.power = fledge.world.PowerUnit(n=1, on=1, volts=8, load=[1], trip=[1])
+    with pytest.raises(SetupError, match=r"newest\(flight.one.command, flight.two.command\) >> world.power.command: flight "
+                                         r"chooses among commands to actuators \(.*RodCommand.*\), not among PowerCommand; "
+                                         "let a module of flight"):
+        w.connect(fsw.newest(f.one.command, f.two.command) >> w.power.command)
 
 
 def test_outputs_of_another_process_are_refused():

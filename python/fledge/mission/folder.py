@@ -164,9 +164,11 @@ def _parameters(build, taken):
 
 
 def _composed(process):
-    """The names of what a process runs. Its events are not among them, because a world's file may look at both."""
+    """The names of what a process runs. Its events are not among them, because a world's file may look at both; nor is
+    what chooses among commands for the world, which exports add too."""
+    chooses = {one.name for one in process.command_choices}
     return {f"{process.name}.{name}" for name in (*process.instances, *(task.name for task in process.tasks),
-                                                  *(name for name, _ in process.modes))}
+                                                  *(name for name, _ in process.modes)) if name not in chooses}
 
 
 def _refuse_names(file, build):

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed, suggesting
+from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import enumerator_names, time_ns
@@ -372,6 +373,7 @@ class Process:
         put(self, "_declared_at", {})   # (file, line) of instances by name, and of wires by their readers' paths
         put(self, "_commands", None)
         put(self, "_tasks", {})    # apart, because a task may have the name of an instance
+        put(self, "_choices", [])
 
     @property
     def name(self) -> str:
@@ -435,6 +437,11 @@ class Process:
         return dict(self._instances)
 
     @property
+    def command_choices(self) -> list[CommandChoice]:
+        """The modules that connections to the world added, which choose among commands."""
+        return self._choices
+
+    @property
     def tasks(self) -> list[TaskSpec]:
         """The tasks, in the order of their declaration."""
         return [TaskSpec(*task) for task in self._core_process.tasks]
@@ -491,6 +498,8 @@ class Process:
     def connect(self, *wires: Wire) -> None:
         """Join outputs to inputs: `connect(a.output >> b.input, ...)`. An input takes one of several outputs by
         fledge.flight.newest(), first(), best() or by_mode(): `connect(fsw.newest(a.torque, b.torque) >> motor.torque)`.
+        For a command of the world, `connect(fsw.newest(a.command, b.command) >> w.rods.command)`, flight chooses, by a
+        module that this adds to it, `rods_command`.
 
         Forces add up: for each output beyond the first that is joined to the `external` of a spacecraft `craft`, that
         gets a part of the type ExternalForce, `craft_external_2` and so on.
@@ -500,6 +509,7 @@ class Process:
         for one in wires:
             if not isinstance(one, Wire):
                 raise SetupError(f"{self.name}.connect: expected wires, as in a.output >> b.input; found {one!r}")
+        for one in (part for wire in wires for part in routed(wire, Flight)):
             for target in one.targets:
                 target = self._with_room(one.source, target)
                 for i, (source, by, mode) in enumerate(one.sources):
@@ -546,6 +556,7 @@ class Process:
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
                                     priority, run)
         self._tasks[name] = Task(name)
+        schedule(self)
         return self._tasks[name]
 
     def mode(self, name: str, tasks: Iterable[Task | str], *, when: Any = None, after: Any = None) -> Mode:
@@ -683,6 +694,7 @@ class Process:
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
         other._tasks.update(self._tasks)
+        other._choices.extend(self._choices)
         other._declared_at.update(self._declared_at)
         for one in other._instances.values():
             _core.set_context(one, weakref.ref(other))

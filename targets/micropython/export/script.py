@@ -55,14 +55,31 @@ def read_scripts(sim: Any) -> Scripts:
     _Reader(package, [mission.folder, mission.folder.parent], found.files).take(
         f"{package}/{entry}.py", mission.folder / f"{entry}.py")
     given = _given(mission, found.files[f"{package}/{entry}.py"])
-    if given:
+    choices = [line for flight in sim.flights for line in _choices(flight, mission.several)]
+    if given or choices:
         found.module = f"{package}.given"
-        found.files[f"{package}/given.py"] = (
-            f"from .{entry} import build as _build\n\n\ndef build(it):\n    _build(it, {given})\n")
+        found.files[f"{package}/given.py"] = "\n".join(
+            [f"from .{entry} import build as _build", *(["from fledge import flight as fsw", "from fledge.units import ns"]
+                                                        if choices else []), "", "", "def build(it):",
+             f"    _build({', '.join(filter(None, ('it', given)))})", *choices, ""])
     files = {str(path) for path in found.files.values() if isinstance(path, Path)}
     if results := [one for one in mission.computed if one.file in files]:
         found.files[COMPUTED] = _computed(results)
     return found
+
+
+def _choices(flight: Any, several: bool) -> Iterator[str]:
+    """The lines that make what connections in world.py, which does not fly, added to a process."""
+    if flight.command_choices:
+        yield "    f = " + (f"it.process({flight.name!r})" if several else "it")
+    for one in flight.command_choices:
+        outputs = ", ".join((f"{mode}=" if mode else "") + f"f.{output}" for output, mode in one.outputs)
+        age = f".stale_after({one.stale_after} * ns)" if one.stale_after else ""
+        period, offset, priority = one.task
+        yield f"    f.{one.name} = fsw.{one.type}()"
+        yield f"    f.connect((fsw.{one.rule}({outputs}) >> f.{one.name}.chosen){age})"
+        yield (f"    f.task({one.name!r}, every={period} * ns, offset={offset} * ns, priority={priority}, "
+               f"run=[f.{one.name}])")
 
 
 def _computed(results: Sequence[Computed]) -> str:
