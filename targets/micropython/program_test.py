@@ -81,8 +81,9 @@ def test_the_program_composes_and_flies_by_itself(small):
 @pytest.mark.parametrize("old, new, said", [
     ("[0.1, 0, 0]", "[0.1, 0, 0][0:3:2]", "flight.py, line 7: "),       # a slice with a step
     ("1 * s,", "len('x'.removeprefix('y')) * s,", "flight.py, line 8: AttributeError"),
-    ("    f.rest", "    from fledge import world\n    a, b = world.Sky('2026-01-01', world.EARTH).orientation(world.EARTH)\n"
-     "    f.rest", "flight.py, line 8: this unpacks a value of the world or of another process, which is not known"),
+    ("    f.rest", "    from fledge import world\n    sky = world.Sky('2026-01-01', world.EARTH)\n    a, b = sky."
+     "orientation(world.EARTH)\n    f.rest", "flight.py, line 9: this unpacks a value of the world or of another "
+     "process, which is not known on the target"),
     ("    f.rest", "    f'{1:>{2}}'; match = 1\n    match match:\n        case 1: pass\n    f.rest", "flight.py"),
 ])
 def test_what_fails_there_is_refused_with_its_line(old, new, said, tmp_path, capsys):

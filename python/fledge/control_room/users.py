@@ -352,8 +352,8 @@ class Guard:
         if _changes(request):
             if session and request.path != "/api/login" and not hmac.compare_digest(
                     request.headers.get("X-Fledge-CSRF", "").encode(), session.csrf.encode()):
-                raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has it, "
-                              "with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
+                raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has "
+                              "it, with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
             await self._note(request)
         if not live or user is None:
             return await handler(request)
