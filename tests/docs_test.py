@@ -104,9 +104,30 @@ def follow(document, shell):
     return done
 
 
-@pytest.mark.long("follows the tutorial; builds a project")
-def test_the_tutorial_leads_to_a_module_in_closed_loop(tmp_path):
-    assert follow("tutorial.md", Shell(tmp_path)) >= 10
+def blocks_of_readme(kind, heading=""):
+    """The blocks of the README, from a heading on."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(rf"^```{kind}\n(.*?)^```$", text[text.index(heading):], re.MULTILINE | re.DOTALL)
+
+
+def test_the_python_of_the_readme_runs_from_top_to_bottom(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(blocks_of_readme("python")), names := {})
+    assert names["plant"].A.shape[0] > 3 and (tmp_path / "spin.html").stat().st_size > 100_000
+
+
+@pytest.mark.long("follows the README, then the tutorial; builds two projects, and flies on targets")
+def test_the_first_hour_leads_to_a_module_in_closed_loop(tmp_path):
+    """From the clone and an empty home, all that a reader would type but what installs and Fledge's own tests."""
+    shell = Shell(tmp_path)
+    shell.environment["HOME"] = str(tmp_path)
+    shell.run(f"cd {ROOT}")
+    for command in blocks_of_readme("", "## Making it your own")[0].splitlines():
+        printed, status = shell.run(command)
+        assert status == 0, f"$ {command}\n{printed}"
+    assert "\n  passed\n" in printed
+    shell.run("cd ~")
+    assert follow("tutorial.md", shell) >= 10
     assert (tmp_path / "my_sat/runs/turn/slew/slew.png").stat().st_size > 10_000
 
 
@@ -119,8 +140,8 @@ def test_the_guide_shows_what_fledge_prints(tmp_path):
 @pytest.mark.long("follows the page; flies on the emulated board: a minute")
 def test_the_cookbook_answers_what_teams_ask(tmp_path):
     assert follow("cookbook.md", Shell(tmp_path)) >= 30
-    assert (tmp_path / "wiring.svg").stat().st_size > 10_000
-    assert (tmp_path / "run.scene.mcap").stat().st_size > 100_000
+    assert (tmp_path / "recipes/wiring.svg").stat().st_size > 10_000
+    assert (tmp_path / "recipes/run.scene.mcap").stat().st_size > 100_000
 
 
 @pytest.mark.long("follows the page; draws")

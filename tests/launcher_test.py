@@ -854,6 +854,7 @@ def test_the_shell_completes_commands_and_their_arguments(complete):
     assert complete("fledge --preset r") == complete("fledge test --preset r") == ["release"]
     assert complete("fledge keys new --") == ["--help", "--keys"]
     assert complete("fledge new mo") == ["model", "module"]
+    assert complete("fledge new module X --kind d") == ["determination"]
     assert complete("fledge bench cosim_") == ["cosim_scaling"]
 
 
@@ -861,7 +862,9 @@ def test_the_shell_completes_missions_scenarios_runs_and_targets(complete):
     assert complete("fledge run f") == ["first_scan", "flatsat", "flyby", "formation"]
     assert complete("fledge run first_scan ") == complete("fledge run --seed 3 first_scan ") == ["acquire"]
     assert complete("fledge --project /nowhere run f") == []
-    assert complete("fledge montecarlo nadir_spin ") == ["release"]
+    assert complete("fledge new mission X --from fl") == ["flatsat", "flyby"]
+    assert complete("fledge new module X --from fl") == []      # a file
+    assert complete("fledge montecarlo nadir_spin --campaign ") == ["release"]
     assert complete("fledge plot ") == complete("fledge compare scan ") == [
         "best", "runs/fly/a", "runs/fly/fly/cfs.mcap", "runs/fly/fly/linux.mcap", "runs/two/a", "runs/two/b", "scan"]
     assert complete("fledge fly nadir_spin --on desktop,li") == ["desktop,linux"]

@@ -192,9 +192,11 @@ def _words(file: Path) -> Iterator[str]:
 def _copied(source: Path, folder: Path) -> dict[Path, str | bytes]:
     """The files of a mission's folder under the name of another. A README.md, which is about the first, is left out."""
     texts: dict[Path, str | bytes] = {}
-    for file in sorted(one for one in source.rglob("*") if one.is_file()):
+    first = [source / name for name in ("flight.py", "world.py", "scenarios.py")]      # as one reads them
+    for file in dict.fromkeys([*first, *sorted(source.rglob("*"))]):
         part = file.relative_to(source)
-        if part.name == "README.md" or any(one == "__pycache__" or one.startswith(".") for one in part.parts):
+        hidden = any(one == "__pycache__" or one.startswith(".") for one in part.parts)
+        if hidden or part.name == "README.md" or not file.is_file():
             continue
         there = folder / part.with_name(re.sub(rf"^{source.name}(?=_test\.py$)", folder.name, part.name))
         texts[there] = file.read_bytes()

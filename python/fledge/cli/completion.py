@@ -81,7 +81,7 @@ def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) ->
 def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterable[str]:
     """What an argument names: that is known by what the parser calls it."""
     name = action.dest
-    if name in ("mission", "simulation"):
+    if name in ("mission", "simulation") or name == "source" and given.get("what") == "mission":
         return folders.missions()
     if name in ("scenario", "campaign"):
         folder = folders.missions().get(given.get("mission") or given.get("simulation") or "")
