@@ -250,6 +250,19 @@ await run({
         return page;
     },
 
+    async "a plot has the components of a vector together, and their unit on its axis"() {
+        const page = await at("parameters");
+        await page.keyboard.press("/");
+        await page.keyboard.type("tracking.error.omega_br_b[1]");
+        await page.locator(".tbody .tr:not([hidden])", {hasText: "omega_BR_B[1]"}).click();
+        await page.locator(".detail button", {hasText: "Plot"}).click();
+        await page.locator(".u-title", {hasText: /^flight\.tracking\.error\.omega_BR_B$/}).waitFor();
+        assert.deepEqual(await page.locator(".u-label:visible").allTextContents(), ["t", "[0]", "[1]", "[2]"]);
+        assert.equal(await page.evaluate(() => document.querySelector(".holder").plot.axes[1].label), "rad/s");
+        await page.locator(".u-legend .u-series", {hasText: /^\[2\]:?\s*[\u2212\d.e]+ rad\/s/}).waitFor();
+        return page;
+    },
+
     async "axe finds nothing serious, and nothing is wider than its window"() {
         return accessible({commands: "flight.telemetry", stacks: "", stored: "", files: "", tables: "", run: "",
             displays: ""}, "imager");

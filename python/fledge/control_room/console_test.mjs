@@ -27,7 +27,10 @@ await run({
         const page = await open("overview");
         await page.locator(".card dd", {hasText: /bit\/s, \d+(\.\d+)? packets\/s/}).waitFor();
         await page.locator(".card dd", {hasText: /^skipped 0 \u00b7 dropped 0/}).waitFor();
-        assert.deepEqual(await page.locator(".card h3:visible").allTextContents(), ["Newest events"]);
+        assert.deepEqual(await page.locator(".card h3:visible").allTextContents(),
+            ["State", "Telemetry", "Newest events"]);
+        assert.deepEqual(await page.locator(".card section:has(h3:text-is('State')) dt").allTextContents(),
+            ["Mode", "Voltage"]);
         return page;
     },
 
@@ -56,6 +59,23 @@ await run({
         await cell(page, "mode", 1).filter({hasText: /SAFE|POINT/}).waitFor();
         assert.equal(await page.locator("main img, main b").count(), 0);
         await page.keyboard.press("n");
+        return page;
+    },
+
+    async "what matters stands first, headers of packets are folded until they are asked for"() {
+        const page = await open("parameters");
+        const names = () => page.locator(".tbody .tr:not([hidden]) .td:first-child").allTextContents();
+        await row(page, "big").waitFor();
+        assert.deepEqual(await names(), ["At a glance", "Mode", "Voltage", "Power", "voltage", "big", "mode", "said"]);
+        await page.keyboard.press("h");
+        await row(page, "version_to_apid").waitFor();
+        assert.deepEqual((await names()).slice(8), ["Packet", "version_to_apid", "sequence", "length"]);
+        await page.keyboard.press("h");
+        await row(page, "version_to_apid").waitFor({state: "hidden"});
+        await page.keyboard.press("/");
+        await page.keyboard.type("apid");       // a search finds them in any case
+        await row(page, "version_to_apid").waitFor();
+        assert.deepEqual(await names(), ["version_to_apid"]);
         return page;
     },
 

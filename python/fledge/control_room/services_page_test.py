@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Radio and passes, stored commands and transfers in a real browser (services_page_test.mjs), at a server that flies
 the imager: once by its radio, once with services over frames."""
-import shutil
 from pathlib import Path
 
 import pytest
 
-from fledge import mission
 from fledge.control_room.testing.console import browse, checks, served
+from fledge.control_room.testing.services import imager_with_services
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
 FILE = """
@@ -21,23 +20,13 @@ radio = "radio"
 name = "services"
 mission = "{imager}"
 """
-SERVICES = """
-    f.stored = fsw.StoredCommands(late=60 * s)
-    f.files  = fsw.Files(entity=2, ground=1, rate=2000, allowed=0b1111)
-    f.space  = fsw.SpaceLink(spacecraft=68, command_channel=1, cop1=1, cltu=1, segments=1, idle=2)
-    f.task("services", every=0.5 * s, run=[f.stored, f.files, f.space])
-"""
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     """What the browser found: check -> what went wrong."""
     folder = tmp_path_factory.mktemp("room")
-    shutil.copytree(mission.missions()["earth_imager"].folder, folder / "imager",
-                    ignore=shutil.ignore_patterns("*_test.py", "__pycache__"))
-    with (folder / "imager/flight.py").open("a") as file:
-        file.write(SERVICES)
-    (folder / "ground.toml").write_text(FILE.format(imager=folder / "imager"))
+    (folder / "ground.toml").write_text(FILE.format(imager=imager_with_services(folder)))
     with served(folder / "ground.toml") as address:
         return browse(SCRIPT, address, folder)
 

@@ -167,6 +167,16 @@ class Spacecraft:
                 "undecoded": self.undecoded, "bytes": self.bytes, "t_ns": str(self.now), **self.contacts.told,
                 "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem}
 
+    def slots(self, first: int = 0, most: int = 2**32 - 1) -> list[dict[str, Any]]:
+        """The parameters, as the monitor describes them. header: of the packet, or of a message of Fledge: its head,
+        its time, its padding."""
+        outputs = [one.path for one in self.dictionary.outputs] if self.dictionary else []
+        folded = (*(f"{path}.{part}" for path in outputs for part in ("head.", "spare")),
+                  *(f"{self.dictionary.name}.{name}.{part}" for name in SERVICES for part in ("t", "spare")
+                    if self.dictionary))
+        return [one | {"header": one["header"] or one["name"].startswith(folded)}
+                for one in self.monitor.slots(first, most)]
+
     def inspect(self, packet: bytes) -> dict[str, Any]:
         """A packet in words."""
         found = dict(self.monitor.inspect(packet))

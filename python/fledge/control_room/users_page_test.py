@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from fledge.control_room.testing.console import browse, checks, served
+from fledge.control_room.testing.services import imager_with_services
 from fledge.control_room.users import hashed
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
@@ -15,7 +16,7 @@ port = 0
 folder = "runs"
 [[craft]]
 name = "imager"
-mission = "earth_imager"
+mission = "{imager}"
 """
 
 
@@ -25,7 +26,7 @@ def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("room")
     users = "".join(f'[[user]]\nname = "{name}"\npassword = "{hashed(name * 4, CHEAP)}"\nroles = {json.dumps(roles)}\n'
                     for name, roles in (("vera", ["view"]), ("carl", ["view", "command"])))
-    (folder / "ground.toml").write_text(FILE + users)
+    (folder / "ground.toml").write_text(FILE.format(imager=imager_with_services(folder)) + users)
     with served(folder / "ground.toml") as address:
         return browse(SCRIPT, address, folder)
 

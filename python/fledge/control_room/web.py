@@ -253,7 +253,7 @@ class Server:
                        if self.guard.allowed(request, owner(one.name), "view")])
 
     async def slots(self, request: web.Request) -> web.StreamResponse:
-        return answer(self._craft(request).monitor.slots(self._number(request, "first", 0, 0) or 0))
+        return answer(self._craft(request).slots(self._number(request, "first", 0, 0) or 0))
 
     async def limits(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request, "administer")
@@ -267,7 +267,7 @@ class Server:
                 raise refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
         await self._asked(craft, lambda: craft.limits.change(self._user(request), slot, levels, persistence))
         self.room.publish("slots", craft.name, {"first": slot})
-        return answer(craft.monitor.slots(slot, 1)[0])
+        return answer(craft.slots(slot, 1)[0])
 
     def _slot(self, craft: Spacecraft, request: web.Request) -> int:
         text = request.match_info["slot"]

@@ -47,6 +47,12 @@ py::dict dict_of(const Bands &bands)
     return made;
 }
 
+/// Whether its parameters are the header of packets: others extend it, and it is none itself or where all begin.
+bool is_header(const Container &one)
+{
+    return one.is_abstract || (one.base == no_id && !one.heirs.empty());
+}
+
 /// What an action gives, which may wait for another thread.
 template <class Action> auto released(const Action &action)
 {
@@ -131,6 +137,7 @@ public:
             row["path"] = one.slot.path;
             row["container"] =
                 one.slot.container != no_id ? py::object(py::str(db_.containers[one.slot.container].path)) : py::none();
+            row["header"] = one.slot.container != no_id && is_header(db_.containers[one.slot.container]);
             row["kind"] = name_of(one.slot.kind);
             std::vector<std::string> labels;
             std::string unit = one.slot.unit, description = one.slot.description;
@@ -280,9 +287,10 @@ void bind_monitor(py::module_ &m)
              "(\"slots\", first): there are new ones; (\"full\", text): values are lost\n"
              "(\"archive\", text): why it keeps no packets; \"\": it does again.")
         .def("slots", &Watcher::slots, py::arg("first") = 0, py::arg("most") = no_id,
-             "What the values are, at most so many from one slot on: dicts of slot, name, path, container, unit, kind, "
-             "labels, "
-             "description, limits, persistence, replaced (the database's limits if others are in force, else None).")
+             "What the values are, at most so many from one slot on: dicts of slot, name, path, container, header "
+             "(whether it "
+             "is of a container that others extend, as the CCSDS header), unit, kind, labels, description, limits, "
+             "persistence, replaced (the database's limits if others are in force, else None).")
         .def("slot", &Watcher::slot, py::arg("name"),
              "The slot of a name or path. Raises SetupError with those near it.")
         .def("newest", &Watcher::newest, py::arg("slot"),

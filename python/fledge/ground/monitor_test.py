@@ -262,8 +262,8 @@ def test_derived_parameters_come_from_rows_of_their_inputs_in_the_order_of_packe
     assert monitor.put(product, t, values) == [("concern", product, 4, 0, 2)]
     assert monitor.newest(product) == (4, 9, 56, 56, "good", 2, 3)
     assert monitor.slots(product)[0] == {
-        "slot": product, "name": "product", "path": "product", "container": None, "kind": "real", "unit": "V",
-        "labels": [], "description": "of both", "limits": {"warning": [0, 50]}, "persistence": 2,
+        "slot": product, "name": "product", "path": "product", "container": None, "header": False, "kind": "real",
+        "unit": "V", "labels": [], "description": "of both", "limits": {"warning": [0, 50]}, "persistence": 2,
         "replaced": None}
     assert monitor.put(product, t[:8], struct.pack("<d", float("nan"))) == []
     assert monitor.newest(product)[3:6] == (None, "uncalibrated", 2)
@@ -286,6 +286,7 @@ def test_packets_of_watched_containers_and_of_their_heirs_are_noted(tmp_path):
     monitor = _ground.Monitor(read(tmp_path, spacecraft(integer("u8"), {"x": "u8"}, heir)))
     batch = [(1, 10, b"\1"), (2, 20, b"\2")]
     assert monitor.take(batch) == []
+    assert [one["header"] for one in monitor.slots()] == [True]     # of P, where all packets begin
     monitor.watch(["P"])
     assert monitor.take(batch) == [("watched", "/S/H", 1, 10, b"\1"), ("watched", "/S/P", 2, 20, b"\2")]
     monitor.watch(["/S/H"])

@@ -25,7 +25,7 @@ async function picture(page, name) {
         await page.screenshot({path: join(process.env.FLEDGE_PICTURES, `${name.replace(/[^\w]+/g, "-")}.png`)});
 }
 
-/** The server's page at a link, which may ask for a user first. */
+/** The server's page at a link, which may ask for a user first; or a file's. */
 export async function enter(hash, {width = 1280, height = 800, colorScheme = "dark"} = {}) {
     const context = await browser.newContext({viewport: {width, height}, colorScheme, acceptDownloads: true});
     const page = await context.newPage();
@@ -38,7 +38,7 @@ export async function enter(hash, {width = 1280, height = 800, colorScheme = "da
         page.problems.push(`a dialog: ${dialog.message()}`);
         dialog.dismiss();
     });
-    await page.goto(`${address}/${hash}`);
+    await page.goto(hash.startsWith("file:") ? hash : `${address}/${hash}`);
     return page;
 }
 
@@ -50,21 +50,58 @@ export async function open(name, {craft = "", selection = "", ...look} = {}) {
 }
 
 /**
- * Open pages {name: selection} in a wide and in a narrow window, dark and light: axe-core finds nothing serious, and no
- * page is wider than its window.
+ * What a page hides: a part that is wider than the window, and words that are cut where no pointer can read them in
+ * full. A list of sentences.
+ */
+export async function hidden(page) {
+    return page.evaluate(() => {
+        const found = new Set(), seen = (node) => node.checkVisibility({visibilityProperty: true}) &&
+            node.getBoundingClientRect().width > 1;
+        const named = (node) => `${node.tagName.toLowerCase()}${[...node.classList].map((one) => `.${one}`).join("")}`;
+        const scrolls = (style) => ["auto", "scroll"].includes(style.overflowX);
+        for (const node of [document.documentElement, document.body, ...document.querySelectorAll("main, .page")])
+            if (node.scrollWidth > node.clientWidth + 1)
+                found.add(`${named(node)} is ${node.scrollWidth} wide, of ${node.clientWidth}`);
+        for (const node of document.querySelectorAll("body *")) {
+            const text = [...node.childNodes].some((one) => one.nodeType === Node.TEXT_NODE && one.data.trim());
+            if (!seen(node) || !text && !node.matches("button, input, select, textarea, canvas")) continue;
+            const words = `"${(node.textContent || node.value || "").trim().slice(0, 60)}" in ${named(node)}`;
+            let {right} = node.getBoundingClientRect();
+            if (text && node.scrollWidth > node.clientWidth + 1 && getComputedStyle(node).overflowX !== "visible" &&
+                !scrolls(getComputedStyle(node)) && getComputedStyle(node).display !== "inline") {
+                node.dispatchEvent(new PointerEvent("pointerover", {bubbles: true}));
+                if (!node.closest("[title]")) found.add(`${words} is cut`);
+            }
+            for (let at = node.parentElement; at && at !== document.documentElement; at = at.parentElement) {
+                const style = getComputedStyle(at), edge = at.getBoundingClientRect();
+                if (scrolls(style)) right = Math.min(right, edge.right);      // a person can scroll to it
+                else if (style.overflowX !== "visible" && right > edge.right + 1) {
+                    if (!node.closest("[title]")) found.add(`${words} ends behind the edge of ${named(at)}`);
+                    break;
+                }
+            }
+            if (right > innerWidth + 1) found.add(`${words} ends beyond the window`);
+        }
+        return [...found];
+    });
+}
+
+/**
+ * Open pages {name: selection} in windows from a screen to a phone, dark and light: axe-core finds nothing serious, and
+ * nothing is hidden.
  */
 export async function accessible(pages, craft = "") {
-    for (const [width, height] of [[1280, 800], [820, 1180]]) {
+    for (const [width, height] of [[1280, 800], [820, 1180], [400, 800]]) {
         const page = await open(Object.keys(pages)[0], {craft, width, height});
         await page.evaluate(axe);
         for (const [name, sel] of Object.entries(pages)) {
             await page.evaluate((hash) => { location.hash = hash; }, anchor(name, {craft, sel}));
             await page.locator(`.page.${name}`).waitFor();
             await page.waitForTimeout(300);
-            const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-            assert.ok(wide <= width, `${name} is ${wide} wide, of ${width}`);
-            // The other colours change nothing but the contrast.
+            assert.deepEqual(await hidden(page), [], `${name}, ${width}`);
+            // The other colours change nothing but the contrast, and a phone's window not even that.
             for (const [colorScheme, options] of [["dark", {}], ["light", {runOnly: ["color-contrast"]}]]) {
+                if (width === 400) break;
                 await page.emulateMedia({colorScheme});
                 const {violations} = await page.evaluate((asked) => window.axe.run(asked), options);
                 assert.deepEqual(violations.filter(({impact}) => ["serious", "critical"].includes(impact)).map((one) =>

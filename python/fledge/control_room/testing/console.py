@@ -57,17 +57,22 @@ def served(file: Path) -> Iterator[str]:
         loop.close()
 
 
+def run_script(script: Path, address: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a script of console.mjs in a browser. Raises SetupError without what it needs."""
+    bundle.build()
+    modules, node, browser = bundle.folder() / "work/node_modules", shutil.which("node"), shutil.which("chromium")
+    if not node or not browser or not (modules / "playwright-core").is_dir():
+        raise SetupError("there is no browser, or not what drives it")
+    return subprocess.run([node, str(script), address, str(folder), str(modules), browser], text=True,
+                          env=without_preload(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
 def browse(script: Path, address: str, folder: Path) -> dict[str, str]:
     """Run a script of checks (console.mjs) in a browser: check -> "" or what went wrong. Skips without a browser."""
     try:
-        bundle.build()
+        done = run_script(script, address, folder)
     except SetupError as error:
         pytest.skip(str(error))
-    modules, node, browser = bundle.folder() / "work/node_modules", shutil.which("node"), shutil.which("chromium")
-    if not node or not browser or not (modules / "playwright-core").is_dir():
-        pytest.skip("there is no browser, or not what drives it")
-    done = subprocess.run([node, str(script), address, str(folder), str(modules), browser], text=True,
-                          env=without_preload(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert done.returncode == 0, done.stderr
     found: dict[str, str] = json.loads(done.stdout)
     return found

@@ -81,13 +81,16 @@ function search(query) {
 /** The path of something of a craft: of("imager", "alarms", 3) -> "/api/crafts/imager/alarms/3" */
 export const of = (craft, ...rest) => `/api/crafts/${[craft, ...rest].map((one) => encodeURIComponent(one)).join("/")}`;
 
+const MOST = 100;       // names of a question
 const LOOK_BACK = 600n * 1000000000n;     // a value of the past is the newest of so long before
 
 /** What parameters were at a time: name -> {t in ns, value, text, concern}, as the server's history has them. */
 export async function valuesAt(api, craft, names, at, session) {
-    const found = await api.get(of(craft, "history"), {
-        names: names.join(","), from_ns: at - LOOK_BACK, to_ns: at + 1n, points: 1, session});
-    return new Map(Object.entries(found).filter(([, {t_ns}]) => t_ns.length).map(([name, one]) => [name, {
+    const parts = Array.from({length: Math.ceil(names.length / MOST)}, (_, k) => names.slice(MOST * k, MOST * (k + 1)));
+    const found = await Promise.all(parts.map((part) => api.get(of(craft, "history"), {
+        names: part.join(","), from_ns: at - LOOK_BACK, to_ns: at + 1n, points: 1, session})));
+    const all = Object.entries(Object.assign({}, ...found)).filter(([, {t_ns}]) => t_ns.length);
+    return new Map(all.map(([name, one]) => [name, {
         t: BigInt(one.t_ns.at(-1)), value: one.value.at(-1), text: one.text?.at(-1), concern: one.concern.at(-1)}]));
 }
 

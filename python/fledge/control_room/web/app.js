@@ -6,7 +6,7 @@ import "./style.css";
 
 import {Alarms} from "./alarms.js";
 import {Api} from "./api.js";
-import {SHAPES, attempt, dress, h, put} from "./dom.js";
+import {SHAPES, attempt, dress, h, put, sayWhole} from "./dom.js";
 import {Keys} from "./keys.js";
 import {Live} from "./live.js";
 import {login} from "./login.js";
@@ -68,8 +68,10 @@ async function show(at = {t: time.t, session: time.session}) {
     const opened = time.open(place.craft, at.t, at.session);
     document.title = `${page.title} \u00b7 ${place.craft || "control room"}`;
     for (const one of menu.children) {
-        if (one.dataset.page === place.page) one.setAttribute("aria-current", "page");
-        else one.removeAttribute("aria-current");
+        if (one.dataset.page === place.page) {
+            one.setAttribute("aria-current", "page");
+            one.scrollIntoView({block: "nearest", inline: "nearest"});
+        } else one.removeAttribute("aria-current");
         one.href = `#/${one.dataset.page}?craft=${encodeURIComponent(place.craft)}`;
     }
     frame();
@@ -136,7 +138,7 @@ function frame() {
         chooser.names = names.join("\n");
         chooser.replaceChildren(...names.map((name) => h("option", {value: name}, name)));
     }
-    chooser.value = place.craft;
+    chooser.value = chooser.title = place.craft;
     const ok = live.state === "connected";
     dress(link, `link ${ok ? "good" : "bad"}`);
     put(link, ok ? "\u25cf connected" : "\u25b2 no connection");
@@ -176,6 +178,7 @@ async function begin() {
             h("button", {onclick: () => keys.help(), title: "keys (?)", "aria-label": "keys"}, "?"),
             api.session.user && api.session.login !== false && h("button", {onclick: leave}, "Log out")),
         menu, main, time.element, said, new Questions(live).element);
+    document.addEventListener("pointerover", sayWhole);
     for (const kind of ["state", "skipped", "craft", "crafts", "alarms"]) live.on(kind, frame);
     live.on("crafts", () => live.craft(place.craft) || !main.firstChild || show());
     live.on("again", () => show());

@@ -2,6 +2,8 @@
 // Curves of parameters over time: from the archive, and what comes since; with gaps where nothing came.
 import uPlot from "uplot";
 import {CONCERNS, SHAPES} from "./dom.js";
+import {bare} from "./format.js";
+import {real} from "./store.js";
 
 const FAR = 5;      // so many times the usual step apart, two samples have a gap between them
 const MARK = 6;     // [px] of what was beyond limits
@@ -60,7 +62,7 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
     const colour = (k) => COLOURS[theme][k % COLOURS[theme].length];
     const labels = slots[0]?.labels ?? [];
     const shown = (slot, y) => (y === null || y === undefined ? "\u2013" :
-        slot?.labels?.[y] ?? `${+y.toPrecision(7)}${slot?.unit && slot.unit !== "-" ? ` ${slot.unit}` : ""}`);
+        slot?.labels?.[y] ?? `${real(y)} ${bare(slot?.unit)}`.trim());
     /** Numbers of an axis, with as many digits as tell them apart. */
     const numbers = (all, step) => {
         const size = Math.max(...all.map(Math.abs)), digits = Math.max(1, Math.ceil(Math.log10(size / step)) + 1);
@@ -76,22 +78,26 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
         u.ctx.fillStyle = css.getPropertyValue(`--${CONCERNS[level]}`);
         u.ctx.fillRect(x - MARK / 2, high - MARK / 2, MARK, low - high + MARK);
     });
+    const units = new Set(slots.filter((slot) => !slot?.labels?.length).map((slot) => bare(slot?.unit) || "[-]"));
+    const {base, labels: names} = named(curves.map((one) => one.name));
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
     const made = new uPlot({
+        title: base,
         width: Math.max(200, holder.clientWidth),
         height,
-        padding: [8, 14, 0, 0],
+        padding: [8, 26, 0, 0],
         tzDate: (t) => uPlot.tzDate(new Date(t * 1e3), "Etc/UTC"),
         scales: {x: {time: true, auto: false}, y: {range: (_, low, high) => room(low, high)}},
         axes: [
-            {...axis, size: 28, space: 80, values: (_, all, __, ___, step) => all.map((t) => tick(t, step))},
-            {...axis, size: 70, values: (_, all, __, ___, step) => numbers(all, step)}
+            {...axis, size: 28, space: 70, values: (_, all, __, ___, step) => all.map((t) => tick(t, step))},
+            {...axis, size: 62, label: [...units].join(", ") || " ", labelSize: 18, labelGap: 2, labelFont: axis.font,
+                values: (_, all, __, ___, step) => numbers(all, step)}
         ],
         series: [
             {label: "t", value: (_, t) => (t === null || t === undefined ? "" : words(t))},
             ...curves.flatMap((one, k) => [{
-                label: one.name,
+                label: names[k],
                 stroke: colour(k),
                 width: 1.5,
                 paths: steps(k),
@@ -145,6 +151,17 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
     },
         data(curves), holder);
     return made;
+}
+
+/** Of the names of curves in one picture: what all begin with, and what tells each apart. */
+export function named(names) {
+    const parts = names.map((one) => one.split(/(?=[.[])/)), [first] = parts;
+    const most = Math.min(...parts.map((one) => one.length - 1));
+    let same = 0;
+    while (same < most && parts.every((one) => one[same] === first[same])) same++;
+    return {base: names.length > 1 && same ? first.slice(0, same).join("") : names.length > 1 ? "" : names[0] ?? "",
+            labels: names.length > 1 ? parts.map((one) => one.slice(same).join("").replace(/^\./, "")) :
+                                       names.map((one) => one.split(".").at(-1))};
 }
 
 /** The table of all curves over one axis of time. */

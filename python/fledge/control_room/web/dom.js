@@ -40,6 +40,23 @@ export function hint(node, text) {
     node.title = visible(text);
 }
 
+/** Show a time of day, with its date where there is room. */
+export function stamp(node, text) {
+    if (node.said === text) return;
+    node.said = text;
+    const day = text.match(/^\d{4}-\d\d-\d\d /)?.[0] ?? "";
+    node.replaceChildren(h("span", {class: "date"}, day), text.slice(day.length));
+    hint(node, text);
+}
+
+/** Say in full, where a pointer rests, what the page has no room for. */
+export function sayWhole({target}) {
+    if (!(target instanceof HTMLElement) || target.title && !target.whole) return;
+    const cut = target.scrollWidth > target.clientWidth && getComputedStyle(target).overflowX !== "visible";
+    if (cut || target.whole) target.title = cut ? target.textContent : "";
+    target.whole = cut;
+}
+
 /** Give a node a class name, if it has another one. */
 export function dress(node, name) {
     if (node.className !== name) node.className = name;
@@ -55,6 +72,13 @@ export async function attempt(place, action) {
             place.append(h("p", {class: "problem", role: "alert"}, error.message || String(error)));
         return undefined;
     }
+}
+
+/** Whether a craft has what a page is for; else the page says that it has none. */
+export function has(live, craft, root, what, none) {
+    const there = live.craft(craft)?.can?.includes(what);
+    if (!there) root.append(h("section", {class: "panel"}, h("p", {class: "none soft"}, `${craft} has ${none}.`)));
+    return there;
 }
 
 /** Ask in a dialog. fields: elements with a name; resolves to {name: value}, or null if the person thought better. */
@@ -82,5 +106,6 @@ export const SHAPES = ["", "\u25cb", "\u25b3", "\u25c7", "\u25a0", "\u2b23"];
 export function concern(level, node = h("span")) {
     dress(node, `concern c${level}`);
     put(node, level ? `${SHAPES[level]} ${CONCERNS[level]}` : "");
+    hint(node, level ? CONCERNS[level] : "");       // where there is room for the shape alone
     return node;
 }

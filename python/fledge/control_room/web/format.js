@@ -45,3 +45,16 @@ export function span(seconds) {
 
 /** 1234567 -> "1 234 567", with narrow spaces */
 export const count = (n) => String(n ?? 0).replace(/\B(?=(\d{3})+(?!\d))/g, "\u202f");
+
+/** A unit as it is shown: none where a number has none. */
+export const bare = (unit) => (unit === "-" ? "" : unit ?? "");
+
+/** A number for a look, not for a calculation: two digits behind the point, or three that matter. */
+export function digits(value) {
+    if (!Number.isFinite(value)) return "\u2013";
+    const size = Math.abs(value);
+    const text = size && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) :
+        size < 1                                      ? String(+value.toPrecision(3)) :
+                                                        value.toFixed(2);
+    return text.replaceAll("-", "\u2212");
+}

@@ -108,6 +108,16 @@ export class Store {
     }
 }
 
+const MOST = 7;     // curves of a plot
+
+/** A parameter's name with those of the other components of its vector, as far as a plot can have them. */
+export function together(store, name) {
+    const base = name.replace(/\[\d+\]$/, "");
+    const found = base === name ? [] : store.slots.filter((one) => one && one.name.startsWith(`${base}[`) &&
+        /^\[\d+\]$/.test(one.name.slice(base.length))).map((one) => one.name);
+    return found.length && found.length <= MOST ? found : [name];
+}
+
 function join(from, slot, how) {
     bits.setUint32(0, from[2 * slot], true);
     bits.setUint32(4, from[2 * slot + 1], true);

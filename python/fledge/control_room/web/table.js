@@ -2,12 +2,22 @@
 // A table that does not jump: rows of one height, only those in view are elements, and each keeps its place.
 import {h} from "./dom.js";
 
-const HEIGHT = 26, SPARE = 4;
+const HEIGHT = 26, SPARE = 4, GAP = 11, SIZES = {rem: 16, em: 13};      // [px]
+
+/** The least width of columns [px]: of each the first number of its width, and what is between them. */
+const least = (columns) => columns.reduce((sum, {width}) => {
+    const [, number = 0, unit = "em"] = /([\d.]+)(r?em)/.exec(width) ?? [];
+    return sum + number * SIZES[unit] + GAP;
+}, GAP);
+
 let tables = 0;
+
+const classOf = (column) => `td ${column.class ?? ""}${column.narrow === "" ? " aside" : ""}`;
 
 /** A table.
  *
- *  columns: [{title, width (of CSS's grid), class}]
+ *  columns: [{title, width (of CSS's grid), class, narrow}]; narrow: its width where there is no room for all of them;
+ *      "": it is left out then
  *  fill(cells, row, element): show row number `row` in these cells; only what has changed is to be written (put, dress)
  *  choose(row, event): a row was chosen by Enter or a click;  moved(row): the cursor stands on another row
  *  viewed(first, last): other rows are in view
@@ -18,7 +28,7 @@ export class Table {
             this, {columns, fill, choose, moved, viewed, height, count: 0, at: -1, rows: [], first: 0, last: -1});
         this.id = `table${++tables}`;
         this.head = h("div", {class: "thead", role: "rowgroup"}, h("div", {class: "tr", role: "row"},
-            columns.map((one) => h("span", {class: `td ${one.class ?? ""}`, role: "columnheader"}, one.title))));
+            columns.map((one) => h("span", {class: classOf(one), role: "columnheader"}, one.title))));
         this.body = h("div", {class: "tbody", role: "rowgroup"});
         this.none = h("p", {class: "none soft"}, empty);
         this.scroll = h("div", {
@@ -33,7 +43,12 @@ export class Table {
             this.head, this.body);
         this.element = h("div", {class: "table"}, this.scroll, this.none);
         this.element.style.setProperty("--columns", columns.map((one) => one.width ?? "1fr").join(" "));
-        this.watch = new ResizeObserver(() => this.draw());
+        this.element.style.setProperty("--narrow",
+            columns.map((one) => one.narrow ?? one.width ?? "1fr").filter(Boolean).join(" "));
+        this.watch = new ResizeObserver(() => {
+            this.element.classList.toggle("narrow", this.scroll.clientWidth < least(columns));
+            this.draw();
+        });
         this.watch.observe(this.scroll);
     }
 
@@ -92,7 +107,7 @@ export class Table {
 
     make() {
         const role = this.choose || this.moved ? "gridcell" : "cell";
-        const cells = this.columns.map((one) => h("span", {class: `td ${one.class ?? ""}`, role}));
+        const cells = this.columns.map((one) => h("span", {class: classOf(one), role}));
         const element = h("div", {class: "tr", role: "row", hidden: true}, cells);
         element.style.height = `${this.height}px`;
         this.body.append(element);

@@ -2,7 +2,7 @@
 // Alarms: what is or was beyond its limits, until a person has acknowledged it; shelved ones keep quiet for a while.
 import {isShelved} from "../alarms.js";
 import {of} from "../api.js";
-import {ask, attempt, concern, dress, h, hint, put} from "../dom.js";
+import {ask, attempt, concern, dress, h, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {editLimits, limitsText} from "../limits.js";
 import {real} from "../store.js";
@@ -22,10 +22,12 @@ export async function open(context) {
         label: "alarms",
         empty: "No alarm is open",
         columns: [
-            {title: "Now", width: "6.5rem"}, {title: "Worst", width: "6.5rem"},
-            {title: "Parameter", width: "minmax(10rem, 3fr)"},
-            {title: "Value", width: "minmax(6rem, 1fr)", class: "num mono"},
-            {title: "Since", width: "12rem", class: "tab"}, {title: "State", width: "minmax(7rem, 1.2fr)"}
+            {title: "Now", width: "6.5rem", narrow: "1.2rem", class: "shape"},
+            {title: "Worst", width: "6.5rem", narrow: ""},
+            {title: "Parameter", width: "minmax(10rem, 3fr)", narrow: "minmax(0, 3fr)"},
+            {title: "Value", width: "minmax(6rem, 1fr)", class: "num mono", narrow: "minmax(0, 2fr)"},
+            {title: "Since", width: "12rem", class: "tab", narrow: "5.6rem"},
+            {title: "State", width: "minmax(7rem, 1.2fr)", narrow: "minmax(0, 2fr)"}
         ],
         fill: (cells, row, element) => {
             const one = alarms[row];
@@ -35,9 +37,8 @@ export async function open(context) {
                     put(cells[k].firstChild, "within");
             }
             put(cells[2], one.name);
-            hint(cells[2], one.name);
             put(cells[3], typeof one.value === "number" ? real(one.value) : String(one.value ?? ""));
-            put(cells[4], time.text(one.since_ns));
+            stamp(cells[4], time.text(one.since_ns));
             put(cells[5], state(one));
             dress(element,
                 `tr${row === table.at ? " at" : ""}${one.acknowledged || isShelved(one) ? " soft" : ""}`);

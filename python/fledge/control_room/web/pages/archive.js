@@ -15,11 +15,13 @@ export async function open(context) {
         label: "sessions",
         empty: "Nothing is archived yet",
         columns: [
-            {title: "Session", width: "4.5rem", class: "num"},
-            {title: "From", width: "minmax(9rem, 1fr)", class: "tab"},
-            {title: "To", width: "minmax(9rem, 1fr)", class: "tab"}, {title: "Length", width: "5rem", class: "num"},
-            {title: "Packets", width: "6rem", class: "num"}, {title: "Gaps", width: "3.5rem", class: "num"},
-            {title: "Ended", width: "minmax(7rem, 1fr)"}
+            {title: "Session", width: "4.5rem", class: "num", narrow: "3.4rem"},
+            {title: "From", width: "minmax(9rem, 1fr)", class: "tab", narrow: "minmax(0, 1fr)"},
+            {title: "To", width: "minmax(9rem, 1fr)", class: "tab", narrow: ""},
+            {title: "Length", width: "5rem", class: "num", narrow: "3.6rem"},
+            {title: "Packets", width: "6rem", class: "num", narrow: "5rem"},
+            {title: "Gaps", width: "3.5rem", class: "num", narrow: ""},
+            {title: "Ended", width: "minmax(7rem, 1fr)", narrow: ""}
         ],
         fill: (cells, row) => {
             const one = sessions[row];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Commands: found in the database, filled in, looked at as bytes, sent, and followed by their verifiers.
 import {of} from "../api.js";
-import {attempt, dress, h, put} from "../dom.js";
+import {attempt, dress, h, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {
     Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
@@ -187,13 +187,15 @@ export class Sent {
             label: "sent commands",
             empty: "No command was sent yet",
             columns: [
-                {title: "time", width: utc ? "10.5em" : "7.5em"}, {title: "command", width: "minmax(10em, 3fr)"},
-                {title: "arguments", width: "minmax(6em, 2fr)"}, ...stages.map((title) => ({
+                {title: "time", width: utc ? "10.5em" : "7.5em", narrow: "5.6rem"},
+                {title: "command", width: "minmax(10em, 3fr)", narrow: "minmax(0, 1fr)"},
+                {title: "arguments", width: "minmax(6em, 2fr)", narrow: ""}, ...stages.map((title) => ({
                     title: title === "progress" ? "%" : title,
                     width: title === "progress" ? "4em" : "5.4em",
+                    narrow: "1.2rem",
                     class: "center"
                 })),
-                {title: "", width: "minmax(6em, 3fr)"}, {title: "by", width: "5.5em"}
+                {title: "", width: "minmax(6em, 3fr)", narrow: ""}, {title: "by", width: "5.5em", narrow: ""}
             ],
             fill: (cells, k) => this.fill(cells, this.rows[k]),
             moved: (k) => this.show(this.rows[k]),
@@ -229,7 +231,7 @@ export class Sent {
 
     fill(cells, row) {
         const [time, name, values, ...rest] = cells, by = rest.pop(), why = rest.pop();
-        put(time, clock(row.t_ns, this.utc, this.utc ? 0 : 1));
+        stamp(time, clock(row.t_ns, this.utc, this.utc ? 0 : 1));
         put(name, row.name);
         put(values, inWords(row.arguments));
         this.stages.forEach((stage, i) => {
@@ -242,7 +244,7 @@ export class Sent {
         });
         const {state, text} = outcome(row);
         put(why, state === "bad" ? text : "");
-        dress(why, `td ${state === "bad" ? "problem" : ""}`);
+        dress(why, `td aside ${state === "bad" ? "problem" : ""}`);
         put(by, row.user);
     }
 

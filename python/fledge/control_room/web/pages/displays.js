@@ -3,6 +3,7 @@
 import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, chart, data} from "../curves.js";
+import {bare} from "../format.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
 import {valueText} from "../store.js";
 import {theme} from "../theme.js";
@@ -71,7 +72,7 @@ export async function open(context) {
             {class: `panel ${about.kind}${about.wide ? " wide" : ""}`, "aria-label": about.title || about.kind},
             about.title && h("h3", {}, about.title), make(about));
     }
-    const unit = (slot) => (["", "-", undefined].includes(store.slots[slot]?.unit) ? "" : store.slots[slot].unit);
+    const unit = (slot) => bare(store.slots[slot]?.unit);
 
     function values({items}) {
         return h("table", {class: "plain"}, h("tbody", {}, items.map((item) => {

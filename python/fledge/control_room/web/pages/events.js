@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What happened, on board and on the ground: by severity, source and words.
 import {of} from "../api.js";
-import {CONCERNS, concern, h, hint, put} from "../dom.js";
+import {CONCERNS, concern, h, put, stamp} from "../dom.js";
 import {List} from "../list.js";
 
 export const title = "Events", key = "e";
@@ -40,21 +40,22 @@ export async function open(context) {
             (!word || `${one.source} ${one.text}`.toLowerCase().includes(word.toLowerCase())),
         table: {
             label: "events", empty: "No event fits",
-            columns: [{title: "Time", width: "12rem", class: "tab"}, {title: "Severity", width: "6.5rem"},
-                      {title: "Source", width: "minmax(7rem, 1fr)"}, {title: "Text", width: "minmax(12rem, 4fr)"}],
+            columns: [{title: "Time", width: "12rem", class: "tab", narrow: "5.6rem"},
+                      {title: "Severity", width: "6.5rem", narrow: "1.2rem", class: "shape"},
+                      {title: "Source", width: "minmax(7rem, 1fr)", narrow: "minmax(3rem, 1fr)"},
+                      {title: "Text", width: "minmax(12rem, 4fr)", narrow: "minmax(0, 3fr)"}],
             fill: (cells, event) => {
-                put(cells[0], time.text(event.t_ns));
+                stamp(cells[0], time.text(event.t_ns));
                 concern(level(event), cells[1].firstChild ?? cells[1].appendChild(h("span")));
                 if (!level(event)) put(cells[1].firstChild, event.severity);
                 put(cells[2], event.source);
                 put(cells[3], event.text);
-                hint(cells[3], event.text);
                 if (event.source && !sources.has(event.source)) {
                     sources.add(event.source);
                     from.append(h("option", {value: event.source}, event.source));
                 }
             },
-            moved: (event) => put(whole, event.text),
+            moved: (event) => put(whole, `${event.source}: ${event.text}`),
         },
     });
     const whole = h("p", {class: "whole"});

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files to the spacecraft and from it, by CFDP.
 import {of} from "../api.js";
-import {attempt, h, put} from "../dom.js";
+import {attempt, h, has} from "../dom.js";
 import {clock} from "../format.js";
 import {size} from "../transfer.js";
 
 export const title = "Files", key = "f", role = "command";
 
 export async function open({root, api, live, keys, craft, can, on, say}) {
+    if (!has(live, craft, root, "files", "no Files, so no file goes up or down")) return undefined;
     const utc = live.craft(craft)?.clock === "utc", transfers = new Map();
     const may = can("command");
 
@@ -130,6 +131,8 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
     keys.add("u", "choose a file to send", () => file.click());
     keys.add("d", "list what is on board", directory);
     keys.add("f", "fetch a file", () => wanted.focus());
+    aboard.append(h("tr", {}, h("td", {class: "soft"}, "Not listed yet.")));
     draw();
     await attempt(root, load);
+    return undefined;
 }

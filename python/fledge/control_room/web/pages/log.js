@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The operators' log: who did what, and who was refused.
-import {dress, h, put} from "../dom.js";
+import {dress, h, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {List} from "../list.js";
 
@@ -9,7 +9,7 @@ export const title = "Log", key = "g";
 export async function open(context) {
     const {root} = context;
     let word = context.selection;
-    const search = h("input", {type: "search", placeholder: "search users, actions  ( / )", value: word,
+    const search = h("input", {type: "search", placeholder: "search users, actions  ( / )", value: word, size: 34,
                                "aria-label": "search the log", oninput: () => {
         word = search.value;
         context.select(word);
@@ -24,20 +24,22 @@ export async function open(context) {
             label: "operators' log",
             empty: "Nobody has done anything",
             columns: [
-                {title: "Time (UTC)", width: "12rem", class: "tab"}, {title: "User", width: "8rem"},
-                {title: "Spacecraft", width: "8rem"}, {title: "Action", width: "minmax(10rem, 2fr)"},
-                {title: "Details", width: "minmax(8rem, 3fr)", class: "mono"}, {title: "Result", width: "5rem"}
+                {title: "Time (UTC)", width: "12rem", class: "tab", narrow: "5.6rem"},
+                {title: "User", width: "8rem", narrow: "4rem"}, {title: "Spacecraft", width: "8rem", narrow: ""},
+                {title: "Action", width: "minmax(10rem, 2fr)", narrow: "minmax(0, 2fr)"},
+                {title: "Details", width: "minmax(8rem, 3fr)", class: "mono", narrow: ""},
+                {title: "Result", width: "5rem", narrow: "1.2rem", class: "shape"}
             ],
             fill: (cells, one) => {
-                put(cells[0], clock(one.time_ns, true));
+                stamp(cells[0], clock(one.time_ns, true));
                 put(cells[1], one.user ?? "nobody");
                 put(cells[2], one.craft ?? "");
                 put(cells[3], one.action);
                 put(cells[4], one.text);
                 put(cells[5], one.good === false ? "\u25a0 refused" : "");
-                dress(cells[5], `td ${one.good === false ? "c4" : ""}`);
+                dress(cells[5], `td shape ${one.good === false ? "c4" : ""}`);
             },
-            moved: (one) => put(whole, one.text),
+            moved: (one) => put(whole, [one.craft, one.action, one.text].filter(Boolean).join(" ")),
         },
     });
     root.append(h("div", {class: "head"}, h("h1", {}, "Operators\u2019 log"), search), list.element, whole);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every spacecraft at a glance: its link and radio, its next passes, packets, alarms and newest events.
+// Every spacecraft at a glance: what it does, its link and radio, its next passes, packets, alarms and newest events.
 import {of} from "../api.js";
-import {CONCERNS, SHAPES, concern, dress, h, put} from "../dom.js";
-import {clock, count} from "../format.js";
+import {CONCERNS, SHAPES, concern, dress, h, hint, put} from "../dom.js";
+import {bare, clock, count, span} from "../format.js";
+import {Glance, isStale} from "../glance.js";
 import {Radio} from "../radio.js";
 
 export const title = "Overview", key = "o";
@@ -19,7 +20,7 @@ export async function open(context) {
         const facts = h("dl", {class: "facts"}), radio = h("dl", {class: "facts"}), events = h("ul", {class: "lines"});
         const state = h("span"), alarms = h("a", {href: `#/alarms?craft=${encodeURIComponent(name)}`});
         const archive = h("p", {class: "problem", hidden: true});
-        const about = h("span", {class: "soft"});
+        const about = h("p", {class: "soft"});
         const row = (text) => {
             const value = h("dd");
             facts.append(h("dt", {}, text), value);
@@ -42,13 +43,18 @@ export async function open(context) {
             counts: row("Counts"),
             contact: new Radio(api, name)
         };
+        made.stateList = h("dl", {class: "facts"});
+        made.statePart = h("section", {hidden: true}, h("h3", {}, "State"), made.stateList);
         made.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio, by telemetry"), radio);
         made.element = h("article", {class: "panel card"},
-            h("div", {class: "row"},
-                h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)), about,
-                h("span", {class: "grow"}), state, alarms),
-            archive, facts, made.contact.part, made.radioPart,
-            h("section", {}, h("h3", {}, "Newest events"), events), made.contact.table);
+            h("header", {}, h("div", {class: "row"},
+                h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)),
+                h("span", {class: "grow"}), state, alarms), about),
+            archive,
+            h("div", {class: "parts"},
+                h("div", {class: "part"}, made.statePart, h("section", {}, h("h3", {}, "Telemetry"), facts)),
+                h("div", {class: "part"}, made.contact.part, made.radioPart), made.contact.table),
+            h("section", {}, h("h3", {}, "Newest events"), events));
         grid.append(made.element);
         cards.set(name, made);
         fill(made);
@@ -62,14 +68,20 @@ export async function open(context) {
         made.list = events;
         show(made);
         if (!store || made.slots.length) return;
-        made.slots = store.slots.filter((one) => one && RADIO.test(one.name)).slice(0, MOST);
-        if (!made.slots.length) return;
-        made.radioPart.hidden = false;
+        made.slots = store.slots.filter((one) => one && !one.header && RADIO.test(one.name)).slice(0, MOST);
+        made.glance = new Glance(store);
+        made.glance.rows = made.glance.rows.filter(({one}) => !made.slots.includes(one));
+        for (const row of made.glance.rows) {
+            row.cell = h("dd");
+            made.stateList.append(h("dt", {}, row.label), row.cell);
+        }
+        made.statePart.hidden = !made.glance.rows.length;
+        made.radioPart.hidden = !made.slots.length;
         for (const one of made.slots) {
             one.cell = h("dd");
             made.radio.append(h("dt", {title: one.name}, one.name.split(".").slice(-2).join(".")), one.cell);
         }
-        made.wish = live.want(made.name, made.slots.map(({slot}) => slot), 2);
+        made.wish = live.want(made.name, [...made.slots.map(({slot}) => slot), ...made.glance.slots], 2);
     }
 
     function show(made) {
@@ -79,7 +91,8 @@ export async function open(context) {
         const up = /^(up|connected|running|open|locked)$/.test(state);
         dress(made.state, up ? "good" : "concern c4");
         put(made.state, `${up ? "\u25cf" : "\u25a0"} link ${state || "unknown"}`);
-        put(made.about, `${craft.mission ?? ""}${craft.simulated ? ", simulated" : ""}`);
+        put(made.about, [craft.mission === made.name ? "" : craft.mission, craft.simulated && "simulated",
+            craft.replay && `replay of ${craft.replay}`].filter(Boolean).join(", "));
         const t = store.t ?? craft.t_ns;
         put(made.t, t === null || t === undefined ? "nothing received yet" : clock(t, craft.clock !== "simulated", 1));
         const rate = made.contact.show(craft);
@@ -98,7 +111,15 @@ export async function open(context) {
         const {count: waiting, worst} = context.alarms.waiting(made.name);
         dress(made.alarms, waiting ? `concern c${worst}` : "soft");
         put(made.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
-        for (const {slot, unit, cell} of made.slots) put(cell, `${store.text(slot)} ${unit === "-" ? "" : unit ?? ""}`);
+        for (const {slot, unit, cell} of made.slots) put(cell, `${store.text(slot)} ${bare(unit)}`);
+        for (const row of made.glance?.rows ?? []) {
+            const one = made.glance.read(row, (slot) => (store.seen[slot] ? {number: store.number(slot),
+                text: store.text(slot), level: store.concern[slot]} : undefined));
+            const since = isStale(one) ? `, ${span(one.age)} ago` : "";
+            put(row.cell, one.text ? `${one.text} ${one.unit}${since}` : "\u2013");
+            dress(row.cell, isStale(one) ? "soft" : one.level ? `c${one.level}` : "");
+            hint(row.cell, one.name);
+        }
         const lines = made.list.slice(0, MOST).map((one) => one.id).join();
         if (made.lines === lines) return;
         made.lines = lines;

@@ -54,9 +54,9 @@ export async function open(context) {
         label: "fields",
         empty: "No field was decoded",
         columns: [
-            {title: "Field", width: "minmax(8rem, 2fr)"},
+            {title: "Field", width: "minmax(8rem, 2fr)", narrow: "minmax(0, 2fr)"},
             {title: "Value", width: "minmax(5rem, 1.2fr)", class: "num mono"},
-            {title: "Raw", width: "minmax(4rem, 1fr)", class: "num mono"},
+            {title: "Raw", width: "minmax(4rem, 1fr)", class: "num mono", narrow: ""},
             {title: "Bits", width: "5.5rem", class: "num"}
         ],
         fill: (cells, row, element) => {

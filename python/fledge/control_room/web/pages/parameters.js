@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parameters by tree and search: value, unit, age, and how its limits judge it; live, or as they were at a time.
+// Parameters by packet, tree and search: value, unit, age, and how its limits judge it; live, or back in time.
+// What a person wants first stands first; headers of packets and heads of messages are folded.
 import {valuesAt} from "../api.js";
 import {attempt, concern, dress, h, hint, put} from "../dom.js";
-import {clock, span} from "../format.js";
+import {bare, span} from "../format.js";
+import {Glance, isStale} from "../glance.js";
 import {editLimits, limitsText} from "../limits.js";
-import {STATUSES, valueText} from "../store.js";
+import {STATUSES, together, valueText} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Parameters", key = "p";
@@ -12,7 +14,7 @@ export const title = "Parameters", key = "p";
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
     let shown = [], past = null, asking = null, [folder, word] = split(context.selection);
-    let only = false;
+    let only = false, headers = false, glance = new Glance(store), groups = packets(store, glance);
 
     const search = h("input", {
         type: "search",
@@ -31,52 +33,75 @@ export async function open(context) {
         bad.setAttribute("aria-pressed", only);
         filter();
     }}, "Beyond limits");
+    const folded = h("button", {
+        "aria-pressed": "false",
+        title: "headers of packets and heads of messages: times, counts, lengths",
+        onclick: () => {
+            headers = !headers;
+            folded.setAttribute("aria-pressed", headers);
+            plant();
+            filter();
+        }
+    }, "Headers");
     const tree = h("div", {class: "tree panel", role: "navigation", "aria-label": "groups of parameters"});
     const detail = h("div", {class: "detail panel", hidden: true});
     const table = new Table({
         label: "parameters",
         columns: [
-            {title: "Name", width: "minmax(9rem, 3fr)"},
-            {title: "Value", width: "minmax(7rem, 2fr)", class: "num mono"}, {title: "Unit", width: "4rem"},
-            {title: "State", width: "6rem"}, {title: "Age", width: "3.5rem", class: "num"}
+            {title: "Name", width: "minmax(9rem, 3fr)", narrow: "minmax(0, 3fr)"},
+            {title: "Value", width: "minmax(7rem, 2fr)", class: "num mono", narrow: "minmax(0, 3fr)"},
+            {title: "Unit", width: "4rem", narrow: "2.9rem"},
+            {title: "State", width: "6rem", class: "shape", narrow: "1.2rem"},
+            {title: "Age", width: "3.5rem", class: "num", narrow: "2.8rem"}
         ],
         fill: (cells, row, element) => {
-            const slot = shown[row], about = store.slots[slot], old = past?.get(slot);
-            put(cells[0],
-                folder && about.name.startsWith(`${folder}.`) ? about.name.slice(folder.length + 1) : about.name);
-            if (cells[0].title !== about.name)
-                hint(cells[0], about.name);
-            put(cells[2], about.unit === "-" ? "" : about.unit);
-            if (time.isLive) {
-                put(cells[1], store.text(slot));
-                const level = store.concern[slot], status = store.status[slot];
+            const one = shown[row], {slot} = one, about = store.slots[slot], old = past?.get(slot);
+            const say = (name, text, unit, level, word, since, soft) => {
+                put(cells[0], name);
+                put(cells[1], text);
+                put(cells[2], unit);
                 concern(level, cells[3].firstChild ?? cells[3].appendChild(h("span")));
-                if (!level)
-                    put(cells[3].firstChild, STATUSES[status] ?? "");
-                put(cells[4], store.seen[slot] ? age(slot) : "");
-                dress(element, `tr${row === table.at ? " at" : ""}${store.seen[slot] ? "" : " soft"}`);
-            } else {
-                put(cells[1], old ? valueText(about, old) : past ? "\u2013" : "\u2026");
-                concern(old?.concern ?? 0, cells[3].firstChild ?? cells[3].appendChild(h("span")));
-                put(cells[4], old ? span(Number(time.at - old.t) / 1e9) : "");
-                dress(element, `tr${row === table.at ? " at" : ""}`);
+                if (!level) put(cells[3].firstChild, word);
+                put(cells[4], since);
+                dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${one.group ? " group" : ""}`);
+            };
+            hint(element, one.group ? one.about : one.glance ? glance.read(one.glance, now).name : about.name);
+            if (one.group) return say(one.group, "", "", 0, "", "");
+            if (one.glance) {
+                const {text, unit, level, age, slot: from} = glance.read(one.glance, now);
+                return say(one.glance.label, text, unit, level, "",
+                    age ? span(age) : now(from) ? since(from) : "", isStale({age}));
             }
+            if (time.isLive)
+                return say(one.name, store.text(slot), bare(about.unit), store.concern[slot],
+                    STATUSES[store.status[slot]] ?? "", store.seen[slot] ? since(slot) : "", !store.seen[slot]);
+            return say(one.name, old ? valueText(about, old) : past ? "\u2013" : "\u2026", bare(about.unit),
+                old?.concern ?? 0, "", old ? since(slot) : "");
         },
         moved: (row) => choose(shown[row]),
         viewed: () => look(),
         empty: "No parameter fits",
     });
-    root.append(h("div", {class: "head"}, h("h1", {}, title), search, bad, counted),
+    root.append(h("div", {class: "head"}, h("h1", {}, title), search, bad, folded, counted),
         h("div", {class: "with-tree"}, tree, table.element, detail));
 
     const wish = context.want([]);
     let chosen = -1;
 
-    function age(slot) { return span(Math.max(0, Number((time.newest ?? 0n) - store.at(slot)) / 1e9)); }
+    /** What a slot was last, at the time that is shown. */
+    function now(slot) {
+        if (time.isLive)
+            return store.seen[slot] ? {number: store.number(slot), text: store.text(slot), level: store.concern[slot],
+                t: store.at(slot)} : undefined;
+        const old = past?.get(slot);
+        return old && {number: old.value, text: valueText(store.slots[slot], old), level: old.concern, t: old.t};
+    }
+    const since = (slot) => span(Math.max(0, Number((time.isLive ? time.newest ?? 0n : time.at) - now(slot).t) / 1e9));
 
     /** What is in view is what the server sends; of a time that has been, what the archive is asked for. */
     function look() {
-        const view = shown.slice(table.first, table.last + 1);
+        const rows = shown.slice(table.first, table.last + 1);
+        const view = [...new Set(rows.flatMap((one) => (one.glance ? glance.slots : one.group ? [] : [one.slot])))];
         if (time.isLive) wish.change(only ? "all" : chosen >= 0 ? [...view, chosen] : view);
         else {
             wish.change([]);
@@ -98,22 +123,31 @@ export async function open(context) {
 
     function filter() {
         const words = word.toLowerCase().split(/\s+/).filter(Boolean);
-        shown = store.slots
-                    .filter((one) => one && (!folder || one.name === folder || one.name.startsWith(`${folder}.`)) &&
-                                     (!only || store.concern[one.slot]) &&
-                                     words.every(
-                                         (part) =>
-                                             `${one.name} ${one.unit} ${one.description}`.toLowerCase().includes(part)))
-                    .map(({slot}) => slot);
-        put(counted, `${shown.length} of ${store.slots.length}`);
+        const fits = (one) => (headers || words.length || !one.header) &&
+            (!folder || one.name === folder || one.name.startsWith(`${folder}.`)) &&
+            (!only || store.concern[one.slot]) &&
+            words.every((part) => `${one.name} ${one.unit} ${one.description}`.toLowerCase().includes(part));
+        const found = groups.map((group) => ({...group, slots: group.slots.filter(fits)}))
+                          .filter(({slots}) => slots.length);
+        const apart = !words.length && !only;       // by packets; what was searched is a list of whole names
+        shown = found.flatMap(({name, about, slots}) => [
+            ...apart && name ? [{group: name, about}] : [],
+            ...slots.map((one) => ({slot: one.slot, name: apart ? within(one.name, name) : one.name}))]);
+        if (apart && !folder && glance.rows.length)
+            shown.unshift({group: "At a glance", about: "what matters first"},
+                ...glance.rows.map((row) => ({glance: row, slot: row.slots[0]})));
+        const all = store.slots.filter((one) => one && (headers || !one.header)).length;
+        put(counted, `${found.reduce((sum, {slots}) => sum + slots.length, 0)} of ${all}`);
+        put(folded, `Headers (${store.slots.filter((one) => one?.header).length})`);
         context.select([folder, word].filter((one, k) => k === 0 || one).join("/"));
         table.set(shown.length);
         look();
     }
 
-    function choose(slot) {
-        chosen = slot;
-        const about = store.slots[slot];
+    function choose({group, glance: row, slot}) {
+        if (group) return;
+        chosen = row ? glance.read(row, now).slot : slot;
+        const about = store.slots[chosen];
         const administer = context.can("administer");
         const facts = h("dl", {class: "facts"});
         const fact = (name, text) => text && facts.append(h("dt", {}, name), h("dd", {}, text));
@@ -127,11 +161,11 @@ export async function open(context) {
         if (about.labels?.length) fact("Values", about.labels.join(", "));
         const value = h("p", {class: "value"});
         detail.replaceChildren(h("h2", {}, about.name), value, facts,
-            h("div", {class: "row"}, h("button", {onclick: () => context.go({page: "plots", sel: about.name})}, "Plot"),
+            h("div", {class: "row"}, h("button", {onclick: () => plot(chosen)}, "Plot"),
                 about.kind === "real" || about.kind === "integer" || about.kind === "natural" ? h("button", {
                     disabled: !administer,
                     title: administer ? "" : "This asks for the role administer",
-                    onclick: () => editLimits(context, about).then((done) => done && choose(slot))
+                    onclick: () => editLimits(context, about).then((done) => done && choose({slot: about.slot}))
                 },
                                                                                                     "Edit limits")
                                                                                               : null,
@@ -144,17 +178,21 @@ export async function open(context) {
                 },
                     "Close")));
         detail.show = () =>
-            put(value, time.isLive ? `${store.text(slot)} ${about.unit === "-" ? "" : about.unit}` : "");
+            put(value, `${now(about.slot)?.text ?? ""} ${bare(about.unit)}`);
         detail.hidden = false;
         detail.show();
         look();
     }
 
+    /** A plot of a parameter, with the other components of its vector. */
+    const plot = (slot) => context.go({page: "plots", sel: together(store, store.slots[slot].name).join(",")});
+
     /** The folders of the names: one level more where the person has opened one. */
     function plant() {
         const counts = new Map();
-        for (const one of store.slots) {
-            const parts = one?.name.split(".") ?? [];
+        const seen = store.slots.filter((one) => one && (headers || !one.header));
+        for (const one of seen) {
+            const parts = one.name.split(".");
             for (let k = 1; k < Math.min(parts.length, 4); k++) {
                 const path = parts.slice(0, k).join(".");
                 counts.set(path, (counts.get(path) ?? 0) + 1);
@@ -167,7 +205,7 @@ export async function open(context) {
             one.path = path;
             return one;
         };
-        tree.replaceChildren(button("", "All", store.slots.length, 0),
+        tree.replaceChildren(button("", "All", seen.length, 0),
             ...[...counts].sort(([a], [b]) => (a < b ? -1 : 1)).map(([path,
                 n]) => button(path, path.split(".").at(-1), n, path.split(".").length - 1)));
         mark();
@@ -186,7 +224,8 @@ export async function open(context) {
 
     keys.add("b", "only those beyond limits", () => bad.click());
     keys.add(
-        "l", "plot the chosen one", () => chosen >= 0 && context.go({page: "plots", sel: store.slots[chosen].name}));
+        "l", "plot the chosen one", () => chosen >= 0 && plot(chosen));
+    keys.add("h", "headers of packets and messages", () => folded.click());
     context.onFrame(() => {
         if (time.isLive) table.draw();
         detail.show?.();
@@ -198,7 +237,12 @@ export async function open(context) {
         table.draw();
         look();
     });
-    context.on("learned", () => { plant(); filter(); });
+    context.on("learned", () => {
+        glance = new Glance(store);
+        groups = packets(store, glance);
+        plant();
+        filter();
+    });
     plant();
     filter();
     if (context.selection === "/") {
@@ -211,6 +255,32 @@ export async function open(context) {
         table.close();
     };
 }
+
+/**
+ * The packets of a store: [{name, about, slots}]; name: what the names of its values begin with. First those with what
+ * matters first, then those of outputs of modules, which have a head, then the others; last those of headers alone.
+ */
+function packets(store, glance) {
+    const first = ({slots}) => glance.slots.findIndex((wanted) => slots.some(({slot}) => slot === wanted));
+    const rank = (group) => (group.slots.every(({header}) => header) ? 3e9 :
+        !group.slots.some(({name, header}) => header && name.includes(".head.")) ? 2e9 :
+        first(group) < 0 ? 1e9 : first(group));
+    const found = new Map();
+    for (const one of store.slots) {
+        if (!one) continue;
+        if (!found.has(one.container)) found.set(one.container, []);
+        found.get(one.container).push(one);
+    }
+    return [...found].map(([container, slots]) => {
+        const [begin, ...rest] = slots.map(({name}) => name.split(".").slice(0, -1));
+        const same = begin.findIndex((part, k) => rest.some((one) => one[k] !== part));
+        const name = begin.slice(0, same < 0 ? begin.length : same).join(".");
+        return {name: name || container?.split("/").at(-1) || "Computed by this server", slots, rank: rank({slots}),
+                about: container ? `packet ${container}` : ""};
+    }).sort((a, b) => a.rank - b.rank);
+}
+
+const within = (name, group) => (name.startsWith(`${group}.`) ? name.slice(group.length + 1) : name);
 
 function split(selection) {
     const at = selection.indexOf("/");

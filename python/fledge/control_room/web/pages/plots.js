@@ -3,6 +3,7 @@
 import {of, series} from "../api.js";
 import {attempt, h, put} from "../dom.js";
 import {Curve, chart, data} from "../curves.js";
+import {together} from "../store.js";
 import {theme} from "../theme.js";
 
 export const title = "Plots", key = "l";
@@ -14,7 +15,10 @@ const ns = (t) => BigInt(Math.round(t * 1e6)) * 1000n;
 export async function open(context) {
     const {root, api, live, time, craft, keys} = context, store = await live.slots(craft);
     /** Of charts, each of parameters: "a,b;c". */
-    let names = context.selection.split(";").map((one) => one.split(",").filter(Boolean)).filter((one) => one.length);
+    let names = context.selection.split(";")
+        .map((one) => one.split(",").filter(Boolean).flatMap(
+            (name) => (store.byName.has(name) ? [name] : together(store, `${name}[0]`))))
+        .filter((one) => one.length);
     let charts = [], curves = new Map(), fixed = null, asked = 0, drawn = 0, behind = false;
     const problem = h("div"), grid = h("div", {class: "charts"}), loading = h("span", {class: "soft", role: "status"});
     const wish = context.want([], 20);
@@ -36,10 +40,13 @@ export async function open(context) {
     });
 
     function offer() {
-        const words = search.value.toLowerCase().split(/\s+/).filter(Boolean), fit = [];
-        for (const one of words.length ? store.slots : []) {
-            if (!one || one.kind === "text" || one.kind === "binary") continue;
-            if (words.every((part) => one.name.toLowerCase().includes(part))) fit.push(one);
+        const words = search.value.toLowerCase().split(/\s+/).filter(Boolean), fit = [], known = new Set();
+        for (const {name, kind} of words.length ? store.slots.filter(Boolean) : []) {
+            if (["text", "binary"].includes(kind) || known.has(name)) continue;
+            if (!words.every((part) => name.toLowerCase().includes(part))) continue;
+            const all = /\[\d+\]$/.test(words.at(-1)) ? [name] : together(store, name);
+            for (const one of all) known.add(one);
+            fit.push({name: all.length > 1 ? `${name.replace(/\[\d+\]$/, "")}, ${all.length} components` : name, all});
             if (fit.length === OFFERS) break;
         }
         offers.hidden = !words.length;
@@ -47,22 +54,22 @@ export async function open(context) {
                                                             h("button", {
                                                                 class: "branch",
                                                                 title: "in a plot of its own (Enter)",
-                                                                onclick: () => add(one.name, false)
+                                                                onclick: () => add(one.all, false)
                                                             },
                                                                 one.name),
                                                             h("button", {
                                                                 class: "small",
                                                                 disabled: !names.length,
                                                                 title: "into the last plot (Shift Enter)",
-                                                                onclick: () => add(one.name, true)
+                                                                onclick: () => add(one.all, true)
                                                             },
                                                                 "onto the last")))
                                               : [h("p", {class: "soft"}, "No parameter that has a number fits")]));
     }
 
-    function add(name, onto) {
-        if (onto && names.length) names.at(-1).push(name);
-        else names.push([name]);
+    function add(all, onto) {
+        if (onto && names.length) names.at(-1).push(...all.filter((one) => !names.at(-1).includes(one)));
+        else names.push(all);
         search.value = "";
         offers.hidden = true;
         rebuild();
@@ -108,8 +115,8 @@ export async function open(context) {
     function draw() {
         for (const one of charts) one.plot.destroy();
         grid.replaceChildren();
-        const height =
-            Math.max(150, Math.min(300, Math.floor((root.clientHeight - 80) / Math.max(1, names.length)) - 80));
+        const room = root.getBoundingClientRect().bottom - grid.getBoundingClientRect().top;
+        const height = Math.max(150, Math.min(460, Math.floor(room / Math.max(1, names.length)) - 90));
         charts = names.map((group, place) => {
             const holder = h("div", {class: "holder"});
             grid.append(h("section", {class: "panel chart"},
@@ -144,6 +151,7 @@ export async function open(context) {
                 seek: (t) => time.seek(ns(t)),
                 whole: follow,
             });
+            holder.plot = plot;     // for tests, and the browser's tools
             return {plot, holder, shown};
         });
         none.hidden = names.length > 0;
@@ -152,7 +160,8 @@ export async function open(context) {
 
     function show(all) {
         const [min, max] = view();
-        for (const {plot, shown} of charts) {
+        for (const {plot, shown, holder} of charts) {
+            holder.classList.toggle("empty", shown.every((one) => !one.t.length));
             if (all) plot.setData(data(shown), false);
             plot.setScale("x", {min, max});
             if (plot.cursor.left < 0) plot.setLegend({idx: plot.data[0].length - 1}, false);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Run control of a craft that the server flies: pause, step, speed, and changes of the world that are faults.
 import {of} from "../api.js";
-import {attempt, dress, h, put} from "../dom.js";
-import {clock} from "../format.js";
+import {attempt, dress, h, has, put} from "../dom.js";
+import {bare, clock} from "../format.js";
 
 export const title = "Simulation", key = "r", role = "command";
 
@@ -17,11 +17,7 @@ export function valueOf(text) {
 }
 
 export async function open({root, api, live, keys, craft, can, on, every}) {
-    if (!live.craft(craft)?.can?.includes("run")) {
-        root.append(h("section", {class: "panel"},
-            h("p", {class: "none soft"}, `${craft} is not flown by this server, so it has no run control.`)));
-        return undefined;
-    }
+    if (!has(live, craft, root, "run", "no run control, as this server does not fly it")) return undefined;
     const may = can("command");
     let run = null;
     const state = h("strong", {class: "state"}), t = h("span", {class: "big"}), real = h("span", {class: "soft"});
@@ -45,7 +41,7 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
     const control = h("section", {class: "panel", "aria-label": "run control"}, h("h3", {}, "Run"),
         h("div", {class: "row"}, state, t, real),
         h("div", {class: "row"}, pause, step, seconds, h("span", {class: "soft"}, "s"), h("span", {class: "grow"}),
-            h("span", {class: "soft"}, "speed"), speed),
+            h("label", {class: "soft"}, "speed ", speed)),
         past);
     const search = h("input", {
         type: "search",
@@ -60,7 +56,9 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
         h("p", {class: "soft"}, "Choose a parameter of the world, and give it another value at this instant."), search,
         h("div", {class: "frame"},
             h("table", {class: "plain"},
-                h("thead", {}, h("tr", {}, ["parameter", "value", "unit", ""].map((one) => h("th", {}, one)))), body)),
+                h("thead", {},
+                    h("tr", {}, ["parameter", "value", "unit", "meaning"].map((one) => h("th", {class: one}, one)))),
+                body)),
         h("form", {
             class: "row",
             onsubmit: (event) => {
@@ -112,11 +110,12 @@ export async function open({root, api, live, keys, craft, can, on, every}) {
             };
             return h("tr", {
                 tabIndex: 0,
+                title: one.meaning,
                 onclick: pick,
                 onkeydown: (event) => event.key === "Enter" && (event.preventDefault(), pick())
             },
                 h("td", {class: "mono"}, one.path), h("td", {class: "mono"}, JSON.stringify(one.value)),
-                h("td", {class: "soft"}, one.unit === "-" ? "" : one.unit), h("td", {class: "soft"}, one.meaning));
+                h("td", {class: "soft unit"}, bare(one.unit)), h("td", {class: "soft meaning"}, one.meaning));
         }));
         if (found.length > 300)
             body.append(h("tr", {}, h("td", {class: "soft", colSpan: 4}, `and ${found.length - 300} more: search`)));

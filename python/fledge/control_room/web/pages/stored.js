@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Commands that are stored on board: lists with absolute times, sequences, and when each is due.
 import {of} from "../api.js";
-import {ask, attempt, h, put} from "../dom.js";
+import {ask, attempt, h, has, put} from "../dom.js";
 import {clock, span} from "../format.js";
 import {Form, listed, post as command} from "../forms.js";
 
@@ -42,6 +42,7 @@ export function reach(last) {
 }
 
 export async function open({root, api, live, keys, craft, can, on, every, say}) {
+    if (!has(live, craft, root, "stored", "no StoredCommands, so no command waits on board")) return undefined;
     const utc = live.craft(craft)?.clock === "utc", may = can("command"), own = new Set();
     let stored = {lists: [], text: ""}, forms = [], shown = "";
     const now = () => live.craft(craft)?.t_ns ?? "0";
@@ -66,8 +67,9 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
         const at = now(), all = due(stored.lists, at), to = reach(all.at(-1)?.due ?? 0);
         line.setAttribute("aria-label", `${all.length} commands are due within ${span(to)}`);
         line.replaceChildren(
-            ...[0, .25, .5, .75, 1].map((share) => h("span", {class: "mark soft", style: `left: ${100 * share}%`},
-                                            share ? `+${span(share * to)}` : "now")),
+            ...[0, .25, .5, .75, 1].map(
+                (share) => h("span", {class: `mark soft${share === 1 ? " end" : ""}`, style: `left: ${100 * share}%`},
+                    share ? `+${span(share * to)}` : "now")),
             ...all.map((one) => h("span", {
                 class: "due",
                 style: `left: ${100 * one.due / to}%; top: ${1.5 + one.list % 4 * 1.1}rem`,
@@ -79,7 +81,7 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
                 h("td", {class: "num soft"}, clock(BigInt(at) + BigInt(Math.round(one.due * 1e9)), utc, 0)),
                 h("td", {class: "num"}, one.list), h("td", {class: "num"}, one.step), h("td", {}, one.name))));
         if (!all.length)
-            soon.append(h("tr", {}, h("td", {class: "soft", colSpan: 5}, stored.text || "Nothing is due.")));
+            soon.append(h("tr", {}, h("td", {class: "soft", colSpan: 5}, "Nothing is due.")));
     }
     function sum() {
         const known = stored.lists.reduce((n, one) => n + one.commands.length, 0);
@@ -208,4 +210,5 @@ export async function open({root, api, live, keys, craft, can, on, every, say}) 
         await load();
         forms = await api.get(of(craft, "commands"));
     });
+    return undefined;
 }

@@ -2,7 +2,7 @@
 // Tables: the parameters of modules on board, read, edited beside what is on board, and loaded whole.
 import {of} from "../api.js";
 import {attempt, h, put} from "../dom.js";
-import {clock} from "../format.js";
+import {bare, clock} from "../format.js";
 import {outcome, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
 
@@ -105,7 +105,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
         h("div", {class: "frame"},
             h("table", {class: "plain"},
                 h("thead", {}, h("tr", {}, ["parameter", "on board", "to load", "unit",
-                    "meaning"].map((one) => h("th", {}, one)))),
+                    "meaning"].map((one) => h("th", {class: one}, one)))),
                 body)));
 
     const id = () => `${craft}/${table.name}`;
@@ -158,11 +158,11 @@ export async function open({root, api, live, keys, craft, selection, select, can
                 h("select", {...about, onchange: set}, now === undefined && h("option", {value: ""}, "\u2013"),
                     leaf.choices.map((one) => h("option", {selected: one === String(now)}, one))) :
                 h("input", {...about, oninput: set});
-            const row = h("tr", {class: now !== undefined && !same(board, now) ? "differs" : ""},
+            const row = h("tr", {class: now !== undefined && !same(board, now) ? "differs" : "", title: leaf.meaning},
                 h("td", {class: "mono"}, leaf.path),
                 h("td", {class: "num"}, board === undefined ? "\u2013" : String(board)), h("td", {}, field),
-                h("td", {class: "soft"}, leaf.unit === "-" ? "" : leaf.unit),
-                h("td", {class: "soft"}, leaf.meaning, leaf.rule ? ` (${leaf.rule})` : ""));
+                h("td", {class: "soft unit"}, bare(leaf.unit)),
+                h("td", {class: "soft meaning"}, leaf.meaning, leaf.rule ? ` (${leaf.rule})` : ""));
             return row;
         });
         body.replaceChildren(...rows);
