@@ -3,7 +3,7 @@
 them, and a battery."""
 from datetime import datetime, timedelta
 
-from fledge import Orbit, flight as fsw, world
+from fledge import Orbit, world
 from fledge.units import A, MHz, N, V, W, arcsec, deg, hour, m, minute, ms, ohm, s
 
 from .flight import SAFE
@@ -32,14 +32,6 @@ def eyes(w, trackers):
     return [getattr(w, f"{what}_{name}") for name in "ab"[:trackers] for what in ("stars", "eye")]
 
 
-def begins():
-    """Where the mean elements of flight say that it is at the epoch, by SGP4."""
-    at = fsw.OrbitOnBoard(**ELEMENTS)
-    at.time.head.quality, at.time.time = "GOOD", EPOCH
-    at.update(t=0)
-    return Orbit.from_state(world.EARTH, at.orbit.r_BN_N * m, at.orbit.v_BN_N * m / s)
-
-
 def surroundings(w, sky):
     w.sun     = world.CelestialBody(body=world.SUN, sky=sky)
     w.moon    = world.CelestialBody(body=world.MOON, sky=sky)
@@ -59,7 +51,7 @@ def craft(w, f, sky):
     w.pressure = world.SolarPressure(light=w.light, area=0.12 * m**2, Cr=1.3, centre_B=[0.01, 0.005, -0.02] * m)
     w.craft    = world.Spacecraft(
         mass=MASS, I_B=INERTIA, parts=[w.wheels, w.rods, w.own, w.gradient, w.drag, w.pressure], sky=sky,
-        gravity=[world.EARTH.zonal(6), world.SUN, world.MOON], orbit=begins(),
+        gravity=[world.EARTH.zonal(6), world.SUN, world.MOON], orbit=Orbit.from_elements(sky, **ELEMENTS),
         sigma_BN=[0.3, -0.4, 0.2], omega_BN_B=[4, -6, 5] * deg / s)
     w.own.command = {"head": {"quality": "GOOD"}, "dipole": [1] + [0] * 7}    # at its limit, always
 

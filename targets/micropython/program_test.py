@@ -64,7 +64,10 @@ def test_what_the_script_computes_of_the_world_is_frozen(tmp_path, capsys, targe
     f.moon = fsw.ChebyshevEphemeris(**world.fit_ephemeris(sky, world.MOON, within=1 * km, duration=8 * day))
     f.sun = fsw.ChebyshevEphemeris(**world.fit_ephemeris(sky, world.SUN, within=1 * km, start=1 * hour,
                                                          duration=9 * day))
-    f.task""", 1).replace("[f.rest]", "[f.rest, f.moon, f.sun]")
+    turn = world.fit_orientation(sky, world.MARS, within=1 * km, duration=1 * day)
+    f.spin = fsw.InertialSpin(omega_RR0_R0=[0, 0, turn["rate"]])
+    f.connect(f.rest.reference >> f.spin.base)
+    f.task""", 1).replace("[f.rest]", "[f.rest, f.moon, f.sun, f.spin]")
     folder = mission(tmp_path, text)
     assert cli.main(["fly", str(folder), "--on", target, "--for", "5s", "--out", str(tmp_path / "out")]) == 0
     assert f"passed   desktop, {target}" in capsys.readouterr().out

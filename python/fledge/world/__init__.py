@@ -21,6 +21,7 @@ from fledge.world.bodies import (BODIES, EARTH, EMB, JUPITER, JUPITER_SYSTEM, MA
 from fledge.world.chebyshev import fit_ephemeris
 from fledge.world.orbit import Orbit
 from fledge.world.sky import EarthOrientation, Sky
+from fledge.world.turning import fit_orientation
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # Type checkers and editors assume that it is true. The build writes these stubs from the headers.

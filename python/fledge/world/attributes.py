@@ -145,7 +145,7 @@ def _set_serves(radio, process):
     _core.set_serves(radio, process if isinstance(process, str) else process.name)
 
 
-# Models of the Earth's magnetic field whose coefficients come with Fledge; the last two names are those of FieldOnBoard.
+# Models of the Earth's magnetic field that come with Fledge; the last two names are those of FieldOnBoard.
 MAGNETIC = {"WMM2025": "WMM2025", "IGRF-14": "IGRF-14", "WMM": "WMM2025", "IGRF": "IGRF-14"}
 _MAGNETIC_FILES = Path(__file__).with_name("magnetic")
 

@@ -10,7 +10,8 @@ from fledge.errors import SetupError, suggesting
 from fledge.objects.plausible import check_orbit
 from fledge.objects.si import to_number, to_si, to_vector
 from fledge.units import Quantity
-from fledge.world.bodies import ANGLE, LENGTH, NUMBER, SPEED, Body, body_of
+from fledge.world.bodies import ANGLE, EARTH, LENGTH, NUMBER, SPEED, Body, body_of
+from fledge.world.sky import TIME, Sky
 
 
 def _angle(value, name):
@@ -38,6 +39,68 @@ def _axes(frame):
     if not max(abs(x - y) for x, y in zip([*third, *lengths], [*c, 1, 1, 1])) < 1e-9:
         raise SetupError(f"Orbit: frame: the axes must be unit vectors at right angles, right-handed; found {rows}")
     return rows
+
+
+# [d] of a revolution about the Sun relative to the stars, by the mean longitudes of JPL's approximate elements.
+YEARS = {name: 36525 * 360 / rate for name, rate in (
+    ("MERCURY", 149472.67411175), ("VENUS", 58517.81538729), ("EARTH", 35999.37244981), ("MARS", 19140.30268499),
+    ("JUPITER", 3034.74612775), ("SATURN", 1222.49362201), ("URANUS", 428.48202785), ("NEPTUNE", 218.45945325))}
+
+
+def _osculating(n, a, k, i, u):
+    """Position and velocity, about an ascending node at [1, 0, 0], of a mean circular orbit at the argument of latitude
+    u. n: mean motion, k = J2 (R / a)^2 / 2, which makes it oblate."""
+    from math import cos, sin
+
+    c = cos(i)
+    s2, c2 = sin(2 * u), cos(2 * u)
+    r = a * (1 - 1.5 * k * (3 * c * c - 1) + 0.5 * k * (1 - c * c) * c2)
+    rate = -a * n * k * (1 - c * c) * s2
+    along = a * n * (1 + k * ((1 - c * c) * c2 - 1.5 * (1 - 3 * c * c)))
+    u, node, i = u - k * (7 * c * c - 1) / 4 * s2, 1.5 * k * c * s2, i + 1.5 * k * c * sin(i) * c2
+
+    def turned(x, y):
+        """x along the position in the plane, y across."""
+        p, q = x * cos(u) - y * sin(u), x * sin(u) + y * cos(u)
+        return [p * cos(node) - q * cos(i) * sin(node), p * sin(node) + q * cos(i) * cos(node), q * sin(i)]
+
+    return turned(r, 0.0), turned(rate, along)
+
+
+def _local_time(sky, t, direction, body, apparent):
+    """[s] of the meridian of a direction in N: how far its right ascension, about the body's true equator, is from that
+    of the Sun."""
+    from math import atan2, pi, radians
+
+    def ascension(d):
+        x, y, _ = axes @ list(d)
+        return atan2(y, x)
+
+    earth = body.naif == EARTH.naif
+    axes = sky.true_of_date(t) if earth else sky.equator(body, t)
+    if apparent:
+        sun = ascension(sky.state("SUN", t, body).r_PN_N)
+    elif earth:     # that of the mean Sun, as sidereal time has it
+        sun = radians(280.46061837 + 0.98564736629 * _utc(sky, t) / 86400e9)
+    else:
+        raise SetupError(f"mean local time is the Earth's, found {body.name}: write apparent=True for that of the Sun")
+    return (43200 + 43200 / pi * (ascension(direction) - sun)) % 86400
+
+
+def _utc(sky, t):
+    """[ns] of UTC since 2000-01-01T12:00:00, 86,400 s a day."""
+    from datetime import datetime
+
+    text, _, part = sky.utc(t).rstrip("Z").partition(".")
+    whole = datetime.fromisoformat(text.replace(":60", ":59")) - datetime(2000, 1, 1, 12)   # a leap second repeats
+    return (whole.days * 86400 + whole.seconds) * 10**9 + int(part.ljust(9, "0"))
+
+
+def _node_at(sky, t, local, body, apparent, frame):
+    """[rad] Right ascension, about the axes of a frame, of the node whose local time is `local` [s]."""
+    from math import pi
+
+    return (local - _local_time(sky, t, frame[0], body, apparent)) * pi / 43200 % (2 * pi)
 
 
 @suggesting(inc="i", incl="i", inclination="i", raan="Omega", RAAN="Omega", LAN="Omega", node="Omega", argp="omega",
@@ -119,6 +182,75 @@ class Orbit:
         orbit = cls(body.with_surface(0), p=p, e=e, i=i, Omega=Omega, omega=omega, f=f, frame=frame)
         vars(orbit)["body"] = body
         return orbit
+
+    @classmethod
+    def from_elements(cls, sky: Sky, t: Any = 0, **elements: Any) -> Orbit:
+        """The orbit about the Earth where SGP4 puts mean elements at a time of the run.
+
+            w.craft.orbit = Orbit.from_elements(sky, **mean_elements.read("my_sat.tle").parameters())
+
+        elements: parameters of fsw.OrbitOnBoard, so that flight and world begin alike. Raises SetupError where SGP4
+        gives no position.
+        """
+        from fledge import flight
+
+        sgp4 = flight.OrbitOnBoard(**elements)
+        sgp4.time.head.quality, sgp4.time.time = "GOOD", _utc(sky, t)
+        sgp4.update(t=0)
+        if not int(sgp4.orbit.head.quality):
+            raise SetupError("Orbit.from_elements: SGP4 gives no position from these elements at "
+                             f"{sky.utc(t)}: {sgp4.state.code.name}")
+        return cls.from_state(EARTH, [float(x) for x in sgp4.orbit.r_BN_N], [float(x) for x in sgp4.orbit.v_BN_N])
+
+    @classmethod
+    def sun_synchronous(cls, sky: Sky, altitude: Any, *, ltan: Any, u: Any = 0.0, body: Body | str = EARTH,
+                        apparent: bool = False) -> Orbit:
+        """The circular orbit whose plane follows the Sun, through the year, by the body's J2; at time 0 of the sky.
+
+            Orbit.sun_synchronous(sky, 500 * km, ltan=10.5 * hour)
+
+        altitude: of the mean orbit, its semi-major axis over the equatorial radius. ltan: local time at which it passes
+        the equator northwards; mean local time, or with `apparent` that of the true Sun, as local_time_of_node() has
+        it. u: mean argument of latitude, the angle from the ascending node. The elements are the osculating ones, about
+        the true equator of the body at time 0: mean ones with the terms of the first order in J2 of short period.
+
+        Raises SetupError where no plane is fast enough: too high, or about a body whose J2 or year is not known.
+        Source: Vallado, section 11.4.1; Spacetrack Report 3 for the short period.
+        """
+        from math import acos, cos, pi, sin, sqrt
+
+        what = "Orbit.sun_synchronous"
+        body = body_of(body, what)
+        u, local = to_number(u, f"{what}: u", "rad", ANGLE), to_number(ltan, f"{what}: ltan", "s", TIME)
+        a = body.radius + to_number(altitude, f"{what}: altitude", "m", LENGTH)
+        J2 = body.zonal(2).J[0]
+        if body.name not in YEARS or not J2 > 0:
+            raise SetupError(f"{what}: expected a planet with a known J2, of {', '.join(YEARS)}; found {body.name}")
+        n, k = sqrt(body.mu / a**3), J2 * (body.radius / a) ** 2 / 2
+        theta = -2 * pi / (YEARS[body.name] * 86400) / (3 * n * k)
+        if not abs(theta) <= 1:
+            raise SetupError(f"{what}: {(a - body.radius) / 1e3:g} km over {body.name} no plane turns fast enough to "
+                             "follow the Sun")
+        i = acos(theta)
+        frame = sky.true_of_date() if body.naif == EARTH.naif else sky.equator(body)
+        r, v = _osculating(n, a, k, i, u)
+        node = _node_at(sky, 0, local, body, apparent, frame)
+        x, y = cos(node), sin(node)
+        r, v = ([float(sum(axis[j] * w for axis, w in zip(frame, (x * b[0] - y * b[1], y * b[0] + x * b[1], b[2]))))
+                 for j in range(3)] for b in (r, v))
+        return cls.from_state(body, r, v, frame=frame)
+
+    def local_time_of_node(self, sky: Sky, t: Any = 0, *, apparent: bool = False) -> float:
+        """The local time at the ascending node at a time of the run [s of a day]: 37800 is half past ten.
+
+        Mean local time, of the Earth, is UTC and 240 s for each degree of longitude east. With `apparent` it is that of
+        the true Sun, of any body: 12 h where the Sun is over the node's meridian.
+        """
+        from math import cos, sin
+
+        axes = [[1, 0, 0], [0, 1, 0]] if self.frame is None else self.frame
+        node = [cos(self.Omega) * x + sin(self.Omega) * y for x, y in zip(axes[0], axes[1])]
+        return _local_time(sky, t, node, self.body, apparent)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if "v_BN_N" in vars(self):
