@@ -670,7 +670,7 @@ TEST(Spacecraft, SetUpIsChecked)
                   f.craft.prepare({"world.craft", 1, f.method.get()});
               }),
               "world.craft.r_BN_N: must lie outside mars, of radius 0 m; found a distance of 0 m "
-              "from its centre");
+              "from its centre: give the spacecraft an orbit");
 }
 
 } // namespace spacecraft_model_test

@@ -68,7 +68,8 @@ void Attraction::prepare(const std::string &craft, const Vector3d &r_BN_N)
         if (!(distance > *body.surface)) {
             throw sim::SetupError(craft_ + ".r_BN_N: must lie outside " + name_of(body) + ", of radius " +
                                   sim::format_number(*body.surface) + " m; found a distance of " +
-                                  sim::format_number(distance) + " m from its centre");
+                                  sim::format_number(distance) + " m from its centre" +
+                                  (distance == 0.0 ? ": give the spacecraft an orbit" : ""));
         }
     }
 }

@@ -122,9 +122,9 @@ def test_its_probability_is_that_of_the_draws(tumbler):
 @pytest.mark.parametrize("arguments, told", [
     (["R-9"], "there is no requirement 'R-9'.* there are R-1, R-4, R-2, R-3"),
     (["R-2"], "R-2 is shown by analysis, and has no formula"),
-    (["R-1", "--campaign", "tumble"], "has no campaign 'tumble'; it has tumbles, constant"),
+    (["R-1", "--campaign", "tumble"], "has no campaign 'tumble'; did you mean 'tumbles'. it has tumbles, constant"),
     (["R-1", "--campaign", "constant"], "there is nothing to search: each of world.craft.omega_BN_B.* one value alone"),
-    (["R-1", "--scenario", "stil"], "has no scenario 'stil'; did you mean 'still'? it has still, steps"),
+    (["R-1", "--scenario", "stil"], "has no scenario 'stil'; did you mean 'still'. it has still, steps"),
     (["R-1", "--scenario", "steps"], "the scenario steps begins with no run of a duration"),
     (["R-1", "--runs", "3"], "--runs must be >= 20, found 3"),
     (["R-1", "--probability", "--first"], "give --probability or --first; not both"),

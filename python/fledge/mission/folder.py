@@ -24,7 +24,7 @@ from typing import Any
 from pathlib import Path
 
 from fledge import folders
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError, did_you_mean, nearest
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
@@ -275,6 +275,11 @@ def _advice(error: BaseException) -> str:
         for module, short in ((flight, "fsw"), (world, "world")):
             if error.name in dir(module):
                 return f"; write {short}.{error.name}"
+        if error.name == "np":
+            return "; write import numpy as np at the top"
+    if isinstance(error, ImportError) and str(error.name).startswith("fledge.") and error.name in sys.modules:
+        wanted = str(error).removeprefix("cannot import name '").partition("'")[0]
+        return f"; did you mean '{near}'?" if (near := nearest(wanted, dir(sys.modules[error.name]))) else ""
     if isinstance(error, TypeError) and "can't multiply sequence" in str(error):
         return "; a list takes factors with a unit: [1, 2, 3] * (2.5 * N)"
     return ""

@@ -213,6 +213,10 @@ def _mode_name(mode: Mode | str) -> str:
     return mode.name if isinstance(mode, Mode) else mode
 
 
+def _task_name(task: Task | str) -> str:
+    return task.name if isinstance(task, Task) else task
+
+
 def _several(value: Any) -> list[Any]:
     """A list of handles or names, of which one may stand alone."""
     return list(value) if isinstance(value, (list, tuple)) else [] if value is None else [value]
@@ -551,6 +555,9 @@ class Process:
         """
         what = f"task {self.name}.{name}"
         for one in run:
+        if not isinstance(run, (list, tuple)):
+            raise SetupError(f"{what}: run takes a list of modules or models, as in run=[f.control]; found "
+                             + (_core.path(run) if isinstance(run, (_core.Module, _core.Model)) else repr(run)))
             if not isinstance(one, (_core.Module, _core.Model)):
                 raise SetupError(f"{what}: run takes modules or models; found {one!r}")
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
@@ -569,7 +576,9 @@ class Process:
         """
         what = f"mode {self.name}.{name}"
         self._new_name(name, what)
-        names = [t.name if isinstance(t, Task) else t for t in tasks]
+        if isinstance(tasks, (str, Task)):
+            raise SetupError(f"{what}: expected a list of tasks, as in [\"{_task_name(tasks)}\"]; found {tasks!r}")
+        names = [_task_name(one) for one in tasks]
         if when is not None and not isinstance(when, _core.Condition):
             raise SetupError(f"{what}: when takes a condition, as in watch(port).field < 1; found {when!r}")
         for one in _several(after):

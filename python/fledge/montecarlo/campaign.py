@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import _core, mission as missions
-from fledge.errors import SetupError
+from fledge.errors import SetupError, did_you_mean
 from fledge.folders import first_line
 from fledge.mission.field_path import FieldPath
 from fledge.mission.folder import MissionFiles, functions_of
@@ -250,7 +250,8 @@ def declare(mission: str | os.PathLike[str], wanted: str | Callable[[Dispersions
             raise SetupError(f"{path}: expected a function that takes d, as in def release(d)")
         name = wanted or next(iter(known))
         if name not in known:
-            raise SetupError(f"the mission {sim.name} has no campaign '{name}'; it has {', '.join(known)}")
+            raise SetupError(f"the mission {sim.name} has no campaign '{name}'{did_you_mean(name, known)} it has "
+                             f"{', '.join(known)}")
         files.call(known[name], dispersions)
         files.forget()
     return sim, dispersions, {n: first_line(f.__doc__) for n, f in known.items()}, name

@@ -131,7 +131,7 @@ def test_campaigns_by_name(tmp_path):
     mission(tmp_path, text)
     assert Campaign(tmp_path).name == "heavy" and Campaign(tmp_path).summary == "Heavy ones."
     assert Campaign(tmp_path, "light").name == "light"
-    with pytest.raises(fledge.SetupError, match="has no campaign 'heave'; it has heavy, light"):
+    with pytest.raises(fledge.SetupError, match="has no campaign 'heave'; did you mean 'heavy'. it has heavy, light"):
         Campaign(tmp_path, "heave")
     mission(tmp_path, "x = 1\n")
     with pytest.raises(fledge.SetupError, match="expected a function that takes d"):

@@ -22,7 +22,7 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
         if isinstance(x, Quantity):
             if x.dims[:7] != dims[:7] and unit != "SI":
                 wanted = f"a quantity in {unit}" if unit not in ("", "-") else "a number without unit"
-                raise SetupError(f"{path}: expected {wanted}; found {x!r}"
+                raise SetupError(f"{path}: expected {wanted}; found {Quantity(_rounded(x.value), x.dims)}"
                                  + ("" if any(x.dims) else ", which has no unit"))
             if unit == "ns":
                 return nanoseconds(x)
@@ -42,6 +42,15 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
         raise SetupError(f"{path}: expected {expected}; found {_short(value)}")
 
     return plain(value)
+
+
+def _rounded(value):
+    """Numbers as a person reads them."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def _short(value):
