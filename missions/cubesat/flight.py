@@ -238,9 +238,9 @@ def modes(f, trackers):
     # While it looks down, passes come by themselves: over the station, and over the target, where it is light, with the
     # camera switched on.
     forecast, high = f.watch(f.passes.forecast), f.watch(f.target.contact)
-    lit = f.watch(f.shadow.shadow).phase == "SHADOW_SUNLIT"
-    f.event("rises", when=forecast.state == "PASS_NOW", modes=[f.nadir], enter=f.contact)
-    f.event("sets", when=~(forecast.state == "PASS_NOW"), modes=[f.contact], enter=f.nadir)
+    lit = f.watch(f.shadow.shadow).phase == "SUNLIT"
+    f.event("rises", when=forecast.state == "NOW", modes=[f.nadir], enter=f.contact)
+    f.event("sets", when=~(forecast.state == "NOW"), modes=[f.contact], enter=f.nadir)
     f.event("over", when=(high.visible == 1) & lit, modes=[f.nadir], enter=f.image,
             set=[(power.on, IMAGES)])
     f.event("past", when=high.visible == 0, modes=[f.image], enter=f.nadir, set=[(power.on, POINTS)])

@@ -221,7 +221,7 @@ def modes(f):
 
     # A burn that a reset of the computer has cut off goes on, once its plan and the attitude are back.
     kept, files = f.watch(f.burned.kept), f.watch(f.files.state)
-    f.event("resume", when=(kept.phase == "BURN_CUT") & (files.booted == 1) & (attitude.head.quality == "GOOD"),
+    f.event("resume", when=(kept.phase == "CUT") & (files.booted == 1) & (attitude.head.quality == "GOOD"),
             modes=[f.safe], enter=f.delta_v)
     f.event("captured", when=state.phase == 3, hold=1 * minute, modes=[f.delta_v], enter=f.sun)
 

@@ -43,7 +43,7 @@ def build(f):
     f.task("rest", every=1 * s, run=[f.gains])
     f.reset_by(f.boot.computer, down=3 * s)
     kept, files = f.watch(f.memory.kept), f.watch(f.files.state)
-    f.event("resume", when=(kept.phase == "BURN_CUT") & (files.booted == 1), modes=[f.rest], enter=f.delta_v)
+    f.event("resume", when=(kept.phase == "CUT") & (files.booted == 1), modes=[f.rest], enter=f.delta_v)
 '''
 
 WORLD = '''
