@@ -96,6 +96,7 @@ def test_a_command_is_verified_on_a_target_and_the_run_is_controlled(target, tmp
 
         run_control = "crafts/nadir_spin/run"
         ask(run_control, {"action": "pause"})
+        assert f"the console is at {address}\n" in (tmp_path / "up.log").read_text()
         paused = until(lambda: (found := ask(run_control))["state"] == "paused" and found)
         ask(run_control, {"action": "step", "seconds": 5})
         begin = int(paused["t_ns"])

@@ -148,7 +148,11 @@ class Session:
         for r in self._running.values():
             self._steered(r)
         self._look_at_processes()
-        self.view.logged(self.logs.gather(), max(map(len, self._running)))
+        new = self.logs.gather()
+        self.view.logged(new, max(map(len, self._running)))
+        for name, line in new:
+            if name in self._running and self._running[name].program.serve and " is at http" in line:
+                self.view.happens(f"  {line.partition(' (')[0].strip()}")     # where the user finds the control room
         for row in self.progress.rows:
             self._describe(row)
         self.view.goes(self.progress, self.logs.recent)
