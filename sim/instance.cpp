@@ -75,6 +75,7 @@ std::shared_ptr<Instance> Instance::clone() const
     auto other = model_type_ ? std::make_shared<Instance>(*model_type_) : std::make_shared<Instance>(*type_);
     other->name = name;
     other->path = path;
+    other->at = at;
     other->given = given;
     other->bare = bare;
     other->fed = fed;

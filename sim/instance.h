@@ -2,6 +2,7 @@
 // An instance: the memory of one module or model, its type and its name.
 #pragma once
 
+#include "sim/error.h"
 #include "sim/model.h"
 
 #include <functional>
@@ -42,6 +43,7 @@ public:
 
     std::string name; ///< "control"; empty until the instance has a process
     std::string path; ///< "flight.control"; the name of the type until the instance has a name
+    SourceLine at;    ///< where it got its name
 
     /// Which fields the user has set, by index in the table of the type.
     std::vector<bool> given;

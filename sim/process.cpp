@@ -45,7 +45,7 @@ Process::Process(Simulation &owner, std::string process_name)
     executive_.begin(name);
 }
 
-void Process::add(const std::string &instance_name, std::shared_ptr<Instance> instance)
+void Process::add(const std::string &instance_name, std::shared_ptr<Instance> instance, SourceLine at)
 {
     const std::string wanted = name + "." + instance_name;
     if (!is_identifier(instance_name)) {
@@ -61,6 +61,7 @@ void Process::add(const std::string &instance_name, std::shared_ptr<Instance> in
     owner_->set_up_again();
     instance->name = instance_name;
     instance->path = wanted;
+    instance->at = std::move(at);
     instances_.push_back(std::move(instance));
 }
 

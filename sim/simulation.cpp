@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <set>
 #include <unordered_map>
 
 namespace fledge::sim {
@@ -145,34 +146,67 @@ void Simulation::set_seed(std::uint64_t seed)
 
 // ---- run
 
+/// What a model depends on: its parts, and the models that it asks.
+static std::vector<const Model *> needed_by(const Instance &instance)
+{
+    std::vector<const Model *> found;
+    instance.clone()->model()->copy_setup(*instance.model(), [&](const Model *one) { // a copy asks for each of them
+        found.push_back(one);
+        return const_cast<Model *>(one);
+    });
+    return found;
+}
+
+std::vector<Problem> Simulation::problems()
+{
+    if (runtime_) {
+        return {};
+    }
+    Faults faults;
+    const std::set<const Instance *> bad = check(structure_, decide_roles(structure_), faults);
+    std::set<const Model *> bad_models;
+    for (const Instance *one : bad) {
+        bad_models.insert(one->model());
+    }
+    for (const auto &process : processes()) {
+        for (const auto &instance : process->instances()) {
+            Model *model = instance->model();
+            if (!model || bad.contains(instance.get())) {
+                continue;
+            }
+            // A model computes with the parameters of those that it needs, within their rules.
+            const auto is_bad = [&](const Model *one) { return bad_models.contains(one); };
+            if (!bad.empty() && std::ranges::any_of(needed_by(*instance), is_bad)) {
+                continue;
+            }
+            Setup setup{instance->path, seed(), &process->integrator()};
+            for (const Wire &wire : structure_.wires) {
+                if (wire.to.instance == instance) {
+                    setup.wired.emplace_back(wire.to.field->name);
+                }
+            }
+            for (const Feed &feed : structure_.feeds) {
+                if (feed.to.instance == instance) {
+                    setup.wired.emplace_back(feed.to.field->name);
+                }
+            }
+            faults.collect([&] { model->prepare(setup); }, instance->at);
+        }
+    }
+    std::vector<Problem> all = faults.all();
+    std::ranges::stable_sort(all, {}, &Problem::at);
+    return all;
+}
+
 void Simulation::prepare()
 {
     if (runtime_) {
         return;
     }
-    Roles roles = decide_roles(structure_);
-    check(structure_, roles);
-    Faults faults;
-    for (const auto &process : processes()) {
-        for (const auto &instance : process->instances()) {
-            if (Model *model = instance->model()) {
-                Setup setup{instance->path, seed(), &process->integrator()};
-                for (const Wire &wire : structure_.wires) {
-                    if (wire.to.instance == instance) {
-                        setup.wired.emplace_back(wire.to.field->name);
-                    }
-                }
-                for (const Feed &feed : structure_.feeds) {
-                    if (feed.to.instance == instance) {
-                        setup.wired.emplace_back(feed.to.field->name);
-                    }
-                }
-                faults.collect([&] { model->prepare(setup); });
-            }
-        }
+    if (const auto found = problems(); !found.empty()) {
+        throw CompositionError(found);
     }
-    faults.raise();
-    runtime_ = std::make_unique<Runtime>(structure_, std::move(roles), recorder_, outputs_);
+    runtime_ = std::make_unique<Runtime>(structure_, decide_roles(structure_), recorder_, outputs_);
     try {
         runtime_->reset();
     } catch (...) { // a script's reset
@@ -181,9 +215,11 @@ void Simulation::prepare()
     }
     recorder_.reset();
     outputs_.reset();
-    if (const std::string coincident = coincident_inputs(structure_); !coincident.empty()) {
+    Faults faults;
+    check_distinct(structure_, faults);
+    if (!faults.all().empty()) {
         runtime_.reset();
-        throw SetupError(coincident);
+        throw CompositionError(faults.all());
     }
 }
 

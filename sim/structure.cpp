@@ -195,12 +195,14 @@ void check_choices(const Structure &structure, const Roles &roles, Faults &fault
         if (wire.options.by == EXEC_SOLE) {
             continue;
         }
+        const SourceLine &at = wire.options.at;
         if (from.process != to.process) {
             faults.add(choice + ": outputs to choose from are of the process of their reader, " + to.process->name +
-                       "; let a module of it read this one");
+                           "; let a module of it read this one",
+                       at);
         }
         if (from.configuration) {
-            faults.add(choice + ": no task runs " + wire.from.instance->path + ", so that it writes only once");
+            faults.add(choice + ": no task runs " + wire.from.instance->path + ", so that it writes only once", at);
         }
         std::vector<std::string> modes;
         for (const Mode &mode : to.process->modes()) {
@@ -208,16 +210,16 @@ void check_choices(const Structure &structure, const Roles &roles, Faults &fault
         }
         if (wire.options.by == EXEC_IN_MODE &&
             std::find(modes.begin(), modes.end(), wire.options.mode) == modes.end()) {
-            faults.add(choice + ": the modes of " + to.process->name + " are " + format_list(modes));
+            faults.add(choice + ": the modes of " + to.process->name + " are " + format_list(modes), at);
         }
     }
 }
 
 } // namespace
 
-void check(const Structure &structure, const Roles &roles)
+std::set<const Instance *> check(const Structure &structure, const Roles &roles, Faults &faults)
 {
-    Faults faults;
+    std::set<const Instance *> bad;
     check_choices(structure, roles, faults);
     for (const auto &process : structure.processes) {
         std::vector<std::string> modes;
@@ -228,7 +230,8 @@ void check(const Structure &structure, const Roles &roles)
             for (const std::string &name : mode.after) {
                 if (std::find(modes.begin(), modes.end(), name) == modes.end()) {
                     faults.add("mode " + process->name + "." + mode.name + " is entered after " + name +
-                               "; the modes of " + process->name + " are " + format_list(modes));
+                                   "; the modes of " + process->name + " are " + format_list(modes),
+                               mode.at);
                 }
             }
         }
@@ -240,14 +243,16 @@ void check(const Structure &structure, const Roles &roles)
                         names.push_back(other->name);
                     }
                     faults.add("event " + process->name + "." + event->name + (on ? " arms " : " disarms ") + name +
-                               "; the events of " + process->name + " are " + format_list(names));
+                                   "; the events of " + process->name + " are " + format_list(names),
+                               event->at);
                 }
             }
             for (const Setting &setting : event->set) {
                 const FledgeField &field = *field_at(setting.instance->type(), setting.offset);
                 if (field.group == FLEDGE_OUT && roles.at(setting.instance.get()).configuration) {
                     faults.add("event " + process->name + "." + event->name + " sets " + setting.instance->path + "." +
-                               field.name + ", which follows from the parameters of a module in no task: set those");
+                                   field.name + ", which follows from the parameters of a module in no task: set those",
+                               event->at);
                 }
             }
         }
@@ -255,15 +260,18 @@ void check(const Structure &structure, const Roles &roles)
             const Role &role = roles.at(instance.get());
             const bool has_inputs = !field_names(instance->type(), FLEDGE_IN).empty();
             const char *whole = instance->model() ? instance->model()->part_of() : nullptr;
+            const auto add = [&](const std::string &what) { faults.add(what, instance->at); };
             if (whole && !role.part) {
-                faults.add(std::string(instance->type().name) + " " + instance->path + " is a part of no " + whole +
-                           ": add it to the `parts` of one, and to no task");
+                add(std::string(instance->type().name) + " " + instance->path + " is a part of no " + whole +
+                    ": add it to the `parts` of one, and to no task");
             } else if (role.part && role.scheduled) {
-                faults.add(instance->path + " is part of another model, which advances it: take it out of its task");
+                add(instance->path + " is part of another model, which advances it: take it out of its task");
             } else if (!role.part && !role.scheduled && (!role.configuration || has_inputs)) {
-                faults.add(instance->path + " is in no task");
+                add(instance->path + " is in no task: name it in the `run` of one, or leave it out");
             }
-            faults.collect([&] { check_parameters(*instance); });
+            if (!faults.collect([&] { check_parameters(*instance); }, instance->at)) {
+                bad.insert(instance.get());
+            }
             for (const FledgeField &field : fields(instance->type())) {
                 const auto feeds = [&](const Wire &wire) {
                     return wire.to.instance == instance && wire.to.field == &field;
@@ -271,14 +279,13 @@ void check(const Structure &structure, const Roles &roles)
                 if (field.group == FLEDGE_IN && !(field.flags & FLEDGE_OPTIONAL) &&
                     std::none_of(structure.wires.begin(), structure.wires.end(), feeds) &&
                     !structure.feed_of({instance, &field})) {
-                    faults.add(instance->path + "." + field.name +
-                               " is not wired, nor fed by hand; outputs of its type " + field.sub->name + ": " +
-                               format_list(structure.outputs_of_type(field.sub)));
+                    add(instance->path + "." + field.name + " is not wired, nor fed by hand; outputs of its type " +
+                        field.sub->name + ": " + format_list(structure.outputs_of_type(field.sub)));
                 }
             }
         }
     }
-    faults.raise();
+    return bad;
 }
 
 void check_assigned(const Structure &structure)
@@ -306,9 +313,8 @@ void check_assigned(const Structure &structure)
     faults.raise();
 }
 
-std::string coincident_inputs(const Structure &structure)
+void check_distinct(const Structure &structure, Faults &faults)
 {
-    std::string faults;
     for (const Wire &wire : structure.wires) {
         const char *distinct = wire.to.field->distinct;
         if (!distinct) {
@@ -328,13 +334,12 @@ std::string coincident_inputs(const Structure &structure)
                                              !std::memcmp(one + sizeof(Head), two + sizeof(Head),
                                                           wire.to.field->size - sizeof(Head)));
             if (same) {
-                faults += (faults.empty() ? "" : "\n") + wire.to.path() + " must differ from " + other.to.path() +
-                          ": " + wire.from.path() +
-                          (one == two ? " feeds both" : " and " + other.from.path() + " say the same");
+                faults.add(wire.to.path() + " must differ from " + other.to.path() + ": " + wire.from.path() +
+                               (one == two ? " feeds both" : " and " + other.from.path() + " say the same"),
+                           wire.options.at);
             }
         }
     }
-    return faults;
 }
 
 std::vector<std::pair<std::string, std::string>> cross_process_dependencies(const Structure &structure,

@@ -16,6 +16,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -45,6 +46,7 @@ struct WireOptions {
     ExecChoice by = EXEC_SOLE;
     std::string mode = {}; ///< EXEC_IN_MODE: the wire is carried in this mode of its process
     bool more = false;     ///< whether it joins the wires that its input has
+    SourceLine at = {};    ///< where it was declared
 
     /// How it is chosen, in words: "newest", "in safe"; "": it is the only one.
     std::string choice() const;
@@ -79,6 +81,7 @@ struct Mode {
     std::vector<std::string> tasks;
     std::optional<Condition> when = {};
     std::vector<std::string> after = {};
+    SourceLine at = {}; ///< where it was declared
 
     /// When it may be entered, in words: "after rest or point, if flight.burn.loaded == 1"; "": always.
     std::string guard() const;
@@ -114,6 +117,7 @@ struct Event {
     std::vector<std::pair<std::string, bool>> arms;
     std::vector<Setting> set;
     std::function<void()> action; ///< call this; may be empty
+    SourceLine at;                ///< where it was declared
 
     bool is_data() const { return condition && !action; }
     /// Call f with every instance that it reads or writes.
@@ -223,7 +227,7 @@ public:
 
     /// Give an instance its name. Throws SetupError if the name is taken or no identifier, or if
     /// the instance already has a process.
-    void add(const std::string &name, std::shared_ptr<Instance> instance);
+    void add(const std::string &name, std::shared_ptr<Instance> instance, SourceLine at = {});
 
     /// Throws SetupError on a period <= 0, a negative offset, an unknown or twice used instance.
     void add_task(Task task);
@@ -383,16 +387,17 @@ Ns longest_period(const Process &process);
 /// An instance, then the parts that it advances, and theirs.
 std::vector<const Instance *> with_parts(const Process &process, const Instance &instance);
 
-/// Throws SetupError that lists all inputs without a wire, instances without a task and bad parameters.
-void check(const Structure &structure, const Roles &roles);
+/// Collect all inputs without a wire, instances without a task and bad parameters. Returns the instances whose
+/// parameters are bad.
+std::set<const Instance *> check(const Structure &structure, const Roles &roles, Faults &faults);
 
 /// Throws SetupError that lists the inputs without a wire to which a user assigned, although their heads say that
 /// nothing was written: nothing reads them.
 void check_assigned(const Structure &structure);
 
-/// Inputs that must differ, such as two bodies to point at, but are wired to one output, or to two outputs
-/// with the same content at the start. "" if there are none.
-std::string coincident_inputs(const Structure &structure);
+/// Collect inputs that must differ, such as two bodies to point at, but are wired to one output, or to two outputs
+/// with the same content at the start.
+void check_distinct(const Structure &structure, Faults &faults);
 
 /// The dependencies between processes besides wires, of one process or (if the name is empty) of all: pairs of an event
 /// or model, and the instance of another process on which it depends. The function does not find dependencies inside

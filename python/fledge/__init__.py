@@ -28,6 +28,7 @@ if _made and f"_core{_imp.extension_suffixes()[0]}" not in _made:
 _LAZY = {
     "Archive": ("archive", "Archive"),
     "ArchiveError": ("archive", "ArchiveError"),
+    "CompositionError": ("errors", "CompositionError"),
     "MissionError": ("mission", "MissionError"),
     "Orbit": ("world", "Orbit"),
     "Quantity": ("units", "Quantity"),
@@ -70,7 +71,7 @@ if TYPE_CHECKING:       # the same for editors
                         mean_elements, mission as sim, montecarlo, plot, prototype, scan, scene, trajectory, units,
                         world)
     from fledge.archive import Archive, ArchiveError
-    from fledge.errors import RunError, SetupError
+    from fledge.errors import CompositionError, RunError, SetupError
     from fledge.mission import MissionError, load, missions
     from fledge.mission.simulation import Simulation, limit_updates
     from fledge.scene import view

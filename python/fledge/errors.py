@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from typing import Any, TypeVar
 
-    from _core import RunError, SetupError
+    from _core import CompositionError, RunError, SetupError
 
     Named = TypeVar("Named", bound=Callable[..., Any])
 
@@ -115,8 +115,8 @@ def listed(names: Sequence[str], most: int | None = None, none: str = "none") ->
 
 
 def __getattr__(name: str) -> Any:
-    # SetupError and RunError come from the extension, which commands such as `fledge plot` need not load.
-    if name in ("SetupError", "RunError"):
+    # These come from the extension, which commands such as `fledge plot` need not load.
+    if name in ("SetupError", "CompositionError", "RunError"):
         from fledge import _core
 
         return getattr(_core, name)

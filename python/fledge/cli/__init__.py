@@ -14,7 +14,7 @@ import warnings
 from pathlib import Path
 
 from fledge.cli.arguments import add_update_limit, flight_time, number, parse_duration
-from fledge.cli.console import Plots, say, size_of, trace
+from fledge.cli.console import Plots, cannot_fly, itemized, placed, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, did_you_mean, printable
 
@@ -31,6 +31,7 @@ def run(options: argparse.Namespace) -> int:
     import fledge
 
     from fledge.cli.node import given_parameters
+    from fledge.mission.scenario import lacking
 
     if options.name and options.out:
         raise Failure("run: give a name with --as, or a folder with --out; not both")
@@ -40,6 +41,8 @@ def run(options: argparse.Namespace) -> int:
         raise Failure("run: give --outputs or --check-replay, which writes such records of its own; not both")
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
+    for problems in lacking(sim, [name] if not options.duration else []).values():
+        raise Failure(cannot_fly(problems))
     folder = folder_of(options.name, replace=True) if options.name else \
         Path(options.out) if options.out else RUNS / sim.name / name
     with alone(folder, "give another folder with --out, or a name with --as"):
@@ -68,7 +71,13 @@ def _run(options, sim, name, fly, folder):
     title = f"{sim.name}, {name}"
     about = sim.mission.summaries().get(name)
     say(title + (f": {about}" if about else ""))
-    problem, code, outcomes = attempt(options, sim, name, fly, folder / "violated.snapshot" if options.stop else None)
+    try:
+        problem, code, outcomes = attempt(options, sim, name, fly, folder / "violated.snapshot" if options.stop else
+                                          None)
+    except Exception:
+        if replay:
+            replay.give_up()
+        raise
     sim.close_outputs()
     judged = not options.duration and (has_checks(fly) or bool(outcomes))
     again = ""
@@ -178,7 +187,11 @@ def show(options: argparse.Namespace) -> int:
 
     from fledge.cli.node import given_parameters
 
-    wiring = Wiring(fledge.load(options.mission, **given_parameters(options)), options.flight_only)
+    sim = fledge.load(options.mission, **given_parameters(options))
+    if problems := sim.problems:
+        print("fledge: " + itemized("without what a scenario may give, the mission cannot fly", placed(problems)),
+              file=sys.stderr)
+    wiring = Wiring(sim, options.flight_only)
     if options.out:
         say(str(wiring_picture.save(wiring, options.out)))
         return 0
@@ -427,10 +440,11 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import (compare, control_room, export, falsify, faults, flips, fly, ground, keys, montecarlo, node,
-                            packets, profile, prompt, replay, rewind, up, verify, versions)
+    from fledge.cli import (check, compare, control_room, export, falsify, faults, flips, fly, ground, keys, montecarlo,
+                            node, packets, profile, prompt, replay, rewind, up, verify, versions)
 
     node.add_parameters(one)
+    check.add(command)
     node.add(command)
     montecarlo.add(command)
     falsify.add(command)
@@ -580,6 +594,8 @@ def _expected(error):
 
 def _in_words(error):
     """The text of an error; of an error of the operating system the file and the reason, without the number."""
+    if type(error).__name__ == "CompositionError":
+        return itemized("the mission cannot fly", str(error).splitlines())
     if isinstance(error, PermissionError) and isinstance(error.filename, str):
         return f"this user may not write or read {os.path.abspath(error.filename)}"
     if isinstance(error, ModuleNotFoundError) and (package := _package_of(str(error.name))):

@@ -27,16 +27,20 @@ class Replay:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "replay"
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self.give_up()
         self.first, self.second = (self._folder / name / "outputs.mcap" for name in ("first", "second"))
         for record in (self.first, self.second):
             record.parent.mkdir(parents=True)
+
+    def give_up(self) -> None:
+        """There is no flight to compare: leave nothing."""
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def fly(self, options: argparse.Namespace, sim: Any, code: int) -> tuple[str, str]:
         """Fly what has been flown with this exit code once more. Returns (how it differs, "" if it does not; what is
         the same, in words)."""
         if code == 130:
-            shutil.rmtree(self._folder)
+            self.give_up()
             return "", ""
         words = ["run", options.mission, *([options.scenario] if options.scenario else []),
                  *(["--for", options.duration] if options.duration else []), "--seed", str(options.seed),

@@ -11,6 +11,7 @@ from fledge.errors import printable
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
     from matplotlib.figure import Figure
 
@@ -25,6 +26,22 @@ def trace(options: argparse.Namespace) -> None:
         import traceback
 
         traceback.print_exc()
+
+
+def itemized(head: str, texts: Sequence[str]) -> str:
+    """ "HEAD: TEXT", or the head and a line for each text."""
+    return f"{head}: {texts[0]}" if len(texts) == 1 else \
+        "\n  ".join([f"{head}:", *(text.replace("\n", "\n  ") for text in texts)])
+
+
+def cannot_fly(problems: Sequence[tuple[str, int, str]]) -> str:
+    """What a user reads of a mission with `problems`."""
+    return itemized("the mission cannot fly", placed(problems))
+
+
+def placed(problems: Sequence[tuple[str, int, str]]) -> list[str]:
+    """The problems of a simulation as texts."""
+    return [(f"{file}, line {line}: " if file else "") + text for file, line, text in problems]
 
 
 def counted(n: int, thing: str) -> str:

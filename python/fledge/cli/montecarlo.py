@@ -213,12 +213,16 @@ def _one(campaign, options, folder):
         sim.run(d.duration)
     except KeyboardInterrupt:
         problem, code = "interrupted", 130
+    except fledge.CompositionError:
+        raise
     except (fledge.SetupError, fledge.RunError) as error:
         problem, code = str(error), 1
     except Exception as error:  # of the mission's Python
         from fledge import mission as missions
 
         problem, code = missions.explain(error, sim.mission.folder), 1
+    if problem and sim.time_ns < 0:
+        raise Failure(f"{title}: {problem}", code)
     say(f"  flown    {sim.time:g} s")
     drawn = campaign.drawn(sim)
     width = max(map(len, drawn))

@@ -67,6 +67,7 @@ def node(options: argparse.Namespace) -> int:
 
     sim = fledge.load(options.mission, **given_parameters(options))
     scenario = set_up(sim, options.scenario, options.free, options.scripted)
+    sim.check()
     names = [name.strip() for name in options.process.split(",")]
     if names == ["all"] and "all" not in [process.name for process in sim.processes]:
         names = [process.name for process in sim.processes if process.tasks]

@@ -48,8 +48,10 @@ def add(command: Callable) -> None:
 
 def verify(options: argparse.Namespace) -> int:
     import fledge
+    from fledge.cli.console import cannot_fly
     from fledge.cli.runs import alone
     from fledge.errors import Failure, did_you_mean
+    from fledge.mission.scenario import lacking
     from fledge.requirements import Requirements
     from fledge.verify import tables
 
@@ -68,6 +70,8 @@ def verify(options: argparse.Namespace) -> int:
         if name not in known:
             raise Failure(f"verify: the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
                           f"{', '.join(known) or 'none'}")
+    for problems in lacking(sim, options.scenario or known).values():
+        raise Failure(cannot_fly(problems))
     requirements = Requirements(sim)
     if not requirements:
         raise Failure(f"the mission {sim.name} has no requirements: write them in requirements.py "

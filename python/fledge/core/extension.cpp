@@ -15,12 +15,8 @@ PYBIND11_MODULE(_core, m)
         throw py::error_already_set();
     }
     py::register_exception_translator([](std::exception_ptr error) {
-        try {
-            std::rethrow_exception(std::move(error));
-        } catch (const fledge::sim::SetupError &e) {
-            PyErr_SetString(setup_error(), e.what());
-        } catch (const fledge::sim::RunError &e) {
-            PyErr_SetString(run_error(), e.what());
+        if (!set_error(error)) {
+            std::rethrow_exception(error); // to pybind11's own
         }
     });
     bind_tables(m);

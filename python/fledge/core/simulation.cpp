@@ -134,7 +134,7 @@ OwnEvent add_event(sim::Process &process, const std::string &name, const py::obj
                    std::optional<Condition> until, Ns hold, std::int32_t count, bool once, bool armed,
                    std::vector<std::string> modes, const std::string &mode,
                    std::vector<std::pair<std::string, bool>> arms, const py::list &set, std::function<void()> action,
-                   const std::string &text)
+                   const std::string &text, std::string file, int line)
 {
     sim::Event event;
     event.name = name;
@@ -158,6 +158,7 @@ OwnEvent add_event(sim::Process &process, const std::string &name, const py::obj
         event.set.push_back({instance_of(object), offset, {from, from + bytes.size()}});
     }
     event.action = std::move(action);
+    event.at = {std::move(file), line};
     return {&process, process.add_event(std::move(event))};
 }
 
@@ -471,15 +472,17 @@ void bind_process(py::module_ &m)
     py::class_<sim::Process>(m, "Process")
         .def_readonly("name", &sim::Process::name)
         .def("add",
-             [](sim::Process &p, const std::string &name, py::handle object) { p.add(name, instance_of(object)); })
+             [](sim::Process &p, const std::string &name, py::handle object, std::string file, int line) {
+                 p.add(name, instance_of(object), {std::move(file), line});
+             })
         .def("add_task",
              [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority, const py::iterable &run) {
                  p.add_task({name, period, offset, priority, instances_of(run)});
              })
         .def("add_mode",
              [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
-                std::vector<std::string> after) {
-                 p.add_mode({name, std::move(tasks), std::move(when), std::move(after)});
+                std::vector<std::string> after, std::string file, int line) {
+                 p.add_mode({name, std::move(tasks), std::move(when), std::move(after), {std::move(file), line}});
              })
         .def("add_event", add_event, py::keep_alive<0, 1>())
         .def("start_in", &sim::Process::start_in)
@@ -640,8 +643,9 @@ void bind_simulation(py::module_ &m)
             py::return_value_policy::reference_internal)
         .def("connect",
              [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after, int by,
-                const std::string &mode, bool more) {
-                 s.connect(port_of(from), port_of(to), {latency, stale_after, ExecChoice(by), mode, more});
+                const std::string &mode, bool more, std::string file, int line) {
+                 s.connect(port_of(from), port_of(to),
+                           {latency, stale_after, ExecChoice(by), mode, more, {std::move(file), line}});
              })
         .def_property_readonly(
             "wires",
@@ -678,6 +682,14 @@ void bind_simulation(py::module_ &m)
             "(path, the flight process) of each model that carries units of bytes for flight.")
         .def("isolate", &sim::Simulation::isolate)
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
+        .def(
+            "problems",
+            [](sim::Simulation &s) {
+                return list_of(s.problems(), [](const sim::Problem &one) {
+                    return py::make_tuple(one.at.file, one.at.line, one.text);
+                });
+            },
+            "(file, line, text) of each reason why it cannot run")
         .def("prepare", &sim::Simulation::prepare)
         .def("set_up_again", &sim::Simulation::set_up_again)
         .def("ready_for", &sim::Simulation::ready_for)

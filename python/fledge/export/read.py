@@ -15,7 +15,7 @@ from typing import Any
 from fledge import objects
 from fledge.commands import leaves
 from fledge.elements import ELEMENTS
-from fledge.errors import SetupError
+from fledge.errors import CompositionError, SetupError
 from fledge.export import names
 from fledge.files import shown
 from fledge.mission.crossing import crossing_wires
@@ -225,6 +225,8 @@ class _Reader:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
         try:
             sim.prepare()
+        except CompositionError:
+            raise
         except SetupError as error:
             raise self.refusal(str(error)) from None
         known = [t[0] for t in self.flight.tasks]

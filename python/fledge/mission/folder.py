@@ -9,8 +9,7 @@ share nothing. Their further arguments, as in build(f, wheels=4), are parameters
 load("my_mission", wheels=3). A mission of several spacecraft or computers has a mission.py with build(sim), which
 makes the processes and builds each, and imports of the other files what it needs. In scenarios.py every public
 function that takes a simulation is a scenario, and the first line of its docstring describes it. The files may import
-from one another, `from .flight import TURN`, and from other missions of their folder:
-`from .single_spiral.world import build`.
+from one another, `from .flight import TURN`, and from other missions: `from .single_spiral.world import build`.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from typing import Any
 from pathlib import Path
 
 from fledge import folders
-from fledge.errors import SetupError, did_you_mean, nearest
+from fledge.errors import CompositionError, SetupError, did_you_mean, nearest
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
@@ -251,6 +250,8 @@ def explain(error: BaseException, folder: Path, path: str | os.PathLike[str] | N
     """
     import traceback
 
+    if isinstance(error, CompositionError):     # whose lines are those that composed it
+        return str(error)
     if isinstance(error, SyntaxError) and error.filename:
         line = (error.text or "").strip()
         return f"{shown(error.filename)}, line {error.lineno}: {error.msg}" + (f"\n    {line}" if line else "")

@@ -25,7 +25,7 @@ from fledge.mission.command_choice import CommandChoice, routed, schedule
 from fledge.objects.script import short_function_text
 from fledge.objects.measured import Measured, flat_index, unit_after
 from fledge.objects.si import enumerator_names, time_ns
-from fledge.objects.wires import Wire, caller
+from fledge.objects.wires import Wire, as_shown, caller
 from fledge.objects.words import first_sentence
 
 if TYPE_CHECKING:
@@ -399,9 +399,10 @@ class Process:
         if lost := _core.assigned(value):
             raise SetupError(f"{self.name}.{name}: {', '.join(lost)} of this {_core.struct(value).name} cannot be set, "
                              "for the run begins with a reset, which clears outputs and memory; set parameters")
-        self._core_process.add(name, value)
+        at = caller()
+        self._core_process.add(name, value, *as_shown(at))
         self._instances[name] = value
-        self._declared_at[name] = caller()
+        self._declared_at[name] = at
         _core.set_context(value, weakref.ref(self))
 
     def _accept(self, name, value):
@@ -518,7 +519,7 @@ class Process:
                 target = self._with_room(one.source, target)
                 for i, (source, by, mode) in enumerate(one.sources):
                     self._core_simulation.connect(source, target, one.options["latency"], one.options["stale_after"],
-                                                  by, mode, i > 0)
+                                                  by, mode, i > 0, *as_shown(one.declared_at))
                 self.declare(_core.path(target), one.declared_at)
 
     def _with_room(self, source, target):
@@ -554,10 +555,10 @@ class Process:
         attribute, unless an instance has the same name.
         """
         what = f"task {self.name}.{name}"
-        for one in run:
         if not isinstance(run, (list, tuple)):
             raise SetupError(f"{what}: run takes a list of modules or models, as in run=[f.control]; found "
                              + (_core.path(run) if isinstance(run, (_core.Module, _core.Model)) else repr(run)))
+        for one in run:
             if not isinstance(one, (_core.Module, _core.Model)):
                 raise SetupError(f"{what}: run takes modules or models; found {one!r}")
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
@@ -584,8 +585,9 @@ class Process:
         for one in _several(after):
             if isinstance(one, Mode) and one._process() is not self:
                 raise SetupError(f"{what}: {one!r} is of another process")
-        self.declare(name, caller())
-        self._core_process.add_mode(name, names, when, [_mode_name(one) for one in _several(after)])
+        at = caller()
+        self._core_process.add_mode(name, names, when, [_mode_name(one) for one in _several(after)], *as_shown(at))
+        self.declare(name, at)
         self._handles[name] = Mode(self, name)
         return self._handles[name]
 
@@ -651,7 +653,7 @@ class Process:
             [(one.name if isinstance(one, Event) else one, on) for these, on in ((arm, True), (disarm, False))
              for one in _several(these)],
             [one for target, value in pairs for one in target._setting(value)], event._action() if do else None,
-            event.text)
+            event.text, *as_shown(event.declared_at))
         self._handles[name] = event
         return event
 
@@ -722,6 +724,7 @@ class Process:
         return other
 
 
+@suggesting()
 class Flight(Process):
     """Flight software. Its events are data: conditions, and what they do."""
 
@@ -735,7 +738,6 @@ class Flight(Process):
     def reset(self) -> tuple[str, int] | None:
         """(path of the input that resets its computer, [ns] how long it is down then), or None."""
         return self._core_process.reset
-@suggesting()
 
     @property
     def outages(self) -> list[tuple[int, int]]:
@@ -763,6 +765,7 @@ class Flight(Process):
                              "with watch(), and enter, arm, disarm or set; Python belongs into the world's events")
 
 
+@suggesting()
 class World(Process):
     """The truth. Its events may call Python."""
 
@@ -776,7 +779,6 @@ class World(Process):
         """The method for the world's differential equations: world.RK4() or world.Adaptive(...)."""
         return self._core_process.integrator
 
-@suggesting()
     @integrator.setter
     def integrator(self, method: Any) -> None:
         if not isinstance(method, _core.Integrator):

@@ -2,10 +2,12 @@
 """The scenarios of a loaded mission: the one that is asked for, and what it does before its first run."""
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import redirect_stdout
+from io import StringIO
 from typing import Any
 
-from fledge.errors import SetupError, did_you_mean, listed
+from fledge.errors import CompositionError, SetupError, did_you_mean, listed
 from fledge.objects.si import time_ns
 
 
@@ -21,6 +23,30 @@ def chosen(sim: Any, wanted: str | None) -> tuple[str, Callable]:
         raise SetupError(f"the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
                          + listed(list(known), none="none"))
     return name, known[name]
+
+
+def lacking(sim: Any, names: Iterable[str]) -> dict[str, list[tuple[str, int, str]]]:
+    """Scenarios that would begin to fly a mission that cannot fly: name -> its `problems` then. Where the mission as it
+    was loaded, `sim`, has problems, each scenario is executed up to its first run, for it may give what is missing.
+    Raises MissionError where it fails on the way."""
+    from fledge.mission.folder import MissionError, explain, load
+
+    if not sim.problems:
+        return {}
+    found = {}
+    for name in names:
+        fresh = load(sim.mission.folder, sim.seed, **sim.mission.parameters)
+        try:
+            assert fresh.mission    # load() gives one
+            with redirect_stdout(StringIO()):   # what it says is for its flight
+                set_up(fresh, fresh.mission.scenarios[name])
+        except CompositionError:
+            pass
+        except Exception as error:
+            raise MissionError(explain(error, sim.mission.folder), error) from None
+        if problems := fresh.problems:
+            found[name] = problems
+    return found
 
 
 def set_up(sim: Any, function: Callable) -> float | None:

@@ -275,7 +275,7 @@ class Simulation:
 
         Ctrl-C ends the run after the current instant: all is consistent, and run() can go on from there. A
         second Ctrl-C also interrupts a Python event.
-        Raises SetupError if something is missing, RunError if the state is no longer finite; an
+        Raises CompositionError if something is missing, RunError if the state is no longer finite; an
         exception in a Python event ends the run at that instant.
         """
         if (duration is None) == (until is None):
@@ -306,8 +306,20 @@ class Simulation:
         for watch in self.watches:
             watch.refuse_violation()
 
+    @property
+    def problems(self) -> list[tuple[str, int, str]]:
+        """Why it cannot fly as it is composed now, all of it: (file, line, what and the remedy), by file and line; empty
+        if it can."""
+        return self._core.problems()
+
+    def check(self) -> None:
+        """Raise CompositionError with all `problems`, if there are any."""
+        if self.problems:
+            self._core.prepare()
+
     def prepare(self) -> None:
-        """Check that nothing is missing and fix the order of all tasks, as the first run does."""
+        """Check that nothing is missing and fix the order of all tasks, as the first run does. Raises CompositionError
+        with all `problems`."""
         self._core.prepare()
 
     def step(self, n: int = 1) -> None:

@@ -77,12 +77,14 @@ def check(processes: Iterable[Any]) -> None:
 
 
 def check_read(process: Any, wires: Iterable[Any]) -> None:
-    """Warn of modules that stand in no task and whose outputs nothing reads. wires: of the simulation."""
+    """Warn of configuration whose outputs nothing reads. wires: of the simulation."""
     used = {source.rpartition(".")[0] for source, *_ in wires} | {
         f"{process.name}.{name}" for task in process.tasks for name in task.run}
     for name, one in process.instances.items():
-        outputs = [field.name for field in _core.struct(one).fields if field.group == "out"]
-        if isinstance(one, _core.Module) and f"{process.name}.{name}" not in used and outputs:
+        fields = _core.struct(one).fields
+        outputs = [field.name for field in fields if field.group == "out"]
+        takes = any(field.group == "in" for field in fields)    # then it must stand in a task, and cannot fly
+        if isinstance(one, _core.Module) and f"{process.name}.{name}" not in used and outputs and not takes:
             _warn(f"{process.name}.{name}: nothing reads {', '.join(outputs)} of this {_core.struct(one).name}, so "
                   "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError
+from fledge.files import shown
 from fledge.objects.si import time_ns
 
 # --- lines of the user's files ---------------------------------------------------------------------
@@ -23,6 +24,11 @@ def caller() -> tuple[str, int]:
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame = frame.f_back
     return frame.f_code.co_filename, frame.f_lineno
+
+
+def as_shown(at: tuple[str, int]) -> tuple[str, int]:
+    """(file, line) as the errors of the kernel give it."""
+    return str(shown(at[0])), at[1]
 
 
 # --- wires -----------------------------------------------------------------------------------------
@@ -135,25 +141,25 @@ def wire(source: Any, target: Any) -> Wire:
     for port, group, word in ((source, "out", "output"), (target, "in", "input")):
         field, root = _core.field(port), _core.root(port)
         if field is None or root is None or field.group != group:
+            if _groups(source, target) == ["in", "out"]:
+                raise SetupError(f"{start}: a wire leads from an output to an input: write {_core.path(target)} >> "
+                                 f"{_core.path(source)}")
             raise SetupError(f"{start}: {_core.path(port)} is no {word}"
                              + (f"; {_core.path(root)} has {_ports(root, group)}" if root is not None else ""))
     theirs, ours = _core.struct(source), _core.struct(target)
     if (theirs.name, theirs.hash) != (ours.name, ours.hash):
         fitting = [f.name for f in _core.struct(_core.root(target)).fields
                    if f.group == "in" and f.struct.name == theirs.name]
-            if _groups(source, target) == ["in", "out"]:
-                raise SetupError(f"{start}: a wire leads from an output to an input: write {_core.path(target)} >> "
-                                 f"{_core.path(source)}")
         raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
                          + (f"; {_core.path(_core.root(target))} takes {theirs.name} at {', '.join(fitting)}"
                             if fitting else ""))
     return Wire(source, [target])
 
 
-def _ports(obj, group):
-    names = [f.name for f in _core.struct(obj).fields if f.group == group]
-    return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")
 def _groups(*ports):
     return [field and field.group for field in map(_core.field, ports)]
 
 
+def _ports(obj, group):
+    names = [f.name for f in _core.struct(obj).fields if f.group == group]
+    return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")

@@ -236,11 +236,13 @@ class _Reader(Tables):
                 self.refuse((key,), f"`{key}` is of a `mission`", "there is none", "write mission = \"NAME\"")
         if not plan.mission:
             return []
-        from fledge.errors import SetupError
+        from fledge.errors import CompositionError, SetupError
 
         name = str(self.folder / plan.mission) if os.sep in plan.mission else plan.mission
         try:
             sim, duration = processes_of(name, plan.scenario, plan.parameters)
+        except CompositionError:
+            raise
         except (SetupError, TypeError) as error:
             self.refuse(("mission",), "the mission can be loaded", str(error), "see ./fledge list")
             nodes.clear()
@@ -459,11 +461,13 @@ class _Reader(Tables):
                         "it is relative to `directory`")
 
     def mission(self, table: dict, path: tuple, p: Program, mission: str, process: str) -> None:
-        from fledge.errors import SetupError
+        from fledge.errors import CompositionError, SetupError
 
         p.mission = str(self.folder / mission) if os.sep in mission else mission
         try:
-            processes = topics_of(p.mission, p.parameters)
+            processes = topics_of(p.mission, p.parameters, None if p.free else p.scenario or "")
+        except CompositionError:
+            raise
         except SetupError as error:
             self.refuse((*path, "mission"), "the mission can be loaded", str(error), "see ./fledge list")
             return
@@ -615,17 +619,24 @@ def processes_of(mission: str, scenario: str | None, parameters: dict) -> tuple[
 
     sim = load(mission, **parameters)
     assert sim.mission      # load() gives one
-    return sim, set_up(sim, chosen(sim, scenario)[1]) if scenario or sim.mission.scenarios else None
+    duration = set_up(sim, chosen(sim, scenario)[1]) if scenario or sim.mission.scenarios else None
+    sim.check()
+    return sim, duration
 
 
-def topics_of(mission: str, parameters: dict) -> dict[str, tuple[list[str], list[str], bool]]:
-    """(topics that it writes, that it reads of others, whether it is flight) of a mission's processes, by name. Raises
-    SetupError."""
+def topics_of(mission: str, parameters: dict, scenario: str | None) -> dict[str, tuple[list[str], list[str], bool]]:
+    """(topics that it writes, that it reads of others, whether it is flight) of a mission's processes, by name.
+    scenario: "": the first; None: none. Raises SetupError, also if neither files nor scenario make it fly."""
     from fledge import objects
     from fledge.mission import load
     from fledge.mission.crossing import crossing_wires
+    from fledge.mission.scenario import chosen, set_up
 
     sim = load(mission, **parameters)
+    assert sim.mission      # load() gives one
+    if sim.problems and sim.mission.scenarios and scenario is not None:
+        set_up(sim, chosen(sim, scenario)[1])
+    sim.check()
     crossing = crossing_wires(sim)
     return {p.name: ([f"/{p.name}/{name}/{f.name}" for name, one in p.instances.items()
                       for f in objects.struct(one).fields if f.group == "out"],

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge check MISSION`: all that is wrong with a mission's files, without a flight.
+
+Exit codes: 0 it can fly; 2 it cannot, or one of its files is wrong.
+"""
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from fledge.cli.console import counted, itemized, placed, say
+from fledge.cli.node import add_parameters, given_parameters
+from fledge.errors import Failure
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
+    from fledge.mission.simulation import Simulation
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    one = command("check", check, "say whether a mission can fly, without a flight", "check nadir_spin")
+    one.add_argument("mission", help="the name of a mission, or its folder")
+    add_parameters(one)
+
+
+def check(options: argparse.Namespace) -> int:
+    """Check a mission; returns the exit code."""
+    import fledge
+    from fledge.cosim.up.description import SimError
+    from fledge.errors import SetupError
+
+    sim = fledge.load(options.mission, **given_parameters(options))
+    assert sim.mission
+    wrong = list(_composition(sim))
+    can_fly = not wrong
+    parts = [_summary(process) for process in sim.processes]
+    parts += [counted(len(sim.mission.scenarios), "scenario")] * bool(sim.mission.scenarios)
+    for read in _readers(sim, can_fly and not sim.problems):    # which a scenario may have to give
+        try:
+            parts += filter(None, [read()])
+        except (SetupError, Failure) as error:
+            wrong.append(str(error))
+        except SimError as error:
+            wrong += str(error).splitlines()
+    if wrong:
+        head = f"{sim.name} {'can' if can_fly else 'cannot'} fly; {counted(len(wrong), 'error')}"
+        raise Failure(itemized(head, wrong))
+    say(f"{sim.name}: {', '.join(parts)}: can fly")
+    return 0
+
+
+def _composition(sim: Simulation) -> Iterator[str]:
+    """Why it cannot fly, a line each."""
+    from fledge.errors import CompositionError
+    from fledge.mission import MissionError, explain
+    from fledge.mission.scenario import lacking
+
+    assert sim.mission
+    if problems := sim.problems:
+        scenarios = sim.mission.scenarios
+        try:
+            left = lacking(sim, scenarios)
+        except MissionError as error:
+            yield from (*placed(problems), str(error))
+            return
+        if left or not scenarios:
+            yield from placed(problems)
+        if left and (whole := [name for name in scenarios if name not in left]):
+            yield f"{', '.join(whole)} can fly: what is missing, the scenario gives"
+        return
+    try:
+        sim.prepare()
+    except CompositionError as error:
+        yield from str(error).splitlines()
+    except Exception as error:      # of the reset of a module in Python
+        yield explain(error, sim.mission.folder)
+
+
+def _summary(process: Any) -> str:
+    """ "flight 12 modules in 3 tasks and 2 modes"."""
+    from fledge.mission.wiring import kind_of
+
+    places = [counted(len(some), word) for some, word in ((process.tasks, "task"), (process.modes, "mode")) if some]
+    return (f"{process.name} {counted(len(process.instances), 'model' if kind_of(process) == 'world' else 'module')}"
+            + (f" in {' and '.join(places)}" if places else ""))
+
+
+# --- its files, by what reads them in other commands -----------------------------------------------
+
+def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
+    """What reads each of its files, and says of it what it holds. whole: those about flight's messages, too."""
+    from functools import partial
+
+    assert sim.mission
+    folder = sim.mission.folder
+    yield partial(_requirements, sim)
+    if (folder / "dispersions.py").exists():
+        yield partial(_campaigns, folder)
+    keys = {path: _keys(path) for path in sorted(folder.glob("*.toml"))}
+    boards = [[path] for path, found in keys.items() if "snorkel" in found]
+    if any(folder.glob("boards/*.toml")):
+        boards.append([folder / "boards"])
+    for paths in boards if whole else ():
+        yield partial(_boards, sim, paths)
+    if whole and (folder / "ground.toml").exists():
+        yield partial(_ground, sim)
+    for path, found in keys.items():
+        if "craft" in found:
+            yield partial(_control_room, path)
+        elif not found or {"node", "asynchronous"} & found:
+            yield partial(_programs, path)
+
+
+def _keys(path: Path) -> set[str]:
+    """The keys of a TOML file; none if it cannot be read, which its reader tells."""
+    import tomllib
+
+    try:
+        return set(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, OSError):
+        return set()
+
+
+def _requirements(sim):
+    from fledge.requirements import Requirements
+
+    found = Requirements(sim)
+    return counted(len(found.all), "requirement") if found else ""
+
+
+def _campaigns(folder):
+    from fledge.montecarlo import Campaign
+
+    known = list(Campaign(folder).known)
+    for name in known[1:]:
+        Campaign(folder, name)
+    return counted(len(known), "campaign")
+
+
+def _boards(sim, paths):
+    """Of the one flight process; if there are several, the commands that take boards say which is meant."""
+    from fledge.export import board, read_all
+
+    if len(sim.flights) == 1:
+        mission = read_all(sim)[0]
+        board.lanes(mission, board.read(mission, board.texts_of(paths)))
+    return ", ".join(path.name for path in paths)
+
+
+def _ground(sim):
+    from fledge.export import ground, packets, read_all
+
+    ground.read(sim.mission.folder, [packets.database(one) for one in read_all(sim)])
+    return ground.FILE
+
+
+def _control_room(path):
+    from fledge.control_room.settings import read
+
+    read(path)
+    return path.name
+
+
+def _programs(path):
+    from fledge.cosim.up.description import read
+    from fledge.targets import TARGETS
+
+    read(path, TARGETS)
+    return path.name
