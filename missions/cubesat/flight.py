@@ -185,9 +185,7 @@ def control(f, trackers):
         f.monitor.availability  >> [f.motor.availability, f.plan.availability, f.balance.availability],
 
         fsw.newest(f.dump.torque, f.magnetic.torque) >> f.rod_law.torque,
-        (fsw.by_mode(detumble=f.b_dot.command, sun=f.rod_law.command, nadir=f.rod_law.command,
-                     contact=f.rod_law.command, image=f.rod_law.command, hover=f.rod_law.command)
-         >> f.window.wanted).stale_after(5 * s),
+        (fsw.newest(f.b_dot.command, f.rod_law.command) >> f.window.wanted).stale_after(5 * s),
 
         f.vehicle.vehicle       >> [f.sun_law.vehicle, f.law.vehicle],
         f.wheels.wheels         >> [f.sun_law.wheels, f.law.wheels, f.monitor.wheels, f.motor.wheels, f.plan.wheels,

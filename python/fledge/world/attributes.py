@@ -154,7 +154,7 @@ def _set_coefficients(field, file):
     what = f'{_core.path(field)}.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file'
     if not isinstance(file, (str, PathLike)):
         raise SetupError(f"{what}; found {file!r}")
-    if file in MAGNETIC:
+    if isinstance(file, str) and file in MAGNETIC:
         file = _MAGNETIC_FILES / f"{MAGNETIC[file]}.COF"
     elif isinstance(file, str) and not Path(file).suffix and not Path(file).exists():
         raise SetupError(f"{what}; found {file!r}{did_you_mean(file, MAGNETIC)}".rstrip(";"))

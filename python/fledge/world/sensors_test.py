@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, Simulation, world
+from fledge import SetupError, Simulation, flight as fsw, world
 from fledge.montecarlo import Campaign
 from fledge.units import deg, kg, m, ms, s
 
@@ -133,3 +133,30 @@ def test_an_event_injects_a_fault_and_heals_it(tmp_path):
     silent = log.time[log["rate.head.quality"] == 2]
     # The panel's message of 5 s reaches the gyro at its update at 6 s, or before.
     assert 5 < silent[0] <= 6 and silent[-1] == pytest.approx(silent[0] + 3.9)
+
+
+def test_six_sun_sensors_without_a_converter_see_the_sun_in_a_tumble():
+    faces = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    sim = Simulation("cube")
+    f, w = sim.flight, sim.world
+    w.light = world.Sunlight(sun=world.SUN.at([1.5e11, 2e10, -5e10]))
+    w.css = world.CoarseSunSensors(axes_B=faces, current=5e-3)
+    w.craft = world.Spacecraft(I_B=[1, 2, 3] * kg * m**2, omega_BN_B=[3, -5, 4] * deg / s, r_BN_N=[1e7, 1e7, 0] * m)
+    f.sun = fsw.SunDirection(axes_B=faces, current=5e-3, dark=0.02, differ=0.01)
+    f.line = fsw.SunLine(noise=0.01, length=0.02, rate_noise=1e-9, walk=1e-14, rate_std=1e-3, gate=5, good=3 * deg,
+                         hold=5 * s, persistence=20)
+    w.gyro = world.Gyro()
+    w.connect(w.craft.state >> [w.light.truth, w.css.truth, w.gyro.truth], w.light.light >> w.css.light,
+              w.css.currents >> f.sun.currents, w.gyro.rate >> f.line.gyro)
+    f.connect(f.sun.cosines >> f.line.cosines, f.sun.heading >> f.line.guess)
+    f.task("sun", every=500 * ms, run=[f.sun, f.line])
+    w.task("world", every=500 * ms, run=[w.craft, w.light, w.css, w.gyro])
+    log = sim.record(w.craft.state, f.sun.heading, f.line.heading, every=500 * ms)
+    sim.run(300 * s)
+    to_sun = np.array([1.5e11, 2e10, -5e10]) - log["state.r_BN_N"]
+    to_sun /= np.linalg.norm(to_sun, axis=1)[:, None]
+    seen = np.einsum("nij,nj->ni", fledge.attitude.mrp_to_dcm(log["state.sigma_BN"]), to_sun)
+    for name, least, within in (("sun.heading", 0.7, 1e-6), ("line.heading", 0.9, 0.02)):
+        good = log[f"{name}.head.quality"] == 3
+        off = np.linalg.norm(log[f"{name}.s_B"] - seen, axis=1)[good]
+        assert good.mean() > least and off.max() < within, (name, good.mean(), off.max())

@@ -58,7 +58,8 @@ def fit_orientation(sky: Sky, body: Body | str, *, within: Any, duration: Any, s
         u, _, v = svd(einsum("nji,njk->ik", turns(t, rate), truth))
         dcm = u @ array([[1, 0, 0], [0, 1, 0], [0, 0, det(u @ v)]]) @ v
         rate += float(polyfit(t - t.mean(), errors(t, truth, dcm, rate)[2], 1)[0])
-    worst = body.radius * float(norm(errors(*attitudes(8 * SAMPLES), dcm, rate), axis=0).max())
+    t, truth = attitudes(8 * SAMPLES)
+    worst = body.radius * float(norm(errors(t, truth, dcm, rate), axis=0).max())
     if not worst <= bound:
         raise SetupError(f"{path}: a constant rate about a pole that stands holds {body.name} within {worst:.3g} m "
                          f"over {span / 1e9:g} s, not within {bound:g} m; take a shorter duration")
