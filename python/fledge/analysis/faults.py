@@ -592,7 +592,9 @@ def _compare(matrix, name, baseline, seen, ns, faults):
                    ends=_mode_at(seen, seen.duration))
     says = [*_new_happenings(baseline, seen, begin), *_worse(baseline, seen, ns)]
     for path in matrix.detecting:
-        says += [(t, f"{path} is {ours}, not {theirs}") for t, ours, theirs in _differences(baseline, seen, path, ns)]
+        names = enumerator_names(FieldPath(matrix.simulation, path).field)
+        says += [(t, f"{path} is {names.get(ours, ours)}, not {names.get(theirs, theirs)}")
+                 for t, ours, theirs in _differences(baseline, seen, path, ns)]
     isolated = []       # (t, unit, whether it has a fault)
     for path, units in matrix.isolating.items():
         own = functools.reduce(operator.or_, (units.get(one.unit, 0) for one in faults))

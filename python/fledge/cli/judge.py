@@ -133,3 +133,5 @@ def show_required(outcomes: Sequence[Outcome], where: str = "") -> None:
     for one in outcomes:
         if one.verdict != HOLDS:
             say(f"           {one}")
+            if one.verdict == VIOLATED and one.requirement.skew:
+                say(f"           {one.requirement.id}: {one.requirement.skew}")

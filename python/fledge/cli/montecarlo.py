@@ -227,17 +227,15 @@ def _one(campaign, options, folder):
     drawn = campaign.drawn(sim)
     width = max(map(len, drawn))
     for path, value in drawn.items():
-        nominal = campaign.drawn(campaign.nominal)[path]
-        unit = f" {d.columns[path]}" if d.columns[path] else ""
         swept = path in getattr(campaign, "parameters", ())     # of the mission, whose own value no run has
-        say(f"  drawn    {path.ljust(width)}  {value:.7g}{unit}" + ("" if swept else f", nominal {nominal:.7g}{unit}"))
+        nominal = "" if swept else f", nominal {campaign.shown(path, campaign.drawn(campaign.nominal)[path])}"
+        say(f"  drawn    {path.ljust(width)}  {campaign.shown(path, value)}{nominal}")
     if not problem:
         result = campaign.judge(log, options.seed)
         for requirement in d.requirements:
             values, times, holds = result.reached(requirement)
-            unit = f" {requirement.variable.unit}" if requirement.variable.unit else ""
             reached = requirement.failure(values[0], times[0]) if math.isnan(values[0]) else \
-                f"{values[0]:.4g}{unit} at {times[0]:g} s"
+                f"{requirement._shown(values[0], '.4g')} at {times[0]:g} s"
             say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {reached}")
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1

@@ -18,7 +18,6 @@ from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.requirements import FormulaCheck
-from fledge.objects.si import enumerator_names
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -133,14 +132,8 @@ class Flights:
                         {**dict(zip(self.space.columns, map(float, values))), **self.kinds}, margin)
 
     def shown(self, path: str, x: float) -> str:
-        """A number of a path for people: the name of an enumerator, seconds, or with its unit in SI."""
-        unit = self.units.get(path, "")
-        if ".orbit." not in path:
-            field = FieldPath(self.campaign.nominal, path).field
-            if field.type == "enum":
-                return enumerator_names(field)[int(x)]
-            unit = "" if field.unit in ("-", "SI") else field.unit
-        return f"{x / 1e9:.7g} s" if unit == "ns" else f"{x:.7g}{' ' * bool(unit)}{unit}"
+        """As montecarlo.Campaign.shown()."""
+        return self.campaign.shown(path, x)
 
     def simulation(self, values: Mapping[str, float], seed: int | None = None) -> Simulation:
         """The simulation of one run, ready to be flown for `duration`."""

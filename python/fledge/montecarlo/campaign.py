@@ -20,6 +20,8 @@ from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import Share, by_processes, by_threads
 from fledge.montecarlo.store import Store
+from fledge.objects.measured import unit_after
+from fledge.objects.si import enumerator_names
 from fledge.progress import Bar
 
 if TYPE_CHECKING:
@@ -145,6 +147,18 @@ class Campaign:
         drawn = dict(zip(elements, self._orbits.get(simulation, elements.values())))
         return {path: drawn[path] if path in drawn else FieldPath(simulation, path).value()
                 for path in self.dispersions.drawn}
+
+    def enumerators(self, path: str) -> Mapping[float, str]:
+        """Number -> name of what a draw chooses among; {} of one that is no enumeration."""
+        if path in self.dispersions.orbit_elements or path in getattr(self, "parameters", ()):
+            return {}
+        return {float(n): name for n, name in enumerator_names(FieldPath(self.nominal, path).field).items()}
+
+    def shown(self, path: str, x: float) -> str:
+        """A drawn number for people: the name of an enumerator, seconds, or with its unit in SI."""
+        unit = self.dispersions.columns.get(path, "")       # "SI" where it depends on the model, as of a fault
+        plain = f"{x / 1e9:.7g} s" if unit == "ns" else f"{x:.7g}{unit_after(unit) if unit != 'SI' else ''}"
+        return self.enumerators(path).get(x, plain)
 
     def judge(self, log: Log, seed: int = 0) -> Result:
         """The Result of one run that was flown by hand, from its records every `every`."""

@@ -20,7 +20,7 @@ import pytest
 import fledge
 from fledge import Archive, _core, cli
 from fledge.montecarlo.dispersions_test import mission
-from fledge.montecarlo import Campaign, drivers, plots, report, store
+from fledge.montecarlo import report, Campaign, drivers, plots, report, store
 from fledge.montecarlo.counts import BOUND, Counts
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import fly_share
@@ -255,6 +255,24 @@ def test_the_command_of_a_failure_repeats_it(tmp_path, monkeypatch, capsys):
     good = next(i for i in range(12) if i not in {f["run"] for f in data["failures"]})
     assert cli.main(["montecarlo", str(tmp_path), "--seed", "3", "--only", str(good)]) == 0
     assert "passed" in capsys.readouterr().out
+
+
+def test_drawn_enumerators_have_their_names_and_times_are_seconds(tmp_path, capsys):
+    """Of sun_safe's faults: in the run alone, and in the report, where they have counts and no mean."""
+    campaign = Campaign("sun_safe", "faults")
+    kind, begin = (f"world.adc_a.faults[1].{name}" for name in ("kind", "begin"))
+    drawn = {path: values[3] for path, values in campaign.fly(4).draws.items()}
+    name = {one: number for number, one in campaign.enumerators(kind).items()}
+    assert len(name) > 5 and campaign.enumerators(begin) == {}
+    said = {}
+    assert cli.main(["montecarlo", "sun_safe", "--campaign", "faults", "--only", "3", "--out", str(tmp_path)]) == 0
+    for line in capsys.readouterr().out.splitlines():
+        if line.startswith("  drawn "):
+            said[line.split()[1]] = line.split(maxsplit=2)[2].partition(", nominal ")[::2]
+    assert name[said[kind][0]] == drawn[kind] and said[kind][1] == "NONE"
+    assert said[begin] == (f"{drawn[begin] / 1e9:.7g} s", "0 s")
+    row, = (one for one in report.summary(campaign.fly(4), str)["draws"] if one["path"] == kind)
+    assert sum(row["counts"].values()) == 4 and row["counts"][said[kind][0]] >= 1 and "mean" not in row
 
 
 # --- what is wrong with the command ----------------------------------------------------------------

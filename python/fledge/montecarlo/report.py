@@ -84,7 +84,10 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     for path, values in result.draws.items():
         values = values[np.isfinite(values)]
         row = {"path": path, "unit": d.columns[path], "nominal": nominal[path]}
-        if len(values):
+        if names := campaign.enumerators(path):     # which have no mean
+            row.update(nominal=names.get(nominal[path], nominal[path]),
+                       counts={name: int((values == number).sum()) for number, name in names.items()})
+        elif len(values):
             row.update(min=float(values.min()), mean=float(values.mean()), max=float(values.max()),
                        deviation=float(values.std(ddof=1)) if len(values) > 1 else 0.0)
         draws.append(row)

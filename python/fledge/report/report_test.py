@@ -160,7 +160,7 @@ def test_the_flight_is_in_the_page_where_there_is_a_viewer(here):
 
 def test_it_says_all_of_the_run(here):
     page = fly(here, "--seed", "7")
-    for part in ("looker, good", "passed", "A title with <i>markup</i> & an ampersand.", "What it is about.",
+    for part in ("looker, good", "flown", "A title with <i>markup</i> & an ampersand.", "What it is about.",
                  '<b>nothing</b> & "more".', "A second paragraph.", "seed 7", "times real time", "run.mcap, ",
                  # tasks, modes and events
                  "flight fast 1 s tracking", "world dynamics 1 s craft, nav 101", "cold fast t = 0 s began in it",

@@ -39,6 +39,7 @@ class Requirement:
     file: str = ""
     line: int = 0
     every: int = field(default=0, repr=False)   # [ns] between two samples; 0: each instant
+    skew: str = field(default="", repr=False)   # what a comparison joins that is not of one time, and the remedy
 
     @property
     def place(self) -> str:
@@ -112,7 +113,27 @@ class Declaration:
             if name not in known:
                 raise SetupError(f"{one.id}: the mission has no scenario '{name}'{did_you_mean(name, known)} it has "
                                  + listed(list(known)))
+        one.skew = _skew(self._simulation, formula, self._every) if formula is not None else ""
         self._found[one.id] = one
+
+
+def _skew(simulation, formula, every):
+    """Which outputs of different rates a comparison joins at instants at which only the faster one is new; "" if
+    none."""
+    for comparison in formula.comparisons:
+        periods: dict[str, int] = {}    # [ns] by port
+        for one in comparison.signal.fields:
+            if one.port is not None and one.group == "out" and not one.of_mode:
+                process, instance, _ = one.port.split(".", 2)
+                own = [task.period for task in simulation.process(process).tasks if instance in task.run]
+                periods |= {one.port: min(own)} if own else {}
+        if not periods:
+            continue
+        (fast, least), (slow, most) = (choose(periods.items(), key=lambda item: item[1]) for choose in (min, max))
+        if least < most and (every == 0 or every % most):
+            return (f"it joins {slow}, written every {most / 1e9:g} s, with {fast}, every {least / 1e9:g} s: at some "
+                    f"samples the first is older; r.every = {most / 1e9:g} * s takes those at which both are new")
+    return ""
 
 
 def signal(simulation: Simulation, path: str) -> Signal:

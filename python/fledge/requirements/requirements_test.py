@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge import cli
 from fledge.archive import Archive
 from fledge.errors import SetupError, Stopped
 from fledge.export.run_test import FLIGHT, WORLD
@@ -40,6 +41,21 @@ def mission(tmp_path, monkeypatch):
         return fledge.load("./plays")
 
     return write
+
+
+def test_a_comparison_of_outputs_of_two_rates_is_told_unless_it_is_sampled_where_both_are_new(mission, capsys):
+    sim = mission('turn = r.signal("world.craft.state.omega_BN_B")[0]',
+                  'found = r.signal("flight.tracking.error.omega_BR_B")[0]',
+                  'r.require("S-1", "", always(turn - found < -1 * deg / s))',
+                  'r.require("S-2", "", always((turn < -1 * deg / s) & (found < -1 * deg / s)))',
+                  'r.every = 250 * ms', 'r.require("S-3", "", always(turn < found))',
+                  'r.every = 1 * s', 'r.require("S-4", "", always(turn - found < -1 * deg / s))')
+    expected = ("it joins flight.tracking.error, written every 0.5 s, with world.craft.state, every 0.1 s: at some "
+                "samples the first is older; r.every = 0.5 * s takes those at which both are new")
+    assert {one.id: one.skew for one in Requirements(sim).all} == {"S-1": expected, "S-2": "", "S-3": expected,
+                                                                   "S-4": ""}
+    assert cli.main(["run", "plays", "--no-plots"]) == 1
+    assert f"\n           S-1: {expected}\n           S-2 violated" in capsys.readouterr().out
 
 
 def test_verdicts_and_margins_are_those_of_the_record(mission):
