@@ -8,7 +8,6 @@ behind them. It then flies as any module does, on each target.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import gcd
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +19,16 @@ if TYPE_CHECKING:
     from fledge.mission.process import Process
 
 
-@dataclass
 class CommandChoice:
-    """A module that a connection added to a process."""
-    name: str                               # of the module, and of its task
-    type: str
-    rule: str                               # "newest", as in fledge.flight
-    outputs: list[tuple[str, str]]          # (MODULE.PORT, the mode of its own or "")
-    stale_after: int                        # [ns]
-    task: tuple[int, int, int] | None = None    # period, offset [ns], priority; None: not every output has a task yet
+    """A module that a connection added to a process.
+
+    name: of the module, and of its task; rule: "newest", as in fledge.flight; outputs: (MODULE.PORT, the mode of its own
+    or ""); stale_after [ns]; task: period, offset [ns], priority; None: not every output has a task yet
+    """
+
+    def __init__(self, name: str, kind: str, rule: str, outputs: list[tuple[str, str]], stale_after: int) -> None:
+        self.name, self.type, self.rule, self.outputs, self.stale_after = name, kind, rule, outputs, stale_after
+        self.task: tuple[int, int, int] | None = None
 
 
 def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 import sys
 import types
 import weakref
@@ -231,7 +232,9 @@ class MissionFiles:
         self.call(run, path=path)
         for function in functions:
             if not callable(getattr(module, function, None)):
-                raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})", None)
+                own = [one for one, value in vars(module).items() if isinstance(value, types.FunctionType)]
+                raise MissionError(f"{path}: expected a function {function}({_TAKES[name]})"
+                                   + (f"; it has {near}()" if (near := nearest(function, own)) else ""), None)
         return module
 
     def call(self, function: Any, *arguments: Any, path: Path | None = None, **parameters: Any) -> Any:
@@ -281,6 +284,8 @@ def _advice(error: BaseException) -> str:
     if isinstance(error, ImportError) and str(error.name).startswith("fledge.") and error.name in sys.modules:
         wanted = str(error).removeprefix("cannot import name '").partition("'")[0]
         return f"; did you mean '{near}'?" if (near := nearest(wanted, dir(sys.modules[error.name]))) else ""
+    if re.search(r"sigma_\w+: expected shape \(3\); found shape \(4\)", str(error)):
+        return "; of a quaternion it is fledge.attitude.quaternion_to_mrp(...)"
     if isinstance(error, TypeError) and "can't multiply sequence" in str(error):
         return "; a list takes factors with a unit: [1, 2, 3] * (2.5 * N)"
     return ""

@@ -560,7 +560,8 @@ class Process:
                              + (_core.path(run) if isinstance(run, (_core.Module, _core.Model)) else repr(run)))
         for one in run:
             if not isinstance(one, (_core.Module, _core.Model)):
-                raise SetupError(f"{what}: run takes modules or models; found {one!r}")
+                raise SetupError(f"{what}: run takes modules or models; found {one!r}"
+                                 + (": give the object, not its name" if isinstance(one, str) else ""))
         self._core_process.add_task(name, time_ns(every, f"{what}: every"), time_ns(offset, f"{what}: offset"),
                                     priority, run)
         self._tasks[name] = Task(name)
@@ -760,9 +761,12 @@ class Flight(Process):
                              "fly; assign it in world.py")
 
     def _accept_event(self, what, when, do):
-        if do is not None or not isinstance(when, _core.Condition):
-            raise SetupError(f"{what}: flight's events are data, so that they can be exported: a condition made "
-                             "with watch(), and enter, arm, disarm or set; Python belongs into the world's events")
+        if do is not None:
+            raise SetupError(f"{what}: flight's events are data, so that they can be exported: they have enter, arm, "
+                             "disarm or set; do, a function in Python, belongs into the world's events")
+        if not isinstance(when, _core.Condition):
+            raise SetupError(f"{what}: when takes a condition made with watch(), which flight evaluates, as in "
+                             f"f.watch(f.tracking.error).sigma_BR[0] < 1e-3; found {_value_text(when)}")
 
 
 @suggesting()
