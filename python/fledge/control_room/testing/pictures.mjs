@@ -9,16 +9,13 @@ const {out, user, password, pages, crafts, files} = JSON.parse(readFileSync(join
 const SIZES = [[400, 800], [1280, 800], [1920, 1080]];
 const said = [];
 
-async function pictures(page, name) {
-    for (const [width, height] of SIZES) {
-        await page.setViewportSize({width, height});
-        for (const colorScheme of ["light", "dark"]) {
-            await page.emulateMedia({colorScheme});
-            await page.waitForTimeout(250);
-            await page.screenshot({path: join(out, `${name}-${width}-${colorScheme}.png`)});
-        }
-        said.push(...(await hidden(page)).map((one) => `${name}, ${width}: ${one}`));
+async function pictures(page, name, width) {
+    for (const colorScheme of ["light", "dark"]) {
+        await page.emulateMedia({colorScheme});
+        await page.waitForTimeout(250);
+        await page.screenshot({path: join(out, `${name}-${width}-${colorScheme}.png`)});
     }
+    said.push(...(await hidden(page)).map((one) => `${name}, ${width}: ${one}`));
 }
 
 /** What a page is shown with: a vector of a plot, a command with arguments, a table. */
@@ -34,34 +31,45 @@ const selection = (page, name, craft) => page.evaluate(async ([asked, of]) => {
     return (forms.find((one) => one.arguments.length > 2) ?? forms[0])?.name ?? "";
 }, [name, craft]);
 
+/** Pictures of a file in a window. */
+async function ofFile(file, look) {
+    const page = await enter(file, look);
+    await page.waitForTimeout(1000);
+    await pictures(page, file.split("/").at(-1).replace(/\.html$/, ""), look.width);
+    said.push(...page.problems);
+    await page.context().close();
+}
+
+/** Pictures of the console's pages in a window. */
+async function ofConsole(look) {
+    const page = await enter("", look);
+    await page.locator(".login input").first().waitFor();
+    if (pages.includes("login")) await pictures(page, "login", look.width);
+    await page.getByLabel("User").fill(user);
+    await page.getByLabel("Password").fill(password);
+    await page.keyboard.press("Enter");
+    await page.waitForSelector("html[data-opened]");
+    await page.waitForTimeout(3000);        // values come, and alarms
+    const all = await page.locator("nav [data-page]").evaluateAll((found) => found.map((one) => one.dataset.page));
+    for (const name of all.filter((one) => pages.includes("all") || pages.includes(one)))
+        for (const craft of name === "overview" ? crafts.slice(0, 1) : crafts) {
+            const sel = await selection(page, name, craft);
+            await page.evaluate((hash) => { location.hash = hash; },
+                `#/${name}?${new URLSearchParams({craft, sel})}`);
+            await page.locator(`.page.${name}`).waitFor();
+            await page.waitForTimeout(name === "view" ? 4000 : 1200);
+            await pictures(page, name === "overview" ? name : `${name}-${craft}`, look.width);
+        }
+    said.push(...page.problems);
+    await page.context().close();
+}
+
 await run({
     async "pictures"() {
-        for (const file of files) {
-            const page = await enter(file);
-            await page.waitForTimeout(1000);
-            await pictures(page, file.split("/").at(-1).replace(/\.html$/, ""));
-            await page.context().close();
+        for (const [width, height] of SIZES) {
+            for (const file of files) await ofFile(file, {width, height});
+            if (pages.length) await ofConsole({width, height});
         }
-        if (!pages.length) return;
-        const page = await enter("");
-        await page.locator(".login input").first().waitFor();
-        if (pages.includes("login")) await pictures(page, "login");
-        await page.getByLabel("User").fill(user);
-        await page.getByLabel("Password").fill(password);
-        await page.keyboard.press("Enter");
-        await page.waitForSelector("html[data-opened]");
-        await page.waitForTimeout(5000);        // values come, and alarms
-        const all = await page.locator("nav [data-page]").evaluateAll((found) => found.map((one) => one.dataset.page));
-        for (const name of all.filter((one) => pages.includes("all") || pages.includes(one)))
-            for (const craft of name === "overview" ? crafts.slice(0, 1) : crafts) {
-                const sel = await selection(page, name, craft);
-                await page.evaluate((hash) => { location.hash = hash; },
-                    `#/${name}?${new URLSearchParams({craft, sel})}`);
-                await page.locator(`.page.${name}`).waitFor();
-                await page.waitForTimeout(name === "view" ? 4000 : 1200);
-                await pictures(page, name === "overview" ? name : `${name}-${craft}`);
-            }
-        said.push(...page.problems);
     },
 });
 console.error(said.join("\n"));

@@ -24,7 +24,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("files", type=Path, nargs="*", help="pages of commands, as report.html")
     parser.add_argument("--mission", action="append", help="default: cubesat; the first one alone is in the overview")
     parser.add_argument("--page", action="append", help="of the console, or login, or none; default: all")
-    chosen = parser.parse_args(arguments)
+    chosen = parser.parse_intermixed_args(arguments)
     chosen.dir.mkdir(parents=True, exist_ok=True)
     missions = chosen.mission or ["cubesat"]
     pages = [one for one in chosen.page or ["login", "all"] if one != "none"]

@@ -68,7 +68,7 @@ export class Plots {
         const chart = new uPlot({
             width: 320, height: 170,
             title: `${field}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}${rows ? "" : ", never written"}`,
-            scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [4, 12, 0, 0],
+            scales: { x: { time: false, min: this.span[0], max: this.span[1] } }, padding: [8, 12, 0, 0],
             axes: [{ ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map(clock) },
                 { ...axis, size: 58, values: (_, ticks) => ticks.map((one) => short(one)) }],
             series: [{ label: "t", value: (_, t) => (t == null ? "" : clock(t)) },
