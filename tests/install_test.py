@@ -49,6 +49,7 @@ def test_its_command_flies_a_mission(prefix, tmp_path):
     command = prefix / "bin/fledge"
     assert run(command, "--version", cwd=tmp_path) == f"fledge {fledge.__version__}\n"
     assert "flown    10 s" in run(command, "run", "nadir_spin", "--for", "10s", cwd=tmp_path)
+    assert "flown    10 s" in run(command, "run", "cubesat", "--for", "10s", cwd=tmp_path)     # with WMM2025
     assert run(command, "exec", "python3", "-c", "import fledge; print(fledge.__file__)", cwd=tmp_path) == \
         f"{prefix}/lib/fledge/python/fledge/__init__.py\n"
 

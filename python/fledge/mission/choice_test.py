@@ -255,6 +255,17 @@ def test_a_choice_for_flight_and_the_world_chooses_for_each():
         ("flight.more_command.command", "world.more.command", 0, 9_000_000_000, "")]
 
 
+def test_a_command_of_several_outputs_may_come_one_exchange_late():
+    sim = commanding(lambda f: fsw.newest(f.a.command, f.b.command))
+    w, f = sim.world, sim.flight
+    w.late = fledge.world.ReactionWheels(axes_B=[[0, 1, 0]], J=1, u_max=100)
+    w.craft.parts = [w.late]
+    w.connect((fsw.newest(f.a.command, f.b.command) >> w.late.command).latency(1))
+    assert ("flight.late_command.command", "world.late.command", 1, 0, "") in sim.wires
+    sim.run(40 * s)
+    assert w.late.command.head.t < w.wheels.command.head.t
+
+
 def test_what_no_module_passes_on_is_refused_with_those_that_one_does():
     sim = choosing("newest")
     f, w = sim.flight, sim.world
