@@ -146,8 +146,8 @@ def modes(tmp_path):
     return folder
 
 
-# One set of wheels, three laws in three modes, and a fourth mode without one, in which another module commands the wheels;
-# two sensors.
+# One set of wheels, three laws in three modes, and a fourth mode without one, in which another module commands the
+# wheels; two sensors.
 CHOICES = '''
 """Three laws drive one set of wheels."""
 from fledge import flight as fsw

@@ -272,8 +272,8 @@ def test_what_no_module_passes_on_is_refused_with_those_that_one_does():
     f, w = sim.flight, sim.world
     f.one, f.two = fsw.PowerManager(on=1), fsw.PowerManager(on=2)
     w.power = fledge.world.PowerUnit(n=1, on=1, volts=8, load=[1], trip=[1])
-    with pytest.raises(SetupError, match=r"^newest\(flight.one.command, flight.two.command\) >> world.power.command: flight"
-                                         r" chooses among commands to actuators \(.*RodCommand.*\), not among "
+    with pytest.raises(SetupError, match=r"^newest\(flight.one.command, flight.two.command\) >> world.power.command: "
+                                         r"flight chooses among commands to actuators \(.*RodCommand.*\), not among "
                                          "PowerCommand; let a module of flight"):
         w.connect(fsw.newest(f.one.command, f.two.command) >> w.power.command)
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class CommandChoice:
     """A module that a connection added to a process.
 
-    name: of the module, and of its task; rule: "newest", as in fledge.flight; outputs: (MODULE.PORT, the mode of its own
-    or ""); stale_after [ns]; task: period, offset [ns], priority; None: not every output has a task yet
+    name: of the module, and of its task; rule: "newest", as in fledge.flight; outputs: (MODULE.PORT, the mode of its
+    own or ""); stale_after [ns]; task: period, offset [ns], priority; None: not every output has a task yet
     """
 
     def __init__(self, name: str, kind: str, rule: str, outputs: list[tuple[str, str]], stale_after: int) -> None:
@@ -90,6 +90,6 @@ def _module(wire: Wire) -> Any:
     known = [name.removesuffix("Choice") for name, one in flight.TYPES.items()
              if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]
     if message not in known:
-        raise SetupError(f"{wire!r}: flight chooses among commands to actuators ({listed(known)}), not among {message}; "
-                         "let a module of flight read the outputs, and give the world its own")
+        raise SetupError(f"{wire!r}: flight chooses among commands to actuators ({listed(known)}), not among "
+                         f"{message}; let a module of flight read the outputs, and give the world its own")
     return flight.TYPES[f"{message}Choice"]()

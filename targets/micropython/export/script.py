@@ -58,9 +58,9 @@ def read_scripts(sim: Any) -> Scripts:
     choices = [line for flight in sim.flights for line in _choices(flight, mission.several)]
     if given or choices:
         found.module = f"{package}.given"
+        uses = ["from fledge import flight as fsw", "from fledge.units import ns"] if choices else []
         found.files[f"{package}/given.py"] = "\n".join(
-            [f"from .{entry} import build as _build", *(["from fledge import flight as fsw", "from fledge.units import ns"]
-                                                        if choices else []), "", "", "def build(it):",
+            [f"from .{entry} import build as _build", *uses, "", "", "def build(it):",
              f"    _build({', '.join(filter(None, ('it', given)))})", *choices, ""])
     files = {str(path) for path in found.files.values() if isinstance(path, Path)}
     if results := [one for one in mission.computed if one.file in files]:
