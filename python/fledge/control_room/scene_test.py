@@ -52,7 +52,7 @@ class Telemetry:
 # --- live as recorded ------------------------------------------------------------------------------
 
 SHOWN = ("CraftState", "WheelSpeeds", "ThrusterOutput", "RodCommand", "NavAttitude", "NavOrbit", "AttError",
-         "AttReference")
+         "AttReference", "RadioLink")
 
 
 class Flown:

@@ -1,49 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Curves of parameters over time: from the archive, and what comes since; with gaps where nothing came.
+// Pictures of curves.
 import uPlot from "uplot";
 import {CONCERNS, SHAPES} from "./dom.js";
 import {bare} from "./format.js";
 import {real} from "./store.js";
 
-const FAR = 5;      // so many times the usual step apart, two samples have a gap between them
 const MARK = 6;     // [px] of what was beyond limits
-const COLUMNS = ["t", "value", "low", "high", "worst"];
-
-/** One parameter's samples: time in s, value, the least, the largest and the worst state of each step of time. */
-export class Curve {
-    constructor(name) {
-        Object.assign(this, {name, t: [], value: [], low: [], high: [], worst: [], step: Infinity});
-    }
-
-    /** Take what the archive gave. */
-    fill({t, value, low, high, worst}) {
-        const steps = Array.from(t).slice(1).map((one, k) => one - t[k]).sort((a, b) => a - b);
-        this.step = steps.length > 1 ? steps[steps.length >> 1] : Infinity;
-        for (const key of COLUMNS) this[key] = [];
-        for (let k = 0; k < t.length; k++) this.add(t[k], value[k], low[k], high[k], worst[k]);
-    }
-
-    add(t, value, low = value, high = value, worst = 0) {
-        const last = this.t.at(-1);
-        if (last !== undefined && t <= last) return false;
-        if (last !== undefined && t - last > Math.max(FAR * this.step, 2))
-            this.push((last + t) / 2, null, null, null, 0);
-        const real = (one) => (Number.isNaN(one) ? null : one);
-        this.push(t, real(value), real(low), real(high), worst);
-        return true;
-    }
-
-    push(...all) { COLUMNS.forEach((key, k) => this[key].push(all[k])); }
-
-    /** Forget what is before a time. */
-    drop(before) {
-        let n = 0;
-        while (this.t[n] < before) n++;
-        if (n > 100) for (const key of COLUMNS) this[key].splice(0, n);
-    }
-
-    get table() { return [this.t, this.value, this.low, this.high]; }
-}
 
 // Told apart by everybody, on dark and on light.
 const COLOURS = {

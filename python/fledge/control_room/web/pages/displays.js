@@ -2,7 +2,8 @@
 // Displays that a mission composes: rows, large values, plots and buttons of commands (control_room/displays.py).
 import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
-import {Curve, chart, data} from "../curves.js";
+import {Curve, Mender} from "../curve.js";
+import {chart, data} from "../curves.js";
 import {bare} from "../format.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
 import {valueText} from "../store.js";
@@ -135,22 +136,18 @@ export async function open(context) {
             drawn.setScale("x", {min: time.utc ? to - span : Math.max(0, to - span), max: to});
             if (drawn.cursor.left < 0) drawn.setLegend({idx: drawn.data[0].length - 1}, false);
         };
+        let asked = 0;
+        const read = async (from, to) => series(await api.bytes(of(craft, "history"), {
+            names: good.map((one) => one.name).join(","), from_ns: from, to_ns: to + 1n, points: POINTS,
+            session: time.session, format: "binary"}));
+        const mender = new Mender(async (from, to) => {
+            const turn = asked, found = await read(ns(from), ns(to) + 1000n);
+            return !over && turn === asked && found;
+        }, show);
         const load = async () => {  // what was before
-            const {at, session} = time;
-            const found = series(await api.bytes(of(craft, "history"), {
-                names: good.map((one) => one.name).join(","),
-                from_ns: at - ns(span),
-                to_ns: at + 1n,
-                points: POINTS,
-                format: "binary"
-            }));
-            if (over || (!time.isLive && at !== time.at)) return;
-            curves.forEach((curve, k) => {
-                const {t, value, worst} = curve;        // what came while the archive was read
-                curve.fill(found[k]);
-                if (time.isLive)
-                    t.forEach((one, j) => value[j] !== null && curve.add(one, value[j], value[j], value[j], worst[j]));
-            });
+            const {at} = time, turn = ++asked, shown = store.t, found = await read(at - ns(span), at);
+            if (over || turn !== asked) return;
+            curves.forEach((curve, k) => curve.fill(found[k], shown));
             show();
         };
         const fit = new ResizeObserver(() => {
@@ -176,6 +173,7 @@ export async function open(context) {
                 fresh = curves[k].add(t, value, value, value, store.concern[slot]) || fresh;
                 curves[k].drop(Number(time.newest) / 1e9 - span - 5);
             });
+            mender.look(curves, Number(time.newest) / 1e9 - span);
             if (!fresh || performance.now() - last < 95) return;
             last = performance.now();
             show();

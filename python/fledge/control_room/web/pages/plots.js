@@ -2,7 +2,8 @@
 // Plots: live and back in time on one axis; a zoom asks the archive for what lies there.
 import {of, series} from "../api.js";
 import {attempt, h, put} from "../dom.js";
-import {Curve, chart, data} from "../curves.js";
+import {Curve, Mender} from "../curve.js";
+import {chart, data} from "../curves.js";
 import {together} from "../store.js";
 import {theme} from "../theme.js";
 
@@ -168,6 +169,14 @@ export async function open(context) {
         }
     }
 
+    const read = async (from, to) => series(await api.bytes(of(craft, "history"), {
+        names: [...curves.keys()].join(","), from_ns: ns(from), to_ns: ns(to) + 1000n, points: POINTS,
+        session: time.session, format: "binary"}));
+    const mender = new Mender(async (from, to) => {
+        const turn = asked, found = await read(from, to);
+        return turn === asked && found;
+    }, () => show(true));
+
     /** Ask the archive for what is in view. */
     async function load() {
         clearTimeout(behind);
@@ -177,11 +186,9 @@ export async function open(context) {
         const [from, to] = view();
         put(loading, "reading\u2026");
         await attempt(problem, async () => {
-            const found = series(await api.bytes(of(craft, "history"), {
-                names: wanted.join(","), from_ns: ns(from), to_ns: ns(to) + 1n, points: POINTS, session: time.session,
-                format: "binary"}));
+            const shown = store.t, found = await read(from, to);
             if (turn !== asked) return;
-            for (const [k, name] of wanted.entries()) curves.get(name)?.fill(found[k]);
+            for (const [k, name] of wanted.entries()) curves.get(name)?.fill(found[k], shown);
         });
         if (turn !== asked) return;
         put(loading, "");
@@ -200,6 +207,7 @@ export async function open(context) {
             fresh = curve.add(t, value, value, value, store.concern[slot]) || fresh;
             curve.drop(view()[0] - 5);
         }
+        mender.look([...curves.values()], view()[0]);
         const now = performance.now();
         if (fixed ? !fresh : now - drawn < 95) return;
         drawn = now;
