@@ -140,7 +140,10 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
         for build, arguments in builds:
             flown = None if mission.several or len(arguments) == 1 else _composed(arguments[1])
             taken = _parameters(build, len(arguments)) if parameters else {}
-            files.call(build, *arguments, **{name: parameters[name] for name in taken if name in parameters})
+            try:
+                files.call(build, *arguments, **{name: parameters[name] for name in taken if name in parameters})
+            except MissionError as error:
+                raise MissionError("\n  ".join([str(error), *_required(simulation, arguments[1:])]), error.cause) from None
             if flown is not None and (made := _composed(arguments[1]) - flown):
                 raise SetupError(f"{mission.folder / 'world.py'} makes {', '.join(sorted(made))}: what flies is "
                                  "composed in flight.py, which targets take; world.py joins the world to it")
@@ -153,6 +156,12 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
             files.call(files.execute("preset", "preset").preset, simulation)
     weakref.finalize(simulation, files.forget)
     return simulation
+
+
+def _required(simulation, flights):
+    """What these processes lack, which may be why composing the next one has failed, with its places."""
+    return [f"{file}, line {line}: {text}" for file, line, text in simulation.problems
+            if " is required" in text and text.startswith(tuple(f"{one.name}." for one in flights))] if flights else []
 
 
 def _parameters(build, taken):

@@ -518,8 +518,15 @@ class Process:
             for target in one.targets:
                 target = self._with_room(one.source, target)
                 for i, (source, by, mode) in enumerate(one.sources):
-                    self._core_simulation.connect(source, target, one.options["latency"], one.options["stale_after"],
-                                                  by, mode, i > 0, *as_shown(one.declared_at))
+                    try:
+                        self._core_simulation.connect(
+                            source, target, one.options["latency"], one.options["stale_after"], by, mode, i > 0,
+                            *as_shown(one.declared_at))
+                    except SetupError as error:
+                        first = self.declared_at(_core.path(target))
+                        if first is None or first[0] != one.declared_at[0]:
+                            raise
+                        raise SetupError(f"{error}: lines {first[1]} and {one.declared_at[1]}") from None
                 self.declare(_core.path(target), one.declared_at)
 
     def _with_room(self, source, target):
