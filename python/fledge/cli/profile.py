@@ -46,12 +46,13 @@ def profile(options: argparse.Namespace) -> int:
     import sys
 
     from fledge.cli.arguments import flight_time
-    from fledge.cli.console import say
+    from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
     from fledge.columns import columns
     from fledge.errors import Failure
     from fledge.files import write_files
     from fledge.profile import page, profile as measure
+    from fledge.progress import Bar
     from fledge.targets import Job
 
     names = _names(options)
@@ -68,7 +69,9 @@ def profile(options: argparse.Namespace) -> int:
         job = Job(options.mission, options.scenario, duration, options.seed, folder=folder, free=options.free,
                   parameters=given_parameters(options))
         say(f"{job.title}, {job.scenario}, {job.duration:g} s")
-        found = measure(job, names, options.process)
+        with Bar(job.title) as bar:
+            found = measure(job, names, options.process, lambda name, done: bar.at(
+                done / len(names), f"{done} of {counted(len(names), 'target')}, now {name}"))
         for line in columns(page.table(found), right=set(range(1, len(found) + 1))):
             say("  " + line)
         facts = {"mission": job.title, "scenario": job.scenario, "duration": job.duration,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 GROWTH = 0.02       # of the instructions per cycle, from the first third of the loop to the last
+WITHIN = 6          # points that a stay in a mode needs to be judged
 Points = list[tuple[int, float]]    # (cycle, value)
 
 
@@ -25,6 +26,7 @@ class Profile:
     init_stack: int | None = None       # at most
     # loop
     instructions: Points = field(default_factory=list)  # per cycle, of the cycles from this one to the next point
+    changes: list[int] = field(default_factory=list)    # the cycles at which the mode changes
     heap: Points = field(default_factory=list)
     loop_heap: int | None = None        # at most
     loop_stack: int | None = None       # at most
@@ -45,8 +47,7 @@ class Profile:
 
     def thirds(self) -> tuple[list[float], list[float]]:
         """(instructions per cycle, heap at most) in each third of the loop; [] of what is not known."""
-        ends = [round(self.cycles * i / 3) for i in range(4)]
-        parts = list(zip(ends, ends[1:]))
+        parts = _parts(0, self.cycles)
         heap = [[h for cycle, h in self.heap if a <= cycle <= b] for a, b in parts]
         counts = [_mean(self.instructions, a, b, self.cycles) for a, b in parts]
         return ([one for one in counts if one is not None] if None not in counts else [],
@@ -57,21 +58,39 @@ class Profile:
         found = [] if self.same in (None, True) else ["its outputs differ from the desktop's"]
         if not self.strict:
             return found
-        counts, heap = self.thirds()
+        _, heap = self.thirds()
         if heap and heap[2] > heap[0]:
             found.append(f"its heap grows in the loop, from {heap[0]:,.0f} to {heap[2]:,.0f} bytes between the first "
                          f"and the last third, {(heap[2] - heap[0]) / (self.cycles * 2 / 3):.3g} bytes per cycle")
         if self.allocations:
             found.append(f"its loop allocates: {self.allocations:,} requests in {self.cycles:,} cycles")
-        if counts and counts[0] < counts[1] < counts[2] and counts[2] > counts[0] * (1 + GROWTH):
-            found.append(f"a cycle takes ever more instructions: {counts[0]:,.0f}, {counts[1]:,.0f} and "
-                         f"{counts[2]:,.0f} in the thirds of the loop, {counts[2] / counts[0] - 1:+.1%}")
+        for begin, end in self._stays():
+            first, second, third = (_mean(self.instructions, *part, self.cycles) or 0.0 for part in _parts(begin, end))
+            if first < second < third and third > first * (1 + GROWTH):
+                where = f"the cycles {begin:,} to {end:,}, of one mode" if self.changes else "the loop"
+                found.append(f"a cycle takes ever more instructions: {first:,.0f}, {second:,.0f} and {third:,.0f} in "
+                             f"the thirds of {where}, {third / first - 1:+.1%}")
         return found
+
+    def _stays(self):
+        """(begin, end) of the cycles in each mode, in whole points; another mode may well take more."""
+        stops = [*(cycle for cycle, _ in self.instructions[1:]), self.cycles]
+        for begin, end in zip([0, *self.changes], [*self.changes, self.cycles]):
+            own = [(start, stop) for (start, _), stop in zip(self.instructions, stops)
+                   if begin <= start < stop <= end]
+            if len(own) >= (WITHIN if self.changes else 1):
+                yield own[0][0] if self.changes else begin, own[-1][1]
 
     def as_json(self) -> dict[str, Any]:
         counts, heap = self.thirds()
         return {**dataclasses.asdict(self), "per_cycle": self.per_cycle,
                 "thirds": {"instructions": counts, "heap": heap}, "problems": self.problems()}
+
+
+def _parts(begin, end):
+    """(begin, end) of each third of some cycles."""
+    ends = [begin + round((end - begin) * i / 3) for i in range(4)]
+    return list(zip(ends, ends[1:]))
 
 
 def _mean(points: Points, begin: int, end: int, cycles: int) -> float | None:

@@ -115,6 +115,11 @@ def test_only_a_loop_that_grows_is_a_problem():
     assert not flight([100] * 10 + [120] * 10 + [90] * 10, [8] * 30).problems()     # a manoeuvre
     assert not flight([100 + i / 100 for i in range(30)], [8] * 30).problems()
     assert "ever more" in flight([100 + i for i in range(30)], [8] * 30).problems()[0]
+    assert not flight([100] * 9 + [120] * 10 + [150] * 11, [8] * 30, changes=[9, 19]).problems()    # of three modes
+    assert not flight([100 + i for i in range(30)], [8] * 30, changes=[*range(4, 30, 5)]).problems()    # too short
+    assert flight([100] * 12 + [120 + i for i in range(18)], [8] * 30, changes=[12]).problems() == [
+        "a cycle takes ever more instructions: 122, 128 and 134 in the thirds of the cycles 12 to 30, of one mode, "
+        "+9.8%"]
     heap, = flight([100] * 30, [100 + 16 * i for i in range(30)]).problems()
     assert "from 260 to 564 bytes between the first and the last third, 15.2 bytes per cycle" in heap
     assert "allocates: 3 requests" in flight([100] * 30, [8] * 30, allocations=3).problems()[0]

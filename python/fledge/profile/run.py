@@ -2,8 +2,11 @@
 """Profiles of a flight process on several targets, each measured in the way of its target."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
+from fledge.activity import modes
+from fledge.archive import Archive
 from fledge.errors import Failure
 from fledge.profile import board, desktop, process as processes
 from fledge.profile.measure import Profile
@@ -13,8 +16,10 @@ from fledge.targets.desktop import Desktop
 METHODS = {"process": processes.measure, "board": board.measure, "desktop": desktop.measure}     # Target.profiled_by
 
 
-def profile(job: Job, names: Sequence[str], process: str | None = None) -> list[Profile]:
-    """Profile a flight process of a job on these targets; None: the only one."""
+def profile(job: Job, names: Sequence[str], process: str | None = None,
+            progress: Callable[[str, int], Any] = lambda name, done: None) -> list[Profile]:
+    """Profile a flight process of a job on these targets; None: the only one. progress(the target, how many are done):
+    before each."""
     if process is None and len(job.parts) > 1:
         raise Failure(f"{job.title} has several flight processes; choose one with --process: "
                       + ", ".join(one.process for one in job.parts))
@@ -25,4 +30,18 @@ def profile(job: Job, names: Sequence[str], process: str | None = None) -> list[
             raise Failure(f"profile: cannot profile on '{name}'; there are {', '.join(can)}")
     targets = TARGETS.ready(names, "profile")
     flown = Desktop().fly(job)[part.process]
-    return [METHODS[one.profiled_by](one, part, flown.record) for one in targets]
+    found = []
+    for target in targets:
+        progress(target.name, len(found))
+        found.append(METHODS[target.profiled_by](target, part, flown.record))
+        found[-1].changes = _changes(part, flown.record)
+    return found
+
+
+def _changes(part, path):
+    """The cycles at which the mode of a process changes."""
+    import numpy as np
+
+    with Archive(path) as record:
+        stays = modes(record).get(part.process, [])
+    return np.searchsorted(part.instants, [round(t * 1e9) for t, _ in stays[1:]]).tolist()
