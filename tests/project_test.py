@@ -469,6 +469,9 @@ def test_within_fledge_lines_go_where_their_neighbours_are(tmp_path, monkeypatch
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / file, tmp_path / file)
     monkeypatch.setattr(new, "FLEDGE", tmp_path)
+    with pytest.raises(new.NewError, match="there is no project here; '.*fledge new project NAME' makes one"):
+        new.module("guidance/SunSlew")
+    monkeypatch.chdir(tmp_path / "flight")
     before = (tmp_path / "flight/CMakeLists.txt").read_text()
     new.module("guidance/SunSlew")
     new.module("payload/Shutter")

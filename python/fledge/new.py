@@ -251,9 +251,10 @@ def _command(project: Path | str | None) -> str:
 
 
 def _root(project: Path | str | None) -> Path:
-    """The project's folder, else Fledge's own. Raises NewError for an installed Fledge, which is no place for more."""
-    if not project and not (FLEDGE / "CMakeLists.txt").exists():
-        raise NewError("there is no project here; './fledge new project NAME' makes one, and it takes what is new")
+    """The project's folder, else Fledge's own from within. Raises NewError elsewhere, and for an installed Fledge."""
+    if not project and not ((FLEDGE / "CMakeLists.txt").exists() and Path.cwd().is_relative_to(FLEDGE)):
+        command = f"{_command(Path.cwd())} new project NAME"
+        raise NewError(f"there is no project here; '{command}' makes one, and it takes what is new")
     return Path(project) if project else FLEDGE
 
 
