@@ -11,7 +11,9 @@ In a document,
     ```sh                for the reader only.
 """
 
+import ast
 import importlib.util
+import inspect
 import os
 import re
 import shutil
@@ -220,6 +222,25 @@ def test_a_leon3_is_looked_into(tmp_path):
     shell = Shell(tmp_path)
     shell.environment["DEBUGINFOD_URLS"] = ""
     assert follow("leon3-debugging.md", shell) >= 12
+
+
+def test_fragments_of_python_call_what_there_is():
+    """What no test runs, for it is part of a mission: modules and models with their parameters."""
+    calls, libraries = 0, {"fsw": fsw, "world": world}
+    for page in [*(ROOT / "docs").glob("*.md"), *ROOT.glob("missions/**/README.md")]:
+        for kind, file, text in BLOCK.findall(page.read_text(encoding="utf-8")):
+            if kind != "python" or file:
+                continue
+            for node in ast.walk(ast.parse(text)):
+                match node:
+                    case ast.Attribute(value=ast.Name(id="fsw" | "world" as library), attr=name):
+                        assert hasattr(libraries[library], name), f"{page.name}: {library}.{name}"
+                    case ast.Call(func=ast.Attribute(value=ast.Name(id="fsw" | "world" as library), attr=name)):
+                        taken, calls = inspect.signature(getattr(libraries[library], name)).parameters, calls + 1
+                        wrong = {one.arg for one in node.keywords} - {None, *taken}
+                        any_word = any(one.kind is one.VAR_KEYWORD for one in taken.values())
+                        assert any_word or not wrong, f"{page.name}: {name}({wrong})"
+    assert calls > 20
 
 
 def test_what_stands_beside_the_names_of_others_exists():
