@@ -129,6 +129,7 @@ class Feed:
         self._heard: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
         self.said: dict[str, Port] = {}
+        self.periods: dict[str, float] = {}     #: [s] of the instances that a task runs
         self._flights: set[str] = set()
         self._places: dict[str, int] = {}               # process of flight -> the parameter that says its mode
         self._modes: dict[str, list[tuple[float, str]]] = {}    # process -> (t [s], mode) as telemetry said so first
@@ -148,7 +149,7 @@ class Feed:
                             self._truth[name] = port(name, field.struct)
                             self._outputs[name] = getattr(instance, field.name)
         self.facts: Facts = facts_of_simulation(simulation)
-        self.facts.periods = self._periods = periods_of(simulation)
+        self.facts.periods = self.periods = periods_of(simulation)
 
     # --- the thread that has the link ---
 
@@ -337,7 +338,7 @@ class Feed:
         ports = {name: port for name, port in self._ports().items() if name in coming}
         if not any(ports[name].type in ("CraftState", "NavAttitude") for name in came if name in ports):
             raise SetupError(self._missing())
-        found = Derivation(Window(self.craft, ports, samples, self._periods), self.facts, live=True)
+        found = Derivation(Window(self.craft, ports, samples, self.periods), self.facts, live=True)
         found.add_flight()
         found.add_plots()
         scene = found.scene
@@ -382,7 +383,7 @@ class Feed:
         """What a sample adds to the tracks, by their numbers: (times, their numbers one row after the other)."""
         import numpy as np
 
-        later = Derivation(Window(self.craft, self._ports(), [sample], self._periods), self.facts, live=True)
+        later = Derivation(Window(self.craft, self._ports(), [sample], self.periods), self.facts, live=True)
         tracks = {}
         for number, source in enumerate(self._sources):
             new = source(later)

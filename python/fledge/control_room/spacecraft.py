@@ -31,6 +31,7 @@ from fledge.ground.craft import Craft, NoAnswer
 from fledge.ground.database import Database
 from fledge.ground.framed import Framed
 from fledge.ground.links import Link
+from fledge.series import stale_after
 
 if TYPE_CHECKING:
     from fledge.control_room.room import Room
@@ -169,12 +170,14 @@ class Spacecraft:
 
     def slots(self, first: int = 0, most: int = 2**32 - 1) -> list[dict[str, Any]]:
         """The parameters, as the monitor describes them. header: of the packet, or of a message of Fledge: its head,
-        its time, its padding."""
+        its time, its padding. stale: [s] the age at which a value is; None: it is not known."""
         outputs = [one.path for one in self.dictionary.outputs] if self.dictionary else []
         folded = (*(f"{path}.{part}" for path in outputs for part in ("head.", "spare")),
                   *(f"{self.dictionary.name}.{name}.{part}" for name in SERVICES for part in ("t", "spare")
                     if self.dictionary))
-        return [one | {"header": one["header"] or one["name"].startswith(folded)}
+        stale = {path: stale_after(period) for path, period in self.feed.periods.items()}
+        return [one | {"header": one["header"] or one["name"].startswith(folded),
+                       "stale": stale.get(".".join(one["name"].split(".")[:2]))}
                 for one in self.monitor.slots(first, most)]
 
     def inspect(self, packet: bytes) -> dict[str, Any]:

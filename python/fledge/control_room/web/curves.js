@@ -2,8 +2,8 @@
 // Pictures of curves.
 import uPlot from "uplot";
 import {CONCERNS, SHAPES} from "./dom.js";
-import {bare} from "./format.js";
-import {real} from "./store.js";
+import {bare, span} from "./format.js";
+import {isStale, real} from "./store.js";
 
 const MARK = 6;     // [px] of what was beyond limits
 
@@ -15,10 +15,10 @@ const COLOURS = {
 
 /** Curves in one picture.
  *
- *  words(t): a time in s as text;  mark(): the time of the line, in s, or null;  gaps(): [[from, to], ...] in s
+ *  words(t): a time in s as text;  now(): the time that is shown, in s;  mark(): the time of the line, in s, or null;  gaps(): [[from, to], ...] in s
  *  zoom(from, to), seek(t), whole(): what the person has done
  */
-export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zoom, seek, whole, height}) {
+export function chart({holder, curves, slots, theme, words, tick, now, mark, gaps, zoom, seek, whole, height}) {
     const css = getComputedStyle(holder), ink = css.getPropertyValue("--soft"), line = css.getPropertyValue("--line");
     const axis = {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}, font: "11px system-ui"};
     const colour = (k) => COLOURS[theme][k % COLOURS[theme].length];
@@ -32,6 +32,14 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
             y.toExponential(Math.min(digits - 1, 12)) : String(+y.toPrecision(Math.min(digits + 1, 15)))));
     };
     const state = (text, level) => (level ? `${text} ${SHAPES[level]} ${CONCERNS[level]}` : text);
+    /** What a curve was at the time that is shown, with its age if that is stale. */
+    const newest = (one, slot) => {
+        let k = one.t.length - 1;
+        while (k > 0 && (one.t[k] > now() || one.value[k] === null)) k--;
+        const age = now() - one.t[k];
+        return k < 0 ? "\u2013" : state(shown(slot, one.value[k]), one.worst[k]) +
+            (isStale(slot, age) ? `, ${span(age)} old` : "");
+    };
     /** Mark what was beyond limits, over all values of its step of time. */
     const beyond = (u, one) => one.worst.forEach((level, k) => {
         const x = level && one.value[k] !== null && u.valToPos(one.t[k], "x", true);
@@ -63,7 +71,8 @@ export function chart({holder, curves, slots, theme, words, tick, mark, gaps, zo
                 stroke: colour(k),
                 width: 1.5,
                 paths: steps(k),
-                value: (u, y, _, i) => state(shown(slots[k], y), one.worst[one.t.lastIndexOf(u.data[0][i])])
+                value: (u, y, _, i) => (u.cursor.left < 0 ? newest(one, slots[k]) :
+                    state(shown(slots[k], y), one.worst[one.t.lastIndexOf(u.data[0][i])]))
             },
                                   {...edge, label: "low", show: true}, {...edge, label: "high", show: true}])
         ],

@@ -3,9 +3,9 @@
 // the words of names and by units, so that any database has them; of several attitude errors or rates that Fledge's
 // modules put out, the one that was written last counts, with its age.
 import {bare, digits} from "./format.js";
+import {ageOf, isStale} from "./store.js";
 
 const MOST = 4;     // rows of a topic
-const STALE = 10;   // [s] since it was written
 
 const degrees = (x) => x * 180 / Math.PI;
 // Of Fledge's messages, by the names of their fields; a mission's ground.toml may show them in another unit.
@@ -30,7 +30,6 @@ export class Glance {
         this.store = store;
         const all = store.slots.filter((one) => one && !one.header);
         this.rows = [];
-        this.clocks = store.slots.filter((one) => one?.name.endsWith(".housekeeping.t")).map(({slot}) => slot);
         const topic = (fits) => all.filter(fits).slice(0, MOST).map((one) => this.rows.push({one, slots: [one.slot]}));
         const mode = store.slots.filter((one) => one?.name.endsWith(".housekeeping.mode"));     // Fledge's own
         topic((one) => TOPICS.mode(one) && (!mode.length || mode.includes(one)));
@@ -48,36 +47,39 @@ export class Glance {
             if (row.one && this.rows.some((other) => other !== row && other.label === row.label))
                 row.label = short(row.one.name, 2);
         /** What has to be known for the rows. */
-        this.slots = [...new Set([...this.rows.flatMap((row) => row.slots), ...this.clocks])];
+        this.slots = [...new Set(this.rows.flatMap((row) => row.slots))];
     }
 
     vector(first) {
         const {byName} = this.store, base = first.slice(0, -3), output = base.slice(0, base.lastIndexOf("."));
         const parts = [0, 1, 2].map((k) => byName.get(`${base}[${k}]`));
-        const head = ["t", "sequence"].map((one) => byName.get(`${output}.head.${one}`));
+        const head = ["t", "sequence", "quality"].map((one) => byName.get(`${output}.head.${one}`));
         return [...parts, ...head].includes(undefined) ? null : {base, parts, head};
     }
 
-    /** A row as {text, unit, name, slot, age [s], level}; get(slot): {number, text, t, level}, or undefined. */
-    read(row, get) {
+    /** A row as {text, unit, name, slot, age [s], stale, level}; get(slot): {number, text, t, level}, or undefined; at:
+        [ns] the time that is shown. */
+    read(row, get, at) {
+        const {slots} = this.store;
         if (row.one) {
-            const {name, slot, unit, kind} = row.one, now = get(slot);
-            return {name, slot, unit: bare(unit), level: now?.level ?? 0, age: 0,
+            const {name, slot, unit, kind} = row.one, now = get(slot), age = now ? ageOf(now.t, at) : 0;
+            return {name, slot, unit: bare(unit), level: now?.level ?? 0, age, stale: isStale(row.one, age),
                     text: kind === "real" && now ? digits(now.number) : now?.text ?? ""};
         }
+        // The newest; of those as new the best.
         const times = row.found.map(({head}) => (get(head[1])?.number ? get(head[0])?.number ?? -1 : -1));
-        const at = times.indexOf(Math.max(...times)), {base, parts} = row.found[at];
+        const best = row.found.map(({head}, k) => [times[k], get(head[2])?.number ?? 0, k])
+                         .reduce((a, b) => (b[0] > a[0] || b[0] === a[0] && b[1] > a[1] ? b : a))[2];
+        const {base, parts} = row.found[best], written = get(parts[0])?.t;
         const size = Math.hypot(...parts.map((slot) => get(slot)?.number ?? NaN));
-        const clock = Math.max(times[at], ...this.clocks.map((slot) => get(slot)?.number ?? -1));
-        const there = times[at] >= 0 && Number.isFinite(size), {of, shown} = row.about;
-        const unit = bare(this.store.slots[parts[0]].unit), known = of[unit];
+        const there = times[best] >= 0 && Number.isFinite(size), {of, shown} = row.about;
+        const unit = bare(slots[parts[0]].unit), known = of[unit], age = there ? ageOf(written, at) : 0;
         return {name: base, slot: parts[0], unit: !there ? "" : known ? shown : unit, level: 0,
-                age: there ? (clock - times[at]) / 1e9 : 0,
+                age, stale: isStale(slots[parts[0]], age),
                 text: there ? digits(known ? known(size) : size) : "\u2013"};
     }
 }
 
-export const isStale = ({age}) => age > STALE;
 const short = (name, parts = 1) => {
     const words = name.split(".").slice(-parts).join(" ").replaceAll("_", " ");
     return words[0].toUpperCase() + words.slice(1);

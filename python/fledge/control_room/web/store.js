@@ -118,6 +118,12 @@ export function together(store, name) {
     return found.length && found.length <= MOST ? found : [name];
 }
 
+/** [s] How old what is of a time is at another one, both in ns. */
+export const ageOf = (t, now) => Math.max(0, Number(now - t) / 1e9);
+
+/** Whether a slot's value, so old [s], is stale: what writes it has not for long. The server says how long. */
+export const isStale = (slot, age) => (slot?.stale ?? Infinity) < age;
+
 function join(from, slot, how) {
     bits.setUint32(0, from[2 * slot], true);
     bits.setUint32(4, from[2 * slot + 1], true);

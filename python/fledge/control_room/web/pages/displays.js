@@ -4,9 +4,9 @@ import {of, series, valuesAt} from "../api.js";
 import {CONCERNS, attempt, concern, dress, h, put} from "../dom.js";
 import {Curve, Mender} from "../curve.js";
 import {chart, data} from "../curves.js";
-import {bare} from "../format.js";
+import {bare, span as ago} from "../format.js";
 import {inWords, outcome, send, STAGES} from "../forms.js";
-import {valueText} from "../store.js";
+import {ageOf, isStale, valueText} from "../store.js";
 import {theme} from "../theme.js";
 
 export const title = "Displays", key = "d";
@@ -53,6 +53,19 @@ export async function open(context) {
         const old = past?.get(slot);
         return old === undefined ? "\u2013" : rounded(old.value ?? NaN, about, digits) ?? valueText(about, old);
     }
+    /** [s] How old an item is, if it is stale; else 0. */
+    function old({slot}) {
+        const t = time.isLive ? store.seen[slot] && store.at(slot) : past?.get(slot)?.t;
+        const age = typeof t === "bigint" ? ageOf(t, time.at) : 0;
+        return isStale(store.slots[slot], age) ? age : 0;
+    }
+    /** Show its state, or else its age if it is stale, and grey then. */
+    function judge(item, value, state, name) {
+        const age = old(item), how = level(item.slot);
+        concern(how, state);
+        if (age && !how) put(state, `${ago(age)} old`);
+        dress(value, `${name} ${age ? "soft" : `c${how}`}`.trim());
+    }
     const hasNumber = (slot) => !["text", "binary"].includes(store.slots[slot]?.kind);
     const level = (slot) => (time.isLive ? store.concern[slot] : past?.get(slot)?.concern ?? 0);
     async function remember() {
@@ -81,7 +94,7 @@ export async function open(context) {
             const value = h("td", {class: "num value"}), state = h("span");
             draws.push(() => {
                 put(value, text(item));
-                concern(level(item.slot), state);
+                judge(item, value, state, "num value");
             });
             return h("tr", {title: item.name}, h("td", {class: "name"}, item.label), value,
                 h("td", {class: "soft"}, unit(item.slot)), h("td", {class: "state"}, state));
@@ -93,8 +106,7 @@ export async function open(context) {
             const value = h("strong"), state = h("span");
             draws.push(() => {
                 put(value, text(item));
-                concern(level(item.slot), state);
-                dress(value, `c${level(item.slot)}`);
+                judge(item, value, state, "");
                 value.title = CONCERNS[level(item.slot)];
             });
             return h("div", {title: item.name}, h("span", {class: "soft"}, item.label),
@@ -121,6 +133,7 @@ export async function open(context) {
                 height: HEIGHT,
                 words: (t) => time.text(ns(t), 3),
                 tick: (t) => time.text(ns(t), 0).slice(time.utc ? 11 : 0),
+                now: () => Number(time.at) / 1e9,
                 mark: () => null,
                 gaps: () => [],
                 zoom() {},

@@ -3,7 +3,8 @@
 import {of} from "../api.js";
 import {CONCERNS, SHAPES, concern, dress, h, hint, put} from "../dom.js";
 import {bare, clock, count, span} from "../format.js";
-import {Glance, isStale} from "../glance.js";
+import {Glance} from "../glance.js";
+import {ageOf, isStale} from "../store.js";
 import {Radio} from "../radio.js";
 
 export const title = "Overview", key = "o";
@@ -111,13 +112,18 @@ export async function open(context) {
         const {count: waiting, worst} = context.alarms.waiting(made.name);
         dress(made.alarms, waiting ? `concern c${worst}` : "soft");
         put(made.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
-        for (const {slot, unit, cell} of made.slots) put(cell, `${store.text(slot)} ${bare(unit)}`);
+        const newest = BigInt(t ?? 0), old = (age, stale) => (stale ? `, ${span(age)} ago` : "");
+        for (const one of made.slots) {
+            const {slot, unit, cell} = one, age = store.seen[slot] ? ageOf(store.at(slot), newest) : 0;
+            const stale = isStale(one, age);
+            put(cell, `${store.text(slot)} ${bare(unit)}${old(age, stale)}`);
+            dress(cell, stale ? "soft" : "");
+        }
         for (const row of made.glance?.rows ?? []) {
             const one = made.glance.read(row, (slot) => (store.seen[slot] ? {number: store.number(slot),
-                text: store.text(slot), level: store.concern[slot]} : undefined));
-            const since = isStale(one) ? `, ${span(one.age)} ago` : "";
-            put(row.cell, one.text ? `${one.text} ${one.unit}${since}` : "\u2013");
-            dress(row.cell, isStale(one) ? "soft" : one.level ? `c${one.level}` : "");
+                text: store.text(slot), level: store.concern[slot], t: store.at(slot)} : undefined), newest);
+            put(row.cell, one.text ? `${one.text} ${one.unit}${old(one.age, one.stale)}` : "\u2013");
+            dress(row.cell, one.stale ? "soft" : one.level ? `c${one.level}` : "");
             hint(row.cell, one.name);
         }
         const lines = made.list.slice(0, MOST).map((one) => one.id).join();

@@ -4,9 +4,9 @@
 import {valuesAt} from "../api.js";
 import {attempt, concern, dress, h, hint, put} from "../dom.js";
 import {bare, span} from "../format.js";
-import {Glance, isStale} from "../glance.js";
+import {Glance} from "../glance.js";
 import {editLimits, limitsText} from "../limits.js";
-import {STATUSES, together, valueText} from "../store.js";
+import {STATUSES, ageOf, isStale, together, valueText} from "../store.js";
 import {Table} from "../table.js";
 
 export const title = "Parameters", key = "p";
@@ -65,18 +65,17 @@ export async function open(context) {
                 put(cells[4], since);
                 dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${one.group ? " group" : ""}`);
             };
-            hint(element, one.group ? one.about : one.glance ? glance.read(one.glance, now).name : about.name);
+            hint(element, one.group ? one.about : one.glance ? glance.read(one.glance, now, shownAt()).name : about.name);
             if (one.group) return say(one.group, "", "", 0, "", "");
             if (one.glance) {
-                const {text, unit, level, age, slot: from} = glance.read(one.glance, now);
-                return say(one.glance.label, text, unit, level, "",
-                    age ? span(age) : now(from) ? since(from) : "", isStale({age}));
+                const {text, unit, level, age, stale, slot: from} = glance.read(one.glance, now, shownAt());
+                return say(one.glance.label, text, unit, level, "", now(from) ? span(age) : "", stale);
             }
             if (time.isLive)
                 return say(one.name, store.text(slot), bare(about.unit), store.concern[slot],
-                    STATUSES[store.status[slot]] ?? "", store.seen[slot] ? since(slot) : "", !store.seen[slot]);
+                    STATUSES[store.status[slot]] ?? "", ...since(slot));
             return say(one.name, old ? valueText(about, old) : past ? "\u2013" : "\u2026", bare(about.unit),
-                old?.concern ?? 0, "", old ? since(slot) : "");
+                old?.concern ?? 0, "", ...since(slot));
         },
         moved: (row) => choose(shown[row]),
         viewed: () => look(),
@@ -96,7 +95,12 @@ export async function open(context) {
         const old = past?.get(slot);
         return old && {number: old.value, text: valueText(store.slots[slot], old), level: old.concern, t: old.t};
     }
-    const since = (slot) => span(Math.max(0, Number((time.isLive ? time.newest ?? 0n : time.at) - now(slot).t) / 1e9));
+    const shownAt = () => (time.isLive ? time.newest ?? 0n : time.at);
+    /** A value's age as a text, and whether it is grey: old, or not there. */
+    function since(slot) {
+        const one = now(slot), age = one ? ageOf(one.t, shownAt()) : 0;
+        return one ? [span(age), isStale(store.slots[slot], age)] : ["", true];
+    }
 
     /** What is in view is what the server sends; of a time that has been, what the archive is asked for. */
     function look() {

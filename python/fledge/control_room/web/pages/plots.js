@@ -144,6 +144,7 @@ export async function open(context) {
                     const text = time.text(ns(t), step < 1 ? 2 : 0);
                     return time.utc ? (step >= 86400 ? text.slice(5, 10) : text.slice(11)) : text;
                 },
+                now: seconds,
                 mark: () => (time.isLive ? null : seconds()),
                 gaps: () => (time.sessions.find((one) => one.session === time.session) ?? time.sessions.at(-1))
                                 ?.gaps?.map(gap) ??
