@@ -232,8 +232,9 @@ await run({
         return page;
     },
 
-    async "a question of a script is shown until it is answered"() {
+    async "the overview has the mission's picture, and a question of a script until it is answered"() {
         const page = await at("overview");
+        await page.waitForFunction(() => document.querySelector(".card img")?.naturalWidth === 480);
         await post(page, "imager/questions", {text: "Go on?"});
         await page.locator(".question", {hasText: "Go on?"}).waitFor();
         await page.reload();

@@ -31,6 +31,7 @@ await run({
             ["State", "Telemetry", "Newest events"]);
         assert.deepEqual(await page.locator(".card section:has(h3:text-is('State')) dt").allTextContents(),
             ["Mode", "Voltage"]);
+        assert.equal(await page.locator(".card img").count(), 0);
         return page;
     },
 

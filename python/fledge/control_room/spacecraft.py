@@ -43,6 +43,7 @@ AGAIN = 1.0             # [s] until a link that broke is opened again
 BACK = 10**9            # [ns] by which the clock may step back within a session
 REASONS = 50            # different ones of packets that are not decoded become events
 RECENT = 500            # packets that are kept for a spacecraft without an archive
+PICTURES = ("picture.webp", "picture.png", "picture.jpg")     # in a mission's folder
 SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "critical"}
 
 
@@ -66,6 +67,7 @@ class Spacecraft:
         #: how its run is controlled: that, or Steered of a co-simulation
         self.control: Any = room.steered if settings.link.startswith("cosim:") and not self.replayed else None
         self.mission_folder: Path | None = None
+        self.picture: Path | None = None    #: of its mission
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
         self.packets = self.undecoded = self.bytes = 0
@@ -166,7 +168,8 @@ class Spacecraft:
                 "clock": self.clock, "epoch_ns": None if self.epoch_ns is None else str(self.epoch_ns),
                 "simulated": bool(self.run), "replay": self.replayed, "link": link, "packets": self.packets,
                 "undecoded": self.undecoded, "bytes": self.bytes, "t_ns": str(self.now), **self.contacts.told,
-                "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem}
+                "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem,
+                "picture": self.picture is not None}
 
     def slots(self, first: int = 0, most: int = 2**32 - 1) -> list[dict[str, Any]]:
         """The parameters, as the monitor describes them. header: of the packet, or of a message of Fledge: its head,
@@ -317,6 +320,8 @@ class Spacecraft:
         process = flight_of(sim, settings.process)
         self.epoch_ns = epoch_of(sim)
         self.mission_folder = Path(sim.mission.folder) if sim.mission else None
+        files = [self.mission_folder / name for name in PICTURES] if self.mission_folder else []
+        self.picture = next((one for one in files if one.is_file()), None)
         self.dictionary = process.commands.dictionary
         self.simulation = sim
         if settings.radio and settings.radio not in sim.world.instances:

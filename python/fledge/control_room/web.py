@@ -22,7 +22,7 @@ from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
 from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
-from fledge.control_room.spacecraft import Spacecraft
+from fledge.control_room.spacecraft import PICTURES, Spacecraft
 from fledge.control_room.users import BODY_MOST, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
@@ -130,6 +130,7 @@ class Server:
                 ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
                 ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
                 ("/{c}/scene", self.scene, None), ("/{c}/passes", self.passes, None),
+                ("/{c}/picture", self.picture, None),
                 ("/{c}/sessions", self.sessions, None), ("/{c}/history", self.history, None),
                 ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
                 ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
@@ -607,6 +608,12 @@ class Server:
         if Path(name).suffix not in (".js", ".css", ".svg", ".png", ".webp"):
             raise refusal(404, f"there is no {name}")
         return self._file(folder() / name)
+
+    async def picture(self, request: web.Request) -> web.StreamResponse:
+        craft = self._craft(request)
+        if craft.picture is None:
+            raise refusal(404, f"{craft.name} has no picture: its mission's folder has none of {', '.join(PICTURES)}")
+        return self._file(craft.picture)
 
     async def openapi(self, _: web.Request) -> web.StreamResponse:
         return self._file(HERE / "api.yaml")

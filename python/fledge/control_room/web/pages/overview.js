@@ -48,9 +48,10 @@ export async function open(context) {
         made.statePart = h("section", {hidden: true}, h("h3", {}, "State"), made.stateList);
         made.radioPart = h("section", {hidden: true}, h("h3", {}, "Radio, by telemetry"), radio);
         made.element = h("article", {class: "panel card"},
-            h("header", {}, h("div", {class: "row"},
-                h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)),
-                h("span", {class: "grow"}), state, alarms), about),
+            h("header", {}, live.craft(name)?.picture && h("img", {src: of(name, "picture"), alt: ""}),
+                h("div", {class: "grow"}, h("div", {class: "row"},
+                    h("h2", {}, h("a", {href: `#/parameters?craft=${encodeURIComponent(name)}`}, name)),
+                    h("span", {class: "grow"}), state, alarms), about)),
             archive,
             h("div", {class: "parts"},
                 h("div", {class: "part"}, made.statePart, h("section", {}, h("h3", {}, "Telemetry"), facts)),
