@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # What unpacking a value of the world says there, which is empty, and what it means.
 EMPTY = "ValueError: need more than 0 values to unpack"
 UNKNOWN = ("this unpacks a value of the world or of another process, which is not known on the target: write numbers "
-           "into the script (docs/micropython.md)")
+           "into the script, or take what world.fit_ephemeris() and fit_orientation() give (docs/micropython.md)")
 LINK = ["-no-pie", "-Wl,-z,noseparate-code", "-lm"]     # without separate pages for code: 4 KB less
 
 

@@ -276,6 +276,17 @@ def test_records_by_name():
     assert isinstance(log.last("omega_BN_B[2]"), float)
 
 
+def test_an_orbit_that_is_set_after_a_reset_is_read_back_before_the_run():
+    sim = fledge.load("nadir_spin")
+    craft, other = sim.world.craft, fledge.Orbit(fledge.world.MARS, a=6e6 * m)
+    sim.run(1 * s)
+    sim.reset()
+    craft.orbit = other
+    assert craft.orbit.a == pytest.approx(6e6, rel=1e-5)
+    sim.run(1 * s)
+    assert craft.orbit.a == pytest.approx(6e6, rel=1e-5)
+
+
 def test_names_that_are_not_there_or_not_unique():
     sim = spinner()
     log = sim.record(sim.flight.target.reference, sim.flight.tracking.reference)
