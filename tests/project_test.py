@@ -308,6 +308,7 @@ def test_files_that_a_mission_shares_are_found_from_its_copy(tmp_path):
     (first.parent / "field.csv").write_text("1\n")
     (first / "sky.py").write_text("FIELD = '../field.csv'\nRUNS = '../../runs/first'\n")
     for source, project in (("first", "one"), (str(first), "two")):
+        (first / "first_test.py").unlink(missing_ok=True)       # then it gets one that flies all scenarios
         new.mission("second", tmp_path / project, source)
         second = tmp_path / project / "missions/second"
         text = (second / "sky.py").read_text()

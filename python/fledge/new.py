@@ -122,7 +122,8 @@ def _from_prototype(what: str, source: str, name: str, path: str, root: Path, na
 def mission(name: str, project: Path | str | None = None, source: str | None = None) -> tuple[list[Path], str]:
     """Begin a mission: its flight software, its world, a scenario, and the test that flies it.
 
-    source: name or folder of another mission that it copies, else that of templates/.
+    source: name or folder of another mission that it copies, else that of templates/. If that has no test, such as a
+    mission of an installed Fledge, it gets one that flies all scenarios.
     """
     name = snake(name) if name[:1].isupper() else name
     _no_keyword(name, name)
@@ -135,7 +136,10 @@ def mission(name: str, project: Path | str | None = None, source: str | None = N
     known = _missions(root)
     if name in known:
         raise NewError(f"{known[name]} has this name, and would be hidden; choose another name")
-    texts = _copied(TEMPLATES / "missions/first_light" if source is None else _source(source, root, known), folder)
+    template = TEMPLATES / "missions/first_light"
+    texts = _copied(template if source is None else _source(source, root, known), folder)
+    if not any(one.name.endswith("_test.py") for one in texts):
+        texts[folder / f"{name}_test.py"] = _read(template / "first_light_test.py")
     _write(texts)
     return list(texts), f"Fly it: {_command(project)} run {name}"
 
@@ -241,8 +245,9 @@ def project(folder: Path | str) -> tuple[list[Path], str]:
     _write(texts)
     for part in ("flight", "world", "missions"):
         (folder / part).mkdir(exist_ok=True)
-    return list(texts), (f"Use it: commands in this folder and below find it; elsewhere, "
-                         f"{_command(folder)} --project {shlex.quote(str(folder))} COMMAND")
+    command, place = _command(folder), shlex.quote(str(folder))
+    return list(texts), (f"Use it: in {place} and below, commands find it, such as {command} new mission first_light; "
+                         f"elsewhere, {command} --project {place} COMMAND")
 
 
 def _command(project: Path | str | None) -> str:
