@@ -143,7 +143,8 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
             try:
                 files.call(build, *arguments, **{name: parameters[name] for name in taken if name in parameters})
             except MissionError as error:
-                raise MissionError("\n  ".join([str(error), *_required(simulation, arguments[1:])]), error.cause) from None
+                lacking = _required(simulation, arguments[1:])
+                raise MissionError("\n  ".join([str(error), *lacking]), error.cause) from None
             if flown is not None and (made := _composed(arguments[1]) - flown):
                 raise SetupError(f"{mission.folder / 'world.py'} makes {', '.join(sorted(made))}: what flies is "
                                  "composed in flight.py, which targets take; world.py joins the world to it")
