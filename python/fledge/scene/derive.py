@@ -14,6 +14,7 @@ from fledge.scene.tracks import Motion, Signal, Turning
 from fledge.series import HEAD, NONE, Records, element_names, stale_after
 
 HAPPENINGS = 500    # on the time line
+LONG, WIDE = 4.0, 1.6   # [-] extents of a spacecraft that a cone at it is long, and half wide; half of that to keep out
 DENSITY = 150.0     # [kg/m^3] of a spacecraft whose mass is not known
 FLATTENING = {"EARTH": 1 / 298.257223563, "MARS": 1 - 3376.20 / 3396.19}     # WGS 84; of the IAU's report of 2000
 SKY = re.compile(r"Sky from (\S+?)Z, N about .*\((-?\d+)\)")
@@ -321,7 +322,7 @@ class Derivation:
         craft.parts.insert(0, Part("box", "hub", size=self._hub(craft)))
         for part in craft.parts:
             if part.kind == "cone" and not part.length:
-                part.length = 4 * craft.extent
+                part.length = craft.extent * min(LONG, WIDE / math.tan(part.half_angle)) / (2 if part.keep_out else 1)
         if self._of("CraftState"):      # else it is shown by its estimate
             self._add_pose(craft, "estimate", self._said_of(craft, "NavAttitude"), "sigma_BN")
         self._add_pose(craft, "reference", self._said_of(craft, "AttReference"), "sigma_RN")

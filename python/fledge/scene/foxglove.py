@@ -315,7 +315,7 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
                                                                                    (.36, .61, 1)))]
         yield entity(craft.name, f"{craft.name}/axes", arrows=axes, texts=[
             {"pose": _pose((0, 0, 1.4 * size)), "billboard": True, "font_size": 14.0, "scale_invariant": True,
-             "color": _rgba((1, 1, 1)), "text": craft.name}])
+             "color": _rgba((1, 1, 1)), "text": craft.label}])
         for k, part in enumerate(craft.parts):
             frame = craft.name if part.hinge_B is None else f"{craft.name}/{part.name}"
             yield entity(frame, f"{craft.name}/{k} {part.name}", **_primitives(part, size))
@@ -323,7 +323,7 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
             color = (1.0, 0.69, 0.18) if pose.kind == "estimate" else (0.7, 0.55, 1.0)
             frame = f"{craft.name}/{pose.kind} {pose.name}"
             yield entity(frame, frame, arrows=[_arrow(axis, 2.1 * size, color, width=0.006) for axis in np.eye(3)])
-        colors = {"to the Sun": (1, .83, .3), "nadir": (.44, .7, 1), "velocity": (.7, .9, .4)}
+        colors = {"to the Sun": (1, .83, .3), "nadir": (1, .44, .68), "velocity": (.7, .9, .4)}
         for name, _ in _ways(scene, craft, craft.turning.time[:1]):
             color = colors[name]
             yield entity(f"{craft.name}/{name}", f"{craft.name}/{name}",

@@ -174,7 +174,7 @@ class Craft:
              keep_out: str = "", color: str = "") -> None:
         """The field of view of a sensor or an instrument, or a cone that a body must stay out of.
 
-        half_angle [rad]: in (0, pi / 2); at_B [m]: its apex; length [m]: how far it is drawn; 0: 4 extents
+        half_angle [rad]: in (0, pi / 2); at_B [m]: its apex; length [m]: as it is drawn; 0: 4 extents at most
         keep_out: "Sun" or the name of another body: the cone warns while its centre is inside
         """
         angle = to_number(half_angle, f"cone {name}: half_angle", "rad", ANGLE)

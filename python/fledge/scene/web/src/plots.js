@@ -48,7 +48,8 @@ export class Plots {
                                  /sigma_BN$/, /omega_BN_B$/]
                                     .findIndex((one) => one.test(name)) >>>
             0;
-        for (const plot of [...this.data.plots].sort((a, b) => worth(a.name) - worth(b.name)).slice(0, count)) {
+        const rank = ({name, signal}) => worth(name) + (signal.time.n ? 0 : 2 ** 32);
+        for (const plot of [...this.data.plots].sort((a, b) => rank(a) - rank(b)).slice(0, count)) {
             plot.box.checked = true;
             this.add(plot);
         }
@@ -64,7 +65,7 @@ export class Plots {
               line = css.getPropertyValue("--line");
         const axis =
             {stroke: ink, grid: {stroke: line, width: 1}, ticks: {stroke: line, width: 1}, font: "11px system-ui"};
-        const [, field] = plot.name.match(/([^.]+\.[^.]+)$/) ?? [0, plot.name];
+        const field = shortest(plot, this.data.plots);
         const chart = new uPlot({
             width: 320, height: 170,
             title: `${field}${plot.unit && plot.unit !== "-" ? ` [${plot.unit}]` : ""}${rows ? "" : ", never written"}`,
@@ -157,6 +158,16 @@ export class Plots {
         for (const plot of open) this.remove(plot);
         for (const plot of open) this.add(plot);
     }
+}
+
+/** The end of a field's name that no other one has: "error.sigma_BR", or "tracking.error.sigma_BR". */
+function shortest({name}, plots) {
+    const parts = name.split(".");
+    for (let n = 2; n < parts.length; n++) {
+        const end = parts.slice(-n).join(".");
+        if (plots.every((one) => one.name === name || !one.name.endsWith(`.${end}`))) return end;
+    }
+    return name;
 }
 
 /** [[from, to], ...] [s] when a signal was stale. */

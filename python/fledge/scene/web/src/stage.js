@@ -11,7 +11,7 @@ import {makePath} from "./path.js";
 import {makePlanet, makeStars, makeSun} from "./planet.js";
 
 export const CRAFT_COLOURS = ["#58b7ff", "#ff9d5c", "#7ee08a", "#e58cff", "#ffd75e", "#5ee0d6", "#ff7f97", "#b7c4d0"];
-const AXES = ["#ff5d5d", "#5fd068", "#5c9dff"];
+const AXES = ["#ff5d5d", "#5fd068", "#9cc2ff"];
 export const PRESETS = {
     hill: "Hill frame",
     follow: "Inertial",
@@ -121,7 +121,7 @@ export class Stage {
         made.hill = makeFrame(FRAME * craft.extent, soft, 0.006);
         made.inertial = makeFrame(FRAME * craft.extent, ["#9aa5b0", "#9aa5b0", "#9aa5b0"], 0.006);
         made.arrows = [
-            ["Sun", "#ffd34d"], ["nadir", "#6fb4ff"], ["velocity", "#b7e36a"],
+            ["Sun", "#ffd34d"], ["nadir", "#ff6fae"], ["velocity", "#b7e36a"],
             ...craft.directions.map((one) => [one.name, "#e58cff"])
         ].map(([name, tint]) => {
             const arrow = makeArrow(tint, 0.007);
