@@ -65,7 +65,8 @@ class Profile:
         if self.allocations:
             found.append(f"its loop allocates: {self.allocations:,} requests in {self.cycles:,} cycles")
         for begin, end in self._stays():
-            first, second, third = (_mean(self.instructions, *part, self.cycles) or 0.0 for part in _parts(begin, end))
+            first, second, third = (_mean(self.instructions, *part, cycles=self.cycles) or 0.0
+                                    for part in _parts(begin, end))
             if first < second < third and third > first * (1 + GROWTH):
                 where = f"the cycles {begin:,} to {end:,}, of one mode" if self.changes else "the loop"
                 found.append(f"a cycle takes ever more instructions: {first:,.0f}, {second:,.0f} and {third:,.0f} in "
@@ -87,7 +88,7 @@ class Profile:
                 "thirds": {"instructions": counts, "heap": heap}, "problems": self.problems()}
 
 
-def _parts(begin, end):
+def _parts(begin: int, end: int) -> list[tuple[int, int]]:
     """(begin, end) of each third of some cycles."""
     ends = [begin + round((end - begin) * i / 3) for i in range(4)]
     return list(zip(ends, ends[1:]))

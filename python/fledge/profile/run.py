@@ -30,7 +30,7 @@ def profile(job: Job, names: Sequence[str], process: str | None = None,
             raise Failure(f"profile: cannot profile on '{name}'; there are {', '.join(can)}")
     targets = TARGETS.ready(names, "profile")
     flown = Desktop().fly(job)[part.process]
-    found = []
+    found: list[Profile] = []
     for target in targets:
         progress(target.name, len(found))
         found.append(METHODS[target.profiled_by](target, part, flown.record))
