@@ -148,11 +148,14 @@ class Contacts:
         if not self._stations and not self._radios:
             return
         seen = self._feed.newest("CraftState", "NavOrbit", "RadioLink", "RadioTraffic")
-        by_navigation = [one for name, one in seen.items() if name in self._feed.said]
+        # Of several orbits that flight says the newest, then the best, then the one that it prefers.
+        said = self._feed.facts.said([name for name in seen if name in self._feed.said])
+        by_navigation = max((seen[name] for name in said), key=lambda one: (one[0], int(one[1]["head"]["quality"])),
+                            default=None)
         stations, states = [], {}
         for one in self._stations:
             state = seen.get(self._feed.facts.wires[f"{one.path}.truth"])
-            state = state or (by_navigation[0] if len(by_navigation) == 1 else None)
+            state = state or by_navigation
             if state is None:
                 continue
             t, r, v = state[0], np.array(state[1]["r_BN_N"]), np.array(state[1]["v_BN_N"])

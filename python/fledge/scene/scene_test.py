@@ -69,6 +69,29 @@ def test_a_quaternion_turns_as_its_mrp():
     np.testing.assert_allclose(dcm * np.sign(dcm[3]), [x, y, z, w], atol=1e-15)
 
 
+def test_what_is_read_as_a_number_is_exact_where_it_is_small_and_ages_are_kept():
+    t = np.arange(0, 600.0)
+    decay = tracks.Signal(t, 94 * np.exp(-t / 60)[:, None], read=True)
+    decay.written = np.where((t > 200) & (t < 400), 200.0, np.nan)
+    thin = decay.thinned()
+    assert np.abs(thin.at(t) / decay.values - 1).max() < 2e-4
+    assert thin.age(t).tolist() == decay.age(t).tolist() == np.where((t > 200) & (t < 400), t - 200, 0).tolist()
+
+
+def test_of_what_says_the_same_the_end_of_each_chain_counts_in_the_order_of_flight():
+    """As the CubeSat's: references that are chosen from, kept out of the Sun and slewed to; two orbits, the second of
+    which propagates the first."""
+    facts = scene.Facts("", "", {}, {}, {
+        "f.keep.target": "f.down.reference (newest), f.up.reference (newest)", "f.slew.target": "f.keep.way",
+        "f.error.reference": "f.slew.reference", "f.ahead.base": "f.gps.orbit",
+        "f.passes.orbit": "f.gps.orbit (best), f.ahead.orbit (best), f.elements.orbit (best)"}, None)
+    assert facts.said(["f.down.reference", "f.up.reference", "f.keep.way", "f.slew.reference", "f.hill.reference"]) == [
+        "f.slew.reference", "f.hill.reference"]
+    assert facts.said(["f.down.reference", "f.up.reference"]) == ["f.down.reference", "f.up.reference"]
+    assert facts.said(["f.elements.orbit", "f.ahead.orbit", "f.gps.orbit"]) == [
+        "f.gps.orbit", "f.ahead.orbit", "f.elements.orbit"]
+
+
 def test_steps_stay_steps_and_noise_keeps_its_extremes():
     t = np.arange(0, 1000.0)
     step = tracks.Signal(t, (t > 333)[:, None] * 2.0).thinned()
