@@ -103,8 +103,9 @@ void check_parameters(const Instance &instance)
         const bool zero = std::all_of(bytes, bytes + field.size, [](std::byte b) { return b == std::byte{0}; });
         faults.collect([&] {
             if (field.flags & FLEDGE_REQUIRED && zero && !instance.given[i]) {
-                throw SetupError(instance.path + "." + field.name + " is required: " + field.doc +
-                                 (*field.unit ? " [" + std::string(field.unit) + "]" : ""));
+                throw SetupError(
+                    instance.path + "." + field.name + " is required: " + field.doc +
+                    (*field.unit && std::strcmp(field.unit, "-") ? " [" + std::string(field.unit) + "]" : ""));
             }
             check_field(type, field, instance.memory(), instance.path);
         });

@@ -82,7 +82,7 @@ public:
 
     // ---- run
 
-    /// Why it cannot run as it is composed now, by the lines of the user's files; empty if it can, or has been prepared.
+    /// Why it cannot run as it is composed, by the lines of the user's files; empty if it can, or has been prepared.
     std::vector<Problem> problems();
 
     /// Check everything, lay out the schedule, and reset. Called by the first run or step.

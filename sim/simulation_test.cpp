@@ -1283,6 +1283,34 @@ TEST(Setup, NamesWhatIsWrong)
     EXPECT_THAT(all, HasSubstr("world.tank is in no task"));
 }
 
+TEST(Setup, ItsProblemsStandByTheLinesThatMadeThem)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    const auto source = std::make_shared<Instance>(source_type), scale = std::make_shared<Instance>(scale_type);
+    flight.add("scale", scale, {"flight.py", 9});
+    flight.add("source", source, {"flight.py", 4});
+    flight.add_task({"gnc", ms, 0, 0, {source}});
+    flight.add_mode({"rest", {}, {}, {"gone"}, {"events.py", 30}});
+    const auto found = sim.problems();
+    ASSERT_EQ(found.size(), 4u);
+    EXPECT_EQ(found[0].at, (SourceLine{"events.py", 30}));
+    EXPECT_EQ(found[1].at, (SourceLine{"flight.py", 4}));
+    EXPECT_EQ(found[1].text, "flight.source.value is required: what is put out");
+    EXPECT_EQ(found[2].text, "flight.scale is in no task: name it in the `run` of one, or leave it out");
+    EXPECT_EQ(found[3].at, (SourceLine{"flight.py", 9}));
+    EXPECT_THAT(
+        error_of([&] { sim.prepare(); }),
+        HasSubstr("\nflight.py, line 4: flight.source.value is required: what is put out\nflight.py, line 9: "));
+    EXPECT_THROW(sim.run_until(0), CompositionError);
+    EXPECT_EQ(sim.time(), -1);
+
+    Loop whole;
+    EXPECT_TRUE(whole.sim.problems().empty());
+    EXPECT_FALSE(whole.sim.prepared()) << "it only looks";
+    EXPECT_EQ(whole.sim.clone()->process("flight").find("control")->at, whole.control->at);
+}
+
 TEST(Setup, CannotChangeARunningSimulation)
 {
     Loop loop;

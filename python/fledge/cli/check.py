@@ -100,6 +100,8 @@ def _readers(sim: Simulation, whole: bool) -> Iterator[Callable[[], str]]:
     yield partial(_requirements, sim)
     if (folder / "dispersions.py").exists():
         yield partial(_campaigns, folder)
+    if (folder / "faults.py").exists():
+        yield partial(_faults, folder)
     keys = {path: _keys(path) for path in sorted(folder.glob("*.toml"))}
     boards = [[path] for path, found in keys.items() if "snorkel" in found]
     if any(folder.glob("boards/*.toml")):
@@ -139,6 +141,13 @@ def _campaigns(folder):
     for name in known[1:]:
         Campaign(folder, name)
     return counted(len(known), "campaign")
+
+
+def _faults(folder):
+    from fledge.analysis.faults import FILE, Matrix
+
+    Matrix(folder)
+    return FILE
 
 
 def _boards(sim, paths):

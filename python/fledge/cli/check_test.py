@@ -174,6 +174,7 @@ def test_what_a_scenario_gives_is_not_missing(write, capsys):
 @pytest.mark.parametrize("file, text, error", [
     ("requirements.py", "def first(r):\n    r.nothing()\n", "missions/open/requirements.py, line 2: "),
     ("dispersions.py", "def release(d):\n    d.duration = 0\n", "missions/open/dispersions.py, line 2: "),
+    ("faults.py", "def matrix(m):\n    m.begni = 3\n", "missions/open/faults.py, line 2: "),
     ("board.toml", "snorkel = 3\n", "board.toml:1: "),
     ("control_room.toml", '[[craft]]\nname = "a b"\n', "control_room.toml:2: "),
     ("up.toml", 'until = 1\n[[node]]\nmission = "opne"\nprocess = "flight"\n', "up.toml:3: "),
@@ -190,7 +191,7 @@ def test_check_reads_all_files_of_the_mission(write, capsys, file, text, error):
 def test_check_says_of_a_worked_mission_what_it_has(capsys):
     assert cli.main(["check", str(ROOT / "missions/sun_safe")]) == 0
     assert capsys.readouterr().out == ("sun_safe: world 7 models in 1 task, flight 8 modules in 1 task, 2 scenarios, "
-                                       "3 requirements, 3 campaigns: can fly\n")
+                                       "3 requirements, 3 campaigns, faults.py: can fly\n")
 
 
 def test_of_an_error_before_the_first_instant_nothing_is_said_of_a_run(write, tmp_path, capsys):
