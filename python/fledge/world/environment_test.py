@@ -2,7 +2,6 @@
 """What surrounds a spacecraft, as a mission uses it."""
 
 import inspect
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,6 @@ import pytest
 from fledge import Orbit, SetupError, Simulation, world
 from fledge.units import W, deg, kg, km, m, minute, rad, s
 
-ROOT = Path(__file__).resolve().parents[3]
-DATA = Path(os.environ.get("FLEDGE_TEST_DATA", ROOT.parent / "shared" / "data"))
 DE405 = Path("/usr/share/casacore/data/ephemerides/DE405")
 EARTH = world.EARTH
 SPIN = 7.292115146706388e-5 * rad / s
