@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <vector>
 
 namespace fledge::ground {
 
@@ -328,13 +329,20 @@ private:
         const auto found = plain(given);
         if (type.sort == Sort::enumerated) {
             std::string all;
+            std::vector<std::int64_t> endings; // of labels that end with the text, as FIELD_WMM with WMM
             for (const Enumerator &one : type.enumerators) {
                 if (given.what == Given::What::text
                         ? one.label == given.text
                         : found && found->whole && *found->whole >= one.low && *found->whole <= one.high) {
                     return given.what == Given::What::text ? Number{one.low, static_cast<double>(one.low)} : *found;
                 }
+                if (given.what == Given::What::text && one.label.ends_with("_" + given.text)) {
+                    endings.push_back(one.low);
+                }
                 all += (all.empty() ? "" : ", ") + one.label;
+            }
+            if (endings.size() == 1) {
+                return Number{endings.front(), static_cast<double>(endings.front())};
             }
             if (!found || given.what != Given::What::text) { // restrictions may give a label's raw value as text
                 throw Refusal(name + " must be one of " + all);

@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <regex>
 
 namespace fledge::ground {
 
@@ -39,7 +40,8 @@ const char *const commands =
     "<PolynomialCalibrator><Term exponent='1' coefficient='10'/></PolynomialCalibrator></DefaultCalibrator>"
     "</IntegerDataEncoding><ValidRangeSet><ValidRange minInclusive='-5' maxExclusive='5'/></ValidRangeSet>"
     "</FloatArgumentType><EnumeratedArgumentType name='mode'><IntegerDataEncoding sizeInBits='4'/><EnumerationList>"
-    "<Enumeration value='1' label='SAFE'/><Enumeration value='2' label='NOMINAL'/></EnumerationList>"
+    "<Enumeration value='1' label='SAFE'/><Enumeration value='2' label='NOMINAL'/><Enumeration value='3' "
+    "label='FREE_SPIN'/><Enumeration value='4' label='SLOW_SPIN'/></EnumerationList>"
     "</EnumeratedArgumentType></ArgumentTypeSet><MetaCommandSet><MetaCommand name='B' abstract='true'><ArgumentList>"
     "<Argument name='opcode' argumentTypeRef='code'/></ArgumentList><CommandContainer name='BC'><EntryList>"
     "<ArgumentRefEntry argumentRef='opcode'/></EntryList><BaseContainer containerRef='H'><RestrictionCriteria>"
@@ -73,6 +75,21 @@ TEST(Encoder, ACommandHasItsHeaderItsFixedAndItsGivenValues)
               (Bytes{42, 3, 7, 0, 43, 0x51}));
 }
 
+TEST(Encoder, ALabelIsGivenWholeOrByAnEndingThatIsItsAlone)
+{
+    const Database database = read_xtce_text(commands, "s.xml");
+    const auto mode = [&](const char *label) {
+        return encode(database, database.command("C"),
+                      {{"gain", number(0)}, {"sequence", number(3)}, {"mode", text(label)}});
+    };
+    EXPECT_EQ(mode("SLOW_SPIN"), (Bytes{42, 3, 7, 0, 0, 0x54}));
+    const Database named = read_xtce_text(std::regex_replace(commands, std::regex("FREE_SPIN"), "FREE_FALL"), "s.xml");
+    EXPECT_EQ(encode(named, named.command("C"), {{"gain", number(0)}, {"sequence", number(3)}, {"mode", text("SPIN")}}),
+              mode("SLOW_SPIN"));
+    EXPECT_EQ(refusal({{"gain", number(0)}, {"sequence", number(3)}, {"mode", text("SPIN")}}),
+              "mode must be one of SAFE, NOMINAL, FREE_SPIN, SLOW_SPIN");
+}
+
 TEST(Encoder, PlacesSayWhereWhatStands)
 {
     const Database database = read_xtce_text(commands, "s.xml");
@@ -96,7 +113,8 @@ TEST(Encoder, WhatIsMissingUnknownOrOutOfRangeIsRefused)
               "/S/C fixes the argument opcode: do not give it");
     EXPECT_EQ(refusal({{"gain", number(5)}, {"sequence", one}}), "gain must be from -5 to below 5; found 5");
     EXPECT_EQ(refusal({{"gain", one}, {"sequence", number(256)}}), "sequence has 8 bits, too few for 256");
-    EXPECT_EQ(refusal({{"gain", one}, {"sequence", one}, {"mode", text("OFF")}}), "mode must be one of SAFE, NOMINAL");
+    EXPECT_EQ(refusal({{"gain", one}, {"sequence", one}, {"mode", text("OFF")}}),
+              "mode must be one of SAFE, NOMINAL, FREE_SPIN, SLOW_SPIN");
     EXPECT_EQ(refusal({{"gain", text("fast")}, {"sequence", one}}), "gain must be a number");
     EXPECT_EQ(refusal({}, "B"), "/S/B is abstract: give a command that extends it");
     EXPECT_EQ(refusal({}, "D"), "the database has no command D");
