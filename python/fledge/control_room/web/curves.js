@@ -15,8 +15,8 @@ const COLOURS = {
 
 /** Curves in one picture.
  *
- *  words(t): a time in s as text;  now(): the time that is shown, in s;  mark(): the time of the line, in s, or null;  gaps(): [[from, to], ...] in s
- *  zoom(from, to), seek(t), whole(): what the person has done
+ *  words(t): a time in s as text;  now(): the time that is shown, in s;  mark(): the time of the line, in s, or null
+ *  gaps(): [[from, to], ...] in s;  zoom(from, to), seek(t), whole(): what the person has done
  */
 export function chart({holder, curves, slots, theme, words, tick, now, mark, gaps, zoom, seek, whole, height}) {
     const css = getComputedStyle(holder), ink = css.getPropertyValue("--soft"), line = css.getPropertyValue("--line");

@@ -65,7 +65,8 @@ export async function open(context) {
                 put(cells[4], since);
                 dress(element, `tr${row === table.at ? " at" : ""}${soft ? " soft" : ""}${one.group ? " group" : ""}`);
             };
-            hint(element, one.group ? one.about : one.glance ? glance.read(one.glance, now, shownAt()).name : about.name);
+            hint(element,
+                one.group ? one.about : one.glance ? glance.read(one.glance, now, shownAt()).name : about.name);
             if (one.group) return say(one.group, "", "", 0, "", "");
             if (one.glance) {
                 const {text, unit, level, age, stale, slot: from} = glance.read(one.glance, now, shownAt());
