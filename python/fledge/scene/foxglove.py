@@ -237,12 +237,16 @@ def messages(scene: Scene) -> Iterator[tuple[float, str, dict[str, Any]]]:
     plumes = [(craft, part, part.level.at(times)[:, 0] / (part.full or 1)) for craft in scene.crafts
               for part in craft.parts if part.kind == "thruster" and part.level is not None]
     burning = np.zeros(len(plumes), bool)
+    poses = [(craft, pose, pose.turning.age(times) > 0) for craft in scene.crafts for pose in craft.poses]
     for i, t in enumerate(times.tolist()):
         stamp = _time(t)
         yield t, "/scene/transforms", {"transforms": [
             {"timestamp": stamp, "parent_frame_id": parent, "child_frame_id": child,
              "translation": _xyz(r[i]), "rotation": _xyzw(q[i])} for parent, child, r, q in frames
             if np.isfinite(r[i]).all() and np.isfinite(q[i]).all()]}
+        if changed := [_pose_axes(craft, pose, stale[i], stamp) for craft, pose, stale in poses
+                       if stale[i] != (i > 0 and stale[i - 1])]:
+            yield t, "/scene/entities", {"entities": changed}
         now = np.array([share[i] > 0.002 for *_, share in plumes], bool)
         if now.any() or burning.any():
             yield t, "/scene/entities", _plumes(plumes, now, burning, i, stamp)
@@ -319,10 +323,7 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
         for k, part in enumerate(craft.parts):
             frame = craft.name if part.hinge_B is None else f"{craft.name}/{part.name}"
             yield entity(frame, f"{craft.name}/{k} {part.name}", **_primitives(part, size))
-        for pose in craft.poses:
-            color = (1.0, 0.69, 0.18) if pose.kind == "estimate" else (0.7, 0.55, 1.0)
-            frame = f"{craft.name}/{pose.kind} {pose.name}"
-            yield entity(frame, frame, arrows=[_arrow(axis, 2.1 * size, color, width=0.006) for axis in np.eye(3)])
+        yield from (_pose_axes(craft, pose, False, _time(begin)) for pose in craft.poses)
         colors = {"to the Sun": (1, .83, .3), "nadir": (1, .44, .68), "velocity": (.7, .9, .4)}
         for name, _ in _ways(scene, craft, craft.turning.time[:1]):
             color = colors[name]
@@ -332,6 +333,16 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
         yield entity("N", f"{craft.name}/way", lines=[
             {"pose": _pose(), "thickness": 1.5, "scale_invariant": True, "points": [_xyz(r) for r in way],
              "color": _rgba((0.35, 0.72, 1.0), 0.7)}])
+
+
+def _pose_axes(craft, pose, stale, stamp):
+    """The entity of another attitude of a spacecraft: grey where it is stale."""
+    import numpy as np
+
+    color = (.54, .58, .62) if stale else (1.0, 0.69, 0.18) if pose.kind == "estimate" else (0.7, 0.55, 1.0)
+    frame = f"{craft.name}/{pose.kind} {pose.name}"
+    return {"timestamp": stamp, "frame_id": frame, "id": frame, "frame_locked": True,
+            "arrows": [_arrow(axis, 2.1 * craft.extent, color, width=0.006) for axis in np.eye(3)]}
 
 
 def _plumes(plumes, now, burning, i, stamp):

@@ -164,6 +164,18 @@ def test_each_entity_follows_a_frame_that_there_is(formation):
     assert way["type"] == 0 and len(way["points"]) == 1000
 
 
+def test_what_is_stale_is_grey_until_it_is_written_again(formation):
+    found = scene.of(formation[0])
+    [pose] = found.crafts[0].poses
+    time = pose.turning.time
+    pose.turning.written = np.where((time >= 10) & (time < 20), 4.0, np.nan)
+    told = [(t, message["entities"][0]["arrows"][0]["color"]) for t, topic, message in foxglove.messages(found)
+            if topic == "/scene/entities" and t > 0]
+    assert [t for t, _ in told] == [10, 20]
+    grey, again = (color for _, color in told)
+    assert np.ptp([grey[one] for one in "rgb"]) < 0.1 and (again["r"], again["b"]) == (1.0, 0.18)
+
+
 def test_cones_and_plumes():
     """A cone's apex is where it begins; a plume is there while its thruster burns, and deleted after."""
     t = np.arange(5.0)
