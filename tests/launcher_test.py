@@ -289,8 +289,8 @@ def test_the_tests_of_fledge_run_from_elsewhere_only_if_they_are_asked_for(launc
         done = launch("test", *words, cwd=elsewhere)
         assert (done.returncode, done.stdout) == (2, "") and not launch.said("apt")
         assert done.stderr == (
-            "fledge: test: there is no project around this folder; go into one, or name it (fledge --project DIR test); "
-            "--fledge runs the tests of Fledge itself, which take long\n")
+            "fledge: test: there is no project around this folder; go into one, or name it (fledge --project DIR "
+            "test); --fledge runs the tests of Fledge itself, which take long\n")
     for words, cwd in (([], launch.tree), ([], launch.tree / "cmake"), (["--fledge"], elsewhere)):
         done = launch("test", *words, cwd=cwd)
         assert done.returncode == 1 and "it went too far" in done.stderr, done.stderr

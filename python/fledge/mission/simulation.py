@@ -308,8 +308,8 @@ class Simulation:
 
     @property
     def problems(self) -> list[tuple[str, int, str]]:
-        """Why it cannot fly as it is composed now, all of it: (file, line, what and the remedy), by file and line; empty
-        if it can."""
+        """Why it cannot fly as it is composed now, all of it: (file, line, what and the remedy), by file and line;
+        empty if it can."""
         return self._core.problems()
 
     def check(self) -> None:
