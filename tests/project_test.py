@@ -354,7 +354,7 @@ def test_names_that_are_ours_and_sources_that_are_not_there(tmp_path):
     cmake = tmp_path / "bad/CMakeLists.txt"
     replace(cmake, "        flight/two\n", "")
     said = fledge("--project", "bad", "list", cwd=tmp_path, code=1)
-    assert re.search(r"failed; the whole log is .*\n/.*/bad/flight/two.h:11: CMake compiles every module; it does not "
+    assert re.search(r"failed; the whole log is .*\n/.*/bad/flight/two.h:10: CMake compiles every module; it does not "
                      r"compile flight/two.c; add flight/two below FLIGHT in fledge_project\(\) of CMakeLists.txt", said)
 
     (tmp_path / "bad/flight/two.c").unlink()
