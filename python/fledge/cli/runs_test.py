@@ -190,7 +190,9 @@ def test_pages_are_of_the_run_whose_record_lies_beside_them_and_older_ones_are_k
 def test_a_run_without_a_record_says_that_the_older_one_is_not_its_own(here, capsys):
     assert cli.main(["run", "looker", "short"]) == 0
     text = (here / "missions/looker/scenarios.py").read_text()
-    (here / "missions/looker/scenarios.py").write_text(text.replace("sim.run(60)", "raise ValueError('early')", 1))
+    recorded = "log = sim.record(sim.flight.tracking.error)\n    sim.run(60)"
+    assert recorded in text
+    (here / "missions/looker/scenarios.py").write_text(text.replace(recorded, "sim.run(60)\n    raise ValueError(0)", 1))
     capsys.readouterr()
     assert cli.main(["run", "looker", "short"]) == 1
     assert "  record   none; runs/looker/short/run.mcap is of an earlier run\n" in capsys.readouterr().out
