@@ -151,7 +151,7 @@ export async function open(context) {
 
     function choose({group, glance: row, slot}) {
         if (group) return;
-        chosen = row ? glance.read(row, now).slot : slot;
+        chosen = row ? glance.read(row, now, shownAt()).slot : slot;
         const about = store.slots[chosen];
         const administer = context.can("administer");
         const facts = h("dl", {class: "facts"});
