@@ -718,7 +718,7 @@ def test_two_do_not_build_in_one_folder(folder, capsys):
 def test_on_a_terminal_it_shows_how_far_it_is(folder, monkeypatch):
     """The times that the bar gets rise to the end."""
     seen = []
-    monkeypatch.setattr(loop.Progress, "at", lambda self, t: seen.append(t))
+    monkeypatch.setattr(loop.Progress, "reaches", lambda self, t: seen.append(t))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     job = Job("nadir_spin", duration=600.0, folder=folder / "nadir_spin")
     fly(job, {"flight": TARGETS["linux"]}, "linux")
