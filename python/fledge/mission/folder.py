@@ -59,6 +59,11 @@ class Mission:
         """Whether its mission.py makes the processes."""
         return (self.folder / "mission.py").exists()
 
+    @property
+    def roots(self) -> list[Path]:
+        """The folders from which its files import `from .NAME`, in this order: its own, then those of missions."""
+        return list(dict.fromkeys([self.folder, self.folder.parent, *folders.of_missions()]))
+
     def metadata(self) -> dict[str, str]:
         """The parameters that the user gave, for records; {} if none."""
         given = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
@@ -215,8 +220,7 @@ class MissionFiles:
 
     def __enter__(self):
         package = types.ModuleType(self.package)
-        others = dict.fromkeys([self.mission.folder.parent, *folders.of_missions()])
-        package.__path__ = [str(self.mission.folder), *map(str, others)]
+        package.__path__ = list(map(str, self.mission.roots))
         sys.modules[self.package] = package
         return self
 

@@ -52,8 +52,7 @@ def read_scripts(sim: Any) -> Scripts:
     package = mission.name if mission.name not in MODULES else f"{mission.name}_mission"
     entry = "mission" if mission.several else "flight"
     found = Scripts(f"{package}.{entry}", mission.several)
-    _Reader(package, [mission.folder, mission.folder.parent], found.files).take(
-        f"{package}/{entry}.py", mission.folder / f"{entry}.py")
+    _Reader(package, mission.roots, found.files).take(f"{package}/{entry}.py", mission.folder / f"{entry}.py")
     given = _given(mission, found.files[f"{package}/{entry}.py"])
     choices = [line for flight in sim.flights for line in _choices(flight, mission.several)]
     if given or choices:

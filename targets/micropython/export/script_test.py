@@ -48,6 +48,11 @@ def test_those_of_another_mission_and_a_folder_of_modules(tmp_path):
                              "small/parts/one.py"]
 
 
+def test_those_of_a_mission_of_fledge_from_a_project(tmp_path):
+    folder = mission(tmp_path, "from .nadir_spin.flight import build as spin\n" + FLIGHT)
+    assert names(folder) == ["small/flight.py", "small/nadir_spin/flight.py"]
+
+
 def test_names_are_imported_one_by_one(tmp_path):
     text = FLIGHT.replace("from fledge.units import s", "from fledge.units import *")
     with pytest.raises(export.ExportError, match=r"flight.py, line 3: the target cannot import \* from fledge.units"):
