@@ -120,5 +120,5 @@ def test_from_mean_elements_the_world_begins_where_flight_says():
         assert np.linalg.norm(np.array(orbit.r_BN_N) - f.orbit.orbit.r_BN_N) < 0.01    # TDB and UTC differ
         assert np.linalg.norm(np.array(orbit.v_BN_N) - f.orbit.orbit.v_BN_N) < 1e-5
     assert 6.78e6 < orbit.a < 6.82e6 and orbit.i == pytest.approx(np.radians(51.64), abs=3e-3)
-    with pytest.raises(SetupError, match="SGP4 gives no position .* DECAYED|SGP4 gives no position"):
+    with pytest.raises(SetupError, match="SGP4 gives no position .*: DECAYED$"):
         Orbit.from_elements(sky, **elements | {"n": 20 * elements["n"]})

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, suggesting
 from fledge.objects.computed import for_flight
 from fledge.objects.si import time_ns, to_number
 from fledge.world.bodies import LENGTH, Body, body_of
@@ -15,6 +15,7 @@ SAMPLES = 65    # of a fit; its error is looked for eight times as densely
 
 
 @for_flight
+@suggesting()
 def fit_orientation(sky: Sky, body: Body | str, *, within: Any, duration: Any, start: Any = 0) -> dict[str, Any]:
     """The parameters `dcm_PN` and `rate` of a GroundTarget, which turns at a constant rate about a pole that stands.
 

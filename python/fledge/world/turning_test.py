@@ -54,5 +54,7 @@ def test_a_bound_that_cannot_be_held_is_refused():
         world.fit_orientation(sky, world.EARTH, within=1 * m, duration=365 * day)
     with pytest.raises(SetupError, match="within and duration must be > 0"):
         world.fit_orientation(sky, world.EARTH, within=1 * m, duration=0 * minute)
+    with pytest.raises(TypeError, match="fit_orientation has no 'withn'; did you mean 'within'"):
+        world.fit_orientation(sky, world.EARTH, withn=1, duration=1 * day)
     with pytest.raises(SetupError, match="within"):
         world.fit_orientation(sky, world.EARTH, within=1 * s, duration=1 * day)
