@@ -202,7 +202,7 @@ def _copied(source: Path, folder: Path) -> dict[Path, str | bytes]:
         hidden = any(one == "__pycache__" or one.startswith(".") for one in part.parts)
         if hidden or part.name == "README.md" or not file.is_file():
             continue
-        there = folder / part.with_name(re.sub(rf"^{source.name}(?=_test\.py$)", folder.name, part.name))
+        there = folder / part.with_name(re.sub(rf"^{re.escape(source.name)}(?=_test\.py$)", folder.name, part.name))
         texts[there] = file.read_bytes()
         if file.suffix in (".py", ".toml"):
             texts[there] = _renamed(_moved(_read(file), file, there), source.name, folder.name)
@@ -218,7 +218,7 @@ _NAMED = (rf"""(\b(?:load|find|Campaign|Sweep|Controller)\(\s*["']|(?:\b|\\n)(?:
 
 
 def _renamed(text: str, old: str, name: str) -> str:
-    return re.sub(rf"{_NAMED}{old}(?:\b|(?=_test\.py))", rf"\g<1>{name}", text)
+    return re.sub(rf"{_NAMED}{re.escape(old)}(?:\b|(?=_test\.py))", rf"\g<1>{name}", text)
 
 
 def _moved(text: str, file: Path, there: Path) -> str:
