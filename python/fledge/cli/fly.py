@@ -255,7 +255,7 @@ def _fly(options, job, runs, bounds, lacking):
     from fledge.cli.console import say
     from fledge.cli.judge import show_required
     from fledge.errors import Failure, RunError, SetupError
-    from fledge.requirements.judge import VIOLATED
+    from fledge.requirements.judge import VIOLATED, problem_of
     from fledge.archive import Archive, ArchiveError
     from fledge.archive.compare import compare, digest
     from fledge.targets import fly, table
@@ -347,10 +347,11 @@ def _fly(options, job, runs, bounds, lacking):
             problem, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
                 options, job, name, record)
             violated = [one.requirement.id for one in outcomes if one.verdict == VIOLATED]
-            if problem:
-                wrong[name].append(f"violates {', '.join(violated)}" if violated else "the scenario's checks "
+            if violated:
+                wrong[name].append(f"violates {', '.join(violated)}")
+            if problem and problem != problem_of(outcomes, job.duration):   # what the scenario itself raised
+                wrong[name].append("the scenario's checks "
                                    + ("do not hold" if failed == 1 else "cannot be judged by its record"))
-            if problem and not violated:
                 print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
             same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, runs))
         for names, outcomes in same.values():

@@ -164,7 +164,12 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
 
 @pytest.mark.long("builds a target with another gain")
 def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypatch):
-    real = Linux.build
+    """Its checks are told beside a requirement that it violates, as the desktop does."""
+    real, mission = Linux.build, tmp_path / "nadir_spin"
+    shutil.copytree(NADIR_SPIN, mission)
+    (mission / "requirements.py").write_text(
+        "from fledge.requirements import always\n\n\ndef rate(r):\n    r.require('RATE-1', 'It never turns.', always("
+        "r.signal('flight.tracking.error.omega_BR_B').norm() < 1e-9))\n")
 
     def spoiled(self, job):
         source = next(path for path in job.written if path.name == "nadir_spin.c")
@@ -174,11 +179,11 @@ def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypa
         return real(self, job)
 
     monkeypatch.setattr(Linux, "build", spoiled)
-    assert cli.main(["fly", "nadir_spin", "--on", "linux", "--out", str(tmp_path)]) == 1
+    assert cli.main(["fly", str(mission), "--on", "linux", "--out", str(tmp_path / "out")]) == 1
     said = capsys.readouterr()
     assert "fledge: nadir_spin, spin on linux: failed: " in said.err and "the attitude did not settle" in said.err
-    assert said.out.endswith("  failed   linux: differs from the desktop, the scenario's checks do not hold (passed: "
-                             "desktop)\n")
+    assert said.out.endswith("  failed   desktop: violates RATE-1; linux: differs from the desktop, violates RATE-1, "
+                             "the scenario's checks do not hold\n")
 
 
 @pytest.mark.long("flies another part on a target")
