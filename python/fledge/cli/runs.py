@@ -97,7 +97,9 @@ def kept() -> dict[str, list[Path]]:
 
 
 def find_run(name: str) -> Path:
-    """The record that is meant by a file, a folder, the name of a mission flown before, or the name of a kept run."""
+    """The record that is meant by a file, a folder, the name of a mission flown before, or the name of a kept run.
+
+    Of several runs of a mission, the newest; a line on stderr then says which."""
     unfinished = []
     for path in (Path(name), KEPT / name, RUNS / name):
         if path.is_file():
@@ -107,6 +109,10 @@ def find_run(name: str) -> Path:
                            if not one.name.endswith(SCENE))
             if len(found) == 1:
                 return found[0]
+            if path.parent == RUNS and path != KEPT and (runs := list(path.glob("*/run.mcap"))):
+                newest = max(runs, key=lambda one: one.stat().st_mtime_ns)
+                print(f"{newest} is the newest run of {path.name}; {path} has {len(found)} records", file=sys.stderr)
+                return newest
             if found:
                 raise Failure(f"there are several records in {path}; name one of {', '.join(map(str, found))}")
             unfinished += sorted([*path.glob("*.mcap.part"), *path.glob("*/*.mcap.part")])

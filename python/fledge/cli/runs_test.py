@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import matplotlib.pyplot
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import fledge
 from fledge import Archive, RunError, cli
 from fledge.archive import mcap
-from fledge.cli.runs import alone, folder_of
+from fledge.cli.runs import alone, find_run, folder_of
 from fledge.errors import Failure
 from fledge.files import Part, create
 from tests.circles import long_after
@@ -257,6 +258,21 @@ def test_a_run_is_kept_under_its_name(here, capsys):
     listed = capsys.readouterr().out
     assert listed.index("kept runs") < listed.index("  every second") < listed.index("  fast")
     assert "looker, short, passed" in listed
+
+
+def test_the_name_of_a_mission_is_that_of_its_newest_run(here, capsys):
+    records = [Path("runs/looker", name) for name in ("fly/leon3.mcap", "short/run.mcap", "figures/run.mcap")]
+    for age, record in enumerate(records):
+        record.parent.mkdir(parents=True, exist_ok=True)
+        record.touch()
+        os.utime(record, (1000 - age, 1000 - age))
+    assert find_run("looker") == find_run("runs/looker") == records[1]
+    assert capsys.readouterr().err.startswith("runs/looker/short/run.mcap is the newest run of looker; runs/looker has 3 ")
+    os.utime(records[2])
+    assert find_run("looker") == records[2]
+    records[0].with_name("desktop.mcap").touch()
+    with pytest.raises(Failure, match="several records in runs/looker/fly; name one of "):
+        find_run("runs/looker/fly")
 
 
 def test_a_name_is_taken_once_unless_it_is_replaced(here, capsys):
