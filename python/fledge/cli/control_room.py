@@ -165,7 +165,7 @@ def _show(entry):
     """An entry as a line of the terminal."""
     texts = {"step": " / ".join(entry.get("step", [])), "command": entry.get("text"), "confirm": entry.get("why"),
              "stage": f"{entry.get('id')} {entry.get('stage')} {entry.get('text')}", "file": entry.get("text"),
-             "wait": entry.get("why") or "done", "hold": "", "exception": entry.get("text"),
+             "wait": entry.get("why") or "done", "hold": "",
              "check": f"{entry.get('text') or entry.get('source')}: {'holds' if entry.get('good') else 'fails'}",
              "value": str(entry.get("values"))}
     if (text := texts.get(entry["kind"])) is not None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _MAKERS = {"numbered", "packet", "pdu", "write_bytes", "change"}    # of packets, but no commands of their own
 HEARD = 10_000                                  # events that are known again
+SHOWN = 8                                       # names of outputs in an error
 WITHIN = 10.0                                   # [s] for what a script waits for, unless it says
 
 
@@ -31,12 +32,14 @@ class NotSeen(LookupError):
 
 class Newest:
     """The newest telemetry of a spacecraft: `mode`, and each output's fields by their path, as in
-    t.flight.control.torque.u or t["flight.control.torque"]. A value that no packet had yet raises NotSeen; in the
-    condition of wait() it counts as not fulfilled."""
+    t.flight.control.torque.u or t["flight.control.torque"]. t.flight.mode and t.flight.housekeeping.mode are the mode's
+    name, too. A value that no packet had yet raises NotSeen; in the condition of wait() it counts as not fulfilled."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
         self._outputs = [one.path for one in dictionary.outputs]
+        processes = dict.fromkeys(one.path.partition(".")[0] for one in (*dictionary.outputs, *dictionary.blocks))
+        self._states = [f"{one}.housekeeping" for one in processes]
         self._beginnings = {path[:i] for path in self._outputs for i, letter in enumerate(path) if letter == "."}
         self._contents: dict[str, Any] = {}
         self.events: list[Event] = []   #: what modules have said, in the order of its arrival; each once
@@ -68,11 +71,15 @@ class Newest:
 
     def __getitem__(self, path: str) -> Any:
         """An output's fields as a dict, or one field."""
-        output = next((one for one in self._outputs if path == one or path.startswith(f"{one}.")), None)
+        if path.endswith(".mode") and f"{path.removesuffix('mode')}housekeeping" in self._states:
+            return self.mode
+        known = [*self._outputs, *self._states]
+        output = next((one for one in known if path == one or path.startswith(f"{one}.")), None)
         if output is None:
-            raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, self._outputs)} "
-                             f"it has {listed(self._outputs, none='none')}")
-        found = self._content(output)
+            raise SetupError(f"{self._dictionary.name} has no output '{path}'{did_you_mean(path, known)} "
+                             f"it has {listed(known, SHOWN)}")
+        found = self._content(output) if output in self._outputs else self.housekeeping | (
+            {"mode": self.mode} if self._dictionary.modes else {})
         for name in path[len(output) + 1:].split(".") if path != output else []:
             if not isinstance(found, dict) or name not in found:
                 known = list(found) if isinstance(found, dict) else []

@@ -107,7 +107,11 @@ def test_the_mode_is_known_by_its_name(tmp_path):
         craft.command("telemetry", "housekeeping")
         assert craft.wait(lambda t: t.mode, within=10 * s).mode == "wait"
         craft.command("mode", "rest").completed()
-        craft.wait(lambda t: t.mode == "rest", within=1 * s)
+        seen = craft.wait(lambda t: t.flight.housekeeping.mode == "rest", within=1 * s)
+        assert seen.mode == seen.flight.mode == seen["flight.housekeeping"]["mode"] == "rest"
+        assert seen.flight.housekeeping.executed == seen.housekeeping["executed"] == 2
+        with pytest.raises(SetupError, match="no output 'flight.housekeping'; did you mean 'flight.housekeeping'"):
+            seen.flight.housekeping
         with pytest.raises(SetupError, match="has no mode 'ret'; did you mean 'rest'"):
             craft.command("mode", "ret")
     with ground.connect(fledge.load("nadir_spin")) as craft, pytest.raises(SetupError, match="has no modes"):
