@@ -110,13 +110,21 @@ class Progress(Bar):
 
 
 def completed(tasks: Iterable[Future[Any]], tick: Callable[[], Any]) -> Iterator[Future[Any]]:
-    """As concurrent.futures.as_completed(), with a call of tick() about every second."""
-    from concurrent.futures import FIRST_COMPLETED, wait
+    """As concurrent.futures.as_completed(), with a call of tick() after each task, and about every second."""
+    from queue import Empty, SimpleQueue
 
+    ended: SimpleQueue[Future[Any]] = SimpleQueue()
     left = set(tasks)
+    for one in left:
+        one.add_done_callback(ended.put)
     while left:
-        done, left = wait(left, _TICK, FIRST_COMPLETED)
-        yield from done
+        try:
+            one = ended.get(timeout=_TICK)
+        except Empty:
+            pass
+        else:
+            left.remove(one)
+            yield one
         tick()
 
 

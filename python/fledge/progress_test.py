@@ -95,7 +95,7 @@ def test_a_run_that_ends_soon_has_no_bar_on_a_terminal(clock):
 
 
 def test_tasks_that_take_long_tick(monkeypatch):
-    """The second ends in the third tick; the wait for it is that of the library, made short."""
+    """The second ends in the third tick; the wait for it is made short."""
     slow: Future = Future()
     ticks = []
 
