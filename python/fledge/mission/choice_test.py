@@ -187,8 +187,8 @@ def test_modes_and_tasks_that_are_not_there_are_refused_at_the_start():
 
 
 def commanding(wire, order="tasks first", tasks=(("a", 2 * s, 0 * s), ("b", 3 * s, 1 * s))):
-    """Two modules command one set of wheels. (simulation, log): the log has what they and the wheels' input hold."""
-    sim, log = fledge.Simulation("commanding"), []
+    """Two modules command one set of wheels. tasks: name, period and offset of each one's task, of modes of its own."""
+    sim = fledge.Simulation("commanding")
     f, w = sim.flight, sim.world
 
     def write(scale):
@@ -211,8 +211,8 @@ def commanding(wire, order="tasks first", tasks=(("a", 2 * s, 0 * s), ("b", 3 * 
     for name, every, offset in tasks:
         f.task(name, every=every, offset=offset, run=[f.instances[name]])
     f.task("zero", every=10 * s, run=[f.zero])
-    f.mode("safe", ["a"])
-    f.mode("point", ["b"])
+    for mode, (name, *_) in zip(("safe", "point"), tasks):
+        f.mode(mode, [name])
     if order == "tasks first":
         w.connect(wire(f) >> w.wheels.command)
     w.task("dynamics", every=1 * s, run=[w.craft, w.gyro])
@@ -238,6 +238,16 @@ def test_flight_chooses_among_commands_for_the_world(rule, names, order):
     twin = sim.clone()
     sim.run(5 * s), twin.run(5 * s)
     assert twin.snapshot() == sim.snapshot() and twin.flight.command_choices == sim.flight.command_choices
+
+
+def test_a_clone_gives_its_choice_a_task_of_its_own():
+    sim = commanding(lambda f: fsw.newest(f.a.command, f.b.command), tasks=[])
+    twin = sim.clone()
+    for one, period in ((twin, 2), (sim, 4)):
+        one.flight.task("both", every=period * s, run=[one.flight.a, one.flight.b])
+        choice, = one.flight.command_choices
+        assert choice.task == (period * 10**9, 0, -1)
+        assert "wheels_command" in [task.name for task in one.flight.tasks]
 
 
 def test_a_choice_for_flight_and_the_world_chooses_for_each():

@@ -8,6 +8,7 @@ behind them. It then flies as any module does, on each target.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import gcd
 from typing import TYPE_CHECKING, Any
 
@@ -19,16 +20,21 @@ if TYPE_CHECKING:
     from fledge.mission.process import Process
 
 
+@dataclass
 class CommandChoice:
     """A module that a connection added to a process.
 
-    name: of the module, and of its task; rule: "newest", as in fledge.flight; outputs: (MODULE.PORT, the mode of its
-    own or ""); stale_after [ns]; task: period, offset [ns], priority; None: not every output has a task yet
+    name: of the module, and of its task; type: of the module; rule: "newest", as in fledge.flight; outputs:
+    (MODULE.PORT, the mode of its own or ""); stale_after [ns]; task: period, offset [ns], priority; None: not every
+    output has a task yet
     """
 
-    def __init__(self, name: str, kind: str, rule: str, outputs: list[tuple[str, str]], stale_after: int) -> None:
-        self.name, self.type, self.rule, self.outputs, self.stale_after = name, kind, rule, outputs, stale_after
-        self.task: tuple[int, int, int] | None = None
+    name: str
+    type: str
+    rule: str
+    outputs: list[tuple[str, str]]
+    stale_after: int
+    task: tuple[int, int, int] | None = None
 
 
 def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
