@@ -333,7 +333,9 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
         others = [other for other in known if not _second_run(known[other])]
         raise SetupError(f"{shown(again[0])}, line {again[1]}: the scenario {name} runs again here, and what it "
                          "does between its runs cannot be done in programs of their own; fly it in one, by run"
-                         + (f", take the scenario {' or '.join(others)}" if others else "") + ", or use --free")
+                         + (f", take the scenario {' or '.join(others)}" if others else "")
+                         + ", or fly it without a scenario: --free, in the file of a run free = true in each [[node]] "
+                         "of the mission")
 
     scenarios.set_up(sim, function)
     return name

@@ -145,6 +145,7 @@ def test_ctrl_c_leaves_readable_records(tmp_path):
     (["nadir_spin", "flight", "--set", "date=2015-03-02T12"], "has no parameter 'date'"),
     (["nadir_spin", "flight", "--set", "size='3U'"], "has no parameter 'size'"),
     (["single_spiral", "flight"], "runs again here, and what it does between its runs cannot be done"),
+    (["single_spiral", "flight"], "--free, in the file of a run free = true in each [[node]]"),
     (["nadir_spin", "flight", "--keys", "nowhere"], "nowhere"),
 ])
 def test_wrong_commands(arguments, says, capsys):

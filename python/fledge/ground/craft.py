@@ -38,7 +38,8 @@ class Newest:
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
         self._outputs = [one.path for one in dictionary.outputs]
-        processes = dict.fromkeys(one.path.partition(".")[0] for one in (*dictionary.outputs, *dictionary.blocks))
+        paths = self._outputs + [one.path for one in dictionary.blocks]
+        processes = dict.fromkeys(path.partition(".")[0] for path in paths)
         self._states = [f"{one}.housekeeping" for one in processes]
         self._beginnings = {path[:i] for path in self._outputs for i, letter in enumerate(path) if letter == "."}
         self._contents: dict[str, Any] = {}
