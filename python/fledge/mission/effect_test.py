@@ -237,6 +237,58 @@ def test_configuration_that_nothing_reads_warns(tmp_path, warned):
                         "have no effect; wire it, or leave it out"]
 
 
+KEPT = """import numpy as np
+
+from fledge import flight as fsw
+from fledge.units import s
+
+
+def build(f):
+    f.wheels = fsw.WheelConfig(axes_B=np.eye(3), J=1, u_max=1)
+    f.damp = fsw.RateDamping(P=1, torque_max=1)
+    f.motor = fsw.WheelTorques(hold=2 * s)
+    f.connect(f.damp.torque >> f.motor.torque, f.wheels.wheels >> f.motor.wheels)
+    f.task("law", every=1 * s, run=[f.damp])
+    f.task("act", every=1 * s, run=[f.motor])
+    f.mode("on", ["law", "act"])
+    f.mode("off", ["act"])
+"""
+KEPT_WORLD = """import numpy as np
+
+from fledge import world
+
+
+def build(w, f):
+    w.wheels = world.ReactionWheels(axes_B=np.eye(3), J=1, u_max=1)
+    w.gyro = world.Gyro()
+    w.craft = world.Spacecraft(I_B=1, parts=[w.wheels])
+    w.connect(f.motor.command >> w.wheels.command, w.craft.state >> w.gyro.truth, w.gyro.rate >> f.damp.gyro)
+    w.task("dynamics", every=1, run=[w.craft, w.gyro])
+"""
+
+
+@pytest.mark.parametrize("old, new, expected", [
+    ("", "", ["flight.motor.torque: the mode off suspends flight.damp.torque, so that the last value stays good and acts "
+              "on; write .stale_after(2 * s) behind its wire, or let a module that runs then write it"]),
+    ('"off", ["act"]', '"off", []',
+     ["world.wheels.command: the mode off suspends flight.motor.command, so that the last value stays good and acts on; "
+      "let a module that runs then write it"]),
+    ("f.damp.torque >> f.motor.torque,", "(f.damp.torque >> f.motor.torque).stale_after(2 * s),", []),
+    ('"off", ["act"]', '"off", ["law", "act"]', []),
+])
+def test_a_torque_that_outlives_its_mode_warns(tmp_path, warned, old, new, expected):
+    (tmp_path / "flight.py").write_text(KEPT.replace(old, new))
+    (tmp_path / "world.py").write_text(KEPT_WORLD)
+    sim = fledge.load(tmp_path)
+    assert warned() == expected
+    sim.run(10 * s)
+    sim.flight.enter("off")
+    sim.run(60 * s)
+    command, law = sim.flight.motor.command, sim.flight.damp.torque
+    old = sim.time_ns - law.head.t >= 59e9
+    assert (command.head.quality.name == "GOOD") == (expected != [] or not old)
+
+
 def test_a_command_says_it_once_in_one_line(tmp_path):
     mission = tmp_path / "low"
     mission.mkdir()

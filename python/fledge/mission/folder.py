@@ -28,7 +28,7 @@ from fledge.errors import CompositionError, SetupError, did_you_mean, nearest
 from fledge.files import shown
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
-from fledge.objects.plausible import check, check_read
+from fledge.objects.plausible import check, check_kept, check_read
 from fledge.units import Quantity
 
 # The arguments of build(), or preset(), by file.
@@ -156,8 +156,12 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
         if (mission.folder / "scenarios.py").exists():
             mission.scenarios = functions_of(files.execute("scenarios"))
         check(simulation.processes)
+        wires = simulation.wires
         for process in simulation.processes:
-            check_read(process, simulation.wires)
+            check_read(process, wires)
+        for flight in simulation.flights:
+            for reader in (flight, *(one for one in simulation.processes if one not in simulation.flights)):
+                check_kept(flight, reader, wires)
         if preset and (mission.folder / "preset.py").exists():
             files.call(files.execute("preset", "preset").preset, simulation)
     weakref.finalize(simulation, files.forget)

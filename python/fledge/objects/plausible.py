@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that are implausible for their unit, their body or their mass, and configuration that nothing reads. They
-warn, because a mission may mean them.
+"""Values that are implausible for their unit, their body or their mass, configuration that nothing reads, and commands
+that outlive their mode. They warn, because a mission may mean them.
 
 All limits stand here. Those of RULES are for numbers without a unit: who writes a unit means the number.
 """
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from fledge import _core
 from fledge.elements import ELEMENTS
+from fledge.errors import listed
 from fledge.objects.wires import caller
 
 
@@ -87,6 +88,45 @@ def check_read(process: Any, wires: Iterable[Any]) -> None:
         if isinstance(one, _core.Module) and f"{process.name}.{name}" not in used and outputs and not takes:
             _warn(f"{process.name}.{name}: nothing reads {', '.join(outputs)} of this {_core.struct(one).name}, so "
                   "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
+
+
+def check_kept(process: Any, reader: Any, wires: Iterable[Any]) -> None:
+    """Warn of a torque or a command that stays good, and acts on, in a mode of a process of flight that suspends all its
+    writers: of inputs of modules that hold a torque for a time, and of commands to actuators of the world.
+
+    reader: the process of the inputs; wires: of the simulation.
+    """
+    suspended = {mode: {f"{process.name}.{name}" for task in process.tasks for name in task.run
+                        if task.name not in tasks and any(task.name in other for _, other in process.modes)}
+                 for mode, tasks in process.modes}
+    inputs: dict[str, list[tuple[str, int, str]]] = {}
+    for source, target, _, stale_after, choice in wires:
+        inputs.setdefault(target, []).append((source, stale_after, choice))
+    for name, one in reader.instances.items():
+        path, kind = _core.path(one), _core.struct(one)
+        holds = any(field.group == "par" and field.name == "hold" for field in kind.fields)
+        for field in kind.fields:
+            writers = inputs.get(f"{path}.{field.name}", [])
+            if field.group != "in" or not (holds if reader is process else _is_command(field.struct.name)):
+                continue
+            kept, by = [], {}
+            for mode, idle in suspended.items():
+                carried = {source: not stale and source.rpartition(".")[0] in idle for source, stale, choice in writers
+                           if choice in ("", "newest", "first", "best", f"in {mode}")}
+                if carried and all(carried.values()) and path not in idle:
+                    kept.append(mode)
+                    by |= carried
+            if kept:
+                _warn(f"{path}.{field.name}: the mode {listed(kept)} suspends {listed(list(by))}, so that the last value "
+                      "stays good and acts on; " + "write .stale_after(2 * s) behind its wire, or " * holds
+                      + "let a module that runs then write it", reader.declared_at(f"{path}.{field.name}") or caller())
+
+
+def _is_command(message: str) -> bool:
+    """Whether a message commands an actuator: those among which flight may choose."""
+    from fledge import flight
+
+    return f"{message}Choice" in flight.TYPES
 
 
 def check_orbit(orbit: Any) -> None:

@@ -75,7 +75,8 @@ SCENARIOS = '''
         raise KeyboardInterrupt
 
     def broken(sim):
-        """It cannot run."""
+        """It cannot go on."""
+        sim.run(1)
         open(__file__ + ".missing")
 '''
 VOID = {"meta", "img", "br"}
