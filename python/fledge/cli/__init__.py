@@ -476,7 +476,7 @@ def parser() -> argparse.ArgumentParser:
     one = command("new", new, "begin a module, model, mission or project of your own",
                   "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
     one.formatter_class = argparse.RawDescriptionHelpFormatter
-    one.add_argument("what", metavar="KIND", choices=["module", "model", "mission", "project"],
+    one.add_argument("what", metavar="WHAT", choices=["module", "model", "mission", "project"],
                      help="module, model, mission or project")
     one.add_argument("name", metavar="NAME",
                      help="SunSlew, or guidance/SunSlew for a subfolder; of a project: its folder")
