@@ -8,9 +8,8 @@ behind them. It then flies as any module does, on each target.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import gcd
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.errors import SetupError, listed
@@ -20,8 +19,7 @@ if TYPE_CHECKING:
     from fledge.mission.process import Process
 
 
-@dataclass
-class CommandChoice:
+class CommandChoice(NamedTuple):
     """A module that a connection added to a process.
 
     name: of the module, and of its task; type: of the module; rule: "newest", as in fledge.flight; outputs:
@@ -65,15 +63,16 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
 def schedule(process: Process) -> None:
     """Give a task to each module of a choice whose outputs all have one: at all of their times, behind them."""
     tasks = {name: task for task in process.tasks for name in task.run}
-    for one in process.command_choices:
+    for i, one in enumerate(process.command_choices):
         of = [tasks.get(output.partition(".")[0]) for output, _ in one.outputs]
         if one.task is None and None not in of:
             known = [task for task in of if task is not None]
             first = known[0].offset
             period = gcd(*(task.period for task in known), *(task.offset - first for task in known))
             offset = min(task.offset for task in known)
-            one.task = period, offset, min(task.priority for task in known) - 1
-            process._core_process.add_task(one.name, *one.task, [process.instances[one.name]])
+            task = period, offset, min(task.priority for task in known) - 1
+            process.command_choices[i] = one._replace(task=task)
+            process._core_process.add_task(one.name, *task, [process.instances[one.name]])
 
 
 def _process(port: Any) -> Process | None:
@@ -92,10 +91,16 @@ def _module(wire: Wire) -> Any:
     """A new module that passes on what the wire carries."""
     from fledge import flight
 
-    message = _core.struct(wire.targets[0]).name
-    known = [name.removesuffix("Choice") for name, one in flight.TYPES.items()
-             if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]
+    message, known = _core.struct(wire.targets[0]).name, chosen_messages()
     if message not in known:
         raise SetupError(f"{wire!r}: flight chooses among commands to actuators ({listed(known)}), not among "
                          f"{message}; let a module of flight read the outputs, and give the world its own")
     return flight.TYPES[f"{message}Choice"]()
+
+
+def chosen_messages() -> list[str]:
+    """The messages among which flight can choose: commands to actuators."""
+    from fledge import flight
+
+    return [name.removesuffix("Choice") for name, one in flight.TYPES.items()
+            if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]

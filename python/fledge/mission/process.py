@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from math import isfinite, prod
 from struct import iter_unpack
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -714,7 +713,7 @@ class Process:
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
         other._tasks.update(self._tasks)
-        other._choices.extend(replace(one) for one in self._choices)
+        other._choices.extend(self._choices)
         other._declared_at.update(self._declared_at)
         for one in other._instances.values():
             _core.set_context(one, weakref.ref(other))

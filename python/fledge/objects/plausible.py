@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from math import degrees, sqrt
 from struct import iter_unpack
 from typing import Any, NamedTuple
@@ -90,11 +90,11 @@ def check_read(process: Any, wires: Iterable[Any]) -> None:
                   "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
 
 
-def check_kept(process: Any, reader: Any, wires: Iterable[Any]) -> None:
-    """Warn of a torque or a command that stays good, and acts on, in a mode of a process of flight that suspends all its
-    writers: of inputs of modules that hold a torque for a time, and of commands to actuators of the world.
+def check_kept(process: Any, reader: Any, wires: Iterable[Any], commands: Container[str]) -> None:
+    """Warn of a torque or a command that stays good, and acts on, in a mode of a process of flight that suspends all of
+    its writers: of inputs of modules that hold a torque for a time, and of commands to actuators of the world.
 
-    reader: the process of the inputs; wires: of the simulation.
+    reader: the process of the inputs; wires: of the simulation; commands: the messages that command actuators.
     """
     suspended = {mode: {f"{process.name}.{name}" for task in process.tasks for name in task.run
                         if task.name not in tasks and any(task.name in other for _, other in process.modes)}
@@ -107,9 +107,10 @@ def check_kept(process: Any, reader: Any, wires: Iterable[Any]) -> None:
         holds = any(field.group == "par" and field.name == "hold" for field in kind.fields)
         for field in kind.fields:
             writers = inputs.get(f"{path}.{field.name}", [])
-            if field.group != "in" or not (holds if reader is process else _is_command(field.struct.name)):
+            if field.group != "in" or not (holds if reader is process else field.struct.name in commands):
                 continue
-            kept, by = [], {}
+            kept: list[str] = []
+            by: dict[str, bool] = {}
             for mode, idle in suspended.items():
                 carried = {source: not stale and source.rpartition(".")[0] in idle for source, stale, choice in writers
                            if choice in ("", "newest", "first", "best", f"in {mode}")}
@@ -117,16 +118,9 @@ def check_kept(process: Any, reader: Any, wires: Iterable[Any]) -> None:
                     kept.append(mode)
                     by |= carried
             if kept:
-                _warn(f"{path}.{field.name}: the mode {listed(kept)} suspends {listed(list(by))}, so that the last value "
-                      "stays good and acts on; " + "write .stale_after(2 * s) behind its wire, or " * holds
+                _warn(f"{path}.{field.name}: the mode {listed(kept)} suspends {listed(list(by))}, so that the last "
+                      "value stays good and acts on; " + "write .stale_after(2 * s) behind its wire, or " * holds
                       + "let a module that runs then write it", reader.declared_at(f"{path}.{field.name}") or caller())
-
-
-def _is_command(message: str) -> bool:
-    """Whether a message commands an actuator: those among which flight may choose."""
-    from fledge import flight
-
-    return f"{message}Choice" in flight.TYPES
 
 
 def check_orbit(orbit: Any) -> None:
