@@ -243,7 +243,7 @@ void Judge::judge(Ns t)
     for (std::size_t i = 0; i < atoms_.size(); i++) {
         const Atom &atom = atoms_[i];
         const double x = numbers_[atom.at];
-        const Witness at{t, static_cast<int>(i)};
+        const Witness at{t, static_cast<int>(i), std::isnan(x)};
         robustness_[i] = std::isnan(x)
                              ? Robustness{-unbounded, unbounded, at, at}
                              : Robustness::known(scaled(distance(atom.relation, x, atom.limit), atom.scale), at);

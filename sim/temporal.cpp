@@ -36,7 +36,10 @@ Robustness turned(const FormulaNode &what, const Robustness &value)
 
 Robustness least(const Robustness &a, const Robustness &b)
 {
-    const bool low = b.low < a.low, high = b.high < a.high;
+    const auto less = [](double y, const Witness &of_y, double x, const Witness &of_x) {
+        return y < x || (y == x && of_y.unknown && !of_x.unknown);
+    };
+    const bool low = less(b.low, b.at_low, a.low, a.at_low), high = less(b.high, b.at_high, a.high, a.at_high);
     return {low ? b.low : a.low, high ? b.high : a.high, low ? b.at_low : a.at_low, high ? b.at_high : a.at_high};
 }
 

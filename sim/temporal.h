@@ -20,10 +20,11 @@ namespace fledge::sim {
 inline constexpr double unbounded = std::numeric_limits<double>::infinity();
 inline constexpr Ns no_end = std::numeric_limits<Ns>::max();
 
-/// Which sample and which atom decided a bound.
+/// Which sample and which atom decided a bound; unknown: as the atom had no value there.
 struct Witness {
     Ns t = -1;
     int atom = -1;
+    bool unknown = false;
 };
 
 /// What is known of a robustness.
@@ -35,6 +36,7 @@ struct Robustness {
     Robustness operator-() const { return {-high, -low, at_high, at_low}; }
 };
 
+/// Of equal bounds that of the first, but rather one of an atom without a value: it is why nothing is known.
 Robustness least(const Robustness &a, const Robustness &b);
 Robustness greatest(const Robustness &a, const Robustness &b);
 

@@ -80,7 +80,9 @@ void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<
 py::tuple value(const Judge &judge, int formula)
 {
     const sim::Robustness r = judge.value(formula);
-    return py::make_tuple(r.low, r.high, r.at_low.t, r.at_low.atom, r.at_high.t, r.at_high.atom);
+    const sim::Witness &without = r.at_low.unknown ? r.at_low : r.at_high; // if any, the atom without a value
+    return py::make_tuple(r.low, r.high, r.at_low.t, r.at_low.atom, r.at_high.t, r.at_high.atom,
+                          without.unknown ? without.t : -1, without.unknown ? without.atom : -1);
 }
 
 } // namespace

@@ -135,24 +135,24 @@ class Judged:
         return [self._outcome(one, judge, number) for one, (judge, number) in zip(self.requirements, self._formulas)]
 
     def _outcome(self, requirement, judge, number):
-        low, high, low_t, low_atom, high_t, high_atom = judge.core.value(number)
+        low, high, low_t, low_atom, high_t, high_atom, unknown_t, unknown = judge.core.value(number)
         verdict = HOLDS if low > 0 else VIOLATED if high < 0 else UNKNOWN
         if judge.core.went_back:
             verdict, low, high = UNKNOWN, -math.inf, math.inf
         margin = {HOLDS: low, VIOLATED: high, UNKNOWN: None}[verdict]
         t, atom = (low_t, low_atom) if verdict != VIOLATED else (high_t, high_atom)
         where = judge.atoms[atom].text if atom >= 0 else ""
-        reason = self._reason(requirement, judge, where if math.isinf(low) else "", t) if verdict == UNKNOWN else ""
+        reason = self._reason(requirement, judge, unknown, unknown_t) if verdict == UNKNOWN else ""
         if margin is not None and abs(margin) < 1e-300:
             margin = 0.0
         return Outcome(requirement, verdict, margin, low, high, unit_of(requirement.formula) or "",
                        t / 1e9 if t >= 0 else None, where, reason)
 
-    def _reason(self, requirement, judge, where, t):
+    def _reason(self, requirement, judge, atom, t):
         if judge.core.went_back:
             return "the simulation went back to an earlier state"
-        if where:
-            return f"{where}: what it reads was never written, or is stale, at {t / 1e9:g} s"
+        if atom >= 0:
+            return f"{judge.atoms[atom].text}: what it reads was never written, or is stale, at {t / 1e9:g} s"
         reach = requirement.formula.reach
         if self._end is not None and reach > self._end:
             return f"the run ends at {time_text(self._end)}, and a window reaches to {time_text(reach)}"

@@ -190,6 +190,21 @@ def test_the_end_of_the_run_leaves_windows_unknown(mission):
     assert outcome.verdict == "unknown" and "the run ends at 5 s" in outcome.reason
 
 
+def test_a_window_beyond_the_end_is_the_reason_where_names_decide(mission):
+    """What is false in a window that goes on has a value; beside what has none, that is the reason."""
+    sim = mission('good = r.signal("flight.tracking.error.head.quality") == "GOOD"',
+                  'r.require("A-1", "", always(implies(after(8 * s), within(10 * s, good))))',
+                  'r.require("A-2", "", always(good | (error.norm() < 1)))')
+    judged = Judged(Requirements(sim).all)
+    fields = [one.fields[0].path for one in judged.sources]
+    numbers = {"flight.tracking.error.head.quality": np.ones((4, 1)),
+               "flight.tracking.error.sigma_BR": np.array([[0.1] * 3, [0.1] * 3, [math.nan] * 3, [0.1] * 3])}
+    judged.play_samples(np.arange(4) * 5_000_000_000, [numbers[path] for path in fields])
+    ahead, without = judged.outcomes()
+    assert (ahead.verdict, ahead.reason) == ("unknown", "what decides it comes after the end of the run")
+    assert without.verdict == "unknown" and "never written, or is stale, at 10 s" in without.reason
+
+
 def test_expressions_are_those_of_numpy():
     """On random numbers: each operation against numpy, and attitudes against the library's own conversion."""
     from fledge.attitude import mrp_to_dcm
