@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import subprocess
 import sys
@@ -53,7 +54,9 @@ class Kept:
         except (OSError, ValueError) as error:
             raise SetupError(f"{folder} has no results of a campaign that can be compared: {error}") from None
         self.passed = np.array([row[1] == "passed" for row in rows])
-        self.columns = {name: np.array([float(row[i] or "nan") for row in rows])
+        # A margin of names alone is infinite, and of two of these there is no difference: 1 or -1.
+        self.columns = {name: np.array([math.copysign(1.0, x) if math.isinf(x) else x
+                                        for x in (float(row[i] or "nan") for row in rows)])
                         for i, name in enumerate(head) if name not in ("run", "outcome", "failure")}
         self.draws = {_head(one["path"], one["unit"]): one["nominal"] for one in self.summary["draws"]}
         self.sources = json.loads((folder / SOURCES).read_text("utf-8")) if (folder / SOURCES).exists() else {}

@@ -142,7 +142,9 @@ def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: d
     from fledge.requirements.formula import number_text
 
     def margin(x):
-        return "unknown" if x is None else number_text(float(x), flights.unit)
+        if x is None:
+            return "unknown"
+        return number_text(float(x), flights.unit) if abs(float(x)) < float("inf") else "a name, not a number"
 
     def numbers(values):
         for name, x in values.items():

@@ -234,9 +234,10 @@ def _one(campaign, options, folder):
         result = campaign.judge(log, options.seed)
         for requirement in d.requirements:
             values, times, holds = result.reached(requirement)
+            at = "" if math.isnan(times[0]) else f"at {times[0]:g} s"
             reached = requirement.failure(values[0], times[0]) if math.isnan(values[0]) else \
-                f"{requirement._shown(values[0], '.4g')} at {times[0]:g} s"
-            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}: {reached}")
+                " ".join(filter(None, [requirement._shown(values[0], ".4g"), at]))
+            say(f"  {'holds' if holds[0] else 'FAILS':8} {requirement!r}" + (f": {reached}" if reached else ""))
         if result.failures:
             problem, code = next(iter(result.failures.values())), 1
     findings = health.show(sim.health)

@@ -166,7 +166,8 @@ class Dispersions:
 
     @property
     def every(self) -> Any:
-        """The time between two samples of the retained variables; default: a 200th of the duration."""
+        """The time between two samples of the retained variables; default: a 200th of the duration. The least
+        `r.every` of the requirements that are asked for is shorter, if it is."""
         return None if self._duration is None and self._every is None else self._sampling() / 1e9
 
     @every.setter
@@ -174,7 +175,9 @@ class Dispersions:
         self._every = _positive(value, "d.every")
 
     def _sampling(self):
-        return self._every or max((self._duration or 0) // 200, 1)
+        own = self._every or max((self._duration or 0) // 200, 1)
+        return min([own, *(one.declared.every for one in self.requirements
+                           if isinstance(one, FormulaCheck) and one.declared.every)])
 
     # --- distributions ---
 

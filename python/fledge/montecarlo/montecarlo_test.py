@@ -602,6 +602,26 @@ def test_formulas_are_checks_of_a_campaign(tmp_path):
     said = "".join(result.failures.values())
     assert "fast: " in said and "is violated by 0.0" in said
 
+    # Looked at as often as where it is flown alone: by its own r.every, of samples that are close enough.
+    text = (tmp_path / "plays/requirements.py").read_text()
+    (tmp_path / "plays/requirements.py").write_text(
+        text.replace("    r.require", "    r.every = 0.1\n    r.require", 1))
+
+    def coarse(d):
+        push(d)
+        d.every = 4 * s
+
+    finer = Campaign(tmp_path / "plays", coarse).fly(4)
+    rates = np.linalg.norm(finer.retained["world.craft.state.omega_BN_B"], axis=2)
+    assert finer.campaign.dispersions.every == 0.1 and rates.shape == (4, 201)
+    assert finer.reached(finer.campaign.dispersions.requirements[1])[0] == pytest.approx(0.04 - rates.max(axis=1))
+    (tmp_path / "plays/requirements.py").write_text(text.replace("    r.require", "    r.every = 3\n    r.require", 1))
+    coarser = Campaign(tmp_path / "plays", push).fly(4)
+    rates = np.linalg.norm(coarser.retained["world.craft.state.omega_BN_B"], axis=2)
+    assert coarser.reached(coarser.campaign.dispersions.requirements[1])[0] == pytest.approx(
+        0.04 - rates[:, ::3].max(axis=1))
+    (tmp_path / "plays/requirements.py").write_text(text)
+
     def longer(d):
         push(d)
         d.check(within(30 * s, d.signal("world.craft.state.omega_BN_B").norm() < 0.01))

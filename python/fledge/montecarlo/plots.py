@@ -183,7 +183,7 @@ def _requirements(result: Result) -> list[Figure]:
     figure, axes = _figure(-(-len(requirements) // columns), columns, "requirements", "what the runs reached", result,
                            height=2.6)
     for axis, one in zip(axes, requirements):
-        values, _, holds = result.reached(one)
+        values, holds = _reached(result, one), result.reached(one)[2]
         used = result.complete & np.isfinite(values)
         if not used.any():
             axis.text(0.5, 0.5, "no good data", transform=axis.transAxes, ha="center", va="center", color="0.45")
@@ -328,8 +328,13 @@ def _curve(axis, x, grid, bad, requirement):
 def judged(result: Result) -> list[tuple[Variable, str, np.ndarray, Requirement | None]]:
     """(measure, when, (runs,) values, requirement) of each requirement; of each measure at the end if there is none."""
     d = result.campaign.dispersions
-    return ([(one.variable, one.variable.when, result.reached(one)[0], one) for one in d.requirements]
+    return ([(one.variable, one.variable.when, _reached(result, one), one) for one in d.requirements]
             or [(one, "at the end", result.final(one), None) for one in d.measures()])
+
+
+def _reached(result, requirement):
+    values = result.reached(requirement)[0]
+    return requirement.variable.finite(values) if isinstance(requirement.variable, Margin) else values
 
 
 def _drivers(result: Result) -> list[Figure]:

@@ -29,6 +29,7 @@ from fledge.montecarlo.counts import BOUND
 from fledge.montecarlo.drivers import SIGNIFICANCE, drivers
 from fledge.montecarlo.sweep import Sweep, text as text_of
 from fledge.montecarlo.plots import PERCENTILES, figures, judged, percentiles
+from fledge.objects.si import enumerator_names
 
 if TYPE_CHECKING:
     from fledge.montecarlo.result import Result
@@ -58,10 +59,14 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     complete = result.complete
     low, high = confidence(passed, flown)
 
-    def describe(values):
+    def describe(values, names=()):
         values = values[complete & ~np.isnan(values)]
         shown = percentiles(len(values))
-        return {str(p): float(x) for p, x in zip(shown, np.percentile(values, shown))} if shown else {}
+        if not shown:
+            return {}
+        found = (np.percentile(values, shown, method="inverted_cdf") if names else  # there is none between two names
+                 np.percentile(values, shown))
+        return {str(p): float(x) for p, x in zip(shown, found)}
 
     depends = []
     for variable, when, reached, _ in judged(result):
@@ -74,11 +79,11 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
                "held": int(holds[complete].sum()), "of": int(complete.sum())}
         if (n := int(np.isnan(values[complete]).sum())):
             row.update(not_judged=n)
-        if (complete & ~np.isnan(values)).any():
-            key = np.where(np.isnan(values), -np.inf, values if one.comparison in ("<", "<=") else -values)
-            i = int(np.flatnonzero(complete)[np.argmax(key[complete])])
-            row.update(worst=float(values[i]), shown=one._shown(values[i], '.4g'), worst_run=i,
-                       worst_time=float(times[i]))
+        if len(known := np.flatnonzero(complete & ~np.isnan(values))):
+            i = int(known[np.argmax(values[known] if one.comparison in ("<", "<=") else -values[known])])
+            shown, time = one._shown(values[i], ".4g"), float(times[i])
+            row.update(worst=float(values[i]) if shown else None, shown=shown, worst_run=i,
+                       worst_time=None if math.isnan(time) else time)     # JSON has no infinity
         requirements.append(row)
     draws, nominal = [], campaign.drawn(campaign.nominal)
     for path, values in result.draws.items():
@@ -97,8 +102,10 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "interrupted": result.interrupted, "pass_rate_95_percent": [low, high],
         "duration": d.duration, "every": d.every,
         "requirements": requirements,
-        "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": describe(result.final(one))}
-                  for one in d.measures()],
+        "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": (
+            found := describe(result.final(one), words := enumerator_names(one.field_path.field))),
+            "names": {p: words[x] for p, x in found.items() if x in words}}
+            for one in d.measures()],
         "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
                    "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
         "declared": {path: repr(draw) for path, draw in d.draws.items() if draw.kind != "grid"}, "draws": draws,
@@ -131,8 +138,7 @@ def text(data: dict, failures: int | None = None) -> str:
                      f"the true rate is {100 * low:.4g} to {100 * high:.4g} % (95 % confidence)")
     if data["requirements"]:
         rows = [(one["requirement"], f"{one['held']} of {one['of']}",
-                 ", ".join([*([f"worst {one['shown']} in run {one['worst_run']}"]
-                              if "worst" in one else []),
+                 ", ".join([*([f"worst {one['shown']} in run {one['worst_run']}"] if one.get("shown") else []),
                             *([f"no good data in {one['not_judged']}"] if "not_judged" in one else [])]))
                 for one in data["requirements"]]
         lines += ["", "required", *columns(rows, indent="  ")]
@@ -144,8 +150,9 @@ def text(data: dict, failures: int | None = None) -> str:
     if any(one["percentiles"] for one in data["final"]):
         shown = list(next(one["percentiles"] for one in data["final"] if one["percentiles"]))
         ends: list[tuple[str, ...]] = [("at the end", "", *(f"{p} %" for p in shown))]
-        ends += [(one["measure"], one["unit"], *(f"{one['percentiles'][p]:.3g}" if p in one["percentiles"] else "-"
-                                                 for p in shown)) for one in data["final"]]
+        ends += [(one["measure"], one["unit"], *(
+            one["names"].get(p) or f"{one['percentiles'][p]:.3g}" if p in one["percentiles"] else "-"
+            for p in shown)) for one in data["final"]]
         left = [p for p in PERCENTILES if str(p) not in shown]
         table = columns(ends, range(2, 2 + len(shown)), "  ")
         lines += ["", table[0][2:], *table[1:]]

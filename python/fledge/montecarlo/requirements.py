@@ -210,12 +210,19 @@ class Margin:
         """Those that the formula looks at: all."""
         return slice(0, len(ns))
 
+    def finite(self, values: np.ndarray) -> np.ndarray:
+        """Margins for figures: those of names alone as far out as the furthest of the others, 1 if there is none."""
+        import numpy as np
+
+        most = np.abs(values[np.isfinite(values)]).max(initial=0.0) or 1.0
+        return np.clip(values, -most, most)
+
     def __repr__(self):
         return self.measure_text
 
 
 class FormulaCheck(Requirement):
-    """A formula that each run must fulfil: its margin is above 0. A margin of names alone is 1 or -1."""
+    """A formula that each run must fulfil: its margin is above 0, +-inf where names alone decide."""
 
     def __init__(self, declared: Declared, message: str) -> None:
         assert declared.formula is not None
@@ -244,23 +251,28 @@ class FormulaCheck(Requirement):
             columns.append(values)
         runs = len(next(iter(result.retained.values())))
         margins, times = np.full(runs, math.nan), np.full(runs, math.nan)
+        ns = result.ns
+        if self.declared.every:     # as while it flies: the first sample at or after each multiple
+            slots = ns // self.declared.every
+            taken = np.r_[True, slots[1:] != slots[:-1]]
+            ns, columns = ns[taken], [one[:, taken] for one in columns]
         for run in range(runs):
-            self._judged.play_samples(result.ns, [one[run] for one in columns])
+            self._judged.play_samples(ns, [one[run] for one in columns])
             outcome = self._judged.outcomes()[0]
             if outcome.margin is not None:
                 margins[run] = outcome.margin
                 times[run] = math.nan if outcome.at is None else outcome.at
-        most = np.abs(margins[np.isfinite(margins)]).max(initial=1.0)
-        return np.clip(margins, -most, most), times, self.holds(margins)
+        return margins, times, self.holds(margins)
 
     def failure(self, value: float, time: float) -> str:
         """The text for a run that does not fulfil it."""
-        text = (f"{self!r} cannot be judged" if math.isnan(value) else
-                f"{self!r} is violated by {self._shown(-value)}" + (f" at {time:g} s" if time == time else ""))
+        text = (f"{self!r} cannot be judged" if math.isnan(value) else f"{self!r} is violated"
+                + (f" by {self._shown(-value)}" if math.isfinite(value) else "")
+                + (f" at {time:g} s" if time == time else ""))
         return f"{self.message}: {text}" if self.message else text
 
     def __repr__(self):
         return self.declared.id if self.declared.id != str(self.formula) else str(self.formula)
 
     def _shown(self, value, form="g"):
-        return number_text(value, self.variable.unit)
+        return number_text(value, self.variable.unit) if math.isfinite(value) else ""
