@@ -42,10 +42,12 @@ def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
 
 def _of_port(records, port):
     process = port.name.rpartition(".")[0]
+    told = None
     for row in records._values(port):
         t = row["head"]["t"] / 1e9
         if port.type == MODE:
-            yield Happening(t, process, "mode", row["name"].decode(), "")
+            if told != (told := row["head"]["sequence"]):   # sampled, one message stands there many times
+                yield Happening(t, process, "mode", row["name"].decode(), "")
         elif row["kind"] == EVENT:
             dropped = "; its mode was refused" if row["reason"] == Reason.GUARDED else ""
             yield Happening(t, process, "event", row["name"].decode(), row["cause"].decode() + dropped)

@@ -2,6 +2,7 @@
 """Modes, events, commands and resets as data; and what was never written: of a run, its record, its plots and pages."""
 
 import json
+import re
 import shutil
 import textwrap
 from pathlib import Path
@@ -131,6 +132,33 @@ def test_a_campaign_judges_nothing_that_does_not_exist(here, capsys):
     summary = json.loads((here / "runs/modal/montecarlo/any_attitude/summary.json").read_text())
     assert [one["runs"] for one in summary["modes"]] == [30, 30, 0]
     assert "flight.mode.science [s]" in (here / "runs/modal/montecarlo/any_attitude/runs.csv").read_text()
+
+
+def test_a_requirement_on_modes_alone_has_no_margin_in_a_campaign_and_modes_that_are_sampled_begin_once(here, capsys):
+    (here / "missions/modal/dispersions.py").write_text(textwrap.dedent('''
+        from fledge.requirements import always, eventually
+        from fledge.units import minute, s
+
+        def any_attitude(d):
+            """What modes alone decide."""
+            d["world.craft.sigma_BN"] = d.attitude()
+            d.duration, d.every = 2 * minute, 1 * s
+            mode = d.retain("flight.mode") and d.signal("flight.mode")
+            d.check(eventually(mode == "point"), "it points")
+            d.check(always(mode == "coast"), "it stays")
+    '''))
+    assert cli.main(["montecarlo", "modal", "--runs", "3"]) == 1
+    out = capsys.readouterr().out
+    assert "3 of 3\n" in out and "0 of 3\n" in out and "worst" not in out and "inf" not in out
+    assert "it stays: always flight.mode == coast is violated at 61 s\n" in out
+    assert re.search(r"flight\.mode +(- +)?point( +point)*\n", out)
+    folder = here / "runs/modal/montecarlo/any_attitude"
+    json.loads((folder / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert cli.main(["montecarlo", "modal", "--only", "0"]) == 1
+    assert "FAILS    always flight.mode == coast: at 61 s\n" in capsys.readouterr().out
+    archive = fledge.Archive(folder / "0/run.mcap")
+    assert len(archive["flight.mode.index"]) > 100
+    assert modes(archive) == {"flight": [(0.0, "coast"), (61.0, "point")]}
 
 
 def test_requirements_on_degraded_data_alone_are_not_fulfilled(here):

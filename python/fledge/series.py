@@ -27,7 +27,6 @@ HEAD = "head."  # begins the names of the fields that every message has: time, q
 MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
 NONE, GOOD = 0, 3                              # of Quality: never written; with nothing to say against it
 STALE_S, STALE_UPDATES = 5.0, 10               # as of stale_after()
-STALE_S, STALE_UPDATES = 5.0, 10               # as of stale_after()
 HEAD_COLUMNS = {"valid_at": "head.t", "quality": "head.quality"}    # the columns of tables for them
 
 
@@ -237,12 +236,6 @@ class Records:
         tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
         names = ["." + one.name for one in self._ports()]
         return next((tail for tail in tails if sum(name.endswith("." + tail) for name in names) == 1), port.name)
-
-
-def stale_after(period: float) -> float:
-    """[s] How old what is written each `period` [s] may be before it is stale: ten updates, as flight itself has it
-    (data_lost() of flight/msg/head.h), and 5 s at least, as telemetry is later than flight."""
-    return max(STALE_S, STALE_UPDATES * period)
 
 
 def stale_after(period: float) -> float:
