@@ -73,6 +73,7 @@ def serve(options: argparse.Namespace) -> int:
     from fledge.control_room.room import Room
     from fledge.control_room.settings import read
 
+    print(f"fledge: loading the spacecraft of {options.file} ...", file=sys.stderr, flush=True)
     ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)   # with a heap for each thread, each keeps the size of its largest answer
     room = Room(read(Path(options.file)))
 

@@ -99,8 +99,8 @@ class Server:
             f'link = "tcp://127.0.0.1:{port}"\n')
         self.process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", "ground.toml"],
                                         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        line = self.process.stdout.readline()
-        assert "http" in line, line + self.process.stdout.read()
+        loading, line = self.process.stdout.readline(), self.process.stdout.readline()
+        assert "loading" in loading and "http" in line, loading + line + self.process.stdout.read()
 
     def get(self, path):
         with urlopen(f"http://127.0.0.1:{self.port}/api/{path}", timeout=PATIENCE) as made:
