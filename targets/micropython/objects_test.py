@@ -379,7 +379,8 @@ def test_errors_name_the_place_and_what_is_allowed(run):
               "SetupError: flight.mrp_feedback.torque.torque_B is in an output",
               "SetupError: flight.mrp_feedback: this module is flight.mrp_feedback already",
               "SetupError: flight.mrp_feedback: on the desktop it is a MrpFeedback; found a WheelConfig",
-              "AttributeError: fledge.flight has no 'Unknown' on this target; there are ArrayPointing, AttitudeMekf, ",
+              "AttributeError: fledge.flight has no 'Unknown' on this target; there are ArrayDriveCommandChoice, "
+              "ArrayPointing, AttitudeMekf, ",
               "ImportError: fledge.units has no unit 'furlong'; the units are m, km, ",
               "IndexError: ", "SetupError: flight.mrp_feedback.P: expected ",
               "AttributeError: flight.mrp_feedback.K cannot be deleted", "SetupError: expected 2 items, or one number"]

@@ -391,7 +391,8 @@ def test_several_spacecraft_in_one_picture_and_the_ghost_of_telemetry_beside_the
         exact = [sim.process(name).craft.state.r_BN_N for name in ("chief_world", "deputy_world")]
         assert np.abs(np.array(places) - exact).max() < 1 and np.linalg.norm(exact[0] - exact[1]) > 1
         assert browser.ask(f"{VIEWER}.stage.crafts.flatMap((one) => one.ghosts.map(({{pose}}) => pose.name))") == [
-            "chief.base.reference"], "the telemetry of the others does not come by this link"
+            "chief_world.nav.attitude", "chief.base.reference", "deputy_world.nav.attitude"], \
+            "the telemetry of the others does not come by this link; what the world says does"
 
         sim = paused("slew")
         [ghost] = browser.ask(f"{VIEWER}.stage.crafts[0].ghosts.filter(({{pose}}) => pose.kind === 'estimate').map("

@@ -91,16 +91,10 @@ def _module(wire: Wire) -> Any:
     """A new module that passes on what the wire carries."""
     from fledge import flight
 
-    message, known = _core.struct(wire.targets[0]).name, chosen_messages()
+    message = _core.struct(wire.targets[0]).name
+    known = [name.removesuffix("Choice") for name, one in flight.TYPES.items()
+             if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]
     if message not in known:
         raise SetupError(f"{wire!r}: flight chooses among commands to actuators ({listed(known)}), not among "
                          f"{message}; let a module of flight read the outputs, and give the world its own")
     return flight.TYPES[f"{message}Choice"]()
-
-
-def chosen_messages() -> list[str]:
-    """The messages among which flight can choose: commands to actuators."""
-    from fledge import flight
-
-    return [name.removesuffix("Choice") for name, one in flight.TYPES.items()
-            if name.endswith("Choice") and [f.name for f in _core.struct(one).fields][:1] == ["chosen"]]

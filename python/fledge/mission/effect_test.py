@@ -270,9 +270,6 @@ def build(w, f):
 @pytest.mark.parametrize("old, new, expected", [
     ("", "", ["flight.motor.torque: the mode off suspends flight.damp.torque, so that the last value stays good and "
               "acts on; write .stale_after(2 * s) behind its wire, or let a module that runs then write it"]),
-    ('"off", ["act"]', '"off", []',
-     ["world.wheels.command: the mode off suspends flight.motor.command, so that the last value stays good and acts "
-      "on; let a module that runs then write it"]),
     ("f.damp.torque >> f.motor.torque,", "(f.damp.torque >> f.motor.torque).stale_after(2 * s),", []),
     ('"off", ["act"]', '"off", ["law", "act"]', []),
 ])

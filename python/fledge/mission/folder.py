@@ -26,7 +26,6 @@ from pathlib import Path
 from fledge import folders
 from fledge.errors import CompositionError, SetupError, did_you_mean, nearest
 from fledge.files import shown
-from fledge.mission.command_choice import chosen_messages
 from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_kept, check_read
@@ -160,9 +159,8 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
         wires = simulation.wires
         for process in simulation.processes:
             check_read(process, wires)
-        for flight in [one for one in simulation.flights if one.modes]:
-            for reader in (flight, *(one for one in simulation.processes if one not in simulation.flights)):
-                check_kept(flight, reader, wires, chosen_messages())
+        for flight in simulation.flights:
+            check_kept(flight, wires)
         if preset and (mission.folder / "preset.py").exists():
             files.call(files.execute("preset", "preset").preset, simulation)
     weakref.finalize(simulation, files.forget)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that are implausible for their unit, their body or their mass, configuration that nothing reads, and commands
+"""Values that are implausible for their unit, their body or their mass, configuration that nothing reads, and torques
 that outlive their mode. They warn, because a mission may mean them.
 
 All limits stand here. Those of RULES are for numbers without a unit: who writes a unit means the number.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import warnings
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 from math import degrees, sqrt
 from struct import iter_unpack
 from typing import Any, NamedTuple
@@ -90,11 +90,11 @@ def check_read(process: Any, wires: Iterable[Any]) -> None:
                   "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
 
 
-def check_kept(process: Any, reader: Any, wires: Iterable[Any], commands: Container[str]) -> None:
-    """Warn of a torque or a command that stays good, and acts on, in a mode of a process of flight that suspends all of
-    its writers: of inputs of modules that hold a torque for a time, and of commands to actuators of the world.
+def check_kept(process: Any, wires: Iterable[Any]) -> None:
+    """Warn of inputs of modules with a `hold`, which let a torque end, in modes that suspend all writers of the input
+    but not the module: the last message stays good, and the torque does not end. A reference may be kept.
 
-    reader: the process of the inputs; wires: of the simulation; commands: the messages that command actuators.
+    process: of flight; wires: of the simulation.
     """
     suspended = {mode: {f"{process.name}.{name}" for task in process.tasks for name in task.run
                         if task.name not in tasks and any(task.name in other for _, other in process.modes)}
@@ -102,13 +102,14 @@ def check_kept(process: Any, reader: Any, wires: Iterable[Any], commands: Contai
     inputs: dict[str, list[tuple[str, int, str]]] = {}
     for source, target, _, stale_after, choice in wires:
         inputs.setdefault(target, []).append((source, stale_after, choice))
-    for name, one in reader.instances.items():
-        path, kind = _core.path(one), _core.struct(one)
-        holds = any(field.group == "par" and field.name == "hold" for field in kind.fields)
-        for field in kind.fields:
-            writers = inputs.get(f"{path}.{field.name}", [])
-            if field.group != "in" or not (holds if reader is process else field.struct.name in commands):
+    for one in process.instances.values():
+        path, fields = _core.path(one), _core.struct(one).fields
+        if not any(field.group == "par" and field.name == "hold" for field in fields):
+            continue
+        for field in fields:
+            if field.group != "in" or field.struct.name == "AttReference":
                 continue
+            writers = inputs.get(f"{path}.{field.name}", [])
             kept: list[str] = []
             by: dict[str, bool] = {}
             for mode, idle in suspended.items():
@@ -119,8 +120,8 @@ def check_kept(process: Any, reader: Any, wires: Iterable[Any], commands: Contai
                     by |= carried
             if kept:
                 _warn(f"{path}.{field.name}: the mode {listed(kept)} suspends {listed(list(by))}, so that the last "
-                      "value stays good and acts on; " + "write .stale_after(2 * s) behind its wire, or " * holds
-                      + "let a module that runs then write it", reader.declared_at(f"{path}.{field.name}") or caller())
+                      "value stays good and acts on; write .stale_after(2 * s) behind its wire, or let a module that "
+                      "runs then write it", process.declared_at(f"{path}.{field.name}") or caller())
 
 
 def check_orbit(orbit: Any) -> None:
