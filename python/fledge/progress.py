@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _LONG = 2.0      # [s] of wall time: shorter work shows no bar
 _LOOK = 0.3      # [s] until the duration of a run is estimated
-_FIRST = 10.0    # [s] without a terminal: no line for shorter work; one is due then, and at twice the time of the last
+FIRST = 10.0     # [s] without a terminal: no line for shorter work; one is due then, and at twice the time of the last
 _MOST = 300.0    # [s] between two lines
 _TICK = 1.0      # [s] between two looks at tasks
 _WIDTH = 28
@@ -79,8 +79,8 @@ class Bar:
             self._drawn = 1
         elif not self._wanted and not sys.stderr.isatty():
             due = spent >= self._next or estimated and not self._estimated
-            if due and spent + left >= _FIRST and done < 1:
-                self._next, self._estimated = _FIRST, estimated
+            if due and spent + left >= FIRST and done < 1:
+                self._next, self._estimated = FIRST, estimated
                 while self._next <= spent:
                     self._next += min(self._next, _MOST)
                 self._write(f"{self._title} {done:4.0%}  {text}\n")

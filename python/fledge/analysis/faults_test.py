@@ -134,7 +134,7 @@ def test_without_requirements_the_checks_of_the_scenario_decide(without):
 def test_the_command_writes_a_table(mission, tmp_path, capsys, monkeypatch):
     words = ["faults", str(mission), "--unit", "world.gyro", "--unit", "world.css", "--begin", "200s,5min", "--jobs",
              "2", "--out", str(tmp_path)]
-    monkeypatch.setattr("fledge.cli.faults.LONG", 0.0)
+    monkeypatch.setattr("fledge.progress.FIRST", 1e-3)
     assert cli.main(words) == 0
     said = capsys.readouterr().out
     assert re.search(r"\n  takes    about \d+ s for 32 flights, as those without a fault took; less with --for, ", said)

@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     sim = fledge.load(options.mission, options.seed, **given_parameters(options))
     name, fly = _scenario(sim, options)
     for problems in lacking(sim, [name] if not options.duration else []).values():
-        raise Failure(cannot_fly(problems))
+        raise Failure(cannot_fly(placed(problems)))
     folder = folder_of(options.name, replace=True) if options.name else \
         Path(options.out) if options.out else RUNS / sim.name / name
     with alone(folder, "give another folder with --out, or a name with --as"):
@@ -595,7 +595,7 @@ def _expected(error):
 def _in_words(error):
     """The text of an error; of an error of the operating system the file and the reason, without the number."""
     if type(error).__name__ == "CompositionError":
-        return itemized("the mission cannot fly", str(error).splitlines())
+        return cannot_fly(str(error).splitlines())
     if isinstance(error, PermissionError) and isinstance(error.filename, str):
         return f"this user may not write or read {os.path.abspath(error.filename)}"
     if isinstance(error, ModuleNotFoundError) and (package := _package_of(str(error.name))):

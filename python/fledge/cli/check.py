@@ -39,7 +39,8 @@ def check(options: argparse.Namespace) -> int:
     can_fly = not wrong
     parts = [_summary(process) for process in sim.processes]
     parts += [counted(len(sim.mission.scenarios), "scenario")] * bool(sim.mission.scenarios)
-    for read in _readers(sim, can_fly and not sim.problems):    # which a scenario may have to give
+    # What a scenario gives is not there yet: boards and ground.toml are read of a mission that is whole without it.
+    for read in _readers(sim, can_fly and not sim.problems):
         try:
             parts += filter(None, [read()])
         except (SetupError, Failure) as error:

@@ -34,9 +34,9 @@ def itemized(head: str, texts: Sequence[str]) -> str:
         "\n  ".join([f"{head}:", *(text.replace("\n", "\n  ") for text in texts)])
 
 
-def cannot_fly(problems: Sequence[tuple[str, int, str]]) -> str:
-    """What a user reads of a mission with `problems`."""
-    return itemized("the mission cannot fly", placed(problems))
+def cannot_fly(texts: Sequence[str]) -> str:
+    """What a user reads of a mission with problems, as placed() has them."""
+    return itemized("the mission cannot fly", texts)
 
 
 def placed(problems: Sequence[tuple[str, int, str]]) -> list[str]:

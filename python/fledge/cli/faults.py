@@ -11,7 +11,6 @@ from pathlib import Path
 from fledge.cli.arguments import add_jobs, add_update_limit
 from fledge.cli.node import add_parameters, given_parameters
 
-LONG = 10.0     # [s] of work that is told before it begins
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,7 +48,7 @@ def faults(options: argparse.Namespace) -> int:
     from fledge.cli.arguments import flight_time, parse_duration
     from fledge.cli.console import counted, say
     from fledge.cli.runs import alone
-    from fledge.progress import Bar, clock
+    from fledge.progress import FIRST, Bar, clock
 
     matrix = Matrix(options.mission, options.seed, **given_parameters(options))
     name = matrix.simulation.name
@@ -65,7 +64,7 @@ def faults(options: argparse.Namespace) -> int:
             def progress(done: int, all_: int, expected: float) -> None:
                 if not bar.expected:
                     bar.expected = expected
-                    if expected > LONG:
+                    if expected > FIRST:
                         say(f"  takes    about {clock(expected)} for {counted(all_, 'flight')}, as those without a "
                             "fault took; less with --for, --unit or --kind")
                 bar.at(done / all_, f"{done} of {counted(all_, 'flight')}")

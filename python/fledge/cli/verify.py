@@ -48,7 +48,7 @@ def add(command: Callable) -> None:
 
 def verify(options: argparse.Namespace) -> int:
     import fledge
-    from fledge.cli.console import cannot_fly
+    from fledge.cli.console import cannot_fly, placed
     from fledge.cli.runs import alone
     from fledge.errors import Failure, did_you_mean
     from fledge.mission.scenario import lacking
@@ -71,7 +71,7 @@ def verify(options: argparse.Namespace) -> int:
             raise Failure(f"verify: the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
                           f"{', '.join(known) or 'none'}")
     for problems in lacking(sim, options.scenario or known).values():
-        raise Failure(cannot_fly(problems))
+        raise Failure(cannot_fly(placed(problems)))
     requirements = Requirements(sim)
     if not requirements:
         raise Failure(f"the mission {sim.name} has no requirements: write them in requirements.py "

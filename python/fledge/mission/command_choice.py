@@ -8,6 +8,7 @@ behind them. It then flies as any module does, on each target.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain, count
 from math import gcd
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -50,7 +51,7 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
         yield _like(wire, wire.source, inside)
     module = _module(wire)
     name = "_".join(_core.path(outside[0]).split(".")[1:])
-    name = next(one for one in (name, *(f"{name}_{i}" for i in range(2, 99))) if one not in dir(process))
+    name = next(one for one in chain([name], (f"{name}_{i}" for i in count(2))) if one not in dir(process))
     setattr(process, name, module)
     process.command_choices.append(CommandChoice(
         name, _core.struct(module).name, wire.source.name,
@@ -62,10 +63,12 @@ def routed(wire: Wire, processes: type[Process]) -> Iterator[Wire]:
 
 def schedule(process: Process) -> None:
     """Give a task to each module of a choice whose outputs all have one: at all of their times, behind them."""
-    tasks = {name: task for task in process.tasks for name in task.run}
-    for i, one in enumerate(process.command_choices):
+    waiting = [i for i, one in enumerate(process.command_choices) if one.task is None]
+    tasks = {name: task for task in process.tasks for name in task.run} if waiting else {}
+    for i in waiting:
+        one = process.command_choices[i]
         of = [tasks.get(output.partition(".")[0]) for output, _ in one.outputs]
-        if one.task is None and None not in of:
+        if None not in of:
             known = [task for task in of if task is not None]
             first = known[0].offset
             period = gcd(*(task.period for task in known), *(task.offset - first for task in known))

@@ -21,7 +21,7 @@ def chosen(sim: Any, wanted: str | None) -> tuple[str, Callable]:
     name = wanted if wanted else next(iter(known), "")
     if name not in known:
         raise SetupError(f"the mission {sim.name} has no scenario '{name}'{did_you_mean(name, known)} it has "
-                         + listed(list(known), none="none"))
+                         + listed(list(known)))
     return name, known[name]
 
 

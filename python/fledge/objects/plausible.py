@@ -96,6 +96,8 @@ def check_kept(process: Any, wires: Iterable[Any]) -> None:
 
     process: of flight; wires: of the simulation.
     """
+    if not process.modes:
+        return
     suspended = {mode: {f"{process.name}.{name}" for task in process.tasks for name in task.run
                         if task.name not in tasks and any(task.name in other for _, other in process.modes)}
                  for mode, tasks in process.modes}
