@@ -639,7 +639,7 @@ def test_a_live_line_on_a_terminal(monkeypatch, capsys):
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     with _Live("nadir_spin, release", 200) as line:
-        line._begun -= 10
+        monkeypatch.setattr(_Live, "spent", 10.0)
         line.count(0, 0)
         line.count(50, 2)
     assert re.search(r"nadir_spin, release \[#######\.+\]  25%  50 of 200, 2 failed, 5 a second, 30 s left",
