@@ -1,25 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control room by HTTP and WebSocket (api.yaml). Requests only read what the threads of the spacecraft have, or ask
-them; a browser that reads slowly gets fewer values, and does not slow the others."""
+them."""
 from __future__ import annotations
 
 import asyncio
 import json
-import math
-import socket
 import struct
-import time
-from collections import deque
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
-from fledge.control_room.alarms import CONCERNS
+from fledge.control_room.answers import answer, dumps, in_csv, in_json, owner, refusal
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
+from fledge.control_room.live import Browser
 from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
 from fledge.control_room.spacecraft import PICTURES, Spacecraft
@@ -27,88 +24,9 @@ from fledge.control_room.users import BODY_MOST, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
 HERE = Path(__file__).parent
-WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
-SLOTS = 1 << 20     # of a subscription
-SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
-FRAME = 32          # [bytes] of a frame without values
 REPLAYS = 8         # at a time
-FEED_S, FEED_MOST = 0.05, 100_000   # [s] between the packets for a script; how many may wait
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
-
-
-def dumps(content: Any) -> str:
-    """As JSON, in which a number that is not finite is null."""
-    try:
-        return json.dumps(content, allow_nan=False)
-    except ValueError:
-        return json.dumps(_finite(content))
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
-
-
-def owner(craft: str) -> str:
-    """Whose roles count: those of a replay are of its spacecraft."""
-    return craft.partition("@")[0]
-
-
-def _quoted(text: str) -> str:
-    """A field of CSV; one that a table would take for a formula begins with an apostrophe."""
-    text = f"'{text}" if text[:1] in "=+-@\t\r" else text
-    return '"' + text.replace('"', '""') + '"' if set(text) & set('",\n') else text
-
-
-def _texts(kind: str, exact: list[Any]) -> list[str | None]:
-    """Values as texts, all digits: of a label its word, bytes in hex, times in seconds."""
-    if kind == "time":
-        return [None if one is None else f"{'-' * (one < 0)}{abs(one) // 10**9}.{abs(one) % 10**9:09}" for one in exact]
-    return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
-
-
-def _in_json(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
-             exact: tuple[str, list[Any]]) -> dict[str, Any]:
-    """A series: numbers, integers with all digits; `text` of those that a double or a browser does not hold."""
-    kind, values = exact
-    made: dict[str, Any] = {"t_ns": [str(one) for one in t.tolist()], "concern": concern.tolist(),
-                            "worst": worst.tolist()}
-    if kind in ("text", "binary"):
-        return made | {"value": _texts(kind, values), "low": [], "high": []}
-    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
-        made["text"] = _texts(kind, values)
-    whole = kind in ("natural", "integer", "boolean")
-    return made | {"value": [one if one is None else int(one) for one in values] if whole else value.tolist(),
-                   "low": low.tolist(), "high": high.tolist()}
-
-
-def _in_csv(name: str, series: tuple[Any, ...]) -> Iterator[str]:
-    """Lines of a series: a number as it is, else what `text` is."""
-    t, value, _, _, concern, _, (kind, exact) = series
-    if kind == "real":
-        texts = [repr(one) for one in value.tolist()]
-    elif kind == "boolean":
-        texts = ["" if one is None else str(int(one)) for one in exact]
-    else:
-        texts = [one or "" for one in _texts(kind, exact)]
-        if kind in ("label", "text"):
-            texts = [_quoted(one) for one in texts]
-    name = _quoted(name)
-    return (f"{at},{name},{one},{CONCERNS[state]}" for at, one, state in zip(t.tolist(), texts, concern.tolist()))
-
-
-def answer(content: Any) -> web.Response:
-    return web.Response(text=dumps(content), content_type="application/json")
-
-
-def refusal(status: int, why: str, **more: str) -> Refusal:
-    made = Refusal(status, why)
-    made.text = dumps({"error": why} | more)
-    return made
 
 
 class Server:
@@ -434,9 +352,9 @@ class Server:
         def made() -> web.Response:
             found = craft.series(names, begin, end, points, session, form != "binary")
             if form == "json":
-                return answer({name: _in_json(*one) for name, one in found.items()})
+                return answer({name: in_json(*one) for name, one in found.items()})
             if form == "csv":
-                lines = ["t_ns,name,value,state", *(line for name, one in found.items() for line in _in_csv(name, one))]
+                lines = ["t_ns,name,value,state", *(line for name, one in found.items() for line in in_csv(name, one))]
                 return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
                     "Content-Disposition": "attachment; filename=history.csv"})
             parts = [struct.pack("<II", 0x32484C46, len(names))]
@@ -628,170 +546,6 @@ class Server:
         self.guard.require(request, None, "view")
         browser = Browser(self, request)
         return await browser.serve()
-
-
-class Browser:
-    """One WebSocket. It gets a frame of values or texts only when the last one has left."""
-
-    def __init__(self, server: Server, request: web.Request) -> None:
-        self.server, self.request = server, request
-        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=1 << 24, compress=False)
-        self.wanted: dict[str, _Subscription] = {}
-        self.skipped = self._told = 0
-        self._texts: deque[str] = deque()
-        self._wake = asyncio.Event()
-        self._feeds: dict[str, _PacketFeed] = {}
-
-    def put(self, craft: str | None, text: str) -> None:
-        """A text for it, if it may see that."""
-        if craft and not self.server.guard.allowed(self.request, owner(craft), "view"):
-            return
-        if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
-            self.skipped += len(self._texts)
-            self._texts.clear()
-        self._texts.append(text)
-        self._wake.set()
-
-    async def serve(self) -> web.WebSocketResponse:
-        await self.socket.prepare(self.request)
-        transport = self.request.transport
-        if transport is None:
-            return self.socket
-        if end := transport.get_extra_info("socket"):
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
-        self.server.browsers.add(self)
-        sender = asyncio.create_task(self._send(transport))
-        try:
-            async for message in self.socket:
-                if message.type == WSMsgType.TEXT:
-                    try:
-                        self._take(message.data)
-                    except SetupError as error:
-                        self.put(None, dumps({"kind": "refused", "error": str(error)}))
-        finally:
-            self.server.browsers.discard(self)
-            sender.cancel()
-            for one in self._feeds.values():
-                one.craft.sinks.remove(one.take)
-        return self.socket
-
-    def _take(self, text: str) -> None:
-        """What the browser asks for. Raises SetupError."""
-        try:
-            found = json.loads(text)
-        except (ValueError, RecursionError):
-            raise SetupError("a message is JSON") from None
-        if isinstance(found, dict) and isinstance(name := found.get("unsubscribe"), str):
-            self.wanted.pop(name, None)
-            return
-        if isinstance(found, dict) and isinstance(name := found.get("subscribe_packets"), str):
-            craft = self.server.room.craft(name)
-            if not self.server.guard.allowed(self.request, name, "view"):
-                raise SetupError(f"you may not see {name}")
-            if name not in self._feeds:
-                self._feeds[name] = _PacketFeed(craft)
-                craft.sinks.append(self._feeds[name].take)
-            self._wake.set()
-            return
-        wish = found.get("subscribe") if isinstance(found, dict) else None
-        if not isinstance(wish, dict) or not isinstance(wish.get("craft"), str):
-            raise SetupError(
-                'a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}} or {"unsubscribe": ...}')
-        craft = self.server.room.craft(wish["craft"])
-        if not self.server.guard.allowed(self.request, owner(craft.name), "view"):
-            raise SetupError(f"you may not see {craft.name}")
-        slots, hz = wish.get("slots", []), wish.get("hz", 10)
-        if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
-                isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
-            raise SetupError("slots are \"all\" or numbers")
-        if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
-            raise SetupError("hz is from 0.01 to 60")
-        packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
-        self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
-        self._wake.set()
-
-    async def _send(self, transport: asyncio.Transport) -> None:
-        loop = asyncio.get_running_loop()
-        while not self.socket.closed:
-            now = loop.time()
-            due = min([one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()],
-                      default=now + 1)
-            if not self._texts or transport.get_write_buffer_size():
-                self._wake.clear()
-                try:
-                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, 0.005), 1))
-                except asyncio.TimeoutError:
-                    pass
-            free = not transport.get_write_buffer_size()
-            try:
-                await self._values(loop.time(), transport)
-                if free and self.skipped != self._told:
-                    self._told = self.skipped
-                    self._texts.appendleft(dumps({"kind": "skipped", "count": self.skipped}))
-                for feed in self._feeds.values():
-                    if loop.time() >= feed.due and not transport.get_write_buffer_size():
-                        feed.due = loop.time() + FEED_S
-                        await self.socket.send_str(feed.text())
-                while self._texts and not transport.get_write_buffer_size():
-                    await self.socket.send_str(self._texts.popleft())
-            except ConnectionError:
-                return
-
-    async def _values(self, now: float, transport: asyncio.Transport) -> None:
-        for name, one in list(self.wanted.items()):
-            if now < one.due:
-                continue
-            one.due = max(one.due + one.period, now)
-            if self.server.room.crafts.get(name) is not one.craft:
-                self.wanted.pop(name, None)
-                continue
-            if one.truth and not transport.get_write_buffer_size():
-                one.number, texts = one.craft.feed.since(one.number)
-                for text in texts:
-                    await self.socket.send_str(dumps(text))
-            monitor = one.craft.monitor
-            if monitor is not one.monitor:      # another database: all anew
-                one.monitor, one.version = monitor, 0
-            if monitor.version == one.version:
-                continue
-            if transport.get_write_buffer_size():
-                self.skipped += 1
-                continue
-            one.version, frame = monitor.changes(one.version, one.slots)
-            if len(frame) == FRAME:     # other slots have changed
-                continue
-            made = bytearray(frame)
-            struct.pack_into("<I", made, 4, one.craft.index)
-            await self.socket.send_bytes(made)
-
-
-class _PacketFeed:
-    """The packets of a spacecraft for a script: all of them, unless it is too slow."""
-
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft, self.due, self._dropped = craft, 0.0, 0
-        self._rows: deque[tuple[int, int, bytes]] = deque()
-
-    def take(self, rows: list[tuple[int, int, bytes]]) -> None:
-        """In the spacecraft's thread."""
-        if len(self._rows) + len(rows) > FEED_MOST:
-            self._dropped += len(rows)
-        else:
-            self._rows.extend(rows)
-
-    def text(self) -> str:
-        """What has come since the last one."""
-        rows = [self._rows.popleft() for _ in range(len(self._rows))]
-        now = self.craft.now if self.craft.clock == "simulated" else max(self.craft.now, time.time_ns())
-        return dumps({"kind": "packets", "craft": self.craft.name, "t_ns": str(now), "dropped": self._dropped,
-                      "packets": [[str(t), packet.hex()] for t, _, packet in rows]})
-
-
-class _Subscription:
-    def __init__(self, craft: Spacecraft, slots: bytes | None, period: float, truth: bool) -> None:
-        self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
-        self.monitor: Any = None
-        self.version, self.number, self.due = 0, 0, 0.0
 
 
 async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) -> None:

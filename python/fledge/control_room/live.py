@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The WebSocket of a browser or a script: values, texts and packets as they come. One that reads slowly gets fewer
+values, and does not slow the others."""
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import struct
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from aiohttp import WSMsgType, web
+
+from fledge.control_room.answers import dumps, owner
+from fledge.control_room.spacecraft import Spacecraft
+from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from fledge.control_room.web import Server
+
+WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
+SLOTS = 1 << 20     # of a subscription
+SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
+FRAME = 32          # [bytes] of a frame without values
+FEED_S, FEED_MOST = 0.05, 100_000   # [s] between the packets for a script; how many may wait
+
+
+class Browser:
+    """One WebSocket. It gets a frame of values or texts only when the last one has left."""
+
+    def __init__(self, server: Server, request: web.Request) -> None:
+        self.server, self.request = server, request
+        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=1 << 24, compress=False)
+        self.wanted: dict[str, _Subscription] = {}
+        self.skipped = self._told = 0
+        self._texts: deque[str] = deque()
+        self._wake = asyncio.Event()
+        self._feeds: dict[str, _PacketFeed] = {}
+
+    def put(self, craft: str | None, text: str) -> None:
+        """A text for it, if it may see that."""
+        if craft and not self.server.guard.allowed(self.request, owner(craft), "view"):
+            return
+        if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
+            self.skipped += len(self._texts)
+            self._texts.clear()
+        self._texts.append(text)
+        self._wake.set()
+
+    async def serve(self) -> web.WebSocketResponse:
+        await self.socket.prepare(self.request)
+        transport = self.request.transport
+        if transport is None:
+            return self.socket
+        if end := transport.get_extra_info("socket"):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
+        self.server.browsers.add(self)
+        sender = asyncio.create_task(self._send(transport))
+        try:
+            async for message in self.socket:
+                if message.type == WSMsgType.TEXT:
+                    try:
+                        self._take(message.data)
+                    except SetupError as error:
+                        self.put(None, dumps({"kind": "refused", "error": str(error)}))
+        finally:
+            self.server.browsers.discard(self)
+            sender.cancel()
+            for one in self._feeds.values():
+                one.craft.sinks.remove(one.take)
+        return self.socket
+
+    def _take(self, text: str) -> None:
+        """What the browser asks for. Raises SetupError."""
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            raise SetupError("a message is JSON") from None
+        if isinstance(found, dict) and isinstance(name := found.get("unsubscribe"), str):
+            self.wanted.pop(name, None)
+            return
+        if isinstance(found, dict) and isinstance(name := found.get("subscribe_packets"), str):
+            craft = self.server.room.craft(name)
+            if not self.server.guard.allowed(self.request, name, "view"):
+                raise SetupError(f"you may not see {name}")
+            if name not in self._feeds:
+                self._feeds[name] = _PacketFeed(craft)
+                craft.sinks.append(self._feeds[name].take)
+            self._wake.set()
+            return
+        wish = found.get("subscribe") if isinstance(found, dict) else None
+        if not isinstance(wish, dict) or not isinstance(wish.get("craft"), str):
+            raise SetupError(
+                'a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}} or {"unsubscribe": ...}')
+        craft = self.server.room.craft(wish["craft"])
+        if not self.server.guard.allowed(self.request, owner(craft.name), "view"):
+            raise SetupError(f"you may not see {craft.name}")
+        slots, hz = wish.get("slots", []), wish.get("hz", 10)
+        if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
+                isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
+            raise SetupError("slots are \"all\" or numbers")
+        if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
+            raise SetupError("hz is from 0.01 to 60")
+        packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
+        self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
+        self._wake.set()
+
+    async def _send(self, transport: asyncio.Transport) -> None:
+        loop = asyncio.get_running_loop()
+        while not self.socket.closed:
+            now = loop.time()
+            due = min([one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()],
+                      default=now + 1)
+            if not self._texts or transport.get_write_buffer_size():
+                self._wake.clear()
+                try:
+                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, 0.005), 1))
+                except asyncio.TimeoutError:
+                    pass
+            free = not transport.get_write_buffer_size()
+            try:
+                await self._values(loop.time(), transport)
+                if free and self.skipped != self._told:
+                    self._told = self.skipped
+                    self._texts.appendleft(dumps({"kind": "skipped", "count": self.skipped}))
+                for feed in self._feeds.values():
+                    if loop.time() >= feed.due and not transport.get_write_buffer_size():
+                        feed.due = loop.time() + FEED_S
+                        await self.socket.send_str(feed.text())
+                while self._texts and not transport.get_write_buffer_size():
+                    await self.socket.send_str(self._texts.popleft())
+            except ConnectionError:
+                return
+
+    async def _values(self, now: float, transport: asyncio.Transport) -> None:
+        for name, one in list(self.wanted.items()):
+            if now < one.due:
+                continue
+            one.due = max(one.due + one.period, now)
+            if self.server.room.crafts.get(name) is not one.craft:
+                self.wanted.pop(name, None)
+                continue
+            if one.truth and not transport.get_write_buffer_size():
+                one.number, texts = one.craft.feed.since(one.number)
+                for text in texts:
+                    await self.socket.send_str(dumps(text))
+            monitor = one.craft.monitor
+            if monitor is not one.monitor:      # another database: all anew
+                one.monitor, one.version = monitor, 0
+            if monitor.version == one.version:
+                continue
+            if transport.get_write_buffer_size():
+                self.skipped += 1
+                continue
+            one.version, frame = monitor.changes(one.version, one.slots)
+            if len(frame) == FRAME:     # other slots have changed
+                continue
+            made = bytearray(frame)
+            struct.pack_into("<I", made, 4, one.craft.index)
+            await self.socket.send_bytes(made)
+
+
+class _PacketFeed:
+    """The packets of a spacecraft for a script: all of them, unless it is too slow."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft, self.due, self._dropped = craft, 0.0, 0
+        self._rows: deque[tuple[int, int, bytes]] = deque()
+
+    def take(self, rows: list[tuple[int, int, bytes]]) -> None:
+        """In the spacecraft's thread."""
+        if len(self._rows) + len(rows) > FEED_MOST:
+            self._dropped += len(rows)
+        else:
+            self._rows.extend(rows)
+
+    def text(self) -> str:
+        """What has come since the last one."""
+        rows = [self._rows.popleft() for _ in range(len(self._rows))]
+        now = self.craft.now if self.craft.clock == "simulated" else max(self.craft.now, time.time_ns())
+        return dumps({"kind": "packets", "craft": self.craft.name, "t_ns": str(now), "dropped": self._dropped,
+                      "packets": [[str(t), packet.hex()] for t, _, packet in rows]})
+
+
+class _Subscription:
+    def __init__(self, craft: Spacecraft, slots: bytes | None, period: float, truth: bool) -> None:
+        self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
+        self.monitor: Any = None
+        self.version, self.number, self.due = 0, 0, 0.0
