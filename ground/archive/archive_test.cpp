@@ -246,6 +246,29 @@ TEST_F(Archive, ALongQueryIsRefusedWithItsSize)
     }
 }
 
+TEST_F(Archive, AQueryOfTooManyValuesIsRefused)
+{
+    PacketArchive archive(folder, "craft", db, 100 * second);
+    fill(archive, 0, 1000);
+    History past = history(db);
+    const auto refusal = [&](std::size_t points, bool exact) {
+        try {
+            past.series({"count", "temperature"}, {}, points, nullptr, exact);
+        } catch (const Refusal &refused) {
+            return std::string(refused.what());
+        }
+        return std::string();
+    };
+    past.most_values = past.most_seen = 1100;
+    EXPECT_EQ(refusal(0, true), "");
+    past.most_values = 1099;
+    EXPECT_THAT(refusal(0, true), HasSubstr("would give more than 1099 values: ask for a shorter time"));
+    EXPECT_EQ(refusal(10, true), "");
+    past.most_seen = 1099;
+    EXPECT_THAT(refusal(10, false), HasSubstr("would read more than 1099 values"));
+    EXPECT_EQ(past.packets({}, "", 10, true, 1).size(), 1u);
+}
+
 TEST_F(Archive, AClockThatStepsBackBeginsASession)
 {
     PacketArchive archive(folder, "craft", db, 100 * second);

@@ -405,6 +405,18 @@ std::set<Id> History::carriers(const std::set<Id> &parameters) const
     return found;
 }
 
+namespace {
+
+void at_most(std::uint64_t n, std::uint64_t most, const char *what)
+{
+    if (n > most) {
+        throw Refusal("this query would " + std::string(what) + " more than " + std::to_string(most) +
+                      " values: ask for a shorter time, fewer parameters or fewer points");
+    }
+}
+
+} // namespace
+
 /// The parameters of earlier packets on which the values of a container's packets depend.
 std::set<Id> History::references(Id container) const
 {
@@ -464,21 +476,24 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
         return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
     };
     Decoder decoder(db_);
+    std::vector<std::vector<std::size_t>> targets_of(db_.parameters.size());
+    for (std::size_t k = 0; k < targets.size(); k++) {
+        targets_of[targets[k].parameter].push_back(k);
+    }
+    std::uint64_t values = 0;
     const auto take = [&](const Stored &one, std::uint32_t session, bool earlier) {
         const Decoded &done = decoder.decode(one.packet, root_);
         bool any = false;
         for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
             const Field &field = done.fields[i];
-            for (std::size_t k = 0; k < targets.size(); k++) {
-                if (field.parameter != targets[k].parameter) {
-                    continue;
-                }
+            for (const std::size_t k : targets_of[field.parameter]) {
                 std::uint32_t node = field.node;
                 std::size_t left = targets[k].steps.size();
                 for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
                     node = done.nodes[node].parent;
                 }
                 if (left == 0 && node == 0) {
+                    at_most(++values, most_seen, "read");
                     value({decoder, done, i, k, one.t, one.received, session, earlier});
                     any = true;
                 }
@@ -566,6 +581,7 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
     }
     std::int64_t from = 0, width = 0; // 0: each value
     std::vector<std::int64_t> bucket(names.size(), -1);
+    std::uint64_t kept = 0;
     decode(
         targets, judges, query,
         [&](std::int64_t begin, std::int64_t end) {
@@ -598,6 +614,7 @@ std::vector<History::Series> History::series(const std::vector<std::string> &nam
                 one.concern.back() = concern;
                 one.worst.back() = std::max(one.worst.back(), concern);
             } else {
+                at_most(kept += 1 + (exact ? text.size() / 64 : 0), most_values, "give");
                 bucket[seen.target] = place;
                 one.t.push_back(seen.t);
                 one.value.push_back(value);
@@ -639,6 +656,7 @@ History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
         },
         [&](const Stored &one) {
             if (std::find(seen.begin(), seen.end(), false) == seen.end()) {
+                at_most((made.received.size() + 1) * (1 + inputs.size()), most_seen / 4, "read");
                 made.values.push_back(std::bit_cast<double>(one.t));
                 made.values.insert(made.values.end(), newest.begin(), newest.end());
                 made.received.push_back(one.received);
@@ -648,7 +666,7 @@ History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
 }
 
 std::vector<History::Packet> History::packets(Query query, const std::string &container, std::size_t limit,
-                                              bool backwards)
+                                              bool backwards, std::uint64_t most_bytes)
 {
     const std::lock_guard lock(mutex_);
     const bool undecoded = container == "undecoded";
@@ -656,10 +674,12 @@ std::vector<History::Packet> History::packets(Query query, const std::string &co
         return container.empty() || (undecoded ? one.empty() : one == container || one.ends_with("/" + container));
     };
     std::vector<Packet> made;
+    std::uint64_t bytes = 0;
     if (limit != 0) {
         walk(pieces(query), wanted, backwards, [&](const Stored &one, const std::string &of) {
             made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
-            return made.size() < limit;
+            bytes += one.packet.size();
+            return made.size() < limit && bytes < most_bytes;
         });
     }
     return made;

@@ -51,6 +51,8 @@ public:
     };
 
     std::uint64_t most_decoded = 4'000'000; ///< packets, by a query of values
+    std::uint64_t most_seen = 50'000'000;   ///< values in these packets
+    std::uint64_t most_values = 1'000'000;  ///< in its answer; 64 bytes of a text count as one, too
 
     /// The folder of the archive. root: as of Decoder::decode, "" for none.
     History(const std::string &folder, std::string craft, const Database &database, const std::string &root);
@@ -74,8 +76,10 @@ public:
     };
     Rows rows(const std::vector<std::string> &inputs, Query query);
 
-    /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end.
-    std::vector<Packet> packets(Query query, const std::string &container, std::size_t limit, bool backwards);
+    /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end; they end
+    /// with the one that reaches `most_bytes`.
+    std::vector<Packet> packets(Query query, const std::string &container, std::size_t limit, bool backwards,
+                                std::uint64_t most_bytes = UINT64_MAX);
 
     /// The same from the first packet behind `skip` of those at the beginning on, up to `span` [ns] of them.
     std::vector<Packet> next(Query query, std::size_t skip, std::size_t limit, std::int64_t span);

@@ -84,6 +84,9 @@ py::object exact_of(const Database &db, const History::Series &series)
     const Kind kind = value_kind(type);
     py::list made;
     for (const auto &one : series.exact) {
+        if (made.size() % 8192 == 8191) { // other threads go on
+            const py::gil_scoped_release free;
+        }
         const bool good = one.status == Status::good || one.status == Status::unlabelled;
         made.append(good ? object(type, kind, one.value, one.bytes, one.raw) : py::object(py::none()));
     }
@@ -213,11 +216,11 @@ void bind_archive(py::module_ &m)
         .def(
             "packets",
             [](History &history, std::int64_t from, std::int64_t to, const std::optional<std::string> &container,
-               std::size_t limit, bool backwards, std::int64_t of) {
+               std::size_t limit, bool backwards, std::int64_t of, std::uint64_t most_bytes) {
                 std::vector<History::Packet> all;
                 {
                     const py::gil_scoped_release free;
-                    all = history.packets({from, to, of}, container.value_or(""), limit, backwards);
+                    all = history.packets({from, to, of}, container.value_or(""), limit, backwards, most_bytes);
                 }
                 py::list made;
                 for (const auto &one : all) {
@@ -228,6 +231,7 @@ void bind_archive(py::module_ &m)
                 return made;
             },
             t0, t1, py::arg("container") = py::none(), py::arg("limit") = 1000, py::arg("backwards") = false, session,
+            py::arg("most_bytes") = UINT64_MAX,
             "(t, received, path of the container or None, packet) of each; container: \"undecoded\" for those.")
         .def(
             "replay",
