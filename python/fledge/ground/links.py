@@ -22,6 +22,7 @@ AT_ONCE = 500                               # datagrams
 WAITING = 1 << 22                           # [bytes] of datagrams that the operating system keeps
 OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
 SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
+CLIENTS, UNREAD = 16, 30                    # of a server; [s] after which one that takes no byte is cut off
 GONE = "the other end of the link is gone"
 
 
@@ -117,7 +118,7 @@ class Raw:
 
 
 class _ByTheClock(Link):
-    """A link in real time, by sockets or devices that select() knows. raw: what arrives is not cut into packets."""
+    """A link in real time, by sockets or devices that poll() knows. raw: what arrives is not cut into packets."""
 
     def __init__(self, raw: bool = False) -> None:
         self.raw = raw
@@ -167,7 +168,7 @@ class Udp(_ByTheClock):
         self._socket.close()
 
     def _work(self, wait: float) -> None:
-        if select.select([self._socket], [], [], wait)[0]:
+        if _ready([self._socket], [], wait):
             try:
                 for _ in range(AT_ONCE):
                     data = self._socket.recv(PACKET_MOST)
@@ -238,6 +239,7 @@ class Streams(_ByTheClock):
     def connect(cls, to: tuple[str, int], accepts: Callable[[bytes], bool] | None = None, raw: bool = False
                 ) -> Streams:
         """A client of a server."""
+        self.refused = 0    #: clients of a server beyond CLIENTS
         link = cls(accepts, raw)
         link._join(socket.create_connection(to, timeout=10))
         return link
@@ -302,6 +304,18 @@ class Streams(_ByTheClock):
 
     def _leave(self, one: _Stream, expected: bool = False) -> None:
         if one in self._streams:
+    def _accept(self, server: socket.socket) -> None:
+        try:
+            end = server.accept()[0]
+        except OSError:     # it has gone already, or there are no descriptors
+            return
+        if len(self._streams) >= CLIENTS:
+            self.refused += 1
+            end.close()
+            return
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * UNREAD)
+        self._join(end)
+
             self._streams.remove(one)
             self._gone += one.splitter.skipped
             one.end.close()
@@ -313,19 +327,19 @@ class Streams(_ByTheClock):
             self._leave(one)
         streams = {one.end: one for one in self._streams}
         server = [self._server] if self._server else []
-        ready, writable, _ = select.select([*server, *streams], [end for end, one in streams.items() if one.waits], [],
-                                           wait)
-        for end in ready:
+        ready = _ready([*server, *streams], [end for end, one in streams.items() if one.waits], wait)
+        for end, what in ready:
             if end is self._server:
-                self._join(self._server.accept()[0])
+                self._accept(self._server)
                 continue
-            found = streams[end].take()
-            if found is None:
-                self._leave(streams[end])
-            else:
-                self._arrived.extend(Timed(self.t, packet) for packet in found)
-        for end in writable:
-            streams[end].flush()
+            if what & select.POLLOUT:
+                streams[end].flush()
+            if what & ~select.POLLOUT:
+                found = streams[end].take()
+                if found is None:
+                    self._leave(streams[end])
+                else:
+                    self._arrived.extend(Timed(self.t, packet) for packet in found)
         self.skipped = self._gone + sum(one.splitter.skipped for one in self._streams)
 
 
@@ -346,6 +360,17 @@ def _socket(kind, host, port):
     family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
     made = socket.socket(family, kind)
     if kind == socket.SOCK_STREAM:
+def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, int]]:
+    """(end, events of poll()) of those that are ready within a time [s]. select() knows no descriptor above 1023."""
+    poll = select.poll()
+    ends = {one.fileno(): one for one in reads}
+    for number in ends:
+        poll.register(number, select.POLLIN)
+    for one in writes:
+        poll.register(one, select.POLLIN | select.POLLOUT)
+    return [(ends[number], what) for number, what in poll.poll(max(0, 1000 * wait))]
+
+
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         made.bind(where)

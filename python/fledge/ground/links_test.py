@@ -2,6 +2,7 @@
 """Links on loopback and on a pseudo-terminal: what goes in comes out, whole and in order, or is counted."""
 import os
 import random
+import resource
 import socket
 import threading
 
@@ -115,6 +116,50 @@ def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch
         reader.join()
         assert set(seen) <= set(sent) and seen == sorted(seen) and len(seen) < len(sent) and stream.skipped == 0
         assert len(got) > len(seen)
+
+
+def test_a_server_has_few_clients_and_cuts_off_who_does_not_read(monkeypatch):
+    monkeypatch.setattr(links, "CLIENTS", 2)
+    monkeypatch.setattr(links, "UNREAD", 1)
+    port = free()
+    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as reader, \
+            socket.create_connection(("127.0.0.1", port)) as deaf, \
+            socket.create_connection(("127.0.0.1", port)) as third:
+        server.receive(server.t + SECOND // 10)
+        third.settimeout(10)
+        assert third.recv(1) == b"" and server.refused == 1 and len(server._streams) == 2
+        sent = packets(1)[0][:6] + bytes(100_000)
+        begin = server.t
+        while len(server._streams) == 2 and server.t < begin + 30 * SECOND:
+            server.send(sent)
+            reader.receive(reader.t + SECOND // 100)
+            server.receive(server.t + SECOND // 100)
+        assert len(server._streams) == 1 and server.dropped > 0 and deaf.fileno() >= 0
+        with socket.create_connection(("127.0.0.1", port)):
+            server.receive(server.t + SECOND // 10)
+            assert len(server._streams) == 2
+
+
+def test_descriptors_beyond_1023_work():
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(max(soft, 1200), hard), hard))
+    held = []
+    try:
+        while not held or held[-1] < 1030:
+            held.append(os.dup(0))
+        a, b = free(socket.SOCK_DGRAM), free(socket.SOCK_DGRAM)
+        port = free()
+        with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as client, \
+                open_link(f"udp://127.0.0.1:{a}?listen={b}") as one, open_link(f"udp://127.0.0.1:{b}?listen={a}") as two:
+            sent = packets(20)
+            for packet in sent:
+                client.send(packet)
+                one.send(packet)
+            assert gathered(server, 20) == gathered(two, 20) == sent
+    finally:
+        for number in held:
+            os.close(number)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def test_the_end_of_a_connection_is_an_error_of_a_client_alone():
