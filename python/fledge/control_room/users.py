@@ -8,8 +8,8 @@
     runner = await guard.listen(app)
 
     host = "0.0.0.0"                # without it, this machine alone
-    certificate = "server.pem"      # PEM, with its chain; and its key
-    key = "server.key"
+    certificate = "server.pem"      # PEM, with its chain; and its key, which only its owner may read
+    key = "server.key"              # instead of both: plain_http = "everybody on this network may read what passes"
     session_h = 12                  # after which a user logs in again; idle_min = 30 without a request or a live page
     [[user]]
     name = "ada"
@@ -30,15 +30,16 @@ import asyncio
 import hashlib
 import hmac
 import logging
+import os
 import secrets
 import ssl
 from base64 import urlsafe_b64decode, urlsafe_b64encode
 from binascii import Error as NotBase64
-from collections import Counter, defaultdict, deque
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from ipaddress import ip_address, ip_network
 from json import JSONDecodeError, dumps, loads
 from pathlib import Path
@@ -52,14 +53,18 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from fledge import __version__
 from fledge.errors import SetupError, did_you_mean, listed
+from fledge.ground.address import is_loopback
 
 ROLES = ("view", "command", "administer")
-KEYS = {"host", "port", "certificate", "key", "session_h", "idle_min", "user", "token"}     # of the server's file
+KEYS = {"host", "port", "certificate", "key", "plain_http", "session_h", "idle_min", "user", "token"}  # of its file
+PLAIN = "everybody on this network may read what passes"
 PORT = 8080
 NAMES = ("localhost", "127.0.0.1", "::1")
 COST = (1 << 15, 8, 3)              # n, r, p of scrypt: 32 MiB, about 0.3 s
 PASSWORD_LEAST, PASSWORD_MOST = 10, 1024            # characters
-ATTEMPTS, ATTEMPTS_S = 10, 600      # failed logins and tokens of one address within a time [s]
+ATTEMPTS, ATTEMPTS_S = 10, 600      # failed logins of one address, or of a browser that was a user before, within [s]
+NAMED = 30                          # those of one name, of all addresses and browsers that were never that user
+KNOWN_S = 400 * 86400               # how long a browser says that it was a user; the most that browsers keep
 QUEUE = 8                           # logins that wait for their password to be checked
 SESSIONS = 16                       # of one user; the oldest ends
 TOTAL, EACH = 512, 128              # connections, and those of one address
@@ -128,6 +133,10 @@ class _Password:
             pass
         raise SetupError(f"{where}: password is no line of `fledge ground password`, which begins with \"scrypt:")
 
+    def proof(self) -> str:
+        """What a browser gets that has logged in by it: nobody has it who did not, and a new password ends it."""
+        return hmac.digest(self.key, b"a browser of this user", "sha256").hex()
+
     def fits(self, password: str) -> bool:
         return hmac.compare_digest(_scrypt(password, self.salt, *self.cost), self.key)
 
@@ -159,6 +168,7 @@ class Access:
     port: int = PORT
     certificate: Path | None = None
     key: Path | None = None
+    plain: bool = False             #: the file says in words that others may read what passes
     session_s: float = 12 * 3600.0
     idle_s: float = 30 * 60.0
     users: dict[str, User] = field(default_factory=dict)
@@ -186,6 +196,10 @@ class Access:
         files = [given(name, str, None, "the path of a PEM file") for name in ("certificate", "key")]
         if (files[0] is None) != (files[1] is None):
             raise SetupError("certificate and key belong together; found one of them")
+        plain = given("plain_http", str, None, f"\"{PLAIN}\"")
+        if plain not in (None, PLAIN) or plain and files[0]:
+            raise SetupError(f"plain_http is \"{PLAIN}\", and instead of certificate and key; found {plain!r}"
+                             + " beside them" * bool(files[0]))
         users = {one.name: one for one in _people(given("user", list, [], "a table [[user]]"), "user")}
         tokens: dict[str, User] = {}
         for entry, one in zip(table.get("token", []), _people(given("token", list, [], "a table [[token]]"), "token")):
@@ -194,13 +208,14 @@ class Access:
                 raise SetupError(f"token {one.name}: hash is no line of `fledge ground token`, which begins with "
                                  "\"sha256:")
             tokens[digest] = one
-        if not is_loopback(host) and not (files[0] and (users or tokens)):
-            lacks = [what for what, there in (("certificate and key, for TLS", files[0]),
+        if not is_loopback(host) and not ((files[0] or plain) and (users or tokens)):
+            lacks = [what for what, there in ((f"certificate and key, for TLS (or plain_http = \"{PLAIN}\")",
+                                               files[0] or plain),
                                               ("[[user]] or [[token]]", users or tokens)) if not there]
             raise SetupError(f"host = \"{host}\" opens the server to a network, which needs {' and '.join(lacks)}; "
                              "without host it is open to this machine alone")
         certificate, key = [folder / one if one else None for one in files]
-        access = cls(host, port, certificate, key, times[0] * 3600.0, times[1] * 60.0, users, tokens)
+        access = cls(host, port, certificate, key, bool(plain), times[0] * 3600.0, times[1] * 60.0, users, tokens)
         access.tls()
         return access
 
@@ -211,7 +226,7 @@ class Access:
 
     def tls(self) -> ssl.SSLContext | None:
         """The context of TLS, if the server has a certificate. Raises SetupError."""
-        if not self.certificate:
+        if not self.certificate or not self.key:
             return None
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -220,15 +235,16 @@ class Access:
         except OSError as error:
             raise SetupError(f"certificate {self.certificate} and key {self.key} cannot be used: "
                              f"{error.strerror or error}") from None
+        own(self.key, "it is a secret key; if they might have, make a new one")
         return context
 
 
-def is_loopback(host: str) -> bool:
-    """Whether a host's name or address is this machine's alone."""
-    try:
-        return host == NAMES[0] or ip_address(host).is_loopback
-    except ValueError:
-        return False
+def own(path: Path, why: str) -> None:
+    """Refuse a file of secrets that others may read. As ssh has it, a file of another owner, as root's, may be read by
+    a group. Raises SetupError."""
+    found = path.stat()
+    if found.st_mode & (0o77 if found.st_uid == os.geteuid() else 0o37):
+        raise SetupError(f"others may read or change {path}: chmod 600 {path} keeps it its owner's, for {why}")
 
 
 def _people(entries: list[Any], kind: str) -> list[User]:
@@ -266,6 +282,11 @@ class _Session:
         self.live: set[asyncio.Task[Any]] = set()       # its open WebSockets
         self.end: asyncio.TimerHandle | None = None
 
+    def cut(self) -> None:
+        """Close its WebSockets."""
+        for task in self.live:
+            task.cancel()
+
 
 class Refusal(web.HTTPException):
     """An answer with a sentence why."""
@@ -283,14 +304,14 @@ class Guard:
         self.access, self.log, self.clock = access, log, clock
         self.total, self.each, self.first_s, self.body_s = TOTAL, EACH, FIRST_S, BODY_S
         self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
+        self.doors: set[asyncio.Transport] = set()      #: connections in their handshake of TLS
         self._sessions: dict[str, _Session] = {}        # by the hash of the cookie
         self._nobody = _Session(OPERATOR, 0.0)          # of all requests, if there are no users
-        self._failed: dict[str, deque[float]] = defaultdict(deque)
+        self._scripts: dict[str, _Session] = {}         # by the hash of the token
+        self._failed: list[tuple[float, str, str]] = []     # when, where, and as whom a login has failed or goes on
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
         self._heard: WeakSet[Any] = WeakSet()           # connections with a request
         self._checker, self._waiting = ThreadPoolExecutor(1), 0
-        # The server checks it for unknown names, so that the time does not tell which names exist.
-        self._example = next((one.password for one in access.users.values()), None)
 
     def attach(self, app: web.Application) -> None:
         """Add the routes and headers to an application whose middleware this is."""
@@ -309,6 +330,28 @@ class Guard:
         """Raises the answer 403, and notes it."""
         if not self.allowed(request, craft, role):
             raise Refusal(403, f"{request['user'].name} lacks the role '{role}'" + (f" for {craft}" if craft else ""))
+
+    def take(self, access: Access) -> bool:
+        """Go on with what the changed file says of users, tokens and times, which ends the sessions of those who are
+        others now; returns whether it says more, which waits for the next start. Raises SetupError."""
+        old = self.access
+        self.access = replace(access, host=old.host, port=old.port, certificate=old.certificate, key=old.key,
+                              plain=old.plain)
+        if not is_loopback(old.host) and not access.closed:
+            self.access = old
+            raise SetupError(f"the server is open to a network, at {old.host}, and needs [[user]] or [[token]]")
+        for name, one in list(self._sessions.items()):
+            if (now := access.users.get(one.user.name)) != one.user:
+                self._end(name, "its password, roles or spacecraft were changed" if now else "the user was removed")
+        for digest, one in list(self._scripts.items()):
+            if (now := access.tokens.get(digest)) != one.user:
+                del self._scripts[digest]
+                one.cut()
+                self.log(one.user.name, "token ended", {
+                    "why": "its name, roles or spacecraft were changed" if now else "the token was removed"})
+        if access.closed:
+            self._nobody.cut()
+        return self.access != access
 
     @web.middleware
     async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -335,18 +378,17 @@ class Guard:
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
             raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
-        live = request.headers.get("Upgrade", "").lower() == "websocket"
         host = _host(request)
         if is_loopback(self.access.host) and host not in (*NAMES, self.access.host):
             raise Refusal(403, f"this server is {NAMES[0]}; the request is for {host!r}")
         origin = request.headers.get("Origin")
-        if (live or _changes(request)) and origin is not None and origin != f"{request.scheme}://{request.host}":
+        if origin is not None and origin != f"{request.scheme}://{request.host}":
             raise Refusal(403, f"a page of {origin} may not do this here")
         if request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site") and request.path.startswith("/api/"):
             raise Refusal(403, "a page of another site may not ask this")
-        session, by_token = self._who(request)
-        user = session.user if session else by_token
-        request["user"], request["session"] = user, session
+        found, by_token = self._who(request)
+        user, session = found.user if found else None, None if by_token else found
+        request["user"], request["session"], request["live"] = user, session, found.live if found else None
         if request.path.startswith("/api/") and request.path not in OPEN and user is None:
             raise Refusal(401, "log in first: POST /api/login, or a token")
         if _changes(request):
@@ -355,40 +397,37 @@ class Guard:
                 raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has "
                               "it, with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
             await self._note(request)
-        if not live or user is None:
-            return await handler(request)
         task = asyncio.current_task()
-        assert task
-        if session:
-            session.live.add(task)
         try:
             return await handler(request)
         finally:
-            if session:
-                session.live.discard(task)
-                session.used = self.clock()
+            if found and task in found.live:
+                found.live.discard(task)
+                found.used = self.clock()
 
-    def _who(self, request: web.Request) -> tuple[_Session | None, User | None]:
-        """The session of a cookie, or the user of a token."""
+    def _who(self, request: web.Request) -> tuple[_Session | None, bool]:
+        """The session of a cookie, or of a token and True."""
         given = request.headers.get("Authorization")
         if given is not None:
+            if not request.secure and not is_loopback(request.remote or ""):
+                raise Refusal(403, "a token does not come over plain HTTP from another machine, where others may have "
+                              "read it: make a new one, and use https")
             kind, _, word = given.partition(" ")
-            self._count(request)
-            user = self.access.tokens.get(_digest(word.strip())) if kind.lower() == "bearer" else None
+            digest = _digest(word.strip())
+            user = self.access.tokens.get(digest) if kind.lower() == "bearer" else None
             if user is None:
-                self._failed[_address(request.remote)].append(self.clock())
                 raise Refusal(401, "the token is none of this server")
-            return None, user
+            return self._scripts.setdefault(digest, _Session(user, 0.0)), True
         if not self.access.closed:
-            return self._nobody, None
+            return self._nobody, False
         name = _digest(request.cookies.get(self._cookie(request), ""))
         session = self._sessions.get(name)
         if session and not session.live and self.clock() - session.used > self.access.idle_s:
             self._end(name, "it was idle")
-            return None, None
+            return None, False
         if session:
             session.used = self.clock()
-        return session, None
+        return session, False
 
     async def _note(self, request: web.Request) -> None:
         """Read the body of a changing request, and write the request into the log."""
@@ -429,9 +468,9 @@ class Guard:
 
     # --- sessions ---
 
-    def _cookie(self, request: web.Request) -> str:
+    def _cookie(self, request: web.Request, of: str = "") -> str:
         here = request.transport.get_extra_info("sockname") if request.transport else None
-        return f"{'__Host-' if request.secure else ''}fledge-{here[1] if here else 0}"      # cookies know no ports
+        return f"{'__Host-' if request.secure else ''}fledge{of}-{here[1] if here else 0}"  # cookies know no ports
 
     async def _session(self, request: web.Request) -> web.Response:
         user, session = request["user"], request["session"]
@@ -451,38 +490,43 @@ class Guard:
             raise Refusal(400, "expected {\"user\": \"...\", \"password\": \"...\"}") from None
         if not self.access.users:
             raise Refusal(400, "this server has no users to log in")
-        self._count(request)
-        if self._waiting >= QUEUE:
-            raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
         user = self.access.users.get(name)
-        kept = user.password if user else self._example
+        proof = user.password.proof() if user and user.password else ""
+        mark = self._cookie(request, f"-{_digest(name)[:8]}")
+        known = bool(proof) and hmac.compare_digest(_digest(request.cookies.get(mark, "")), _digest(proof))
+        if self._waiting >= QUEUE and not known:
+            raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
+        attempt = self._attempt(f"a browser of {name}" if known else _address(request.remote), "" if known else name)
+        # Unknown names take as long, so that the time does not tell which there are.
+        kept = (user or next(iter(self.access.users.values()))).password
         assert kept
         self._waiting += 1
         try:
             fits = await asyncio.get_running_loop().run_in_executor(self._checker, kept.fits, password)
         finally:
             self._waiting -= 1
-        if not user or not fits:
-            self._failed[_address(request.remote)].append(self.clock())
+        if not user or not fits or self.access.users.get(name) != user:     # the file may have changed meanwhile
             raise Refusal(401, "the name or the password is wrong")
         if old := request["session"]:
             self._end_of(old, f"{old.user.name} logged in again")
-        self._failed.pop(_address(request.remote), None)
+        self._failed = [one for one in self._failed if one[1:] != attempt]
         request["user"], request["session"] = user, self._begin(user, word := secrets.token_urlsafe(32))
         self.log(user.name, "logged in", {"from": _address(request.remote)})
         response = await self._session(request)
-        self._give(request, response, word, self.access.session_s)
+        self._give(request, response, self._cookie(request), word, self.access.session_s)
+        self._give(request, response, mark, proof, KNOWN_S)
         return response
 
     async def _logout(self, request: web.Request) -> web.Response:
         if request["session"]:
             self._end_of(request["session"], "logged out")
         response = web.json_response({})
-        self._give(request, response, "", 0)
+        self._give(request, response, self._cookie(request), "", 0)
         return response
 
-    def _give(self, request: web.Request, response: web.Response, word: str, age_s: float) -> None:
-        response.set_cookie(self._cookie(request), word, max_age=int(age_s), path="/", httponly=True,
+    @staticmethod
+    def _give(request: web.Request, response: web.Response, name: str, word: str, age_s: float) -> None:
+        response.set_cookie(name, word, max_age=int(age_s), path="/", httponly=True,
                             samesite="Strict", secure=request.secure)
 
     def _begin(self, user: User, word: str) -> _Session:
@@ -503,24 +547,27 @@ class Guard:
         session = self._sessions.pop(name)
         if session.end:
             session.end.cancel()
-        for task in session.live:
-            task.cancel()
+        session.cut()
         self.log(session.user.name, "session ended", {"why": why})
 
-    def _count(self, request: web.Request) -> None:
-        """Refuse an address that guesses names, passwords or tokens."""
-        now, address = self.clock(), _address(request.remote)
-        if len(self._failed) > 10_000:
-            self._failed = defaultdict(deque, {key: kept for key, kept in self._failed.items()
-                                               if kept and kept[-1] > now - ATTEMPTS_S})
-        failed = self._failed.get(address, deque())
-        while failed and failed[0] <= now - ATTEMPTS_S:
-            failed.popleft()
-        if len(failed) >= ATTEMPTS:
-            rest = int(failed[0] + ATTEMPTS_S - now) + 1
-            raise Refusal(429, f"{ATTEMPTS} attempts have failed; try again in {rest} s", {"Retry-After": str(rest)})
+    def _attempt(self, where: str, name: str) -> tuple[str, str]:
+        """Count an attempt to log in as failed until it has not; refuses one of an address or a browser that guesses,
+        and of a name that many guess. name: "" of a browser that was that user before, which others cannot lock out."""
+        now = self.clock()
+        self._failed = [one for one in self._failed if one[0] > now - ATTEMPTS_S]
+        for most, times, text in ((ATTEMPTS, [one[0] for one in self._failed if one[1] == where], ""),
+                                  (NAMED, [one[0] for one in self._failed if name and one[2] == name],
+                                   f" as {name!r}, which a browser that was this user before does not wait for")):
+            if len(times) >= most:
+                rest = int(times[-most] + ATTEMPTS_S - now) + 1
+                raise Refusal(429, f"{most} attempts have failed; try again in {rest} s{text}",
+                              {"Retry-After": str(rest)})
+        self._failed.append((now, where, name))
+        return where, name
 
     async def _secured(self, request: web.Request, response: web.StreamResponse) -> None:
+        if isinstance(response, web.WebSocketResponse) and (task := asyncio.current_task()):
+            request["live"].add(task)       # so that it ends with its session, whatever headers opened it
         response.headers.update(HEADERS)
         if request.secure:
             response.headers["Strict-Transport-Security"] = "max-age=31536000"
@@ -542,6 +589,8 @@ class Guard:
         async def close(_: web.Application) -> None:
             for one in listener:
                 one.close()
+            for door in self.doors:
+                door.abort()
 
         app.on_shutdown.append(close)
         runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30)
@@ -549,8 +598,7 @@ class Guard:
         tls = self.access.tls()
         try:
             server = await asyncio.get_running_loop().create_server(
-                lambda: _Door(self, runner), self.access.host, self.access.port, ssl=tls,
-                ssl_handshake_timeout=self.first_s if tls else None)
+                lambda: _Door(self, runner, tls), self.access.host, self.access.port)
         except OSError as error:
             await runner.cleanup()
             raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None
@@ -561,7 +609,7 @@ class Guard:
     def full(self, runner: web.AppRunner, address: str) -> bool:
         """Whether one more connection would be too many."""
         assert runner.server
-        there = [one.transport for one in runner.server.connections if one.transport]
+        there = [*self.doors, *[one.transport for one in runner.server.connections if one.transport]]
         if len(there) < self.total and sum(_peer(one) == address for one in there) < self.each:
             return False
         if times := self._times(address, "connections"):
@@ -575,20 +623,52 @@ class Guard:
 
 
 class _Door(asyncio.Protocol):
-    """A connection until it is admitted; then aiohttp has it."""
+    """A connection until it is admitted and its handshake of TLS has ended; then aiohttp has it."""
 
-    def __init__(self, guard: Guard, runner: web.AppRunner) -> None:
-        self._guard, self._runner = guard, runner
+    def __init__(self, guard: Guard, runner: web.AppRunner, tls: ssl.SSLContext | None) -> None:
+        self._guard, self._runner, self._tls = guard, runner, tls
+        self._opening: asyncio.Task[None] | None = None
+        self._early, self._lost = b"", False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         if self._runner.server is None or self._guard.full(self._runner, _peer(transport)):     # None: it ends
             transport.abort()
+        elif self._tls:
+            self._guard.doors.add(transport)
+            self._opening = asyncio.get_running_loop().create_task(self._handshake(transport, self._tls))
+        else:
+            self._enter(transport, self._guard.first_s)
+
+    async def _handshake(self, transport: asyncio.Transport, tls: ssl.SSLContext) -> None:
+        loop, guard = asyncio.get_running_loop(), self._guard
+        end = loop.time() + guard.first_s
+        try:
+            secured = await loop.start_tls(transport, self, tls, server_side=True, ssl_handshake_timeout=guard.first_s)
+        except (OSError, asyncio.CancelledError):
+            transport.abort()
+            return
+        finally:
+            guard.doors.discard(transport)
+        assert isinstance(secured, asyncio.Transport)
+        self._enter(secured, end - loop.time())
+
+    def data_received(self, data: bytes) -> None:       # with the end of the handshake
+        self._early += data
+
+    def connection_lost(self, _: Exception | None) -> None:
+        self._lost = True
+
+    def _enter(self, transport: asyncio.Transport, rest_s: float) -> None:
+        if self._runner.server is None or self._lost:
+            transport.abort()
             return
         inside = self._runner.server()
         transport.set_protocol(inside)
         inside.connection_made(transport)
-        asyncio.get_running_loop().call_later(self._guard.first_s, self._guard.late, transport)
+        if self._early:
+            inside.data_received(self._early)
+        asyncio.get_running_loop().call_later(rest_s, self._guard.late, transport)
 
 
 def _peer(transport: asyncio.BaseTransport) -> str:

@@ -4,19 +4,21 @@ import asyncio
 import json
 import os
 import random
+import socket
 import ssl
 import subprocess
 import tomllib
-from contextlib import suppress
+from contextlib import AsyncExitStack, suppress
 from hashlib import sha256
 from io import StringIO
 
 import pytest
-from aiohttp import ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
+from aiohttp import ClientError, ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
 
 from fledge import cli
-from fledge.control_room.users import BODY_MOST, HEADERS, LOGGED, ROLES, Access, Guard, hashed, token
+from fledge.control_room.users import BODY_MOST, HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
 from fledge.errors import SetupError
+from fledge.ground.served import Served
 
 CASES = int(os.environ.get("FLEDGE_CASES", 300))
 CHEAP = (16, 8, 1)      # of scrypt
@@ -138,8 +140,9 @@ def test_a_session_begins_and_ends(tmp_path):
         error = await server.ask("POST", "/api/crafts/other/send", 403, json={}, headers=csrf)
         assert error == {"error": "ada lacks the role 'command' for other"}
         stolen = {cookie.key: cookie.value for cookie in server.client.cookie_jar}
-        cookie, = server.client.cookie_jar
-        assert cookie["httponly"] and cookie["samesite"] == "Strict" and cookie["path"] == "/"
+        assert len(stolen) == 2     # the session, and that this browser was ada
+        for cookie in server.client.cookie_jar:
+            assert cookie["httponly"] and cookie["samesite"] == "Strict" and cookie["path"] == "/"
         thief = {"Cookie": "; ".join(f"{name}={value}" for name, value in stolen.items())}
         async with ClientSession() as other:
             live = await other.ws_connect(f"{server.url}/api/live", headers=thief)
@@ -157,7 +160,7 @@ def test_a_session_begins_and_ends(tmp_path):
         assert [entry[:2] for entry in server.log if entry[1] != "refused"] == [
             ("ada", "logged in"), ("ada", "POST /api/crafts/imager/send"), ("ada", "POST /api/crafts/other/send"),
             ("ada", "session ended"), ("bob", "logged in"), ("bob", "POST /api/crafts/imager/send")]
-        assert stolen.popitem()[1] not in str(server.log) and "correct horse" not in str(server.log)
+        assert not any(word in str(server.log) for word in (*stolen.values(), "correct horse"))
 
 
 @pytest.mark.long("waits for the end of a session")
@@ -187,17 +190,49 @@ def test_a_session_ends_by_itself(tmp_path):
         assert ("ada", "session ended", {"why": "its time was over"}) in server.log
 
 
-def test_attempts_are_counted_by_address(tmp_path):
+def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
+    """The name's limit is the sum over addresses; monkeypatched, for a loopback has few."""
+    here = ["192.0.2.1"]
+    monkeypatch.setattr("fledge.control_room.users._address", lambda _: here[0])
+
     @served(tmp_path)
     async def _(server):
-        for i in range(9):
-            await server.login("ada" if i % 2 else "nobody", "wrong", 401)
+        for i in range(10):     # one's own login between them changes nothing
+            if i % 3 == 2:
+                await server.login("ada", "wrong", 401)
+                await server.login("ada", "correct horse")
+            await server.login("bob" if i % 2 else "nobody", "wrong", 401)
+        error = await server.ask("POST", "/api/login", 429, json={"user": "bob", "password": "battery staple"})
+        assert error == {"error": "10 attempts have failed; try again in 601 s"}
         await server.ask("GET", "/api/crafts", 401, headers={"Authorization": f"Bearer {TOKEN}x"})
-        await server.login("ada", "correct horse", 429)
-        await server.ask("GET", "/api/crafts", 429, headers={"Authorization": f"Bearer {TOKEN}"})
+        await server.ask("GET", "/api/crafts", headers={"Authorization": f"Bearer {TOKEN}"})
+        await server.login("ada", "correct horse")      # this browser was ada before
         server.now += 601
+        await server.login("bob", "battery staple")
+
+    @served(tmp_path)
+    async def _(server):
         await server.login("ada", "correct horse")
-        assert any("name or the password" in why for _, why in server.refusals())
+        async with ClientSession() as thief:
+            for i in range(40):
+                here[0] = f"192.0.2.{i % 8}"
+                async with thief.post(f"{server.url}/api/login", json={"user": "ada", "password": str(i)},
+                                      headers={"Cookie": f"fledge-x-{server.port}=1"}) as answer:
+                    assert answer.status == (401 if i < 30 else 429)
+            here[0] = "192.0.2.99"
+            async with thief.post(f"{server.url}/api/login", json={"user": "ada", "password": "correct horse"}) as found:
+                assert found.status == 429 and "as 'ada', which a browser that was this user" in await found.text()
+        await server.login("bob", "battery staple")
+        await server.login("ada", "correct horse")      # not locked out by strangers
+        for _ in range(10):
+            await server.login("ada", "wrong", 401)     # yet a thief of the browser does not guess on
+        await server.login("ada", "correct horse", 429)
+
+    @served(tmp_path)
+    async def _(server):        # all at once
+        answers = await asyncio.gather(*[server.client.post(f"{server.url}/api/login", json={
+            "user": "bob", "password": str(i)}) for i in range(20)])
+        assert sum(one.status == 401 for one in answers) <= 10
 
 
 def test_scripts_have_tokens(tmp_path):
@@ -226,26 +261,169 @@ def test_a_forged_origin_opens_no_websocket(tmp_path):
             assert await live.receive_json() == {"heard": 2}
 
 
-def test_tls(tmp_path):
-    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", tmp_path / "key.pem", "-out",
-                    tmp_path / "server.pem", "-days", "2", "-subj", "/CN=localhost", "-addext",
+@pytest.mark.parametrize("upgrade", ["websocket", "WebSocket\u00a0", "\u3000websocket", "websocket\x85"])
+def test_every_socket_that_opens_ends_with_its_session(upgrade, tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        async def open_it(*more):
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write("\r\n".join([
+                "GET /api/live HTTP/1.1", f"Host: 127.0.0.1:{server.port}", f"Upgrade: {upgrade}",
+                "Connection: Upgrade", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+                *more, "", ""]).encode())
+            return (await reader.readline()).split()[1], reader, writer
+
+        csrf = await server.login("ada", "correct horse")
+        cookies = "Cookie: " + "; ".join(f"{one.key}={one.value}" for one in server.client.cookie_jar)
+        status, *_ = await open_it(cookies, "Origin: https://example.org")
+        assert status == b"403"
+        status, reader, writer = await open_it(cookies)
+        assert status == b"101"
+        await server.ask("POST", "/api/logout", headers=csrf)
+        await asyncio.wait_for(reader.read(), 10)       # it ends
+        writer.close()
+
+
+def test_who_is_changed_in_the_file_is_out(tmp_path):
+    @served(tmp_path)
+    async def _(server):
+        def take(change):
+            users = {kind: [dict(one) for one in USERS[kind]] for kind in USERS}
+            change(users)
+            return server.guard.take(Access.read({"port": 0, **users}, tmp_path))
+
+        bearer = {"Authorization": f"Bearer {TOKEN}"}
+        passwords = {"ada": "correct horse", "bob": "battery staple"}
+        for change, gone, why in (
+                (lambda users: users["user"][0].update(roles=["view"]), "ada", "its password, roles or spacecraft"),
+                (lambda users: users["user"][0].update(crafts=["other"]), "ada", "its password, roles or spacecraft"),
+                (lambda users: users["user"][0].update(password=hashed("correct horse", CHEAP)), "ada", "its password"),
+                (lambda users: users["user"].pop(1), "bob", "the user was removed"),
+                (lambda users: users["token"][0].update(roles=["view"]), "night", "its name, roles or spacecraft"),
+                (lambda users: users["token"].clear(), "night", "the token was removed")):
+            sockets, clients = {}, {}
+            async with AsyncExitStack() as stack:
+                for name, password in passwords.items():
+                    client = clients[name] = await stack.enter_async_context(ClientSession(cookie_jar=CookieJar(
+                        unsafe=True)))
+                    async with client.post(f"{server.url}/api/login", json={"user": name, "password": password}) as ok:
+                        assert ok.status == 200
+                    sockets[name] = await client.ws_connect(f"{server.url}/api/live")
+                clients["night"] = await stack.enter_async_context(ClientSession(headers=bearer))
+                sockets["night"] = await clients["night"].ws_connect(f"{server.url}/api/live")
+                assert take(change) is False
+                assert (await sockets[gone].receive(10)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+                assert server.log[-1][0] == gone and server.log[-1][2]["why"].startswith(why), server.log
+                for name, client in clients.items():
+                    async with client.get(f"{server.url}/api/crafts") as answer:
+                        assert answer.status == (401 if name == gone and not why.startswith("its name") else 200)
+                    if name != gone:
+                        await sockets[name].send_str("1")
+                        assert await sockets[name].receive_json(timeout=10) == {"heard": 1}
+                take(lambda users: None)
+        more = {"port": 0, **USERS, "host": "::1"}
+        assert server.guard.take(Access.read(more, tmp_path)) and server.guard.access.host == "127.0.0.1"
+
+    @served(tmp_path, {})
+    async def _(server):        # open to this machine until it has users
+        live = await server.client.ws_connect(f"{server.url}/api/live")
+        server.guard.take(Access.read(USERS, tmp_path))
+        assert (await live.receive(10)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+        await server.ask("GET", "/api/crafts", 401)
+
+
+def test_tokens_and_passwords_of_other_machines(tmp_path):
+    """This machine's address on a network stands for another machine: the server sees where a request comes from."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))     # sends nothing
+            address = probe.getsockname()[0]
+        except OSError:
+            pytest.skip("this machine has no network")
+
+    @served(tmp_path, {**USERS, "host": "0.0.0.0", "plain_http": PLAIN})
+    async def _(server):
+        bearer = {"Authorization": f"Bearer {TOKEN}"}
+        await server.ask("GET", "/api/crafts", headers=bearer)
+        server.url = f"http://{address}:{server.port}"
+        error = await server.ask("GET", "/api/crafts", 403, headers=bearer)
+        assert error["error"].startswith("a token does not come over plain HTTP from another machine")
+        await server.login("ada", "correct horse")
+        await server.ask("GET", "/api/crafts")
+        assert all(one["httponly"] and one["samesite"] == "Strict" and not one["secure"]
+                   for one in server.client.cookie_jar)
+        with pytest.raises(SetupError, match=r"open to a network, at 0.0.0.0, and needs \[\[user\]\]"):
+            server.guard.take(Access.read({}, tmp_path))
+        await server.ask("GET", "/api/crafts")
+        for sent, where in (("http", address), ("http", "room.example"), ("ws", address)):
+            with pytest.raises(SetupError, match="a token passes there so that others may read it; use"):
+                Served(f"{sent}://{where}:{server.port}/imager", TOKEN)
+
+
+def certificate(folder):
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", folder / "key.pem", "-out",
+                    folder / "server.pem", "-days", "2", "-subj", "/CN=localhost", "-addext",
                     "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
-    files = {"certificate": "server.pem", "key": "key.pem"}
+    return {"certificate": "server.pem", "key": "key.pem"}
+
+
+def test_handshakes_count_as_connections_and_end(tmp_path):
+    files = certificate(tmp_path)
+
+    @served(tmp_path, {**USERS, **files})
+    async def _(server):
+        trust = {"ssl": ssl.create_default_context(cafile=tmp_path / "server.pem")}
+        server.guard.each, server.guard.first_s = 20, 2
+        opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(40)]
+        opened[0][1].write(b"\x16\x03\x01\x02\x00\x01")       # the begin of a handshake
+        begin = asyncio.get_running_loop().time()
+        ended = await asyncio.gather(*[asyncio.wait_for(reader.read(), 10) for reader, _ in opened[20:]],
+                                     return_exceptions=True)
+        assert asyncio.get_running_loop().time() - begin < 1.5
+        assert all(one == b"" or isinstance(one, ConnectionError) for one in ended)
+        assert len(server.guard.doors) == 20
+        with pytest.raises(ClientError):
+            await server.client.get(f"{server.url}/api/session", **trust)
+        await asyncio.gather(*[asyncio.wait_for(reader.read(), 10) for reader, _ in opened[:20]],
+                             return_exceptions=True)
+        assert not server.guard.doors
+        async with server.client.get(f"{server.url}/api/session", **trust) as answer:
+            assert answer.status == 200
+        for _, writer in opened:
+            writer.close()
+
+
+def test_a_key_that_others_may_read_is_refused(tmp_path):
+    files = certificate(tmp_path)
+    for mode in (0o640, 0o604, 0o602, 0o644):
+        (tmp_path / "key.pem").chmod(mode)
+        with pytest.raises(SetupError, match=r"others may read or change .*key\.pem: chmod 600 .*key\.pem keeps"):
+            Access.read({**files, **USERS}, tmp_path)
+    for mode in (0o600, 0o400):
+        (tmp_path / "key.pem").chmod(mode)
+        Access.read({**files, **USERS}, tmp_path)
+
+
+def test_tls(tmp_path):
+    files = certificate(tmp_path)
 
     @served(tmp_path, {**USERS, **files, "host": "0.0.0.0"})
     async def _(server):
         trust = {"ssl": ssl.create_default_context(cafile=tmp_path / "server.pem")}
         async with server.client.post(f"{server.url}/api/login", **trust,
                                       json={"user": "ada", "password": "correct horse"}) as answer:
-            cookie = answer.headers["Set-Cookie"]
-        assert cookie.startswith("__Host-fledge-") and "Secure" in cookie and "Strict-Transport-Security" in \
-            answer.headers
+            cookies = answer.headers.getall("Set-Cookie")
+        assert len(cookies) == 2 and "Strict-Transport-Security" in answer.headers
+        assert all(cookie.startswith("__Host-fledge-") and "Secure" in cookie for cookie in cookies)
         async with server.client.get(f"{server.url}/api/crafts", **trust) as answer:
             assert answer.status == 200
 
-    for table, says in (({"host": "0.0.0.0"}, "needs certificate and key, for TLS and"),
+    for table, says in (({"host": "0.0.0.0"}, r"needs certificate and key, for TLS \(or plain_http = \"everybody"),
+                        ({"host": "0.0.0.0", "plain_http": PLAIN}, r"needs \[\[user\]\] or"),
+                        ({"plain_http": "yes"}, f"plain_http is \"{PLAIN}\", and instead .*found 'yes'"),
+                        ({"plain_http": PLAIN, **files}, "beside them"),
                         ({"host": "::", **files}, r"needs \[\[user\]\] or \[\[token\]\]"),
-                        ({"host": "0.0.0.0", **USERS}, "needs certificate and key, for TLS; without"),
+                        ({"host": "0.0.0.0", **USERS}, "needs certificate and key, for TLS .*; without"),
                         ({"certificate": "key.pem", "key": "key.pem"}, "cannot be used"),
                         ({"certificate": "none.pem", "key": "key.pem"}, "No such file"),
                         ({"certificate": "server.pem"}, "belong together")):

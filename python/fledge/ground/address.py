@@ -19,6 +19,7 @@ it is sent; keys=link.keys and role=0: of a secured link.
 from __future__ import annotations
 
 from collections.abc import Callable
+from ipaddress import ip_address
 from urllib.parse import parse_qs, urlsplit
 
 from fledge.errors import SetupError, listed
@@ -28,6 +29,14 @@ from fledge.ground.member import Member, Onlooker
 
 LOOPBACK = "127.0.0.1"
 OF_FRAMES = {"timer", "limit", "keys", "role"}
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host's name or address is this machine's alone."""
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def open_link(address: str, accepts: Callable[[bytes], bool] | None = None, frames: Frames | None = None) -> Link:

@@ -15,6 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 from fledge.commands import Dictionary, Timed
 from fledge.errors import Failure, SetupError, did_you_mean, listed
+from fledge.ground.address import is_loopback
 from fledge.ground.links import Link
 
 PATIENCE = 60.0         # [s] for an answer of the server
@@ -33,6 +34,9 @@ class Served(Link):
         parts = urlsplit(address)
         self._server, self._name = f"{parts.scheme}://{parts.netloc}", unquote(parts.path.strip("/"))
         self._token = token or os.environ.get(TOKEN, "")
+        if self._token and parts.scheme != "https" and not is_loopback(parts.hostname or ""):
+            raise SetupError(f"{address}: a token passes there so that others may read it; use https://, or an SSH tunnel "
+                             "to localhost")
         self._queue: SimpleQueue[dict[str, Any] | None] = SimpleQueue()
         self._begin = self._t = 0
         self._csrf = ""
@@ -132,11 +136,11 @@ class Served(Link):
         self._queue.put(None)
 
     async def _get(self, path: str) -> Any:
-        async with self._session.get(f"{self._server}/api/{path}") as answer:
+        async with self._session.get(f"{self._server}/api/{path}", allow_redirects=False) as answer:
             return await self._answer(answer)
 
     async def _post(self, path: str, **content: Any) -> Any:
-        async with self._session.post(f"{self._server}/api/{path}", json=content,
+        async with self._session.post(f"{self._server}/api/{path}", json=content, allow_redirects=False,
                                       headers={"X-Fledge-CSRF": self._csrf}) as answer:
             return await self._answer(answer)
 
