@@ -229,7 +229,7 @@ def add_rows(rows: Rows) -> None:
         rows.add("server, packet to browser", "median", statistics.median(under_way), "ms")
         rows.add("server, packet to browser", "99 %", under_way[int(0.99 * len(under_way))], "ms")
     with served(week) as server:
-        server.ask("replay", {"craft": "craft", "session": -1, "from_ns": "0", "to_ns": str(2**63 - 1), "speed": 1000})
+        server.ask("crafts/craft/replay", {"session": -1, "from_ns": "0", "to_ns": str(2**63 - 1), "speed": 1000})
         time.sleep(2)
         cpu, began, before = server.cpu(), time.monotonic(), server.packets("craft@replay")
         time.sleep(SECONDS)

@@ -56,12 +56,17 @@ class Journal:
         return self._db.execute(f"INSERT INTO {kind} (craft, t, content) VALUES (?, ?, ?)", (craft, t, text)).lastrowid
 
     def rows(self, kind: str, craft: str | None = None, before: int | None = None, limit: int = MOST,
-             before_ns: int | None = None) -> list[dict[str, Any]]:
+             before_ns: int | None = None, seen: tuple[list[str], str] | None = None) -> list[dict[str, Any]]:
         """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of
-        this time of the spacecraft's clock (the log: UTC) at most."""
+        this time of the spacecraft's clock (the log: UTC) at most; seen: those of some spacecraft or of a user alone."""
         where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
             before_ns is not None)
-        given = [one for one in (before, craft, before_ns) if one is not None]
+        given: list[Any] = [one for one in (before, craft, before_ns) if one is not None]
+        if seen is not None:    # a replay is of its spacecraft
+            names = ", ".join("?" * len(seen[0]))
+            where.append(f"(substr(craft, 1, instr(craft || '@', '@') - 1) IN ({names}) "
+                         "OR json_extract(content, '$.user') = ?)")
+            given += [*seen[0], seen[1]]
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         with self._lock:
             rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()

@@ -4,7 +4,6 @@ values, and does not slow the others."""
 from __future__ import annotations
 
 import asyncio
-import json
 import socket
 import struct
 import time
@@ -13,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from aiohttp import WSMsgType, web
 
-from fledge.control_room.answers import dumps, owner
+from fledge.control_room.answers import dumps
+from fledge.control_room.routes import USER, loads, message, rows
 from fledge.control_room.spacecraft import Spacecraft
+from fledge.control_room.users import Refusal
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
@@ -39,10 +40,7 @@ class Browser:
         self._wake = asyncio.Event()
         self._feeds: dict[str, _PacketFeed] = {}
 
-    def put(self, craft: str | None, text: str) -> None:
-        """A text for it, if it may see that."""
-        if craft and not self.server.guard.allowed(self.request, owner(craft), "view"):
-            return
+    def put(self, text: str) -> None:
         if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
             self.skipped += len(self._texts)
             self._texts.clear()
@@ -63,8 +61,9 @@ class Browser:
                 if message.type == WSMsgType.TEXT:
                     try:
                         self._take(message.data)
-                    except SetupError as error:
-                        self.put(None, dumps({"kind": "refused", "error": str(error)}))
+                    except (SetupError, Refusal) as error:
+                        why = error.why if isinstance(error, Refusal) else str(error)
+                        self.put(dumps({"kind": "refused", "error": why}))
         finally:
             self.server.browsers.discard(self)
             sender.cancel()
@@ -73,30 +72,35 @@ class Browser:
         return self.socket
 
     def _take(self, text: str) -> None:
-        """What the browser asks for. Raises SetupError."""
+        """What the browser asks for. Raises SetupError and Refusal."""
         try:
-            found = json.loads(text)
-        except (ValueError, RecursionError):
-            raise SetupError("a message is JSON") from None
-        if isinstance(found, dict) and isinstance(name := found.get("unsubscribe"), str):
-            self.wanted.pop(name, None)
-            return
-        if isinstance(found, dict) and isinstance(name := found.get("subscribe_packets"), str):
-            craft = self.server.room.craft(name)
-            if not self.server.guard.allowed(self.request, name, "view"):
-                raise SetupError(f"you may not see {name}")
-            if name not in self._feeds:
-                self._feeds[name] = _PacketFeed(craft)
-                craft.sinks.append(self._feeds[name].take)
-            self._wake.set()
-            return
-        wish = found.get("subscribe") if isinstance(found, dict) else None
-        if not isinstance(wish, dict) or not isinstance(wish.get("craft"), str):
-            raise SetupError(
-                'a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}} or {"unsubscribe": ...}')
-        craft = self.server.room.craft(wish["craft"])
-        if not self.server.guard.allowed(self.request, owner(craft.name), "view"):
-            raise SetupError(f"you may not see {craft.name}")
+            found = loads(text)
+        except ValueError as error:
+            raise SetupError(f"a message is JSON: {error}") from None
+        asked = MESSAGES.get(next(iter(found)), None) if isinstance(found, dict) and len(found) == 1 else None
+        wish = next(iter(found.values())) if asked else None
+        name = wish.get("craft") if isinstance(wish, dict) else wish
+        if not asked or not isinstance(name, str):
+            raise SetupError('a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}}, {"unsubscribe": ...} '
+                             'or {"subscribe_packets": ...}')
+        row, does = asked
+        does(self, self.server.seen(self.request, name, row) if row.craft else name, wish)
+        self._wake.set()
+
+    @message("unsubscribe", USER, craft="")
+    def _unsubscribe(self, name: str, _: Any) -> None:
+        self.wanted.pop(name, None)
+
+    @message("subscribe_packets", "view")
+    def _subscribe_packets(self, craft: Spacecraft, _: Any) -> None:
+        if craft.name not in self._feeds:
+            self._feeds[craft.name] = _PacketFeed(craft)
+            craft.sinks.append(self._feeds[craft.name].take)
+
+    @message("subscribe", "view")
+    def _subscribe(self, craft: Spacecraft, wish: Any) -> None:
+        if not isinstance(wish, dict):
+            raise SetupError('subscribe is {"craft": ..., "slots": [...], "hz": 10}')
         slots, hz = wish.get("slots", []), wish.get("hz", 10)
         if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
                 isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
@@ -105,7 +109,6 @@ class Browser:
             raise SetupError("hz is from 0.01 to 60")
         packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
         self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
-        self._wake.set()
 
     async def _send(self, transport: asyncio.Transport) -> None:
         loop = asyncio.get_running_loop()
@@ -160,6 +163,9 @@ class Browser:
             made = bytearray(frame)
             struct.pack_into("<I", made, 4, one.craft.index)
             await self.socket.send_bytes(made)
+
+
+MESSAGES = {row.path: (row, does) for row, does in rows(Browser)}
 
 
 class _PacketFeed:

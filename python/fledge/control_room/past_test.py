@@ -70,10 +70,10 @@ async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
         data = await (await c.client.get(f"/api/{path.replace('text,bytes,', '')}&format=binary")).read()
         for begin, end, limits in ((0, then, {"warning": [-1, 1]}), (0, 2**63 - 1, {"critical": [-0.5, 0.5]}),
                                    (then + 1, 2**63 - 1, {"critical": [-0.5, 0.5]})):
-            again = await c.post("replay", {"craft": "craft", "from_ns": str(begin), "to_ns": str(end), "speed": 0})
+            again = await c.post("crafts/craft/replay", {"from_ns": str(begin), "to_ns": str(end), "speed": 0})
             await c.until("crafts", lambda found: found[-1]["link"]["state"] == "ended")
             assert (await c.get(f"crafts/{again['name']}/slots"))[slots["real"]]["limits"] == limits
-            await c.post(f"replay/{again['name']}", method="delete")
+            await c.post(f"crafts/{again['name']}/replay", method="delete")
 
     last = [(label - 3) * real + real for _, _, real, label, _, _ in values]
     assert [int(one) for one in found["natural"]["value"]] == [one[0] for one in values]

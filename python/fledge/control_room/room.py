@@ -52,11 +52,11 @@ class Room:
     def next_index(self) -> int:
         return self._numbers
 
-    def craft(self, name: str) -> Spacecraft:
-        """The spacecraft of a name. Raises SetupError."""
-        if name not in self.crafts:
-            raise SetupError(f"there is no spacecraft '{name}'{did_you_mean(name, list(self.crafts))} there is "
-                             + listed(list(self.crafts)))
+    def craft(self, name: str, among: list[str] | None = None) -> Spacecraft:
+        """The spacecraft of a name, of all or among some. Raises SetupError."""
+        among = list(self.crafts) if among is None else among
+        if name not in among:
+            raise SetupError(f"there is no spacecraft '{name[:80]}'{did_you_mean(name, among)} there is {listed(among)}")
         return self.crafts[name]
 
     def start(self) -> None:

@@ -4,11 +4,10 @@ them."""
 from __future__ import annotations
 
 import asyncio
-import json
 import struct
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from aiohttp import web
 
@@ -19,8 +18,9 @@ from fledge.control_room.journal import JournalError
 from fledge.control_room.live import Browser
 from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
+from fledge.control_room.routes import ANYONE, RUN, USER, Row, add_routes, described, loads, route, row_of, rows, whole
 from fledge.control_room.spacecraft import PICTURES, Spacecraft
-from fledge.control_room.users import BODY_MOST, Guard, Refusal
+from fledge.control_room.users import BODY_MOST, ROLES, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
 HERE = Path(__file__).parent
@@ -34,41 +34,14 @@ class Server:
 
     def __init__(self, room: Room) -> None:
         self.room = room
-        self.guard = Guard(room.settings.access, self._log)
+        self.guard = Guard(room.settings.access, self._log, check=self._check)
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self.app = web.Application(middlewares=[self.guard.middleware, self._in_words], client_max_size=BODY_MOST)
         self.guard.attach(self.app)
-        for path, get, post in (
-                ("", self.crafts, None), ("/{c}/slots", self.slots, None), ("/{c}/commands", self.commands, None),
-                ("/{c}/raw", None, self.raw), ("/{c}/dictionary", self.dictionary, None),
-                ("/{c}/preview", None, self.preview), ("/{c}/send", None, self.send), ("/{c}/sent", self.sent, None),
-                ("/{c}/events", self.events, None), ("/{c}/alarms", self.alarms, None),
-                ("/{c}/alarms/{slot}", None, self.alarm), ("/{c}/inspect", None, self.inspect),
-                ("/{c}/packets", self.packets, None), ("/{c}/packets/{id}", self.packet, None),
-                ("/{c}/scene", self.scene, None), ("/{c}/passes", self.passes, None),
-                ("/{c}/picture", self.picture, None),
-                ("/{c}/sessions", self.sessions, None), ("/{c}/history", self.history, None),
-                ("/{c}/transfers", self.transfers, None), ("/{c}/transfers/{id}", None, self.transfer),
-                ("/{c}/files", self.files, self.upload), ("/{c}/files/{name}", self.file, None),
-                ("/{c}/fetch", None, self.fetch), ("/{c}/directory", self.directory, None),
-                ("/{c}/tables", self.tables, None), ("/{c}/tables/{name}", None, self.table),
-                ("/{c}/stored", self.stored, self.command_stored), ("/{c}/run", self.run, self.command_run),
-                ("/{c}/displays", self.displays, None), ("/{c}/questions", self.open_questions, self.ask),
-                ("/{c}/questions/{id}", self.question, self.answer_question)):
-            if get:
-                self.app.router.add_get(f"/api/crafts{path}", get)
-            if post:
-                self.app.router.add_post(f"/api/crafts{path}", post)
-        self.app.router.add_put("/api/crafts/{c}/limits/{slot}", self.limits)
-        self.app.router.add_get("/api/log", self.log)
-        self.app.router.add_post("/api/replay", self.replay)
-        self.app.router.add_delete("/api/replay/{c}", self.end_replay)
-        self.app.router.add_get("/api/openapi.yaml", self.openapi)
-        self.app.router.add_get("/api/live", self.live)
-        self.app.router.add_get("/assets/{name:[a-z0-9._-]+}", self.asset)
-        self.app.router.add_get("/", self.page)
+        add_routes(self.app, self)
+        self.app.on_startup.append(whole)
         self.app.on_startup.append(self._begin)
         self.app.on_shutdown.append(self._end)
 
@@ -86,17 +59,20 @@ class Server:
     def _hear(self, content: dict[str, Any]) -> None:
         """From any thread: something has happened."""
         if self._loop and self.browsers:
-            text = dumps(content)
-            self._loop.call_soon_threadsafe(self._spread, content.get("craft"), text)
+            self._loop.call_soon_threadsafe(self._spread, dumps(content), content.get("craft") or "",
+                                            content["user"] if content["kind"] == "log" else None)
 
-    def _spread(self, craft: str | None, text: str) -> None:
+    def _spread(self, text: str, craft: str, user: str | None) -> None:
         for one in self.browsers:
-            one.put(craft, text)
+            if self.sees(one.request, craft, user):
+                one.put(text)
 
     def _log(self, user: str, action: str, details: dict[str, Any]) -> None:
         """A line of the operators' log; what changes something is not done without it."""
-        parts = action.split()[-1].split("/")
-        craft = parts[3] if parts[1:3] == ["api", "crafts"] and len(parts) > 3 else ""
+        path = details["request"] if action == "refused" else action
+        parts = path.partition(" ")[2].split("/")
+        # A refused one could tell its user which spacecraft there are.
+        craft = parts[3] if action != "refused" and parts[1:3] == ["api", "crafts"] and len(parts) > 3 else ""
         try:
             self.room.log(user, action, dumps(details.get("body", details)) if details else "", craft,
                           action != "refused")
@@ -120,20 +96,50 @@ class Server:
         except asyncio.TimeoutError:
             raise refusal(409, f"the spacecraft's link did not answer within {PATIENCE:g} s") from None
 
-    def _craft(self, request: web.Request, role: str = "view") -> Spacecraft:
-        name = request.match_info["c"]
-        self.guard.require(request, owner(name), role)
+    # --- who may what ---
+
+    def _check(self, request: web.Request) -> None:
+        """Raises the answer to who may not ask this, by the row of its route."""
+        if not (row := row_of(request)):
+            return
+        if row.craft:
+            request["craft"] = self.seen(request, request.match_info["c"], row)
+        elif row.role in ROLES:
+            self.guard.require(request, None, row.role)
+
+    def seen(self, request: web.Request, name: str, row: Row) -> Spacecraft:
+        """The spacecraft of a name, for which the user has the role. Raises an answer, which is the same for one that
+        there is not and for one that the user may not see."""
+        there = [one for one in self.room.crafts if request["user"].knows(owner(one))]
         try:
-            return self.room.craft(name)
+            craft = self.room.craft(name, there)
         except SetupError as error:
             raise refusal(404, str(error)) from None
+        self.guard.require(request, owner(name), row.role)
+        if row.craft == RUN and craft.control and not all(
+                self.guard.allowed(request, owner(one.name), row.role) for one in self.room.crafts.values()
+                if one.control is craft.control):
+            raise refusal(403, f"other spacecraft fly in the run of {name}, for which {self._user(request)} lacks the "
+                               f"role '{row.role}'")
+        return craft
+
+    def sees(self, request: web.Request, craft: str, user: str | None = None) -> bool:
+        """Whether a user may see something: of a spacecraft, or of all; of what one has done: his own, too."""
+        if craft:
+            return self.guard.allowed(request, owner(craft), "view") or user == self._user(request)
+        return user in (None, self._user(request)) or request["user"].crafts is None
+
+    @staticmethod
+    def _craft(request: web.Request) -> Spacecraft:
+        """That of the path, for which the user has the role."""
+        return cast(Spacecraft, request["craft"])
 
     async def _body(self, request: web.Request, **kinds: tuple[type, ...] | type) -> dict[str, Any]:
         """The JSON object of a request. kinds: what its keys must be, if they are there."""
         try:
-            found = json.loads(await request.read() or b"{}")
-        except (ValueError, RecursionError):
-            raise refusal(400, "the body is no JSON") from None
+            found = loads(await request.read() or b"{}")
+        except ValueError as error:
+            raise refusal(400, f"the body: {error}") from None
         if not isinstance(found, dict):
             raise refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
         for key, value in found.items():
@@ -166,16 +172,18 @@ class Server:
 
     # --- spacecraft and parameters ---
 
+    @route("GET", "/api/crafts", "view")
     async def crafts(self, request: web.Request) -> web.StreamResponse:
-        self.guard.require(request, None, "view")
         return answer([one.told() for one in self.room.crafts.values()
-                       if self.guard.allowed(request, owner(one.name), "view")])
+                       if self.sees(request, one.name)])
 
+    @route("GET", "/api/crafts/{c}/slots", "view")
     async def slots(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).slots(self._number(request, "first", 0, 0) or 0))
 
+    @route("PUT", "/api/crafts/{c}/limits/{slot}", "administer")
     async def limits(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "administer")
+        craft = self._craft(request)
         body = await self._body(request, limits=(dict, type(None)), persistence=int)
         slot, levels, persistence = self._slot(craft, request), body.get("limits", {}), body.get("persistence", 1)
         if not 1 <= persistence <= 1000:
@@ -194,6 +202,7 @@ class Server:
             raise refusal(404, f"{craft.name} has the slots 0 to {len(craft.slot_names) - 1}; found '{text[:40]}'")
         return int(text)
 
+    @route("GET", "/api/crafts/{c}/displays", "view")
     async def displays(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         folders = [self.room.settings.displays] + ([craft.mission_folder / "displays"] if craft.mission_folder else [])
@@ -201,24 +210,28 @@ class Server:
 
     # --- commands ---
 
+    @route("GET", "/api/crafts/{c}/commands", "view")
     async def commands(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).commanding.forms)
 
+    @route("POST", "/api/crafts/{c}/preview", "view", logged=False)
     async def preview(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         body = await self._body(request, name=str, arguments=dict)
         return answer(craft.commanding.preview(body.get("name", ""), body.get("arguments", {})))
 
+    @route("POST", "/api/crafts/{c}/send", "command")
     async def send(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, name=str, arguments=dict, confirmed=bool)
         row = await self._asked(craft, lambda: craft.commanding.send(
             self._user(request), body.get("name", ""), body.get("arguments", {}), body.get("confirmed", False)))
         return answer({"id": row["id"]})
 
+    @route("POST", "/api/crafts/{c}/raw", "command")
     async def raw(self, request: web.Request) -> web.StreamResponse:
         """A packet that a script has made; it gets the number that is next."""
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         if craft.ground is None:
             raise refusal(409, f"{craft.name} takes no packets now: {craft.state}")
         ground, body = craft.ground, await self._body(request, hex=str, confirmed=bool)
@@ -247,35 +260,42 @@ class Server:
 
         return answer({"hex": (await self._asked(craft, release)).hex()})
 
+    @route("GET", "/api/crafts/{c}/dictionary", "view")
     async def dictionary(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         if craft.dictionary is None:
             raise refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
         return web.Response(text=craft.dictionary.text(), content_type="application/json")
 
+    @route("GET", "/api/crafts/{c}/sent", "view")
     async def sent(self, request: web.Request) -> web.StreamResponse:
         return self._list(request, "sent", self._craft(request).name)
 
     # --- what happened ---
 
-    def _list(self, request: web.Request, kind: str, craft: str | None) -> web.Response:
+    def _list(self, request: web.Request, kind: str, craft: str | None,
+              seen: tuple[list[str], str] | None = None) -> web.Response:
         return answer(self.room.journal.rows(
             kind, craft, self._number(request, "before"), self._number(request, "limit", 200, 1) or 200,
-            self._number(request, "before_ns")))
+            self._number(request, "before_ns"), seen))
 
+    @route("GET", "/api/crafts/{c}/events", "view")
     async def events(self, request: web.Request) -> web.StreamResponse:
         return self._list(request, "events", self._craft(request).name)
 
+    @route("GET", "/api/log", "view")
     async def log(self, request: web.Request) -> web.StreamResponse:
-        self.guard.require(request, None, "view")
-        return self._list(request, "log", None)
+        user = request["user"]
+        return self._list(request, "log", None, None if user.crafts is None else (sorted(user.crafts), user.name))
 
+    @route("GET", "/api/crafts/{c}/alarms", "view")
     async def alarms(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         return answer(craft.alarms.rows())
 
+    @route("POST", "/api/crafts/{c}/alarms/{slot}", "command")
     async def alarm(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, acknowledge=bool, note=str, shelve_s=(int, float))
         name = craft.slot_names[self._slot(craft, request)]
         if "shelve_s" in body:
@@ -287,6 +307,7 @@ class Server:
 
     # --- packets ---
 
+    @route("POST", "/api/crafts/{c}/inspect", "view", logged=False)
     async def inspect(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         body = await self._body(request, hex=str)
@@ -296,6 +317,7 @@ class Server:
             raise refusal(400, "hex has hexadecimal digits, two a byte") from None
         return answer(craft.inspect(packet))
 
+    @route("GET", "/api/crafts/{c}/packets", "view")
     async def packets(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         before = self._number(request, "before_ns", 2**63 - 1)
@@ -303,6 +325,7 @@ class Server:
         return answer(await self._aside(craft.packet_list, before, limit, request.query.get("container"),
                                         request.query.get("undecoded") == "1"))
 
+    @route("GET", "/api/crafts/{c}/packets/{id}", "view")
     async def packet(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         found = await self._aside(craft.packet_of, request.match_info["id"])
@@ -316,6 +339,7 @@ class Server:
 
     # --- back in time ---
 
+    @route("GET", "/api/crafts/{c}/scene", "view")
     async def scene(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         try:
@@ -323,6 +347,7 @@ class Server:
         except SetupError as error:
             raise refusal(404, str(error)) from None
 
+    @route("GET", "/api/crafts/{c}/passes", "view")
     async def passes(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         zero = 0 if craft.clock == "simulated" else craft.epoch_ns or 0
@@ -335,9 +360,11 @@ class Server:
             raise refusal(404, f"{craft.name} has no archive of its own")
         return craft
 
+    @route("GET", "/api/crafts/{c}/sessions", "view")
     async def sessions(self, request: web.Request) -> web.StreamResponse:
         return answer(await self._aside(self._kept(self._craft(request)).sessions))
 
+    @route("GET", "/api/crafts/{c}/history", "view")
     async def history(self, request: web.Request) -> web.StreamResponse:
         craft = self._kept(self._craft(request))
         names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
@@ -365,14 +392,12 @@ class Server:
 
         return await self._aside(made)
 
+    @route("POST", "/api/crafts/{c}/replay", "view")
     async def replay(self, request: web.Request) -> web.StreamResponse:
         from fledge.control_room.replay import Replay
 
-        body = await self._body(request, craft=str, session=int, from_ns=(str, int), to_ns=(str, int),
-                                speed=(int, float))
-        name = body.get("craft", "")
-        self.guard.require(request, name, "view")
-        source = self._kept(self.room.craft(name))
+        source = self._kept(self._craft(request))
+        body = await self._body(request, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float))
         try:
             begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
         except ValueError:
@@ -387,6 +412,7 @@ class Server:
         self.room.publish("crafts", "", {})
         return answer(made.told())
 
+    @route("DELETE", "/api/crafts/{c}/replay", "view")
     async def end_replay(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         if not craft.replayed:
@@ -396,37 +422,45 @@ class Server:
 
     # --- files, tables, stored commands ---
 
+    @route("GET", "/api/crafts/{c}/transfers", "view")
     async def transfers(self, request: web.Request) -> web.StreamResponse:
         return self._list(request, "transfers", self._craft(request).name)
 
+    @route("POST", "/api/crafts/{c}/transfers/{id}", "command")
     async def transfer(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, action=str)
         number = self._id(request)
         return answer(await self._asked(craft, lambda: craft.transfers.action(number, body.get("action", ""))))
 
+    @route("POST", "/api/crafts/{c}/files", "command")
     async def upload(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         name, data = request.query.get("name", ""), await request.read()
         row = await self._asked(craft, lambda: craft.transfers.put(name, data))
         return answer({"id": row["id"]})
 
+    @route("POST", "/api/crafts/{c}/fetch", "command")
     async def fetch(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, name=str)
         row = await self._asked(craft, lambda: craft.transfers.fetch(body.get("name", "")))
         return answer({"id": row["id"]})
 
+    @route("POST", "/api/crafts/{c}/directory", "command")
     async def directory(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")     # it sends a request
+        craft = self._craft(request)
         if "files" not in craft.told()["can"]:
             raise refusal(404, f"the flight software of {craft.name} has no Files")
-        listing = await self._asked(craft, lambda: craft.transfers.directory(request.query.get("path", "")))
+        body = await self._body(request, path=str)
+        listing = await self._asked(craft, lambda: craft.transfers.directory(body.get("path", "")))
         return answer({"names": await asyncio.wait_for(asyncio.wrap_future(listing), 6 * PATIENCE)})
 
+    @route("GET", "/api/crafts/{c}/files", "view")
     async def files(self, request: web.Request) -> web.StreamResponse:
         return answer(await self._aside(self._craft(request).transfers.files))
 
+    @route("GET", "/api/crafts/{c}/files/{name}", "view")
     async def file(self, request: web.Request) -> web.StreamResponse:
         craft, name = self._craft(request), request.match_info["name"]
         if name not in [one["name"] for one in craft.transfers.files()]:
@@ -434,22 +468,26 @@ class Server:
         return web.FileResponse(craft.transfers.folder / name, headers={
             "Content-Type": "application/octet-stream", "Content-Disposition": "attachment"})
 
+    @route("GET", "/api/crafts/{c}/tables", "view")
     async def tables(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).tables.rows())
 
+    @route("POST", "/api/crafts/{c}/tables/{name}", "command")
     async def table(self, request: web.Request) -> web.StreamResponse:
-        craft, name = self._craft(request, "command"), request.match_info["name"]
+        craft, name = self._craft(request), request.match_info["name"]
         body = await self._body(request, read=bool, values=dict)
         user, given = self._user(request), body.get("values")
         row = await self._asked(craft, lambda: craft.tables.read(user, name) if given is None else
                                 craft.tables.write(user, name, given))
         return answer({"ids": [row["id"]]})
 
+    @route("GET", "/api/crafts/{c}/stored", "view")
     async def stored(self, request: web.Request) -> web.StreamResponse:
         return answer(self._craft(request).stored.told())
 
+    @route("POST", "/api/crafts/{c}/stored", "command")
     async def command_stored(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, list=int, action=str, step=int, time_ns=(int, str), name=str, arguments=dict,
                                 confirmed=bool)
         row = await self._asked(craft, lambda: craft.stored.act(self._user(request), body))
@@ -457,19 +495,23 @@ class Server:
 
     # --- questions of scripts ---
 
+    @route("POST", "/api/crafts/{c}/questions", "command")
     async def ask(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, text=str)
         return answer(self.questions.ask(craft.name, self._user(request), body.get("text", "")))
 
+    @route("GET", "/api/crafts/{c}/questions", "view")
     async def open_questions(self, request: web.Request) -> web.StreamResponse:
         return answer(self.questions.open(self._craft(request).name))
 
+    @route("GET", "/api/crafts/{c}/questions/{id}", "command")
     async def question(self, request: web.Request) -> web.StreamResponse:
-        return answer(self.questions.look(self._craft(request, "command").name, self._id(request)))
+        return answer(self.questions.look(self._craft(request).name, self._id(request)))
 
+    @route("POST", "/api/crafts/{c}/questions/{id}", "command")
     async def answer_question(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         body = await self._body(request, answer=bool)
         if "answer" not in body:
             raise refusal(400, 'give {"answer": true} or {"answer": false}')
@@ -487,13 +529,15 @@ class Server:
             raise refusal(404, f"{craft.name} has no run control: neither the server nor its co-simulation flies it")
         return craft.control
 
+    @route("GET", "/api/crafts/{c}/run", "view")
     async def run(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         run = self._flown(craft)
         return answer(run.told(craft.state if craft.link is None else "") | {"faults": run.faults()})
 
+    @route("POST", "/api/crafts/{c}/run", "command", RUN)
     async def command_run(self, request: web.Request) -> web.StreamResponse:
-        craft = self._craft(request, "command")
+        craft = self._craft(request)
         run = self._flown(craft)
         body = await self._body(request, action=str, seconds=(int, float), speed=(int, float), fault=dict)
 
@@ -516,9 +560,11 @@ class Server:
 
     # --- the page, and live ---
 
+    @route("GET", "/", ANYONE)
     async def page(self, _: web.Request) -> web.StreamResponse:
         return self._file(HERE / "web/index.html")
 
+    @route("GET", "/assets/{name:[a-z0-9._-]+}", ANYONE)
     async def asset(self, request: web.Request) -> web.StreamResponse:
         from fledge.scene.bundle import folder
 
@@ -527,14 +573,18 @@ class Server:
             raise refusal(404, f"there is no {name}")
         return self._file(folder() / name)
 
+    @route("GET", "/api/crafts/{c}/picture", "view")
     async def picture(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         if craft.picture is None:
             raise refusal(404, f"{craft.name} has no picture: its mission's folder has none of {', '.join(PICTURES)}")
         return self._file(craft.picture)
 
+    @route("GET", "/api/openapi.yaml", USER)
     async def openapi(self, _: web.Request) -> web.StreamResponse:
-        return self._file(HERE / "api.yaml")
+        known = {(row.method, row.path): row for one in (self, self.guard) for row, _ in rows(one)}
+        return web.Response(text=described((HERE / "api.yaml").read_text(encoding="utf-8"), known),
+                            content_type="application/yaml")
 
     @staticmethod
     def _file(path: Path) -> web.StreamResponse:
@@ -542,8 +592,8 @@ class Server:
             raise refusal(404, f"{path.name} was not built: ./fledge setup --view builds the console, with Node")
         return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
+    @route("GET", "/api/live", "view")
     async def live(self, request: web.Request) -> web.StreamResponse:
-        self.guard.require(request, None, "view")
         browser = Browser(self, request)
         return await browser.serve()
 

@@ -193,7 +193,7 @@ async def test_files_and_tables_of_flight(tmp_path):
         number = (await c.post(f"{craft}/files?name=waypoints-1", data=content))["id"]
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert (rows[0]["id"], rows[0]["state"], rows[0]["done"], rows[0]["up"]) == (number, "completed", 5120, True)
-        assert "waypoints-1" in (await c.get(f"{craft}/directory"))["names"]
+        assert "waypoints-1" in (await c.post(f"{craft}/directory"))["names"]
         await c.post(f"{craft}/fetch", {"name": "waypoints-1"})
         rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
         assert (rows[0]["state"], rows[0]["up"]) == ("completed", False)
@@ -349,7 +349,7 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         assert one["hex"] == packets[0]["hex"] and one["rows"] and one["reason"] == ""
         assert (await c.post(f"{craft}/inspect", {"hex": "0801" + packets[0]["hex"][4:]}))["container"] is None
 
-        made = await c.post("replay", {"craft": "imager", "from_ns": "0", "to_ns": "200000000000", "speed": 0})
+        made = await c.post("crafts/imager/replay", {"from_ns": "0", "to_ns": "200000000000", "speed": 0})
         assert made["name"] == "imager@replay" and made["replay"] == "imager"
         await c.until("crafts", lambda rows: rows[-1]["link"]["state"] == "ended")
         replay = c.room.crafts["imager@replay"]
@@ -358,15 +358,12 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
             assert t <= 200 * 10**9 and value == found[name]["value"][found[name]["t_ns"].index(str(t))]
         assert "command" not in next(one for one in await c.get("crafts") if one["replay"])["can"]
         await c.post("crafts/imager@replay/send", {"name": "flight.noop"}, 400)
-        await c.post("replay/imager@replay", method="delete")
+        await c.post("crafts/imager@replay/replay", method="delete")
         assert len(await c.get("crafts")) == 1
-        await c.post("replay/imager", method="delete", status=409)
-        for body, why in (({"craft": "x"}, "no spacecraft"),
-                          ({"craft": "imager", "from_ns": "9" * 18}, "no packets there"),
-                          ({"craft": "imager", "from_ns": "x"}, "whole numbers"),
-                          ({"craft": "imager", "speed": -1}, "speed"),
-                          ({"craft": "imager", "from_ns": 5, "to_ns": 3}, "comes before")):
-            assert why in (await c.post("replay", body, 400))["error"]
+        await c.post("crafts/imager/replay", method="delete", status=409)
+        for body, why in (({"from_ns": "9" * 18}, "no packets there"), ({"from_ns": "x"}, "whole numbers"),
+                          ({"speed": -1}, "speed"), ({"from_ns": 5, "to_ns": 3}, "comes before")):
+            assert why in (await c.post("crafts/imager/replay", body, 400))["error"]
 
 
 @flown

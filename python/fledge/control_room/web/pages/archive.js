@@ -66,8 +66,7 @@ export async function open(context) {
                     class: "primary",
                     onclick: () => attempt(problem,
                         async () => {
-                            const made = await api.post("/api/replay", {
-                                craft,
+                            const made = await api.post(of(craft, "replay"), {
                                 session: one.session,
                                 from_ns: read(from),
                                 to_ns: read(to),
@@ -119,7 +118,7 @@ export async function open(context) {
         class: "danger",
         onclick: () => attempt(notes,
             async () => {
-                await api.delete(`/api/replay/${encodeURIComponent(craft)}`);
+                await api.delete(of(craft, "replay"));
                 await live.load();
                 context.go({craft: craft.split("@")[0], sel: ""});
             })

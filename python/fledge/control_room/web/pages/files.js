@@ -67,7 +67,7 @@ export async function open({root, api, live, keys, craft, can, on, say}) {
     const directory = () => attempt(down, async () => {
         aboard.replaceChildren(h("tr", {}, h("td", {class: "soft"}, "asked for \u2026")));
         try {
-            const {names} = await api.get(of(craft, "directory"));
+            const {names} = await api.post(of(craft, "directory"));
             aboard.replaceChildren(...names.map(
                 (one) => h("tr", {}, h("td", {class: "grow"}, one),
                     h("td", {},
