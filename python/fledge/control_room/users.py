@@ -2,8 +2,9 @@
 """Users with roles, sessions that end, tokens of scripts, and limits on what clients without a login use.
 
     access = Access.read(table, folder)         # of the server's file; refuses a network address without TLS
-    guard = Guard(access, log)                  # log(user, action, details) is the operators' log
-    app = web.Application(middlewares=[guard.middleware], client_max_size=BODY_MOST)
+    guard = Guard(access, log, check=check)     # log(user, action, details) is the operators' log; check(request)
+                                                # raises the answer to who may not ask this
+    app = web.Application(middlewares=[guard.middleware])
     guard.attach(app)                           # GET /api/session, POST /api/login, POST /api/logout
     runner = await guard.listen(app)
 
@@ -41,17 +42,18 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from ipaddress import ip_address, ip_network
-from json import JSONDecodeError, dumps, loads
+from json import dumps
 from pathlib import Path
 from time import monotonic
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote_to_bytes, urlsplit
 from weakref import WeakSet
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from fledge import __version__
+from fledge.control_room.routes import ANYONE, USER, add_routes, loads, route, row_of
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.address import is_loopback
 
@@ -71,7 +73,6 @@ TOTAL, EACH = 512, 128              # connections, and those of one address
 FIRST_S, BODY_S = 10, 60            # [s] for the first request of a connection, for the body of a request
 BODY_MOST, LOGGED = 1 << 24, 2000   # bytes of a body; of one whose content the log gets, and of a stranger's
 HEADERS_MOST = 128                  # of a request
-OPEN = {"/api/session", "/api/login"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
                                "media-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'self'; "
@@ -154,7 +155,11 @@ class User:
 
     def may(self, craft: str | None, role: str) -> bool:
         """Whether a role holds for a craft; for None, for any."""
-        return role in self.roles and (craft is None or self.crafts is None or craft in self.crafts)
+        return role in self.roles and (craft is None or self.knows(craft))
+
+    def knows(self, craft: str) -> bool:
+        """Whether its roles hold for a craft."""
+        return self.crafts is None or craft in self.crafts
 
 
 OPERATOR = User("operator", frozenset(ROLES))
@@ -300,8 +305,9 @@ class Refusal(web.HTTPException):
 class Guard:
     """Checks every request. clock: [s] of sessions' idleness and of failed attempts."""
 
-    def __init__(self, access: Access, log: Log, clock: Callable[[], float] = monotonic) -> None:
-        self.access, self.log, self.clock = access, log, clock
+    def __init__(self, access: Access, log: Log, clock: Callable[[], float] = monotonic,
+                 check: Callable[[web.Request], None] = lambda request: None) -> None:
+        self.access, self.log, self.clock, self.check = access, log, clock, check
         self.total, self.each, self.first_s, self.body_s = TOTAL, EACH, FIRST_S, BODY_S
         self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
         self.doors: set[asyncio.Transport] = set()      #: connections in their handshake of TLS
@@ -315,9 +321,7 @@ class Guard:
 
     def attach(self, app: web.Application) -> None:
         """Add the routes and headers to an application whose middleware this is."""
-        app.router.add_get("/api/session", self._session)
-        app.router.add_post("/api/login", self._login)
-        app.router.add_post("/api/logout", self._logout)
+        add_routes(app, self)
         app.on_response_prepare.append(self._secured)
         app.on_cleanup.append(self._stop)
 
@@ -378,6 +382,10 @@ class Guard:
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
             raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
+        try:
+            unquote_to_bytes(request.raw_path).decode()
+        except UnicodeError:
+            raise Refusal(400, "the path and query of a request are text in UTF-8") from None
         host = _host(request)
         if is_loopback(self.access.host) and host not in (*NAMES, self.access.host):
             raise Refusal(403, f"this server is {NAMES[0]}; the request is for {host!r}")
@@ -389,14 +397,16 @@ class Guard:
         found, by_token = self._who(request)
         user, session = found.user if found else None, None if by_token else found
         request["user"], request["session"], request["live"] = user, session, found.live if found else None
-        if request.path.startswith("/api/") and request.path not in OPEN and user is None:
+        row = row_of(request)
+        if user is None and (row.role != ANYONE if row else request.path.startswith("/api/")):
             raise Refusal(401, "log in first: POST /api/login, or a token")
-        if _changes(request):
-            if session and request.path != "/api/login" and not hmac.compare_digest(
-                    request.headers.get("X-Fledge-CSRF", "").encode(), session.csrf.encode()):
-                raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has "
-                              "it, with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
-            await self._note(request)
+        if _changes(request) and session and request.path != "/api/login" and not hmac.compare_digest(
+                request.headers.get("X-Fledge-CSRF", "").encode(errors="replace"), session.csrf.encode()):
+            raise Refusal(403, "the header X-Fledge-CSRF is missing or old: a request that changes something has it, "
+                          "with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
+        self.check(request)
+        if _changes(request) and not request.match_info.http_exception:     # a route that there is
+            await self._note(request, row is None or row.logged)
         task = asyncio.current_task()
         try:
             return await handler(request)
@@ -429,7 +439,7 @@ class Guard:
             session.used = self.clock()
         return session, False
 
-    async def _note(self, request: web.Request) -> None:
+    async def _note(self, request: web.Request, logged: bool) -> None:
         """Read the body of a changing request, and write the request into the log."""
         stranger = request["user"] is None
         if stranger and ((request.content_length or 0) > LOGGED or "Transfer-Encoding" in request.headers):
@@ -438,11 +448,11 @@ class Guard:
             body = await asyncio.wait_for(request.read(), self.body_s)
         except asyncio.TimeoutError:
             raise Refusal(408, f"the request took longer than {self.body_s} s") from None
-        if stranger or request.path in ("/api/login", "/api/logout"):
+        if stranger or not logged:
             return
         details: dict[str, Any] = {"bytes": len(body)}
         if len(body) <= LOGGED:
-            with suppress(JSONDecodeError, UnicodeDecodeError, RecursionError):
+            with suppress(ValueError):
                 details = {"body": loads(body)} if body else {}
         if request.query_string:
             details["query"] = dict(request.query)
@@ -472,6 +482,7 @@ class Guard:
         here = request.transport.get_extra_info("sockname") if request.transport else None
         return f"{'__Host-' if request.secure else ''}fledge{of}-{here[1] if here else 0}"  # cookies know no ports
 
+    @route("GET", "/api/session", ANYONE)
     async def _session(self, request: web.Request) -> web.Response:
         user, session = request["user"], request["session"]
         return web.json_response({
@@ -480,13 +491,14 @@ class Guard:
             "csrf": session.csrf if session else "", "version": __version__,
             "login": bool(self.access.users)})
 
+    @route("POST", "/api/login", ANYONE, logged=False)
     async def _login(self, request: web.Request) -> web.Response:
         try:
-            given = await request.json()
+            given = loads(await request.read())
             name, password = given["user"], given["password"]
             if not isinstance(name, str) or not isinstance(password, str) or len(password) > PASSWORD_MOST:
                 raise ValueError
-        except (ValueError, KeyError, TypeError, RecursionError):
+        except (ValueError, KeyError, TypeError):
             raise Refusal(400, "expected {\"user\": \"...\", \"password\": \"...\"}") from None
         if not self.access.users:
             raise Refusal(400, "this server has no users to log in")
@@ -517,6 +529,7 @@ class Guard:
         self._give(request, response, mark, proof, KNOWN_S)
         return response
 
+    @route("POST", "/api/logout", USER, logged=False)
     async def _logout(self, request: web.Request) -> web.Response:
         if request["session"]:
             self._end_of(request["session"], "logged out")
