@@ -51,8 +51,14 @@ struct Decoder::Operand {
 };
 
 struct Decoder::Walk {
-    std::size_t at;    ///< [bits]
-    std::size_t start; ///< [bits] of the container
+    std::size_t at;                     ///< [bits]
+    std::size_t start;                  ///< [bits] of the container
+    bool included = false;              ///< in another container
+    bool back = false;                  ///< `at` is behind an entry that is placed from the packet's end
+    std::size_t front = 0;              ///< [bits] then: where those of heirs go on
+    std::size_t most = 0;               ///< [bits] behind the furthest of the others
+    std::size_t tail = ~std::size_t(0); ///< [bits] of the first of those that are placed from the end
+    std::size_t end = 0;                ///< [bits] behind the furthest of them
 };
 
 /// What a container with fixed places needs, in loops.
@@ -670,6 +676,46 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
     return spend(content / 16);
 }
 
+/// How many elements an array has; beyond 2^20, some number beyond.
+std::optional<std::size_t> Decoder::elements(const std::vector<Dimension> &dimensions)
+{
+    std::size_t n = 1;
+    for (const Dimension &one : dimensions) {
+        const auto first = number(one.first), last = number(one.last);
+        if (!first || !last || *last - *first < -1 || *last - *first >= std::int64_t(most_fields)) {
+            return std::nullopt;
+        }
+        n = std::min((most_fields + 1), n * static_cast<std::size_t>(*last - *first + 1));
+    }
+    return n;
+}
+
+/// [bits] of a type, if they are known before it is decoded.
+std::optional<std::int64_t> Decoder::size(Id id, const std::vector<Dimension> &dimensions)
+{
+    const Type &type = db_.types[id];
+    std::optional<std::int64_t> bits;
+    if (!spend(1)) {
+        return std::nullopt;
+    }
+    if (type.sort == Sort::aggregate) {
+        bits = 0;
+        for (const Member &member : type.members) {
+            const auto one = size(member.type, {});
+            bits = bits && one ? std::optional(*bits + *one) : std::nullopt;
+        }
+    } else if (type.sort == Sort::array) {
+        const auto n = elements(dimensions.empty() ? type.dimensions : dimensions);
+        const auto one = size(type.element, {});
+        bits = n && one ? std::optional(static_cast<std::int64_t>(*n) * *one) : std::nullopt;
+    } else if (type.encoding.bits != 0) {
+        bits = type.encoding.bits;
+    } else if (type.encoding.sized) {
+        bits = number(type.encoding.size);
+    }
+    return bits && *bits >= 0 && *bits <= static_cast<std::int64_t>(n_bits_) ? bits : std::nullopt;
+}
+
 bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const std::vector<Dimension> *dimensions)
 {
     const Type &type = db_.types[id];
@@ -686,18 +732,12 @@ bool Decoder::take(Id parameter, Id id, std::uint32_t node, Walk &walk, const st
         return true;
     }
     if (type.sort == Sort::array) {
-        std::size_t n = 1;
-        for (const Dimension &one : dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
-            const auto first = number(one.first), last = number(one.last);
-            if (!first || !last || *last - *first < -1 || *last - *first >= std::int64_t(most_fields)) {
-                return broken("the size of the array " + db_.parameters[parameter].name + " is not known");
-            }
-            n *= static_cast<std::size_t>(*last - *first + 1);
-            if (n > most_fields) {
-                return broken("the array " + db_.parameters[parameter].name + " has more than 2^20 elements");
-            }
+        const auto n = elements(dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions);
+        if (!n || *n > most_fields) {
+            return broken("the " + std::string(n ? "" : "size of the ") + "array " + db_.parameters[parameter].name +
+                          (n ? " has more than 2^20 elements" : " is not known"));
         }
-        for (std::uint32_t i = 0; i < n; i++) { // of several dimensions, the last one counts fastest
+        for (std::uint32_t i = 0; i < *n; i++) { // of several dimensions, the last one counts fastest
             nodes_.push_back({node, i, id});
             if (!take(parameter, type.element, static_cast<std::uint32_t>(nodes_.size() - 1), walk, nullptr)) {
                 return false;
@@ -757,7 +797,7 @@ bool Decoder::once(const Entry &entry, Walk &walk)
         for (Id at = entry.id; at != no_id; at = db_.containers[at].base) {
             chain.push_back(at);
         }
-        Walk inner{walk.at, walk.at};
+        Walk inner{walk.at, walk.at, true};
         for (std::size_t i = chain.size(); i-- > 1;) {
             if (!entries(chain[i], inner)) {
                 return false;
@@ -803,22 +843,22 @@ bool Decoder::entry(const Entry &entry, Walk &walk)
     if (!offset || !n || !gap || *n < 0) {
         return broken("the place or the number of an entry is not known (" + db_.where(entry.place) + ")");
     }
-    std::size_t size = 0;
+    std::int64_t at = *offset + static_cast<std::int64_t>(entry.from == Entry::From::start ? walk.start : walk.at);
     if (entry.from == Entry::From::end) { // the entry's end is so far in front of the packet's
-        const Type *type = entry.what == Entry::What::parameter ? &db_.types[db_.parameters[entry.id].type] : nullptr;
-        const auto bits = type == nullptr            ? std::nullopt
-                          : type->encoding.bits != 0 ? std::optional<std::int64_t>(type->encoding.bits)
-                          : type->encoding.sized     ? number(type->encoding.size)
-                                                     : std::nullopt;
-        if (!bits || *bits < 0) {
-            return broken("an entry at the end of a container needs a size (" + db_.where(entry.place) + ")");
+        const auto bits = entry.what == Entry::What::fixed       ? std::optional<std::int64_t>(entry.bits)
+                          : entry.what == Entry::What::parameter ? size(db_.parameters[entry.id].type, entry.dimensions)
+                                                                 : std::nullopt;
+        if (walk.included || !bits) {
+            return broken((walk.included ? "an entry at the end of a container that is in another is not decoded ("
+                                         : "an entry at the end of a container needs a size (") +
+                          db_.where(entry.place) + ")");
         }
-        size = static_cast<std::size_t>(*bits);
+        const Wide from = Wide(n_bits_) - *offset - Wide(*n) * *bits - std::max<Wide>(*n - 1, 0) * *gap;
+        at = static_cast<std::int64_t>(std::clamp<Wide>(from, -1, Wide(n_bits_) + 1));
+        walk.tail = std::min(walk.tail, static_cast<std::size_t>(std::max<std::int64_t>(at, 0)));
+        walk.front = walk.back ? walk.front : walk.at;
     }
-    const std::int64_t base = entry.from == Entry::From::previous ? static_cast<std::int64_t>(walk.at)
-                              : entry.from == Entry::From::start  ? static_cast<std::int64_t>(walk.start)
-                                                                  : static_cast<std::int64_t>(n_bits_ - size) - *offset;
-    std::int64_t at = entry.from == Entry::From::end ? base : base + *offset;
+    walk.back = entry.from == Entry::From::end || (walk.back && entry.from == Entry::From::previous);
     for (std::int64_t i = 0; i < *n; i++) {
         if (at < 0 || at > static_cast<std::int64_t>(n_bits_)) {
             return broken("an entry begins at bit " + std::to_string(at) + ", and the packet has " +
@@ -830,9 +870,12 @@ bool Decoder::entry(const Entry &entry, Walk &walk)
         }
         at = static_cast<std::int64_t>(walk.at) + *gap;
     }
+    std::size_t &furthest = walk.back ? walk.end : walk.most;
+    furthest = std::max(furthest, walk.at);
     return true;
 }
 
+/// Those that are placed from the end lie behind what heirs add: these go on in front of them.
 bool Decoder::entries(Id container, Walk &walk)
 {
     const auto &all = db_.containers[container].entries;
@@ -840,6 +883,8 @@ bool Decoder::entries(Id container, Walk &walk)
     if (!whole && !packet_.stopped) {
         packet_.stopped = walk.at;
     }
+    walk.at = walk.back ? walk.front : walk.at;
+    walk.back = false;
     return whole;
 }
 
@@ -869,7 +914,13 @@ Decoder::Outcome Decoder::attempt(Id id, Walk walk, std::size_t depth, bool incl
         if (!included) {
             found_ = id;
         }
-        end_ = walk.at;
+        end_ = std::max(walk.at, walk.end);
+        if (walk.most > walk.tail) {
+            packet_.stopped = walk.tail;
+            broken("the packet is " + std::to_string(walk.most - walk.tail) + " bits too short for " + container.path +
+                   " and what stands at its end");
+            return Outcome::broken;
+        }
         return Outcome::matched;
     }
     say_why_not(id, depth);

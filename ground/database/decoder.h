@@ -134,6 +134,8 @@ private:
     bool entry(const Entry &entry, Walk &walk);
     bool once(const Entry &entry, Walk &walk);
     bool take(Id parameter, Id type, std::uint32_t node, Walk &walk, const std::vector<Dimension> *dimensions);
+    std::optional<std::size_t> elements(const std::vector<Dimension> &dimensions);
+    std::optional<std::int64_t> size(Id type, const std::vector<Dimension> &dimensions);
     bool take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::uint64_t &value, Status &status);
     bool take_binary(const Type &type, Walk &walk, std::uint64_t &raw);
     bool broken(std::string reason);

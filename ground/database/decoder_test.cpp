@@ -264,6 +264,20 @@ TEST(Decoder, SizesConditionsAndPlacesThatVary)
                                "</LocationInContainerInBits></ParameterRefEntry>")),
             {2, 5, 7, 6}),
         "n=2 a=7");
+    const std::string checked = file(
+        u8 + integer("u16", 16), "n:u8 a:u8 crc:u16",
+        container("P", "<ParameterRefEntry parameterRef='n'/><ParameterRefEntry parameterRef='crc'>"
+                       "<LocationInContainerInBits referenceLocation='containerEnd'><FixedValue>0</FixedValue>"
+                       "</LocationInContainerInBits></ParameterRefEntry>") +
+            container("Q", "a a", extends("P", "n", "1")) + container("R", "<ContainerRefEntry containerRef='Q'/>"));
+    EXPECT_EQ(decoded(checked, {1, 2, 3, 4, 5}), "n=1 crc=1029 a=2 a=3"); // behind what extends it
+    EXPECT_EQ(decoded(checked, {1, 2, 3, 4, 5, 6}), "n=1 crc=1286 a=2 a=3");
+    EXPECT_EQ(decoded(checked, {1, 2, 3, 4}),
+              "n=1 crc=772 a=2 a=3 (the packet is 8 bits too short for /S/Q and what stands at its end)");
+    const Database nested = read_xtce_text(checked, "s.xml");
+    Decoder decoder(nested);
+    EXPECT_THAT(decoder.decode(Bytes{1, 2, 3, 4, 5}, nested.container("R")).reason,
+                HasSubstr("at the end of a container that is in another is not decoded (s.xml:10)"));
     const std::string included =
         file(u8, "n:u8 a:u8 b:u8",
              container("P", "<ParameterRefEntry parameterRef='n'/>" + parameter +

@@ -81,7 +81,7 @@ public:
             throw Refusal(command_.path + " needs " + missing);
         }
         std::size_t at = 0;
-        packet(container, at);
+        packet(container, at, false);
         for (const auto &[name, value] : given_) {
             if (std::find(used_.begin(), used_.end(), name) == used_.end()) {
                 throw Refusal(command_.path + " has no argument " + name);
@@ -103,7 +103,9 @@ private:
 
     // --- the packet
 
-    void packet(Id container, std::size_t &at)
+    /// Those that are placed from the end, each with those that follow it, lie behind all others: the packet is as long
+    /// as they need.
+    void packet(Id container, std::size_t &at, bool included)
     {
         std::vector<const Container *> chain;
         for (Id one = container; one != no_id; one = db_.containers[one].base) {
@@ -111,11 +113,55 @@ private:
             fixed_by(chain.back()->restriction);
         }
         const std::size_t start = at;
+        std::size_t most = at;
+        std::vector<std::vector<const Entry *>> tails;
         for (std::size_t i = chain.size(); i-- > 0;) {
+            bool back = false;
             for (const Entry &one : chain[i]->entries) {
-                entry(one, at, start);
+                if (one.from == Entry::From::end && holds(one.include)) {
+                    tails.emplace_back();
+                }
+                back = one.from == Entry::From::end ? back || holds(one.include)
+                                                    : back && one.from == Entry::From::previous;
+                if (back) {
+                    tails.back().push_back(&one);
+                } else {
+                    entry(one, at, start);
+                    most = std::max(most, at);
+                }
             }
         }
+        if (tails.empty()) {
+            return;
+        }
+        if (included) {
+            throw Refusal(db_.where(tails[0][0]->place) +
+                          ": an entry at the end of a container that is in another is not encoded");
+        }
+        const auto front = bytes;
+        const auto placed = places;
+        std::vector<std::int64_t> behind; // where each begins, in front of the packet's end
+        std::int64_t end = static_cast<std::int64_t>(most);
+        for (const auto &tail : tails) {
+            std::size_t to = most;
+            entry(*tail[0], to, start);
+            behind.push_back(static_cast<std::int64_t>(to - most) + number(tail[0]->offset));
+            end = std::max(end, static_cast<std::int64_t>(most) + behind.back());
+            bytes = front;
+            places = placed;
+        }
+        end = (end + 7) / 8 * 8;
+        for (std::size_t i = 0; i < tails.size(); i++) {
+            std::size_t to = static_cast<std::size_t>(end - behind[i]);
+            for (const Entry *one : tails[i]) {
+                entry(*one, to, start);
+            }
+            if (to > static_cast<std::size_t>(end)) {
+                throw Refusal(db_.where(tails[i][0]->place) + ": the entry ends behind the packet");
+            }
+        }
+        bytes.resize(static_cast<std::size_t>(end) / 8);
+        at = static_cast<std::size_t>(end);
     }
 
     /// A restriction to a value gives a parameter this value; the one of an heir counts.
@@ -136,12 +182,9 @@ private:
         if (!holds(entry.include)) {
             return;
         }
-        if (entry.from == Entry::From::end) {
-            throw Refusal(db_.where(entry.place) + ": an entry at the end of a container is not encoded");
-        }
         const std::int64_t n = entry.repeats ? number(entry.count) : 1, gap = entry.repeats ? number(entry.gap) : 0;
-        std::int64_t from =
-            static_cast<std::int64_t>(entry.from == Entry::From::start ? start : at) + number(entry.offset);
+        std::int64_t from = static_cast<std::int64_t>(entry.from == Entry::From::start ? start : at) +
+                            (entry.from == Entry::From::end ? 0 : number(entry.offset)); // `at` is its place already
         for (std::int64_t i = 0; i < n; i++) {
             if (from < 0 || from > static_cast<std::int64_t>(most_bits) || ++entries_ > most_bits) {
                 throw Refusal(db_.where(entry.place) + ": the entry is outside of a packet");
@@ -155,7 +198,7 @@ private:
     void once(const Entry &entry, std::size_t &at)
     {
         switch (entry.what) {
-        case Entry::What::container: packet(entry.id, at); break;
+        case Entry::What::container: packet(entry.id, at, true); break;
         case Entry::What::fixed:
             for (std::size_t i = 0; i < entry.bits; i++) { // the last bit of the value is its last byte's
                 const std::size_t bit = 8 * entry.bytes.size() - entry.bits + i;

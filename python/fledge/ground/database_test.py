@@ -35,6 +35,7 @@ def test_a_second_reader_decodes_random_packets_of_random_databases_to_the_same_
                 found = one.decode(packet, "Root")
                 place = f"seed {seed}, packet {packet.hex()}"
                 assert (found.container or "/S/None") == f"/S/{container}", f"{place}: {found.reason}"
+                assert second.whole == (not found.reason), f"{place}: {found.reason}"
                 assert len(found.rows) == len(expected), f"{place}: {found.reason}\n{found.rows}\n{expected}"
                 for row, wanted in zip(found.rows, expected):
                     assert row[0] == wanted[0], place

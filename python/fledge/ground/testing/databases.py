@@ -15,6 +15,7 @@ class Random:
     def __init__(self, seed: int) -> None:
         self.r = random.Random(seed)
         self.types: dict[str, str] = {"u8": _number("Integer", "u8", "Integer", "sizeInBits='8'"),
+                                      "u16": _number("Integer", "u16", "Integer", "sizeInBits='16'"),
                                       "u2": _number("Integer", "u2", "Integer", "sizeInBits='2'")}
         self.parameters = {"id": "u8", "n": "u2"}
         self.scalars = [self.scalar(f"t{i}") for i in range(8)]
@@ -22,7 +23,9 @@ class Random:
         kinds = self.scalars + self.texts + [self.group("g"), self.array("l")]
         for i in range(12):
             self.parameters[f"p{i}"] = self.r.choice(kinds)
-        containers = [self.container("Root", ["id", "n"], "abstract='true'")]
+        self.parameters["crc"] = "u16"
+        self.tail = self.chance(0.4)    # a checksum behind what extends the root
+        containers = [self.container("Root", ["id", "n"], "abstract='true'", at_end("crc", 0) if self.tail else "")]
         names, values = ["Root"], list(range(8))
         self.r.shuffle(values)
         self.asked = [*values[:6], *values]
@@ -141,7 +144,8 @@ class Random:
         name = self.r.choice([name for name in self.parameters if name not in ("id", "n")])
         inside = ""
         if self.chance(0.15):
-            place = self.r.choice(["containerStart'><FixedValue>24", "previousEntry'><FixedValue>3"])
+            place = self.r.choice(["containerStart'><FixedValue>24", "previousEntry'><FixedValue>3",
+                                   *["containerEnd'><FixedValue>16", "containerEnd'><FixedValue>41"] * self.tail])
             inside += f"<LocationInContainerInBits referenceLocation='{place}</FixedValue></LocationInContainerInBits>"
         if self.chance(0.15):
             count = self.r.choice(["<FixedValue>3</FixedValue>",
@@ -153,8 +157,8 @@ class Random:
                 "</IncludeCondition>"
         return f"<ParameterRefEntry parameterRef='{name}'>{inside}</ParameterRefEntry>"
 
-    def container(self, name: str, parameters: list[str], attributes: str = "") -> str:
-        entries = "".join(f"<ParameterRefEntry parameterRef='{one}'/>" for one in parameters)
+    def container(self, name: str, parameters: list[str], attributes: str = "", more: str = "") -> str:
+        entries = "".join(f"<ParameterRefEntry parameterRef='{one}'/>" for one in parameters) + more
         return f"<SequenceContainer name='{name}' {attributes}><EntryList>{entries}</EntryList></SequenceContainer>"
 
     # --- commands: the same types, without those that vary
@@ -163,17 +167,22 @@ class Random:
         self.fixed = [*self.scalars, self.text_type("as", False), "g"]
         kinds = "".join(self.types[name].replace("ParameterType", "ArgumentType") for name in ["u8", *self.fixed])
         self.arguments = {f"a{i}": self.r.choice(self.fixed) for i in range(5)}
-        return "<CommandMetaData><ArgumentTypeSet>" + kinds + "</ArgumentTypeSet><MetaCommandSet>" \
+        trailer = f"<FixedValueEntry binaryValue='2a5' sizeInBits='{self.r.randint(1, 12)}'>" \
+            "<LocationInContainerInBits referenceLocation='containerEnd'><FixedValue>16</FixedValue>" \
+            "</LocationInContainerInBits></FixedValueEntry>" if self.tail and self.chance(0.5) else ""
+        return "<CommandMetaData><ArgumentTypeSet>" + kinds + "</ArgumentTypeSet><CommandContainerSet>" + \
+            self.container("Command", ["id"], more=at_end("crc", 0)) + "</CommandContainerSet><MetaCommandSet>" \
             "<MetaCommand name='K'><ArgumentList>" + "".join(f"<Argument name='{name}' argumentTypeRef='{kind}'/>"
                                                              for name, kind in self.arguments.items()) + \
             "</ArgumentList><CommandContainer name='KC'><EntryList><FixedValueEntry binaryValue='abc' sizeInBits='" + \
             f"{self.r.randint(1, 12)}'/>" + "".join(f"<ArgumentRefEntry argumentRef='{name}'/>" for name in
-                                                    self.arguments) + \
-            "</EntryList></CommandContainer></MetaCommand></MetaCommandSet></CommandMetaData>"
+                                                    self.arguments) + trailer + "</EntryList>" + \
+            ("<BaseContainer containerRef='Command'/>" if self.tail else "") + "</CommandContainer></MetaCommand></MetaCommandSet></CommandMetaData>"
 
     def given(self, second: Any) -> dict[str, Any]:
         """Values for the command K, that its types hold."""
-        return {name: self._value(second, second.types[kind]) for name, kind in self.arguments.items()}
+        return {name: self._value(second, second.types[kind]) for name, kind in self.arguments.items()} | (
+            {"id": self.r.getrandbits(8), "crc": self.r.getrandbits(16)} if self.tail else {})
 
     def _value(self, second, kind):
         from fledge.ground.testing.second import number
@@ -214,6 +223,13 @@ class Random:
         """Random bytes, of which the first chooses a container."""
         size = self.r.choice([0, 5, 20, 60, 100, 200, 400, 400])
         return bytes([self.r.choice(self.asked)] * (size > 0)) + self.r.randbytes(max(size - 1, 0))
+
+
+def at_end(parameter: str, offset: int) -> str:
+    """An entry whose end lies so many bits in front of the packet's."""
+    return f"<ParameterRefEntry parameterRef='{parameter}'><LocationInContainerInBits " \
+        f"referenceLocation='containerEnd'><FixedValue>{offset}</FixedValue></LocationInContainerInBits>" \
+        "</ParameterRefEntry>"
 
 
 def _number(kind: str, name: str, encoding: str, said: str, calibrator: str = "", inside: str = "") -> str:

@@ -37,14 +37,18 @@ class Second:
         """(name of the container, rows); of a packet that fits none, None and no row."""
         self.bits, self.size = int.from_bytes(packet, "big"), 8 * len(packet)
         self.rows: list[tuple[str, Any, Any]] = []
-        self.last = ""
+        self.last, self.whole = "", True
+        self.most, self.tail = 0, self.size     # behind what is placed from the front; in front of what is from the end
         try:
-            return self._fit(root, 0), self.rows
+            found = self._fit(root, 0)
+            self.whole = found is not None
+            return found, self.rows
         except Ends:
+            self.whole = False
             return self.last, self.rows
 
     def _fit(self, name, at):
-        container, before = self.containers[name], len(self.rows)
+        container, before, bounds = self.containers[name], len(self.rows), (self.most, self.tail)
         self.last = name
         at = self._entries(container, at)
         for heir, one in self.containers.items():
@@ -57,11 +61,15 @@ class Second:
                         return found
         if container.get("abstract") == "true":
             del self.rows[before:]
+            self.most, self.tail = bounds
             return None
         self.last = name
+        if self.most > self.tail:
+            raise Ends
         return name
 
     def _entries(self, container, at, start=0):
+        front = None    # behind an entry that is placed from the end: where heirs go on
         for entry in container.find("EntryList"):
             include = entry.find("IncludeCondition")
             if include is not None and not self._holds(include[0]):
@@ -70,19 +78,51 @@ class Second:
             gap = entry.find("RepeatEntry/Offset")
             place = entry.find("LocationInContainerInBits")
             offset = 0 if place is None else self._number(place)
-            from_start = place is not None and place.get("referenceLocation") == "containerStart"
-            position = (start if from_start else at) + offset
-            for _ in range(1 if count is None else self._number(count)):
+            origin = "previousEntry" if place is None else place.get("referenceLocation")
+            n, gap = 1 if count is None else self._number(count), 0 if gap is None else self._number(gap)
+            position = (start if origin == "containerStart" else at) + offset
+            if origin == "containerEnd":
+                position = self.size - offset - n * self._size(self.types[self.parameters[entry.get("parameterRef")]]) \
+                    - max(n - 1, 0) * gap
+                front, self.tail = at if front is None else front, min(self.tail, max(position, 0))
+            elif origin == "containerStart":
+                front = None
+            for _ in range(n):
                 if not 0 <= position <= self.size:
                     raise Ends
                 at = position
                 if entry.tag == "ContainerRefEntry":
+                    most = self.most
                     at = self._entries(self.containers[entry.get("containerRef")], at, at)
+                    self.most = most
                 else:
                     name = entry.get("parameterRef")
                     at = self._take(name, self.types[self.parameters[name]], at)
-                position = at + (0 if gap is None else self._number(gap))
-        return at
+                position = at + gap
+            if front is None:
+                self.most = max(self.most, at)
+        return at if front is None else front
+
+    def _size(self, kind):
+        """The bits of a type that has a size."""
+        if kind.tag.startswith("Aggregate"):
+            return sum(self._size(self.types[one.get("typeRef")]) for one in kind.find("MemberList"))
+        if kind.tag.startswith("Array"):
+            return self._elements(kind) * self._size(self.types[kind.get("arrayTypeRef")])
+        encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
+        if encoding.tag in NUMBER:
+            return int(encoding.get("sizeInBits", "32" if encoding.tag == "FloatDataEncoding" else "8"))
+        size = encoding.find("SizeInBits")
+        n = self._number(size if size is not None else encoding.find("Variable"))
+        if not 0 <= n <= self.size:
+            raise Ends
+        return n
+
+    def _elements(self, kind):
+        n = 1
+        for one in kind.iter("Dimension"):
+            n *= self._number(one.find("EndingIndex")) - self._number(one.find("StartingIndex")) + 1
+        return n
 
     def _bits(self, at, n):
         if at + n > self.size:
@@ -98,10 +138,7 @@ class Second:
                 at = self._take(f"{path}.{member.get('name')}", self.types[member.get("typeRef")], at)
             return at
         if kind.tag.startswith("Array"):
-            n = 1
-            for one in kind.iter("Dimension"):
-                n *= self._number(one.find("EndingIndex")) - self._number(one.find("StartingIndex")) + 1
-            for i in range(n):
+            for i in range(self._elements(kind)):
                 at = self._take(f"{path}[{i}]", self.types[kind.get("arrayTypeRef")], at)
             return at
         encoding = next(one for one in kind if one.tag.endswith("DataEncoding"))
@@ -216,12 +253,31 @@ class Second:
 
     def _write(self, command, given):
         arguments = {one.get("name"): one.get("argumentTypeRef") for one in command.iter("Argument")}
-        for entry in command.find("CommandContainer/EntryList"):
+        own = command.find("CommandContainer")
+        base, tails = own.find("BaseContainer"), []
+        for entry in [*(self.containers[base.get("containerRef")] if base is not None else own).find("EntryList"),
+                      *(own.find("EntryList") if base is not None else ())]:
+            front = self.bits, self.size
+            place = entry.find("LocationInContainerInBits")
+            if place is not None:
+                self.bits = self.size = 0
             if entry.tag == "FixedValueEntry":
                 n = int(entry.get("sizeInBits"))
                 self._put(n, int(entry.get("binaryValue"), 16) & ((1 << n) - 1))
+            elif entry.tag == "ParameterRefEntry":
+                self._give(self.types[self.parameters[entry.get("parameterRef")]], given[entry.get("parameterRef")])
             else:
                 self._give(self.types[arguments[entry.get("argumentRef")]], given[entry.get("argumentRef")])
+            if place is not None:   # of commands here: from the end alone
+                tails.append((int(place.findtext("FixedValue")), self.bits, self.size))
+                self.bits, self.size = front
+        if tails:
+            size = self.size + max(offset + n for offset, _, n in tails)
+            size += -size % 8
+            self.bits <<= size - self.size
+            self.size = size
+            for offset, bits_, _ in tails:
+                self.bits |= bits_ << offset
 
     def _put(self, n, value):
         self.bits, self.size = self.bits << n | value, self.size + n
