@@ -277,7 +277,7 @@ TEST(Decoder, SizesConditionsAndPlacesThatVary)
     const Database nested = read_xtce_text(checked, "s.xml");
     Decoder decoder(nested);
     EXPECT_THAT(decoder.decode(Bytes{1, 2, 3, 4, 5}, nested.container("R")).reason,
-                HasSubstr("at the end of a container that is in another is not decoded (s.xml:10)"));
+                HasSubstr("at the end of a container that is in another is not decoded (s.xml:8)"));
     const std::string included =
         file(u8, "n:u8 a:u8 b:u8",
              container("P", "<ParameterRefEntry parameterRef='n'/>" + parameter +

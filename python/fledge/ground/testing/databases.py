@@ -177,7 +177,8 @@ class Random:
             "</ArgumentList><CommandContainer name='KC'><EntryList><FixedValueEntry binaryValue='abc' sizeInBits='" + \
             f"{self.r.randint(1, 12)}'/>" + "".join(f"<ArgumentRefEntry argumentRef='{name}'/>" for name in
                                                     self.arguments) + trailer + "</EntryList>" + \
-            ("<BaseContainer containerRef='Command'/>" if self.tail else "") + "</CommandContainer></MetaCommand></MetaCommandSet></CommandMetaData>"
+            ("<BaseContainer containerRef='Command'/>" if self.tail else "") + \
+            "</CommandContainer></MetaCommand></MetaCommandSet></CommandMetaData>"
 
     def given(self, second: Any) -> dict[str, Any]:
         """Values for the command K, that its types hold."""
