@@ -109,6 +109,12 @@ TEST_F(Fuzz, packets_and_their_headers)
     std::uint64_t delivered = 0, accepted = 0, whole = 0;
     PacketZone zone{};
     packet_zone_begin(&zone, spanned.data(), spanned.size(), expect_packet, &delivered);
+    zone.encapsulation = [](void *, const std::uint8_t *bytes, std::size_t n) {
+        std::uint32_t size = 0;
+        ASSERT_EQ(packet_size(bytes, n, &size), CCSDS_OK);
+        ASSERT_EQ(size, n);
+        ASSERT_FALSE(packet_is_idle(bytes));
+    };
     for (std::uint32_t i = 0; i < cases; i++) {
         const Bytes bytes = damaged(packet());
         SpacePacket head{};
@@ -140,6 +146,7 @@ TEST_F(Fuzz, packets_and_their_headers)
     EXPECT_GT(accepted, cases / 4);
     EXPECT_GT(whole, cases / 40);
     EXPECT_GT(delivered, cases / 10);
+    EXPECT_GT(zone.encapsulated, cases / 400);
 }
 
 TEST_F(Fuzz, telemetry_frames)
@@ -183,7 +190,7 @@ TEST_F(Fuzz, telemetry_frames)
             const Bytes exact(bytes);
             TmFrame frame{};
             const CcsdsFault fault =
-                aos ? aos_frame_read(exact.data(), exact.size(), channel.control, channel.check, &frame)
+                aos ? aos_frame_read(exact.data(), exact.size(), any(4), channel.control, channel.check, &frame)
                     : tm_frame_read(&channel, exact.data(), exact.size(), &frame);
             if (fault == CCSDS_OK) {
                 accepted++;

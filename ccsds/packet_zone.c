@@ -27,11 +27,18 @@ void packet_zone_gap(PacketZone *zone)
     drop(zone, CCSDS_GAP);
 }
 
-static void deliver(PacketZone *zone, const SpacePacket *packet, const uint8_t *bytes)
+static void deliver(PacketZone *zone, const uint8_t *bytes, size_t n)
 {
-    if (packet->application != (uint16_t)SPACE_PACKET_IDLE) {
+    if (packet_is_idle(bytes)) {
+        zone->idle++;
+    } else if (bytes[0] >> 5 == 0u) {
         zone->packets++;
-        zone->sink(zone->user, bytes, packet->size);
+        zone->sink(zone->user, bytes, n);
+    } else {
+        zone->encapsulated++;
+        if (zone->encapsulation != NULL) {
+            zone->encapsulation(zone->user, bytes, n);
+        }
     }
 }
 
@@ -46,18 +53,18 @@ static int follow(PacketZone *zone, const uint8_t *bytes, size_t n)
             n -= part;
             continue;
         }
-        SpacePacket packet = {0};
-        if (zone->n == 0 && space_packet_read(&packet, bytes, n) == CCSDS_OK) { /* whole: no copy */
-            deliver(zone, &packet, bytes);
-            bytes += packet.size;
-            n -= packet.size;
+        uint32_t size = 0u;
+        if (zone->n == 0 && packet_size(bytes, n, &size) == CCSDS_OK) { /* whole: no copy */
+            deliver(zone, bytes, size);
+            bytes += size;
+            n -= size;
             continue;
         }
-        /* First the header, then the rest. */
-        size_t wanted = (size_t)SPACE_PACKET_HEADER;
-        if (zone->n >= wanted) {
-            (void)space_packet_read(&packet, zone->memory, zone->n);
-            wanted = packet.size;
+        /* The first byte, then the header, then the rest. */
+        size_t wanted = zone->n == 0 ? 1u : packet_header(zone->memory[0]);
+        if (zone->n != 0 && zone->n >= wanted) {
+            (void)packet_size(zone->memory, zone->n, &size);
+            wanted = size;
         }
         const size_t part = wanted - zone->n < n ? wanted - zone->n : n;
         memcpy(zone->memory + zone->n, bytes, part);
@@ -67,16 +74,16 @@ static int follow(PacketZone *zone, const uint8_t *bytes, size_t n)
         if (zone->n < wanted) {
             continue;
         }
-        const CcsdsFault fault = space_packet_read(&packet, zone->memory, zone->n);
+        const CcsdsFault fault = packet_size(zone->memory, zone->n, &size);
         if (fault == CCSDS_OK) {
             zone->n = 0;
-            deliver(zone, &packet, zone->memory);
-        } else if (fault == CCSDS_VERSION) {
-            drop(zone, CCSDS_VERSION);
+            deliver(zone, zone->memory, size);
+        } else if (fault == CCSDS_VERSION || (fault == CCSDS_LENGTH && size == 0u)) {
+            drop(zone, fault);
             return 0;
-        } else if (packet.size > zone->room) {
+        } else if (size > zone->room) {
             zone->faults[CCSDS_ROOM]++;
-            zone->skip = packet.size - zone->n;
+            zone->skip = size - zone->n;
             zone->n = 0;
         }
     }

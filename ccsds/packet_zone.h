@@ -17,7 +17,7 @@ enum {
 
 typedef void (*PacketSink)(void *user, const uint8_t *packet, size_t n);
 
-/** Takes packets out of zones. Idle packets are dropped. */
+/** Takes packets out of zones. Idle packets are dropped; encapsulation packets go to a function of their own. */
 typedef struct PacketZone {
     uint8_t *memory; ///< for the packet that is not whole yet
     size_t room;     ///< [bytes] of it
@@ -25,8 +25,11 @@ typedef struct PacketZone {
     size_t skip;     ///< [bytes] still to come of a packet for which there is no room
     uint8_t synced;  ///< 1: the next byte of a zone belongs to the packet
     PacketSink sink;
+    PacketSink encapsulation; ///< NULL: they are counted alone
     void *user;
     uint32_t packets;
+    uint32_t encapsulated; ///< encapsulation packets, without idle ones
+    uint32_t idle;         ///< packets that fill, of both kinds
     uint32_t
         faults[CCSDS_FAULTS]; ///< GAP: packets cut off by a missing frame; ROOM; LENGTH: a packet ends elsewhere than
                               ///< where the pointer says; VERSION; STRAY: zones from which nothing could be used

@@ -38,15 +38,19 @@ void space_link_craft_begin(SpaceLinkCraft *craft, const SpaceLinkSetup *setup)
 static CcsdsFault give(const Taking *taking, const uint8_t *bytes, size_t n, uint16_t spi)
 {
     while (n != 0) {
-        SpacePacket packet;
-        const CcsdsFault fault = space_packet_read(&packet, bytes, n);
+        uint32_t size;
+        const CcsdsFault fault = packet_size(bytes, n, &size);
         if (fault != CCSDS_OK) {
             return fault;
         }
-        taking->craft->packets++;
-        taking->sink(taking->user, bytes, packet.size, spi);
-        bytes += packet.size;
-        n -= packet.size;
+        if (bytes[0] >> 5 == 0u) {
+            taking->craft->packets++;
+            taking->sink(taking->user, bytes, size, spi);
+        } else if (!packet_is_idle(bytes)) {
+            taking->craft->faults[CCSDS_VERSION]++; /* an encapsulation packet: those behind it are found */
+        }
+        bytes += size;
+        n -= size;
     }
     return CCSDS_OK;
 }

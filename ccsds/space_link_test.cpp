@@ -413,10 +413,18 @@ TEST(SpaceLink, what_is_not_for_this_spacecraft_is_refused_and_counted)
     craft.take(Bytes(3000));
     EXPECT_EQ(craft.craft.faults[CCSDS_ROOM], 1u);
     Ground ground(plain, false);
-    ground.send(1, Bytes(20, 0xFF)); // no packet
+    ground.send(1, Bytes(20, 0x3F)); // no packet
     craft.take(ground.up.front());
     EXPECT_EQ(craft.craft.faults[CCSDS_VERSION], 1u);
     EXPECT_TRUE(craft.packets.empty());
+    Bytes several{0xE9, 4, 1, 2, 0xE0}; // an encapsulation packet, one that fills
+    const Bytes good = packet_of(7);
+    several.insert(several.end(), good.begin(), good.end());
+    ground.up.clear();
+    ground.send(2, several);
+    craft.take(ground.up.front());
+    EXPECT_EQ(craft.craft.faults[CCSDS_VERSION], 2u);
+    EXPECT_EQ(craft.packets.size(), 1u);
 }
 
 TEST(SpaceLink, a_stream_is_found_again_behind_damage)

@@ -3,6 +3,34 @@
 
 #include <string.h>
 
+CcsdsFault packet_size(const uint8_t *bytes, size_t n, uint32_t *size)
+{
+    const size_t header = n != 0 ? packet_header(bytes[0]) : 1u;
+    *size = 0u;
+    if (header == 0) {
+        return CCSDS_VERSION;
+    }
+    if (n < header) {
+        return CCSDS_SHORT;
+    }
+    if (bytes[0] >> 5 == 0u) {
+        *size = (uint32_t)ccsds_get16(bytes + 4) + 7u;
+    } else if (header == 1u) {
+        *size = packet_is_idle(bytes) ? 1u : 0u;
+    } else {
+        *size = header == 2u ? bytes[1] : (header == 4u ? ccsds_get16(bytes + 2) : ccsds_get32(bytes + 4));
+        *size = *size < header ? 0u : *size;
+    }
+    return *size == 0u || *size > n ? CCSDS_LENGTH : CCSDS_OK;
+}
+
+int packet_is_idle(const uint8_t *bytes)
+{
+    return bytes[0] >> 5 == (uint32_t)ENCAPSULATION
+               ? (bytes[0] & 0x1Cu) == 0u
+               : (ccsds_get16(bytes) & (uint32_t)SPACE_PACKET_IDLE) == (uint32_t)SPACE_PACKET_IDLE;
+}
+
 void space_packet_idle(uint8_t *bytes, size_t n)
 {
     const SpacePacket idle = {(uint32_t)n, SPACE_PACKET_IDLE, 0u, 0u, 0u, SPACE_PACKET_WHOLE};

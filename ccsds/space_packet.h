@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Space packets (CCSDS 133.0-B-2).
+/* Space packets (CCSDS 133.0-B-2), and the sizes of encapsulation packets (133.1-B-3), which may stand between them.
  *
  *     byte 0  version (3 bits, 0), 1 for a command, 1 with a secondary header, application (11 bits)
  *          2  part (2 bits), count of the application's packets (14 bits)
@@ -59,6 +59,29 @@ static inline CcsdsFault space_packet_read(SpacePacket *packet, const uint8_t *b
     packet->size = (uint32_t)ccsds_get16(bytes + 4) + 7u;
     return packet->size > n ? CCSDS_LENGTH : CCSDS_OK;
 }
+
+enum {
+    ENCAPSULATION = 7, ///< the version of encapsulation packets: the first 3 bits
+    ENCAPSULATION_HEADER_MAX = 8
+};
+
+/** [bytes] of the header of the packet that begins with this byte; 0: of another version.
+ *
+ * An encapsulation packet has the version (3 bits), the protocol in it (3 bits; 0: it fills) and the size of its header
+ * (2 bits: 1, 2, 4 or 8 bytes), which ends with the length of the whole packet. */
+static inline size_t packet_header(uint32_t first)
+{
+    return first >> 5 == 0u ? (size_t)SPACE_PACKET_HEADER
+                            : (first >> 5 == (uint32_t)ENCAPSULATION ? (size_t)1u << (first & 3u) : 0u);
+}
+
+/** The size of the packet, of either version, with which n bytes begin. CCSDS_SHORT: fewer than a header;
+ * CCSDS_VERSION; CCSDS_LENGTH: it is longer than n, or has size 0 because it says that it is shorter than its header.
+ * One whose header is a single byte is an idle one. */
+CcsdsFault packet_size(const uint8_t *bytes, size_t n, uint32_t *size);
+
+/** Whether a whole packet fills alone. */
+int packet_is_idle(const uint8_t *bytes);
 
 /** Write a header: 6 bytes. */
 static inline void space_packet_write(const SpacePacket *packet, uint8_t *bytes)

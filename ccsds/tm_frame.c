@@ -60,9 +60,9 @@ CcsdsFault tm_frame_read(const TmChannel *channel, const uint8_t *bytes, size_t 
     return CCSDS_OK;
 }
 
-CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, int control, int check, TmFrame *frame)
+CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, size_t before, int control, int check, TmFrame *frame)
 {
-    const size_t header = 8; /* two bytes of it are the M_PDU's */
+    const size_t header = (size_t)AOS_FRAME_HEADER + before + 2u; /* two bytes of it are the M_PDU's */
     if (n <= header + TM_CONTROL + TM_CHECK) {
         return CCSDS_LENGTH;
     }
@@ -78,7 +78,7 @@ CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, int control, int check
     frame->virtual_channel = id & 0x3Fu;
     frame->master_count = 0u;
     frame->count = ccsds_get24(bytes + 2);
-    frame->first = (uint32_t)ccsds_get16(bytes + 6) & 0x7FFu;
+    frame->first = (uint32_t)ccsds_get16(bytes + header - 2) & 0x7FFu;
     frame->zone = bytes + header;
     frame->n = n - header;
     return CCSDS_OK;

@@ -17,6 +17,7 @@ extern "C" {
 #endif
 
 enum { TM_FRAME_HEADER = 6, TM_FRAME_MAX = 2048, TM_CHANNELS = 8, TM_CONTROL = 4, TM_CHECK = 2 };
+enum { AOS_FRAME_HEADER = 6, AOS_CHANNELS = 64 };
 
 /** What is the same for all frames of a physical channel. */
 typedef struct TmChannel {
@@ -49,9 +50,10 @@ typedef struct TmFrame {
 /** Read a frame of n bytes. */
 CcsdsFault tm_frame_read(const TmChannel *channel, const uint8_t *bytes, size_t n, TmFrame *frame);
 
-/** Read an AOS frame of n bytes, without insert zone, whose zone is an M_PDU. check: it ends with a CRC; control: with
- * an operational control field in front of that. */
-CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, int control, int check, TmFrame *frame);
+/** Read an AOS frame of n bytes, whose zone is an M_PDU. before: [bytes] between its header and the M_PDU, of a header
+ * error control and an insert zone; check: it ends with a CRC; control: with an operational control field in front of
+ * that. */
+CcsdsFault aos_frame_read(const uint8_t *bytes, size_t n, size_t before, int control, int check, TmFrame *frame);
 
 typedef void (*TmSink)(void *user, const uint8_t *frame, size_t n);
 

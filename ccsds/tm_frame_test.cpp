@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <fstream>
 #include <iterator>
@@ -259,12 +260,101 @@ TEST(PacketZone, packets_that_are_too_long_or_end_elsewhere_are_counted)
     EXPECT_EQ(found, std::vector<Bytes>{small});
     EXPECT_EQ(zone.faults[CCSDS_LENGTH], 1u);
     Bytes other = small;
-    other[0] = 0xFF;
+    other[0] = 0x3F;
     packet_zone_take(&zone, other.data(), other.size(), 0);
     EXPECT_EQ(zone.faults[CCSDS_VERSION], 1u);
     packet_zone_take(&zone, other.data(), other.size(), PACKET_ZONE_NONE);
     packet_zone_take(&zone, other.data(), other.size(), 20);
     EXPECT_EQ(zone.faults[CCSDS_STRAY], 2u);
+}
+
+/// An encapsulation packet as 133.1-B-3, 4.1.2 draws it: its protocol, the size of its header, its data.
+Bytes encapsulation(unsigned protocol, std::size_t header, const Bytes &data)
+{
+    const std::size_t n = header + data.size();
+    Bytes packet{static_cast<std::uint8_t>(0b111 << 5 | protocol << 2 | (header == 8 ? 3 : header / 2))};
+    if (header == 2) {
+        packet.push_back(static_cast<std::uint8_t>(n));
+    } else if (header > 2) {
+        packet.push_back(0xA5); // the user's, and the extension of the protocol
+        if (header == 8) {
+            packet.insert(packet.end(), {0, 0, 0, 0}); // the standard's, and the upper half of the length
+        }
+        packet.insert(packet.end(), {static_cast<std::uint8_t>(n >> 8), static_cast<std::uint8_t>(n)});
+    }
+    packet.insert(packet.end(), data.begin(), data.end());
+    return packet;
+}
+
+TEST(PacketZone, encapsulation_packets_stand_between_space_packets)
+{
+    std::mt19937 random(6);
+    for (int i = 0; i < 300; i++) {
+        Bytes stream, memory(3000);
+        std::vector<Bytes> spaces, others, found, foreign;
+        std::vector<std::size_t> begins;
+        std::uint32_t idle = 0;
+        for (int k = 0; k < 30; k++) {
+            const std::size_t header = std::size_t{1} << random() % 4;
+            const Bytes data = any_bytes(random, header == 1 ? 0 : random() % (header == 2 ? 200 : 2000));
+            const unsigned protocol = header == 1 ? 0 : random() % 8;
+            const bool space = random() % 2 != 0;
+            const Bytes one = space
+                                  ? packet_of(random, static_cast<std::uint16_t>(random() % 5 ? 5 : SPACE_PACKET_IDLE),
+                                              0, 7 + random() % 100)
+                                  : encapsulation(protocol, header, data);
+            const bool fills = space ? (one[0] & 7) == 7 && one[1] == 0xFF : protocol == 0;
+            idle += fills;
+            if (!fills) {
+                (space ? spaces : others).push_back(one);
+            }
+            begins.push_back(stream.size());
+            stream.insert(stream.end(), one.begin(), one.end());
+        }
+        struct Sinks {
+            std::vector<Bytes> *found, *foreign;
+        } sinks{&found, &foreign};
+        PacketZone zone{};
+        packet_zone_begin(
+            &zone, memory.data(), memory.size(),
+            [](void *user, const std::uint8_t *bytes, std::size_t n) {
+                static_cast<Sinks *>(user)->found->emplace_back(bytes, bytes + n);
+            },
+            &sinks);
+        zone.encapsulation = [](void *user, const std::uint8_t *bytes, std::size_t n) {
+            static_cast<Sinks *>(user)->foreign->emplace_back(bytes, bytes + n);
+        };
+        if (i % 3 == 0) {
+            zone.encapsulation = nullptr; // they are counted alone
+        }
+        const std::size_t size = 5 + random() % 500;
+        for (std::size_t at = 0; at < stream.size(); at += size) {
+            const auto next = std::lower_bound(begins.begin(), begins.end(), at);
+            const std::size_t n = std::min(size, stream.size() - at);
+            packet_zone_take(&zone, &stream[at], n,
+                             next != begins.end() && *next < at + n ? static_cast<std::uint32_t>(*next - at)
+                                                                    : static_cast<std::uint32_t>(PACKET_ZONE_NONE));
+        }
+        ASSERT_EQ(found, spaces);
+        ASSERT_EQ(foreign, i % 3 == 0 ? std::vector<Bytes>() : others);
+        ASSERT_EQ(zone.encapsulated, others.size());
+        ASSERT_EQ(zone.idle, idle);
+        for (const std::uint32_t n : zone.faults) {
+            ASSERT_EQ(n, 0u);
+        }
+    }
+    for (const Bytes &wrong : {Bytes{0xE4}, Bytes{0xE9, 1}, Bytes{0xEA, 0, 0, 3}}) { // shorter than their headers
+        std::vector<Bytes> found;
+        Bytes memory(50), zones = wrong;
+        PacketZone zone{};
+        packet_zone_begin(&zone, memory.data(), memory.size(), keep, &found);
+        zones.insert(zones.end(), 20, 0);
+        packet_zone_take(&zone, zones.data(), zones.size(), 0);
+        EXPECT_EQ(zone.faults[CCSDS_LENGTH], 1u);
+        const Bytes good = packet_of(random, 1, 0, 20);
+        packet_zone_take(&zone, good.data(), good.size(), 0);
+        EXPECT_EQ(found, std::vector<Bytes>{good});
+    }
 }
 
 /// Whatever comes, readers stay within their memory and find the frames that follow.
@@ -332,7 +422,7 @@ TEST(AosFrame, real_frames_give_the_packets_of_the_published_list)
             Receiver &all = *static_cast<Receiver *>(user);
             sync_randomise_tm(bytes, n);
             TmFrame frame{};
-            ASSERT_EQ(aos_frame_read(bytes, n - 128, 0, 0, &frame), CCSDS_OK);
+            ASSERT_EQ(aos_frame_read(bytes, n - 128, 0, 0, 0, &frame), CCSDS_OK);
             EXPECT_EQ(frame.spacecraft, 157);
             const unsigned channel = frame.virtual_channel;
             all.frames++;
