@@ -126,11 +126,15 @@ def write_files(files: Mapping[str, str | bytes], folder: Path | str) -> list[Pa
     return [whole for _, whole in fresh]
 
 
-def make(folder: Path) -> list[Path]:
-    """Make a folder and those above it; returns those that were not there."""
-    made = [one for one in (folder, *folder.parents) if not one.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    return made[::-1]
+def make(folder: Path, mode: int = 0o777) -> list[Path]:
+    """Make a folder and those above it; returns those that were not there. mode: 0o700 of runs, which are their
+    owner's."""
+    made = [one for one in (folder, *folder.parents) if not one.exists()][::-1]
+    for one in made:
+        one.mkdir(mode, exist_ok=True)
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder))
+    return made
 
 
 def build_folder() -> Path:

@@ -66,6 +66,7 @@ M_ARENA_MAX = -8        # of mallopt(3)
 def serve(options: argparse.Namespace) -> int:
     import asyncio
     import ctypes
+    import os
     import signal
     from pathlib import Path
 
@@ -75,7 +76,14 @@ def serve(options: argparse.Namespace) -> int:
 
     print(f"fledge: loading the spacecraft of {options.file} ...", file=sys.stderr, flush=True)
     ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)   # with a heap for each thread, each keeps the size of its largest answer
-    room = Room(read(Path(options.file)))
+    os.umask(0o077)     # journal, archive and files are their owner's
+    settings = read(Path(options.file))
+    open_ones = settings.guarded()
+    room = Room(settings)
+    for text in open_ones:
+        print(f"fledge: {text}", file=sys.stderr)
+        for craft in settings.crafts:
+            room.tell(craft.name, "warning", "server", text)
 
     async def until_signal() -> None:
         over = asyncio.Event()
@@ -120,7 +128,8 @@ def run(options: argparse.Namespace) -> int:
             with _ended_as_by_ctrl_c():
                 problem, code = script.run(function, lambda: trace(options))
         finally:
-            at = page.write(folder / "script.html", entries, shlex.join(["./fledge", *options.words]))
+            words = [one.replace(options.token or "\0", "...") for one in options.words]      # the page is for others
+            at = page.write(folder / "script.html", entries, shlex.join(["./fledge", *words]))
             say(f"  page     {at}")
     if problem:
         raise Failure(f"{path.name}: {problem}" if code == 130 else problem, code)

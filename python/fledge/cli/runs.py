@@ -6,7 +6,6 @@
 """
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 import sys
@@ -15,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fledge.errors import Failure, listed
+from fledge.files import make
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -35,10 +35,7 @@ def alone(folder: Path, instead: str = "give another folder with --out") -> Iter
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     lock = -1
     while lock < 0:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            raise NotADirectoryError(errno.ENOTDIR, "it is a file; give a folder", str(folder)) from None
+        make(folder, 0o700)
         lock = _lock(folder, instead)
     try:
         yield

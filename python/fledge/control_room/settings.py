@@ -6,11 +6,11 @@ docs/control-room.md lists the keys.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fledge.control_room.users import KEYS, Access
+from fledge.control_room.users import KEYS, Access, own
 from fledge.errors import SetupError
 from fledge.frames import Frames
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
@@ -56,23 +56,48 @@ class Settings:
     crafts: tuple[CraftSettings, ...] = ()
     access: Access = field(default_factory=Access)
     more: dict[str, Any] = field(default_factory=dict)      # the tables of MORE
+    stamp: tuple[int, ...] = field(default=(), compare=False)   # of the file when it was read
 
     @property
     def displays(self) -> Path:
         """Where displays are: NAME.toml."""
         return self.file.parent / "displays"
 
+    def guarded(self) -> list[str]:
+        """What other users of this machine may read of a server that has users. Raises SetupError for what they may
+        change, and for the file, which has what passwords are checked by."""
+        if not self.access.closed:
+            return []
+        own(self.file, "passwords can be guessed by what it has of them")
+        if not self.folder.is_dir() or not self.folder.stat().st_mode & 0o77:
+            return []
+        modes = {one: one.stat().st_mode for one in (self.folder, *self.folder.iterdir()) if one.exists()}
+        if open_ones := [one for one, mode in modes.items() if mode & 0o22]:
+            raise SetupError(f"others may change {open_ones[0]}, where the server keeps what happened: "
+                             f"chmod -R go-w {self.folder}")
+        return [f"others may read {self.folder}: chmod -R go= {self.folder} keeps it its owner's"]
+
+
+def stamp(file: Path) -> tuple[int, ...]:
+    """What differs once a file or its mode was changed; () if there is none."""
+    try:
+        found = file.stat()
+    except OSError:
+        return ()
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
 
 def read(file: Path) -> Settings:
     """The settings of a file. Raises SetupError with all mistakes."""
     if not file.is_file():
         raise SetupError(f"there is no file {file}")
+    when = stamp(file)
     try:
         data, lines = parse(text_of(file), file)
     except TomlError as error:
         raise SetupError(str(error)) from None
     reader = _Reader(file, lines)
-    found = reader.read(data)
+    found = replace(reader.read(data), stamp=when)
     if wrong := reader.complaints():
         raise SetupError(wrong)
     return found

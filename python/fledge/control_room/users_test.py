@@ -7,6 +7,7 @@ import random
 import socket
 import ssl
 import subprocess
+import sys
 import tomllib
 from contextlib import AsyncExitStack, suppress
 from hashlib import sha256
@@ -16,6 +17,8 @@ import pytest
 from aiohttp import ClientError, ClientSession, CookieJar, WSMsgType, WSServerHandshakeError, web
 
 from fledge import cli
+from fledge.control_room.nothing_lost_test import DATABASE
+from fledge.control_room.settings import read
 from fledge.control_room.users import BODY_MOST, HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
 from fledge.errors import SetupError
 from fledge.ground.served import Served
@@ -220,7 +223,8 @@ def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
                                       headers={"Cookie": f"fledge-x-{server.port}=1"}) as answer:
                     assert answer.status == (401 if i < 30 else 429)
             here[0] = "192.0.2.99"
-            async with thief.post(f"{server.url}/api/login", json={"user": "ada", "password": "correct horse"}) as found:
+            given = {"user": "ada", "password": "correct horse"}
+            async with thief.post(f"{server.url}/api/login", json=given) as found:
                 assert found.status == 429 and "as 'ada', which a browser that was this user" in await found.text()
         await server.login("bob", "battery staple")
         await server.login("ada", "correct horse")      # not locked out by strangers
@@ -571,3 +575,104 @@ def test_the_lines_of_the_command_are_what_the_file_takes(capsys, monkeypatch, t
     assert access.tokens[sha256(comment.split()[-1].encode()).hexdigest()].name == 'a "script"'
     monkeypatch.setattr("sys.stdin", StringIO("short\n"))
     assert cli.main(["ground", "password"]) == 2 and "10 to 1024 characters; found 5" in capsys.readouterr().err
+
+
+class Program:
+    """`fledge ground serve` of a file with users, which others of this machine may read by the umask, if they may."""
+
+    def __init__(self, folder, users=USERS, mode=0o600):
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.url, self.file = f"http://127.0.0.1:{self.port}", folder / "ground.toml"
+        (folder / "craft.xml").write_text(DATABASE)
+        self.write(users, mode)
+        self.process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", self.file],
+                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, umask=0o022)
+        self.said = []
+        for line in self.process.stdout:
+            self.said.append(line)
+            if "http" in line:
+                break
+
+    def write(self, users, mode=0o600, more=""):
+        craft = '[[craft]]\nname = "imager"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:9"\n'
+        tables = "".join(f"[[{kind}]]\n" + "".join(f"{key} = {json.dumps(one[key])}\n" for key in one)
+                         for kind in users for one in users[kind])
+        new = self.file.with_suffix(".new")
+        new.write_text(f'port = {self.port}\nfolder = "out/of/it"\n{more}\n{craft}{tables}')
+        new.chmod(mode)
+        new.replace(self.file)
+
+    def end(self):
+        self.process.terminate()
+        self.said += self.process.stdout.read().splitlines()
+        return self.process.wait()
+
+
+def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
+    program = Program(tmp_path)
+    found = [tmp_path / "out", *(tmp_path / "out").rglob("*")]
+    assert len(found) > 5 and not [one for one in found if one.stat().st_mode & 0o77], found
+
+    async def run():
+        async with ClientSession(program.url, cookie_jar=CookieJar(unsafe=True)) as ada, \
+                ClientSession(program.url, headers={"Authorization": f"Bearer {TOKEN}"}) as night:
+            async def said(words):
+                for _ in range(200):
+                    async with night.get("/api/log") as answer:
+                        if found := [one for one in await answer.json() if words in one["text"]]:
+                            return found[0]
+                    await asyncio.sleep(0.1)
+                raise AssertionError(words)
+
+            async with ada.post("/api/login", json={"user": "ada", "password": "correct horse"}) as answer:
+                assert answer.status == 200
+            live = await ada.ws_connect("/api/live")
+            program.write(USERS, more="session_h = true")
+            assert "refused, users and tokens stay: " in (await said("session_h is a number"))["text"]
+            program.write(USERS, mode=0o644)
+            await said("others may read or change")
+            async with ada.get("/api/crafts") as answer:
+                assert answer.status == 200
+            program.write({**USERS, "user": USERS["user"][1:]}, more="idle_min = 5")
+            while (await live.receive(60)).type not in (WSMsgType.CLOSED, WSMsgType.CLOSE):
+                pass
+            async with ada.get("/api/crafts") as answer:
+                assert answer.status == 401
+            assert (await said("the user was removed"))["user"] == "ada"
+            assert "as it says now" in (await said("ground.toml has changed, users"))["text"]
+            program.write(USERS, more='[postgres]\nurl = "postgresql://nowhere/x"')
+            await said("counts when the server starts again")
+            async with night.get("/api/crafts/imager/events") as answer:
+                sources = [(one["severity"], one["source"]) for one in await answer.json()]
+            assert sources.count(("critical", "users")) == 2 and sources.count(("info", "users")) == 2
+
+    try:
+        asyncio.run(asyncio.wait_for(run(), 120))
+    finally:
+        assert program.end() == 0, program.said
+
+
+def test_what_others_of_this_machine_may_read_is_refused_or_said(tmp_path):
+    def guarded(users=USERS, mode=0o600):
+        program.write(users, mode)
+        return read(program.file).guarded()
+
+    program = Program(tmp_path, mode=0o640)
+    assert program.end() == 2 and f"chmod 600 {program.file}" in program.said[-1], program.said
+    kept = tmp_path / "out/of/it"
+    assert guarded() == []
+    kept.mkdir(parents=True)
+    (kept / "journal.sqlite").touch(0o666)
+    for mode, of_journal, says in ((0o755, 0o644, [f"others may read {kept}: chmod -R go= {kept} keeps it its owner's"]),
+                                   (0o700, 0o666, []), (0o770, 0o600, None), (0o757, 0o600, None),
+                                   (0o755, 0o664, None)):
+        kept.chmod(mode)
+        (kept / "journal.sqlite").chmod(of_journal)
+        if says is None:
+            with pytest.raises(SetupError, match=f"others may change {kept}.*, where .*: chmod -R go-w {kept}"):
+                guarded()
+        else:
+            assert guarded() == says
+        assert guarded({}, 0o644) == []     # open to all of this machine anyway

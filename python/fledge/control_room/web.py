@@ -18,8 +18,9 @@ from fledge.control_room.journal import JournalError
 from fledge.control_room.live import Browser
 from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
+from fledge.control_room.settings import read, stamp
 from fledge.control_room.routes import ANYONE, RUN, USER, Row, add_routes, described, loads, route, row_of, rows, whole
-from fledge.control_room.spacecraft import PICTURES, Spacecraft
+from fledge.control_room.spacecraft import AGAIN, PICTURES, Spacecraft
 from fledge.control_room.users import BODY_MOST, ROLES, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
@@ -50,8 +51,10 @@ class Server:
     async def _begin(self, _: web.Application) -> None:
         self._loop = asyncio.get_running_loop()
         self.room.listeners.append(self._hear)
+        self._follower = asyncio.create_task(self._follow())
 
     async def _end(self, _: web.Application) -> None:
+        self._follower.cancel()
         self.room.listeners.remove(self._hear)
         for one in list(self.browsers):
             await one.socket.close(code=1001, message=b"the server ends")
@@ -66,6 +69,33 @@ class Server:
         for one in self.browsers:
             if self.sees(one.request, craft, user):
                 one.put(text)
+
+    async def _follow(self) -> None:
+        """Take users and tokens of the server's file whenever it changes; of one that is wrong, those before stay."""
+        old, looked = self.room.settings, self.room.settings.stamp
+        now = looked
+        while True:
+            await asyncio.sleep(AGAIN / 2)
+            before, now = now, stamp(old.file)
+            if now == looked or now != before:      # the latter is still being written
+                continue
+            looked = now
+            try:
+                found = await asyncio.to_thread(read, old.file)
+                found.guarded()
+                later = self.guard.take(found.access)
+            except Exception as error:      # whatever it is, the next change is looked at
+                self._tell("critical", f"{old.file.name} has changed and is refused, users and tokens stay: {error}")
+                continue
+            later = later or (found.crafts, found.folder, found.more) != (old.crafts, old.folder, old.more)
+            self._tell("info", f"{old.file.name} has changed, users and tokens are as it says now"
+                       + "; what else it says counts when the server starts again" * later)
+
+    def _tell(self, severity: str, text: str) -> None:
+        """Of the server: with the events of all spacecraft, and in the log."""
+        for name in list(self.room.crafts):
+            self.room.tell(name, severity, "users", text)
+        self._log("", "users", {"why": text})
 
     def _log(self, user: str, action: str, details: dict[str, Any]) -> None:
         """A line of the operators' log; what changes something is not done without it."""

@@ -35,8 +35,8 @@ class Served(Link):
         self._server, self._name = f"{parts.scheme}://{parts.netloc}", unquote(parts.path.strip("/"))
         self._token = token or os.environ.get(TOKEN, "")
         if self._token and parts.scheme != "https" and not is_loopback(parts.hostname or ""):
-            raise SetupError(f"{address}: a token passes there so that others may read it; use https://, or an SSH tunnel "
-                             "to localhost")
+            raise SetupError(f"{address}: a token passes there so that others may read it; use https://, or an SSH "
+                             "tunnel to localhost")
         self._queue: SimpleQueue[dict[str, Any] | None] = SimpleQueue()
         self._begin = self._t = 0
         self._csrf = ""

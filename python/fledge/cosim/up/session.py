@@ -23,6 +23,7 @@ from fledge.cosim.up.description import SSH, WHEN_IT_COMES, Plan, Program
 from fledge.cosim.up.logs import Logs
 from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_words
 from fledge.cosim.up.table import Lines, Progress, Row
+from fledge.files import make
 from fledge.interruption import handled
 
 _LOOK = 0.1         # [s]
@@ -99,7 +100,7 @@ class Session:
 
     def run(self) -> Outcome:
         """Raises StartError if the run cannot start."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make(self.folder, 0o700)
         lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             try:
