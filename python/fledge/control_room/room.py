@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fledge.control_room.journal import Journal, JournalError
+from fledge.control_room.bounds import Bounds
 from fledge.control_room.settings import Settings
 from fledge.control_room.simulated import Steered
 from fledge.control_room.spacecraft import Spacecraft
@@ -23,6 +24,7 @@ class Room:
         self.settings = settings
         self.journal = Journal(settings.folder)
         self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
+        self.bounds = Bounds()
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
         steering = Steering.of_run()

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from aiohttp import web
 
+from fledge.control_room.bounds import DEPTH
 from fledge.errors import SetupError
 
 USER, ANYONE = "user", "anyone"     # in the place of a role: each user, and who has not logged in, too
@@ -28,14 +29,15 @@ class Row:
     role: str           #: view, command, administer, USER or ANYONE
     craft: str = ""     #: OWN or RUN; "": no spacecraft is named, and the answer has what the user may see
     logged: bool = False    #: the operators' log has it before it is done
+    body: str = "body"      #: the limit of its request (bounds.py)
 
 
-def route(method: str, path: str, role: str, craft: str = "", logged: bool | None = None
+def route(method: str, path: str, role: str, craft: str = "", logged: bool | None = None, body: str = "body"
           ) -> Callable[[Handler], Handler]:
     """Decorates a handler with its row. craft: by default, that of the path; logged: by default, all but GET."""
     def decorate(handler: Handler) -> Handler:
         setattr(handler, "row", Row(method, path, role, craft or (OWN if "{c}" in path else ""),
-                                    method not in ("GET", MESSAGE) if logged is None else logged))
+                                    method not in ("GET", MESSAGE) if logged is None else logged, body))
         return handler
 
     return decorate
@@ -90,6 +92,12 @@ def loads(text: str | bytes) -> Any:
         found = json.loads(text, parse_float=number(float), parse_int=number(int), parse_constant=number(float))
         if re.search(r"\\ud[89a-f]", text, re.I):      # a half of a pair, or both
             json.dumps(found, ensure_ascii=False).encode()
+        level, depth = [found], 0
+        while level := [inner for one in level if isinstance(one, (dict, list))
+                        for inner in (one.values() if isinstance(one, dict) else one)]:
+            depth += 1
+            if depth > DEPTH:
+                raise OverflowError(f"JSON has at most {DEPTH} levels")
         return found
     except OverflowError as error:
         raise ValueError(str(error)) from None

@@ -36,7 +36,7 @@ import secrets
 import ssl
 from base64 import urlsafe_b64decode, urlsafe_b64encode
 from binascii import Error as NotBase64
-from collections import Counter
+from collections import Counter, defaultdict, deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -47,12 +47,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 from urllib.parse import unquote_to_bytes, urlsplit
-from weakref import WeakSet
+from weakref import WeakKeyDictionary
 
 from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from fledge import __version__
+from fledge.control_room.bounds import Bounds, bound_socket
 from fledge.control_room.routes import ANYONE, USER, add_routes, loads, route, row_of
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.address import is_loopback
@@ -69,9 +70,7 @@ NAMED = 30                          # those of one name, of all addresses and br
 KNOWN_S = 400 * 86400               # how long a browser says that it was a user; the most that browsers keep
 QUEUE = 8                           # logins that wait for their password to be checked
 SESSIONS = 16                       # of one user; the oldest ends
-TOTAL, EACH = 512, 128              # connections, and those of one address
-FIRST_S, BODY_S = 10, 60            # [s] for the first request of a connection, for the body of a request
-BODY_MOST, LOGGED = 1 << 24, 2000   # bytes of a body; of one whose content the log gets, and of a stranger's
+LOGGED = 2000                       # bytes of a body whose content the log gets, and of a stranger's
 HEADERS_MOST = 128                  # of a request
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -306,9 +305,9 @@ class Guard:
     """Checks every request. clock: [s] of sessions' idleness and of failed attempts."""
 
     def __init__(self, access: Access, log: Log, clock: Callable[[], float] = monotonic,
-                 check: Callable[[web.Request], None] = lambda request: None) -> None:
+                 check: Callable[[web.Request], None] = lambda request: None, bounds: Bounds | None = None) -> None:
         self.access, self.log, self.clock, self.check = access, log, clock, check
-        self.total, self.each, self.first_s, self.body_s = TOTAL, EACH, FIRST_S, BODY_S
+        self.bounds = bounds or Bounds()
         self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
         self.doors: set[asyncio.Transport] = set()      #: connections in their handshake of TLS
         self._sessions: dict[str, _Session] = {}        # by the hash of the cookie
@@ -316,7 +315,15 @@ class Guard:
         self._scripts: dict[str, _Session] = {}         # by the hash of the token
         self._failed: list[tuple[float, str, str]] = []     # when, where, and as whom a login has failed or goes on
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
-        self._heard: WeakSet[Any] = WeakSet()           # connections with a request
+        self._times_of: WeakKeyDictionary[Any, _Times] = WeakKeyDictionary()    # of connections
+        self._rows: dict[tuple[str, str], deque[float]] = defaultdict(deque)    # when a user caused one in the journal
+        self._bodies = 0                                # [bytes] of those that are held
+        self._runner: web.AppRunner | None = None
+        self._sweeper: asyncio.Task[None] | None = None
+        self.bounds.uses("connections", lambda: len(self._there()))
+        self.bounds.uses("connections of an address",
+                         lambda: max(Counter(map(_peer, self._there())).values(), default=0))
+        self.bounds.uses("bodies at once", lambda: self._bodies)
         self._checker, self._waiting = ThreadPoolExecutor(1), 0
 
     def attach(self, app: web.Application) -> None:
@@ -360,8 +367,9 @@ class Guard:
     @web.middleware
     async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Of the application."""
-        self._heard.add(request.transport)
-        request["user"] = None
+        if times := self._times_of.get(request.transport):
+            times.asked = monotonic()
+        request["user"], request["bytes"] = None, 0
         try:
             return await self._admitted(request, handler)
         except web.HTTPException as error:
@@ -378,6 +386,8 @@ class Guard:
             _logger().exception("%s %s", request.method, request.path)
             self._refused(request, 500, "the server made an error")
             raise Refusal(500, "the server made an error, which its terminal shows") from None
+        finally:
+            self._bodies -= request["bytes"]
 
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
@@ -398,6 +408,8 @@ class Guard:
         user, session = found.user if found else None, None if by_token else found
         request["user"], request["session"], request["live"] = user, session, found.live if found else None
         row = row_of(request)
+        if times := self._times_of.get(request.transport):
+            times.known = user is not None
         if user is None and (row.role != ANYONE if row else request.path.startswith("/api/")):
             raise Refusal(401, "log in first: POST /api/login, or a token")
         if _changes(request) and session and request.path != "/api/login" and not hmac.compare_digest(
@@ -406,7 +418,7 @@ class Guard:
                           "with the word csrf of GET /api/session; or Authorization: Bearer TOKEN")
         self.check(request)
         if _changes(request) and not request.match_info.http_exception:     # a route that there is
-            await self._note(request, row is None or row.logged)
+            await self._note(request, row.logged if row else True, row.body if row else "body")
         task = asyncio.current_task()
         try:
             return await handler(request)
@@ -439,32 +451,56 @@ class Guard:
             session.used = self.clock()
         return session, False
 
-    async def _note(self, request: web.Request, logged: bool) -> None:
+    async def _note(self, request: web.Request, logged: bool, bound: str) -> None:
         """Read the body of a changing request, and write the request into the log."""
         stranger = request["user"] is None
         if stranger and ((request.content_length or 0) > LOGGED or "Transfer-Encoding" in request.headers):
             raise Refusal(413, f"a login has at most {LOGGED} bytes, and says how many")
+        most = int(self.bounds[bound])
+        size = most if request.content_length is None else request.content_length
+        if self.bounds.over(bound, size):
+            raise Refusal(413, self.bounds.says(bound))
+        if self.bounds.over("bodies at once", self._bodies + size):
+            raise Refusal(429, self.bounds.says("bodies at once"), {"Retry-After": "5"})
+        request["bytes"] = size
+        self._bodies += size
+        request._client_max_size = most + 1     # aiohttp's, which is of the whole application
         try:
-            body = await asyncio.wait_for(request.read(), self.body_s)
+            body = await asyncio.wait_for(request.read(), self.bounds["time of a body"])
+        except web.HTTPRequestEntityTooLarge:
+            raise Refusal(413, self.bounds.refuses(bound)) from None
         except asyncio.TimeoutError:
-            raise Refusal(408, f"the request took longer than {self.body_s} s") from None
+            raise Refusal(408, self.bounds.refuses("time of a body")) from None
         if stranger or not logged:
             return
+        if not self._row(request["user"].name, "changes of a user"):
+            raise Refusal(429, self.bounds.says("changes of a user"), {"Retry-After": "60"})
         details: dict[str, Any] = {"bytes": len(body)}
         if len(body) <= LOGGED:
             with suppress(ValueError):
                 details = {"body": loads(body)} if body else {}
         if request.query_string:
-            details["query"] = dict(request.query)
+            details["query"] = dict(request.query) if len(request.query_string) <= LOGGED else "..."
         self.log(request["user"].name, f"{request.method} {request.path}", details)
 
+    def _row(self, user: str, bound: str) -> bool:
+        """Whether a user may cause one more row in the journal now."""
+        now, rows = self.clock(), self._rows[user, bound]
+        while rows and rows[0] <= now - 60:
+            rows.popleft()
+        if self.bounds.over(bound, len(rows) + 1):
+            return False
+        rows.append(now)
+        return True
+
     def _refused(self, request: web.Request, status: int, why: str) -> None:
-        """A refusal in the log; those of strangers at the 1st, the 10th, the 100th, ... time, for they cost nothing."""
+        """A refusal in the log; those of strangers, and of users who have too many, at the 1st, the 10th, the 100th,
+        ... time, for they cost nothing."""
         user, address = request["user"], _address(request.remote)
         details: dict[str, Any] = {"request": f"{request.method} {request.path}"[:200], "status": status,
                                    "why": why[:200], "from": address}
-        if user is None:
-            details["times"] = self._times(address, f"{status}")
+        if user is None or not self._row(user.name, "refusals of a user"):
+            details["times"] = self._times(user.name if user else address, f"{status}")
             if not details["times"]:
                 return
         self.log(user.name if user else "", "refused", details)
@@ -580,6 +616,8 @@ class Guard:
 
     async def _secured(self, request: web.Request, response: web.StreamResponse) -> None:
         if isinstance(response, web.WebSocketResponse) and (task := asyncio.current_task()):
+            if times := self._times_of.get(request.transport):
+                times.live = True
             request["live"].add(task)       # so that it ends with its session, whatever headers opened it
         response.headers.update(HEADERS)
         if request.secure:
@@ -589,6 +627,8 @@ class Guard:
 
     async def _stop(self, _: web.Application) -> None:
         self._checker.shutdown(wait=False)
+        if self._sweeper:
+            self._sweeper.cancel()
         for one in self._sessions.values():
             if one.end:
                 one.end.cancel()
@@ -608,31 +648,60 @@ class Guard:
         app.on_shutdown.append(close)
         runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30)
         await runner.setup()
+        self._runner = runner
         tls = self.access.tls()
         try:
             server = await asyncio.get_running_loop().create_server(
-                lambda: _Door(self, runner, tls), self.access.host, self.access.port)
+                lambda: _Door(self, runner, tls), self.access.host, self.access.port, backlog=1024)
         except OSError as error:
             await runner.cleanup()
             raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None
         listener.append(server)
+        self._sweeper = asyncio.create_task(self._sweep())
         self.addresses = [one.getsockname() for one in server.sockets]
         return runner
 
-    def full(self, runner: web.AppRunner, address: str) -> bool:
+    def _there(self) -> list[asyncio.Transport]:
+        """The connections, with those in their handshake."""
+        server = self._runner.server if self._runner else None
+        return [*self.doors, *[one.transport for one in server.connections if one.transport]] if server else []
+
+    def full(self, address: str) -> bool:
         """Whether one more connection would be too many."""
-        assert runner.server
-        there = [*self.doors, *[one.transport for one in runner.server.connections if one.transport]]
-        if len(there) < self.total and sum(_peer(one) == address for one in there) < self.each:
+        there = self._there()
+        if not (self.bounds.over("connections", len(there) + 1) or self.bounds.over(
+                "connections of an address", sum(_peer(one) == address for one in there) + 1)):
             return False
         if times := self._times(address, "connections"):
             self.log("", "refused", {"why": f"{len(there)} connections", "from": address, "times": times})
         return True
 
-    def late(self, transport: asyncio.Transport) -> None:
-        """Close a connection that has not sent a request in its first seconds."""
-        if transport not in self._heard:
-            transport.abort()
+    async def _sweep(self) -> None:
+        """End the connections whose time is over."""
+        while True:
+            await asyncio.sleep(min(1.0, self.bounds["first request"] / 2))
+            for transport in self._there():
+                if (times := self._times_of.get(transport)) and (bound := times.over(self.bounds)):
+                    self.bounds.refuses(bound)
+                    transport.abort()
+
+
+class _Times:
+    """Those of a connection [s], whose handshake has ended."""
+
+    def __init__(self, opened: float) -> None:
+        self.opened, self.asked = opened, 0.0       # asked: when its last request came
+        self.known = self.live = False              # it was a user's; it is a WebSocket
+
+    def over(self, bounds: Bounds) -> str:
+        """The limit by which it has to end."""
+        now = monotonic()
+        if not self.asked and now - self.opened > bounds["first request"]:
+            return "first request"
+        if not self.known and now - self.opened > bounds["connection without a login"]:
+            return "connection without a login"
+        return "time of an answer" if self.asked and not self.live and now - self.asked > bounds[
+            "time of an answer"] else ""
 
 
 class _Door(asyncio.Protocol):
@@ -645,26 +714,26 @@ class _Door(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
-        if self._runner.server is None or self._guard.full(self._runner, _peer(transport)):     # None: it ends
+        if self._runner.server is None or self._guard.full(_peer(transport)):     # None: it ends
             transport.abort()
         elif self._tls:
             self._guard.doors.add(transport)
             self._opening = asyncio.get_running_loop().create_task(self._handshake(transport, self._tls))
         else:
-            self._enter(transport, self._guard.first_s)
+            self._enter(transport, monotonic())
 
     async def _handshake(self, transport: asyncio.Transport, tls: ssl.SSLContext) -> None:
-        loop, guard = asyncio.get_running_loop(), self._guard
-        end = loop.time() + guard.first_s
+        loop, guard, opened = asyncio.get_running_loop(), self._guard, monotonic()
         try:
-            secured = await loop.start_tls(transport, self, tls, server_side=True, ssl_handshake_timeout=guard.first_s)
+            secured = await loop.start_tls(transport, self, tls, server_side=True,
+                                           ssl_handshake_timeout=guard.bounds["first request"])
         except (OSError, asyncio.CancelledError):
             transport.abort()
             return
         finally:
             guard.doors.discard(transport)
         assert isinstance(secured, asyncio.Transport)
-        self._enter(secured, end - loop.time())
+        self._enter(secured, opened)
 
     def data_received(self, data: bytes) -> None:       # with the end of the handshake
         self._early += data
@@ -672,16 +741,17 @@ class _Door(asyncio.Protocol):
     def connection_lost(self, _: Exception | None) -> None:
         self._lost = True
 
-    def _enter(self, transport: asyncio.Transport, rest_s: float) -> None:
+    def _enter(self, transport: asyncio.Transport, opened: float) -> None:
         if self._runner.server is None or self._lost:
             transport.abort()
             return
+        bound_socket(transport, self._guard.bounds["unread"])
+        self._guard._times_of[transport] = _Times(opened)
         inside = self._runner.server()
         transport.set_protocol(inside)
         inside.connection_made(transport)
         if self._early:
             inside.data_received(self._early)
-        asyncio.get_running_loop().call_later(rest_s, self._guard.late, transport)
 
 
 def _peer(transport: asyncio.BaseTransport) -> str:

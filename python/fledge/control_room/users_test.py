@@ -19,7 +19,7 @@ from aiohttp import ClientError, ClientSession, CookieJar, WSMsgType, WSServerHa
 from fledge import cli
 from fledge.control_room.nothing_lost_test import DATABASE
 from fledge.control_room.settings import read
-from fledge.control_room.users import BODY_MOST, HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
+from fledge.control_room.users import HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
 from fledge.errors import SetupError
 from fledge.ground.served import Served
 
@@ -42,7 +42,7 @@ class Server:
         self.received = []
 
     async def __aenter__(self):
-        app = web.Application(middlewares=[self.guard.middleware], client_max_size=BODY_MOST)
+        app = web.Application(middlewares=[self.guard.middleware])
         self.guard.attach(app)
         app.router.add_get("/", self.page)
         app.router.add_get("/api/crafts", self.crafts)
@@ -377,7 +377,7 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
     @served(tmp_path, {**USERS, **files})
     async def _(server):
         trust = {"ssl": ssl.create_default_context(cafile=tmp_path / "server.pem")}
-        server.guard.each, server.guard.first_s = 20, 2
+        server.guard.bounds["connections of an address"], server.guard.bounds["first request"] = 20, 2
         opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(40)]
         opened[0][1].write(b"\x16\x03\x01\x02\x00\x01")       # the begin of a handshake
         begin = asyncio.get_running_loop().time()
@@ -438,7 +438,7 @@ def test_tls(tmp_path):
 def test_hundreds_of_connections_are_refused_beyond_the_limit(tmp_path):
     @served(tmp_path)
     async def _(server):
-        server.guard.total, server.guard.each = 60, 40
+        server.guard.bounds["connections"], server.guard.bounds["connections of an address"] = 60, 40
         served, opened = 0, []
         for _ in range(4):      # below 1024 files, which a process may open, with both of their ends
             opened += await asyncio.gather(*[asyncio.open_connection("127.0.0.1", server.port) for _ in range(100)])
@@ -453,25 +453,79 @@ def test_hundreds_of_connections_are_refused_beyond_the_limit(tmp_path):
         await server.ask("GET", "/api/session")
 
 
+def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
+    """Connections that ask again and again and read nothing, and those that only look at the login."""
+    @served(tmp_path)
+    async def _(server):
+        bounds = server.guard.bounds
+        bounds["connections of an address"], bounds["unread"], bounds["first request"] = 8, 1, 1
+        ask = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        bounds["connection without a login"] = 60
+        deaf = []
+        for _ in range(8):
+            deaf.append(await asyncio.open_connection("127.0.0.1", server.port, limit=1))
+            deaf[-1][1].write(ask * 20_000)
+        await asyncio.sleep(0.3)
+        assert len(server.guard._there()) == 8
+        with pytest.raises(ClientError):
+            await server.ask("GET", "/api/session")
+        for _ in range(300):
+            if not server.guard._there():
+                break
+            await asyncio.sleep(0.1)
+        assert not server.guard._there()
+        bounds["connection without a login"] = 0.5
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        with suppress(ConnectionError):
+            while True:
+                writer.write(ask)
+                if not await reader.readline():
+                    break
+                await asyncio.sleep(0.05)
+        assert bounds.all["connection without a login"].refused == 1
+        for _, writer in deaf:
+            writer.close()
+
+
+def test_a_user_fills_neither_journal_nor_memory(tmp_path):
+    @served(tmp_path, {})
+    async def _(server):
+        csrf = {"X-Fledge-CSRF": (await server.ask("GET", "/api/session"))["csrf"]}
+        for _ in range(100):
+            await server.ask("POST", "/api/none", 404, data=b"x" * 1000, headers=csrf)
+        bounds, there = server.guard.bounds, len(server.log)
+        assert there == bounds["refusals of a user"] + 2 and server.log[-1][2]["times"] == 10
+        bounds["changes of a user"] = 5
+        for i in range(8):
+            await server.ask("POST", "/api/crafts/imager/send", 200 if i < 5 else 429, json={}, headers=csrf)
+        assert len(server.log) == there + 5 + 1     # the 1st of those beyond
+        server.now += 61
+        await server.ask("POST", "/api/crafts/imager/send", json={}, headers=csrf)
+        bounds["bodies at once"] = 100
+        await server.ask("POST", "/api/crafts/imager/send", 429, data=b" " * 101, headers=csrf)
+        assert server.guard._bodies == 0
+
+
 def test_slow_and_large_requests_end(tmp_path):
     @served(tmp_path, {})
     async def _(server):
-        server.guard.first_s = 0.2
+        bounds = server.guard.bounds
+        bounds["first request"] = 0.2
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"GET / HTTP/1.1\r\n")
         with pytest.raises(ConnectionError):
             assert await reader.read() == b""
             raise ConnectionError
-        server.guard.first_s, server.guard.body_s = 60, 0.2
+        bounds["first request"], bounds["time of a body"] = 60, 0.2
         session = await server.ask("GET", "/api/session")
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
         writer.write(b"POST /api/crafts/imager/send HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n"
                      b"X-Fledge-CSRF: " + session["csrf"].encode() + b"\r\n\r\n{")
         assert b" 408 " in await reader.readline()
         writer.close()
-        server.guard.body_s = 60
+        bounds["time of a body"] = 60
         csrf = {"X-Fledge-CSRF": session["csrf"]}
-        await server.ask("POST", "/api/crafts/imager/send", 413, data=b" " * (BODY_MOST + 1), headers=csrf)
+        await server.ask("POST", "/api/crafts/imager/send", 413, data=b" " * (int(bounds["body"]) + 1), headers=csrf)
         for path, headers in (("/", {"A": "x" * 9000}), ("/" + "x" * 9000, {}),
                               ("/", {f"A{i}": "x" for i in range(200)})):
             async with server.client.get(server.url + path, headers=headers) as answer:

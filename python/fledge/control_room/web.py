@@ -21,7 +21,7 @@ from fledge.control_room.room import Room
 from fledge.control_room.settings import read, stamp
 from fledge.control_room.routes import ANYONE, RUN, USER, Row, add_routes, described, loads, route, row_of, rows, whole
 from fledge.control_room.spacecraft import AGAIN, PICTURES, Spacecraft
-from fledge.control_room.users import BODY_MOST, ROLES, Guard, Refusal
+from fledge.control_room.users import ROLES, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
 HERE = Path(__file__).parent
@@ -35,11 +35,11 @@ class Server:
 
     def __init__(self, room: Room) -> None:
         self.room = room
-        self.guard = Guard(room.settings.access, self._log, check=self._check)
+        self.guard = Guard(room.settings.access, self._log, check=self._check, bounds=room.bounds)
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self.app = web.Application(middlewares=[self.guard.middleware, self._in_words], client_max_size=BODY_MOST)
+        self.app = web.Application(middlewares=[self.guard.middleware, self._in_words])
         self.guard.attach(self.app)
         add_routes(self.app, self)
         self.app.on_startup.append(whole)
@@ -463,7 +463,7 @@ class Server:
         number = self._id(request)
         return answer(await self._asked(craft, lambda: craft.transfers.action(number, body.get("action", ""))))
 
-    @route("POST", "/api/crafts/{c}/files", "command")
+    @route("POST", "/api/crafts/{c}/files", "command", body="body of a file")
     async def upload(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         name, data = request.query.get("name", ""), await request.read()

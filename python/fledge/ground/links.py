@@ -23,6 +23,7 @@ WAITING = 1 << 22                           # [bytes] of datagrams that the oper
 OUTBOX = 1 << 20                            # [bytes] that wait for a reader who is slower than the link
 SLICE = 50_000_000                          # [ns] after which a stream looks again at what waits to be sent
 CLIENTS, UNREAD = 16, 30                    # of a server; [s] after which one that takes no byte is cut off
+USER_TIMEOUT = 18                           # TCP_USER_TIMEOUT of Linux
 GONE = "the other end of the link is gone"
 
 
@@ -299,11 +300,6 @@ class Streams(_ByTheClock):
         end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._streams.append(_Stream(end, end.recv, end.send, self._splitter()))
 
-    def _splitter(self) -> Splitter | Raw:
-        return Raw() if self.raw else Splitter(self._accepts)
-
-    def _leave(self, one: _Stream, expected: bool = False) -> None:
-        if one in self._streams:
     def _accept(self, server: socket.socket) -> None:
         try:
             end = server.accept()[0]
@@ -313,7 +309,7 @@ class Streams(_ByTheClock):
             self.refused += 1
             end.close()
             return
-        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 1000 * UNREAD)
+        end.setsockopt(socket.IPPROTO_TCP, USER_TIMEOUT, 1000 * UNREAD)
         self._join(end)
 
             self._streams.remove(one)
@@ -321,6 +317,11 @@ class Streams(_ByTheClock):
             one.end.close()
         if not self._server and not expected:
             raise ConnectionError(GONE)
+    def _splitter(self) -> Splitter | Raw:
+        return Raw() if self.raw else Splitter(self._accepts)
+
+    def _leave(self, one: _Stream, expected: bool = False) -> None:
+        if one in self._streams:
 
     def _work(self, wait: float) -> None:
         for one in [one for one in self._streams if one.broken]:
@@ -355,11 +356,6 @@ def split(data: bytes) -> tuple[list[bytes], bytes]:
     return found, data
 
 
-def _socket(kind, host, port):
-    """A socket that is bound to an address."""
-    family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
-    made = socket.socket(family, kind)
-    if kind == socket.SOCK_STREAM:
 def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, int]]:
     """(end, events of poll()) of those that are ready within a time [s]. select() knows no descriptor above 1023."""
     poll = select.poll()
@@ -376,5 +372,10 @@ def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, 
         made.bind(where)
     except OSError:
         made.close()
+def _socket(kind, host, port):
+    """A socket that is bound to an address."""
+    family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
+    made = socket.socket(family, kind)
+    if kind == socket.SOCK_STREAM:
         raise
     return made

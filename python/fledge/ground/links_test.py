@@ -150,7 +150,8 @@ def test_descriptors_beyond_1023_work():
         a, b = free(socket.SOCK_DGRAM), free(socket.SOCK_DGRAM)
         port = free()
         with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as client, \
-                open_link(f"udp://127.0.0.1:{a}?listen={b}") as one, open_link(f"udp://127.0.0.1:{b}?listen={a}") as two:
+                open_link(f"udp://127.0.0.1:{a}?listen={b}") as one, \
+                open_link(f"udp://127.0.0.1:{b}?listen={a}") as two:
             sent = packets(20)
             for packet in sent:
                 client.send(packet)
