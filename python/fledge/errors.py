@@ -33,14 +33,30 @@ class Stopped(Failure):
         self.outcomes = outcomes
 
 
-# Escape sequences; then the characters that cosim/protocol/text.h forbids, and halves of pairs of UTF-16.
-_CONTROL = re.compile("\x1b\\[[0-?]*[ -/]*[@-~]|\x1b\\][^\x07\x1b]*(?:\x07|\x1b\\\\)|[\0-\x08\x0b-\x1f\x7f-\x9f"
-                      "\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+# Control characters, those that are not seen or turn the order of what is, and halves of pairs of UTF-16; the console's
+# web/dom.js has the same.
+_HIDDEN = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"
+                     "\ufff9-\ufffb\ud800-\udfff\U000e0000-\U000e007f]")
+# What tables of others take for the beginning of a formula, also behind blanks and quotes.
+_FORMULA = re.compile("[\\s'\"\u2018-\u201f`]*[=+\\-@\uff1d\uff0b\uff0d\uff20]|[\t\r]")
 
 
-def printable(text: str) -> str:
-    """A text of a file or another program, without what drives a terminal; line feeds and tabs stay."""
-    return _CONTROL.sub("", text)
+def printable(text: str, lines: bool = True) -> str:
+    """A text of a file, a spacecraft or another program as it is shown: an escape is \u27e81B\u27e9, so that it drives
+    no terminal and hides nothing. lines: line feeds and tabs stay."""
+    text = _HIDDEN.sub(lambda one: f"\u27e8{ord(one[0]):02X}\u27e9", text)
+    return text if lines else text.replace("\n", "\u27e80A\u27e9").replace("\t", "\u27e809\u27e9")
+
+
+def cell(text: str) -> str:
+    """A text for a cell of CSV, as it is shown; one that a table would take for a formula begins with an apostrophe."""
+    return ("'" if _FORMULA.match(text) else "") + printable(text)
+
+
+def field(text: str) -> str:
+    """The same between the commas of a line; in quotes wherever a table might divide it."""
+    text = cell(text)
+    return '"' + text.replace('"', '""') + '"' if set(text) & set('",;\t\n') else text
 
 
 def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:

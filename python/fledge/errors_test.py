@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What people read when something is wrong: the instance, the rule, what was found, the choices."""
 
+import csv
+import unicodedata
+
 import pytest
 
 import fledge
 from fledge import Orbit, RunError, SetupError, flight as fsw, world
+from fledge.errors import cell, field, printable
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.objects.testing import kinds
 from fledge.requirements import settles
@@ -491,3 +495,32 @@ def test_seeds_snapshots_and_the_room_for_records(sim):
     with pytest.raises(SetupError, match="record world.craft.state: 900000000000000000. samples of [0-9]+ bytes are "
                                          "more than there is memory for; record less often, or run in parts"):
         small.run(9e9)
+
+
+# --- texts from outside ----------------------------------------------------------------------------
+
+def test_a_text_from_outside_is_shown_and_drives_nothing():
+    assert printable("caf\u00e9 \u2713 \u65b0\n\tnext") == "caf\u00e9 \u2713 \u65b0\n\tnext"
+    assert printable("a\x1b[2J\x9b\u202eb\u200b\ud800") == \
+        "a\u27e81B\u27e9[2J\u27e89B\u27e9\u27e8202E\u27e9b\u27e8200B\u27e9\u27e8D800\u27e9"
+    for point in range(0x110000):
+        one, kind = chr(point), unicodedata.category(chr(point))
+        if kind in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(one) in (
+                "LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"):
+            assert (printable(one) != one) == (one not in "\n\t"), hex(point)
+            assert printable(one, lines=False).isprintable()
+        elif kind[0] in "LNPS" or one == " ":
+            assert printable(one) == one, hex(point)
+
+
+@pytest.mark.parametrize("before", ["", " ", "\t", "\r", "\n", '"', "'", " ' \"", "\u00a0", "\u2018", "\u3000"])
+@pytest.mark.parametrize("begin", "=+-@\uff1d\uff0b\uff0d\uff20")
+def test_no_text_is_a_formula_in_a_table(before, begin):
+    text = field(before + begin + "1+1;=2")
+    read, = csv.reader([text])
+    assert read == [cell(before + begin + "1+1;=2")] and read[0].startswith("'") and text.startswith('"')
+    assert cell("\u200b" + begin) == "\u27e8200B\u27e9" + begin
+
+
+def test_a_plain_text_is_itself_in_a_table():
+    assert [field(one) for one in ("a=b", "POINT", "1e5", "")] == ["a=b", "POINT", "1e5", ""]

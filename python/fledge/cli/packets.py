@@ -6,11 +6,10 @@ Exit codes as of all commands: 0 read to its end; 1 parts of the file are no pac
 """
 from __future__ import annotations
 
-import csv
 import json
 import sys
 
-from fledge.errors import Failure, printable
+from fledge.errors import Failure, field, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -76,34 +75,39 @@ def _plain(value):
 
 
 def _text(database):
+    def line(text):
+        print(printable(text, lines=False))     # a value does not look like another line
+
     def show(piece, found):
         about = _about(piece, found)
         when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
-        print(f"byte {piece.at}{when}: {about['kind']}, application {about['application']}, count {about['count']}, "
-              f"{about['bytes']} bytes" + (f", {found.container or 'not decoded'}" if found else ""))
+        line(f"byte {piece.at}{when}: {about['kind']}, application {about['application']}, count {about['count']}, "
+             f"{about['bytes']} bytes" + (f", {found.container or 'not decoded'}" if found else ""))
         if found and found.reason:
-            print(f"  ! {printable(found.reason)}")
-        width = max((len(name) for name, _, _ in found.rows), default=0) if found else 0
+            line(f"  ! {found.reason}")
+        width = min(max((len(name) for name, _, _ in found.rows), default=0), 80) if found else 0
         for name, raw, value in found.rows if found else ():
             unit = " ".join(database.units(name.partition(".")[0].partition("[")[0]))
             shown = "no value" if value is None else str(_plain(value))
             beside = f"  (raw {_plain(raw)})" if value is None or (raw != value and str(raw) != str(value)) else ""
-            print(printable(f"  {name:{width}}  {shown}{' ' + unit if unit else ''}{beside}"))
+            line(f"  {name:{width}}  {shown}{' ' + unit if unit else ''}{beside}")
 
     return show
 
 
 def _csv(database):
-    lines = csv.writer(sys.stdout, lineterminator="\n")
-    lines.writerow(["byte", "application", "count", "container", "field", "value", "raw"])
+    def line(*row):
+        print(",".join("" if one is None else field(one) if isinstance(one, str) else str(one) for one in row))
+
+    line("byte", "application", "count", "container", "field", "value", "raw")
 
     def show(piece, found):
         about = _about(piece, found)
         head = [about[key] for key in ("byte", "application", "count")]
         for name, raw, value in found.rows if found else ():
-            lines.writerow([*head, found.container, name, _plain(value), _plain(raw)])
+            line(*head, found.container, name, _plain(value), _plain(raw))
         if not found or not found.rows:
-            lines.writerow([*head, found.container if found else "", "", "", ""])
+            line(*head, found.container if found else "", "", "", "")
 
     return show
 
@@ -111,6 +115,7 @@ def _csv(database):
 def _json(database):
     def show(piece, found):
         fields = {"values": found.values, "raw": found.raw} if found else {}
-        print(json.dumps(_about(piece, found) | fields, default=_plain))
+        text = json.dumps(_about(piece, found) | fields, default=_plain)
+        print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves
 
     return show

@@ -169,6 +169,27 @@ def test_tables_and_json(files, capsys):
     assert lines[1]["container"] is None and "found 6" in lines[1]["reason"]
 
 
+@pytest.mark.parametrize("form", [[], ["--csv"], ["--json"]])
+def test_no_text_of_a_database_or_a_packet_drives_the_terminal_or_a_table(form, files, tmp_path, capsys):
+    (tmp_path / "s.xml").write_text(
+        XTCE.replace("'bus'", "'bus\x7f\u202e\x9b2J'").replace("<Unit>V<", "<Unit>\x9b2J<")
+        .replace("'Q'", "'=Q\x7f\u2066'").replace("<FloatParameterType name='volt'>", """
+        <StringParameterType name='text'><StringDataEncoding><SizeInBits><Fixed><FixedValue>128</FixedValue></Fixed>
+        </SizeInBits></StringDataEncoding></StringParameterType><FloatParameterType name='volt'>""")
+        .replace("<Parameter name='id'", "<Parameter name='said' parameterTypeRef='text'/><Parameter name='id'")
+        .replace("<EntryList><ParameterRefEntry parameterRef='bus", """<EntryList>
+        <ParameterRefEntry parameterRef='said'/><ParameterRefEntry parameterRef='bus"""), encoding="utf-8")
+    (tmp_path / "all.bin").write_bytes(packet(0, b"=1+1;\x1b[2J\nbyt\7\x7fx"))
+    main(["packets", "all.bin", "--database", "s.xml", *form])
+    out = capsys.readouterr().out
+    assert out.replace("\n", "").isprintable() and "=1+1" in out
+    if not form:
+        assert len(out.splitlines()) == 6 and "=1+1;\u27e81B\u27e9[2J\u27e80A\u27e9byt" in out
+    if form == ["--csv"]:
+        said, = [row for row in csv.DictReader(io.StringIO(out)) if row["field"] == "said"]
+        assert said["value"].startswith("'=1+1;\u27e81B\u27e9[2J\nbyt") and said["container"].startswith("/S/=Q")
+
+
 def test_bad_input_gets_one_line(files, capsys):
     assert main(["packets", "absent.bin"]) == 2
     assert main(["packets", "all.bin", "--database", "all.bin"]) == 2

@@ -11,6 +11,7 @@ from aiohttp import web
 
 from fledge.control_room.alarms import CONCERNS
 from fledge.control_room.users import Refusal
+from fledge.errors import field
 
 
 def dumps(content: Any) -> str:
@@ -32,12 +33,6 @@ def _finite(content: Any) -> Any:
 def owner(craft: str) -> str:
     """Whose roles count: those of a replay are of its spacecraft."""
     return craft.partition("@")[0]
-
-
-def _quoted(text: str) -> str:
-    """A field of CSV; one that a table would take for a formula begins with an apostrophe."""
-    text = f"'{text}" if text[:1] in "=+-@\t\r" else text
-    return '"' + text.replace('"', '""') + '"' if set(text) & set('",\n') else text
 
 
 def _texts(kind: str, exact: list[Any]) -> list[str | None]:
@@ -72,8 +67,8 @@ def in_csv(name: str, series: tuple[Any, ...]) -> Iterator[str]:
     else:
         texts = [one or "" for one in _texts(kind, exact)]
         if kind in ("label", "text"):
-            texts = [_quoted(one) for one in texts]
-    name = _quoted(name)
+            texts = [field(one) for one in texts]
+    name = field(name)
     return (f"{at},{name},{one},{CONCERNS[state]}" for at, one, state in zip(t.tolist(), texts, concern.tolist()))
 
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures of curves.
 import uPlot from "uplot";
-import {CONCERNS, SHAPES} from "./dom.js";
+import {CONCERNS, SHAPES, visible} from "./dom.js";
 import {bare, span} from "./format.js";
 import {isStale, real} from "./store.js";
 
@@ -53,7 +53,7 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
     const edge = {stroke: null, points: {show: false}, width: 0};
     const steps = (k) => (["label", "boolean"].includes(slots[k]?.kind) ? uPlot.paths.stepped({align: 1}) : undefined);
     const made = new uPlot({
-        title: base,
+        title: visible(base),
         width: Math.max(200, holder.clientWidth),
         height,
         padding: [8, 26, 0, 0],
@@ -61,13 +61,13 @@ export function chart({holder, curves, slots, theme, words, tick, now, mark, gap
         scales: {x: {time: true, auto: false}, y: {range: (_, low, high) => room(low, high)}},
         axes: [
             {...axis, size: 28, space: 70, values: (_, all, __, ___, step) => all.map((t) => tick(t, step))},
-            {...axis, size: 62, label: [...units].join(", ") || " ", labelSize: 18, labelGap: 2, labelFont: axis.font,
-                values: (_, all, __, ___, step) => numbers(all, step)}
+            {...axis, size: 62, label: visible([...units].join(", ")) || " ", labelSize: 18, labelGap: 2,
+                labelFont: axis.font, values: (_, all, __, ___, step) => numbers(all, step)}
         ],
         series: [
             {label: "t", value: (_, t) => (t === null || t === undefined ? "" : words(t))},
             ...curves.flatMap((one, k) => [{
-                label: names[k],
+                label: visible(names[k]),
                 stroke: colour(k),
                 width: 1.5,
                 paths: steps(k),

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elements of the page. What comes from a spacecraft or a person becomes text, never markup.
 
+const SAID = new Set(["title", "aria-label", "placeholder", "alt", "label"]);   // attributes that are shown or read out
+
 /** h("td", {class: "value"}, "text", element, ...): attributes, properties, on... handlers, and what is inside. */
 export function h(tag, about = {}, ...inside) {
     const node = document.createElement(tag);
@@ -8,17 +10,17 @@ export function h(tag, about = {}, ...inside) {
         if (value === undefined || value === null || value === false) continue;
         if (key === "class") node.className = value;
         else if (key.startsWith("on")) node.addEventListener(key.slice(2).toLowerCase(), value);
-        else if (key in node && !key.startsWith("aria")) node[key] = value;
-        else node.setAttribute(key, value === true ? "" : value);
+        else if (key in node && !key.startsWith("aria")) node[key] = SAID.has(key) ? visible(value) : value;
+        else node.setAttribute(key, value === true ? "" : SAID.has(key) ? visible(value) : value);
     }
     node.append(...inside.flat().filter((one) => one !== null && one !== undefined && one !== false)
         .map((one) => (one instanceof Node ? one : visible(one))));
     return node;
 }
 
-// Control characters, and those that turn the order of what is shown.
-// eslint-disable-next-line no-control-regex
-const HIDDEN = /[\u0000-\u0009\u000b-\u001f\u007f-\u009f\u200b-\u200f\u202a-\u202e\u2060-\u2069\ufeff\ud800-\udfff]/gu;
+// Control characters, those that are not seen or turn the order of what is, and halves of pairs, as of errors.py.
+const HIDDEN = new RegExp("[\\0-\\t\\v-\\x1f\\x7f-\\x9f\\xad\\u061c\\u180e\\u200b-\\u200f\\u2028-\\u202e" +
+    "\\u2060-\\u206f\\ufeff\\ufff9-\\ufffb\\ud800-\\udfff\\u{e0000}-\\u{e007f}]", "gu");
 
 /** A text with its control characters to be seen: an escape becomes <1B>. */
 export function visible(text) {

@@ -6,6 +6,7 @@ gathers all.log from the files some times a second.
 """
 from __future__ import annotations
 
+import re
 import time
 from collections import deque
 from pathlib import Path
@@ -82,6 +83,10 @@ class Logs:
             reader.close()
 
 
+# What a program sends to a terminal, to move its cursor or change colours.
+_SEQUENCES = re.compile("\x1b\\[[0-?]*[ -/]*[@-~]|\x1b\\][^\x07\x1b]*(?:\x07|\x1b\\\\)")
+
+
 def shown(line: str) -> str:
-    """A line without the characters that move the cursor or change colours."""
-    return printable(line.rstrip("\r").rsplit("\r", 1)[-1]).expandtabs()
+    """A line without what drives a terminal."""
+    return printable(_SEQUENCES.sub("", line.rstrip("\r").rsplit("\r", 1)[-1])).expandtabs()

@@ -107,7 +107,7 @@ def test_a_screen_draws_over_itself_and_keeps_what_happened():
     screen.close()
     text = out.getvalue()
     assert text.startswith("\x1b[?25l") and text.endswith("\x1b[?25h")
-    assert "mass   | a line of mass\x1b[K\n" in text
+    assert "mass   | a line of\u27e807\u27e9 mass\x1b[K\n" in text
     height = text.split("\x1b[J")[0].count("\n")
     assert f"\x1b[{height}A\r\x1b[Jspring was killed\n" in text
     assert text.count("\x1b[?25l") == 1
@@ -150,16 +150,18 @@ def test_logs_are_gathered_line_by_line(tmp_path):
 
 
 def test_control_characters_are_not_shown():
-    assert shown("a\x1b[31mred\x1b[0m\tb\x07") == "ared    b"
+    assert shown("a\x1b[31mred\x1b[0m\tb\x07") == "ared    b\u27e807\u27e9"
     assert shown("10%\r20%\r100%") == "100%" and shown("done\r") == "done"
     assert shown("\x1b]0;title\x07text") == "text"
-    assert shown("\x9b2Jone\u202eowt\u2028\x85\ud800") == "2Joneowt"
+    assert shown("\x9b2Jone\u202eowt\u2028\x85\ud800") == \
+        "\u27e89B\u27e92Jone\u27e8202E\u27e9owt\u27e82028\u27e9\u27e885\u27e9\u27e8D800\u27e9"
 
 
 def test_an_event_does_not_drive_the_terminal():
     out = io.StringIO()
     Lines(out).happens("  mass: it failed: \x1b[2J\x1b]0;title\x07a\rb\x9bc\nsecond line")
-    assert out.getvalue() == "  mass: it failed: abc\nsecond line\n"
+    assert out.getvalue() == "  mass: it failed: \u27e81B\u27e9[2J\u27e81B\u27e9]0;title\u27e807\u27e9" \
+        "a\u27e80D\u27e9b\u27e89B\u27e9c\nsecond line\n"
 
 
 def test_a_line_of_wide_characters_takes_one_line_of_the_terminal():
