@@ -382,3 +382,12 @@ def test_the_metadata_of_a_file_are_read_without_its_messages(here):
     assert mcap.metadata(path) == Archive(path).metadata
     (here / "cut").write_bytes(path.read_bytes()[:200])
     assert mcap.metadata(here / "cut") == {}
+
+
+def test_a_new_folder_of_a_run_is_its_owners(tmp_path):
+    there = tmp_path / "there"
+    there.mkdir(mode=0o755)
+    with alone(there / "runs/one"):
+        (there / "runs/one/record").touch()
+        assert [one.stat().st_mode & 0o777 for one in (there, there / "runs", there / "runs/one")] == [
+            0o755, 0o700, 0o700]

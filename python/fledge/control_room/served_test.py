@@ -183,5 +183,10 @@ async def test_whom_the_server_refuses(folder):
                 (word, "nadir_spin", Failure, "night lacks the role 'command' for nadir_spin")):
             with pytest.raises(error, match=says):
                 await asyncio.to_thread(connected, given, craft)
+        (folder / "script.py").write_text("def run(craft, script):\n    script.hold(1)\n")
+        assert await asyncio.to_thread(cli.main, ["ground", "run", str(folder / "script.py"), "--to", address(page),
+                                                  "--out", str(folder / "out"), f"--token={word}"]) == 0
+        assert (folder / "out").stat().st_mode & 0o77 == 0
+        assert not any(word in one.read_text() for one in (folder / "out").iterdir())
     with pytest.raises(OSError):
         await asyncio.to_thread(connected, word)

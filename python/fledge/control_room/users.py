@@ -544,7 +544,8 @@ class Guard:
         known = bool(proof) and hmac.compare_digest(_digest(request.cookies.get(mark, "")), _digest(proof))
         if self._waiting >= QUEUE and not known:
             raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
-        attempt = self._attempt(f"a browser of {name}" if known else _address(request.remote), "" if known else name)
+        where = f"a browser of {name}" if known else _address(request.remote)
+        attempt = self._attempt(where, "" if known or is_loopback(where) else name)
         # Unknown names take as long, so that the time does not tell which there are.
         kept = (user or next(iter(self.access.users.values()))).password
         assert kept
@@ -601,12 +602,14 @@ class Guard:
 
     def _attempt(self, where: str, name: str) -> tuple[str, str]:
         """Count an attempt to log in as failed until it has not; refuses one of an address or a browser that guesses,
-        and of a name that many guess. name: "" of a browser that was that user before, which others cannot lock out."""
+        and of a name that many guess. name: "" of those whom others must not lock out: a browser that was that user
+        before, and the server's own machine."""
         now = self.clock()
         self._failed = [one for one in self._failed if one[0] > now - ATTEMPTS_S]
         for most, times, text in ((ATTEMPTS, [one[0] for one in self._failed if one[1] == where], ""),
                                   (NAMED, [one[0] for one in self._failed if name and one[2] == name],
-                                   f" as {name!r}, which a browser that was this user before does not wait for")):
+                                   f" as {name!r}; a browser that was this user before, or on the server's machine, "
+                                   "does not wait")):
             if len(times) >= most:
                 rest = int(times[-most] + ATTEMPTS_S - now) + 1
                 raise Refusal(429, f"{most} attempts have failed; try again in {rest} s{text}",
@@ -679,11 +682,15 @@ class Guard:
     async def _sweep(self) -> None:
         """End the connections whose time is over."""
         while True:
-            await asyncio.sleep(min(1.0, self.bounds["first request"] / 2))
-            for transport in self._there():
-                if (times := self._times_of.get(transport)) and (bound := times.over(self.bounds)):
-                    self.bounds.refuses(bound)
-                    transport.abort()
+            await asyncio.sleep(min(0.25, self.bounds["first request"] / 2))
+            server = self._runner.server if self._runner else None
+            for one in server.connections if server else []:
+                if (times := self._times_of.get(one.transport)) and one.transport:
+                    waits = len(one._messages)      # of aiohttp, which would keep any number of requests
+                    bound = "requests at once" if self.bounds.over("requests at once", waits) else times.over(
+                        self.bounds)
+                    if bound:
+                        one.transport.abort()
 
 
 class _Times:
@@ -696,12 +703,12 @@ class _Times:
     def over(self, bounds: Bounds) -> str:
         """The limit by which it has to end."""
         now = monotonic()
-        if not self.asked and now - self.opened > bounds["first request"]:
-            return "first request"
-        if not self.known and now - self.opened > bounds["connection without a login"]:
-            return "connection without a login"
-        return "time of an answer" if self.asked and not self.live and now - self.asked > bounds[
-            "time of an answer"] else ""
+        for bound, since in (("first request", self.opened if not self.asked else now),
+                             ("connection without a login", self.opened if not self.known else now),
+                             ("time of an answer", self.asked if self.asked and not self.live else now)):
+            if bounds.over(bound, now - since):
+                return bound
+        return ""
 
 
 class _Door(asyncio.Protocol):
@@ -765,7 +772,7 @@ def _address(remote: str | None) -> str:
         address = ip_address(remote or "")
     except ValueError:
         return str(remote)
-    return str(address) if address.version == 4 else str(ip_network((address, 64), strict=False))
+    return str(address) if address.version == 4 or address.is_loopback else str(ip_network((address, 64), strict=False))
 
 
 def _host(request: web.Request) -> str:
