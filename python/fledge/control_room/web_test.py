@@ -25,8 +25,8 @@ from tests.waiting import PATIENCE
 class Console:
     """What a browser does."""
 
-    def __init__(self, client, room, csrf):
-        self.client, self.room, self.csrf = client, room, csrf
+    def __init__(self, client, server, csrf):
+        self.client, self.server, self.room, self.csrf = client, server, server.room, csrf
 
     async def get(self, path, status=200):
         return await self._answer(await self.client.get(f"/api/{path}"), status)
@@ -74,10 +74,11 @@ async def console(folder, text):
     (folder / "ground.toml").write_text(text)
     room = Room(read(folder / "ground.toml"))
     try:
-        async with TestClient(TestServer(Server(room).app)) as client:
+        server = Server(room)
+        async with TestClient(TestServer(server.app)) as client:
             room.start()
             csrf = (await (await client.get("/api/session")).json())["csrf"]
-            yield Console(client, room, csrf)
+            yield Console(client, server, csrf)
     finally:
         room.close()
 
