@@ -51,11 +51,15 @@ static CfdpTransaction *find(const Cfdp *cfdp, CfdpId id, int receiver)
     return NULL;
 }
 
-static CfdpTransaction *vacant(const Cfdp *cfdp)
+/* A place, if there are more than those that are kept. */
+static CfdpTransaction *vacant(const Cfdp *cfdp, uint32_t kept)
 {
     for (uint32_t i = 0u; i < cfdp->set.transactions_n; i++) {
         if (cfdp->set.transactions[i].state == (uint8_t)CFDP_FREE) {
-            return &cfdp->set.transactions[i];
+            if (kept == 0u) {
+                return &cfdp->set.transactions[i];
+            }
+            kept--;
         }
     }
     return NULL;
@@ -472,7 +476,7 @@ static uint8_t perform(Cfdp *cfdp, const CfdpTransaction *t, const CfdpFilestore
 /* Make a file for an answer. Returns a handle. */
 static int make(const Cfdp *cfdp)
 {
-    const CfdpTransaction *place = vacant(cfdp);
+    const CfdpTransaction *place = vacant(cfdp, 0u);
     char name[CFDP_NAME];
     if (place == NULL) {
         return CFDP_FULL;
@@ -484,7 +488,7 @@ static int make(const Cfdp *cfdp)
 /* Answer a message with another one, and, where `to` names one, with the file that was made. */
 static void reply(Cfdp *cfdp, const CfdpTransaction *t, const CfdpMessage *answer, const char *to)
 {
-    const CfdpTransaction *place = vacant(cfdp);
+    const CfdpTransaction *place = vacant(cfdp, 0u);
     char name[CFDP_NAME];
     uint8_t options[CFDP_OPTIONS];
     if (place == NULL) {
@@ -939,9 +943,41 @@ static void take_eof(Cfdp *cfdp, CfdpTransaction *t, const CfdpPdu *pdu)
     }
 }
 
+/* Where there is no place: that of what is received and has been silent longest, for longer than what is missing takes
+ * to be asked for. So transactions that begin and say no more, as others may forge them, keep no file away for long. */
+static CfdpTransaction *give_up(Cfdp *cfdp)
+{
+    CfdpTransaction *found = NULL;
+    int64_t longest = 0;
+    for (uint32_t i = 0u; i < cfdp->set.transactions_n; i++) {
+        CfdpTransaction *t = &cfdp->set.transactions[i];
+        if (t->state == (uint8_t)CFDP_FREE || !receives(t) || t->suspended != 0u || t->inactive == INT64_MAX) {
+            continue;
+        }
+        const CfdpRemote *remote = remote_of(cfdp, t->peer);
+        const int64_t silent = cfdp->live.now - (t->inactive - remote->inactivity);
+        if (remote->frozen == 0u && silent > 2 * remote->nak_timer && silent > longest) {
+            found = t;
+            longest = silent;
+        }
+    }
+    if (found != NULL) {
+        if (found->state != (uint8_t)CFDP_FINISHING) {
+            found->condition = CFDP_INACTIVITY;
+            found->incomplete = 1u;
+            cfdp->live.conditions[CFDP_INACTIVITY]++;
+        }
+        end(cfdp, found, CFDP_TOLD_ENDED);
+    }
+    return found != NULL && found->state == (uint8_t)CFDP_FREE ? found : NULL; /* the user may have put the next */
+}
+
 static CfdpTransaction *begin_receiver(Cfdp *cfdp, const CfdpPdu *pdu, const CfdpRemote *remote)
 {
-    CfdpTransaction *t = vacant(cfdp);
+    CfdpTransaction *t = vacant(cfdp, cfdp->set.kept);
+    if (t == NULL) {
+        t = give_up(cfdp);
+    }
     if (t == NULL) {
         cfdp->live.faults[CCSDS_ROOM]++;
         return NULL;
@@ -1446,7 +1482,7 @@ int cfdp_put(Cfdp *cfdp, const CfdpPut *put, CfdpId *id)
     const CfdpStore *store = &cfdp->set.store;
     const CfdpRemote *remote = remote_of(cfdp, put->destination);
     const CfdpText from = text_of(put->from), to = text_of(put->to);
-    CfdpTransaction *t = vacant(cfdp);
+    CfdpTransaction *t = vacant(cfdp, 0u);
     if (remote == NULL || from.n >= (uint8_t)CFDP_NAME || to.n >= (uint8_t)CFDP_NAME ||
         (from.n == 0u) != (to.n == 0u) || put->options_n > (size_t)CFDP_OPTIONS) {
         return CFDP_REFUSED;

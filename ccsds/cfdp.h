@@ -218,6 +218,7 @@ typedef struct CfdpSetup {
     uint32_t remotes_n;
     CfdpTransaction *transactions;
     uint32_t transactions_n;
+    uint32_t kept;     ///< of them, for what is put here: files that come take none of the last
     CfdpRange *ranges; ///< ranges_n for each transaction. A receiver whose ranges are full asks for what they name, and
                        ///< drops what it cannot note
     uint32_t ranges_n;

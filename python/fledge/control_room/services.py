@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from fledge.commands import ALL, LISTS, Action, Block, Code, Field, Stored, encoded, stored, storing, values
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.files import Files, Transfer
+from fledge.ground.links import NoAnswer
 
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
@@ -64,6 +65,7 @@ class Transfers:
     def directory(self, path: str) -> Future[list[str]]:
         """The names in a directory on board."""
         made: Future[list[str]] = Future()
+        made.set_running_or_notify_cancel()     # who asks may go: it is answered all the same
         self._listings.append((self._files().listing(path), made))
         return made
 
@@ -101,10 +103,12 @@ class Transfers:
         for listing, answer in list(self._listings):
             if listing.ended or listing.problem:
                 self._listings.remove((listing, answer))
-                if listing.problem:
-                    answer.set_exception(SetupError(listing.problem))
-                else:
+                try:
+                    if listing.problem:
+                        raise SetupError(listing.problem)
                     answer.set_result(self._files().names(listing))
+                except (SetupError, NoAnswer) as error:
+                    answer.set_exception(SetupError(str(error)))
         if self.craft.ground and self.craft.ground.has_files:
             received = self.craft.ground.files.received
             for path in received[self._received:]:      # that the craft sent unasked

@@ -32,7 +32,7 @@ struct Told {
     TransactionId id;
     bool receiver, incomplete;
     int condition, file_status;
-    std::string to;
+    py::object to; // a name of the other end's: bytes that are no UTF-8 become lone surrogates, as in Python's paths
     py::bytes text;
 };
 
@@ -68,6 +68,7 @@ public:
         setup.remotes_n = 1;
         setup.transactions = transactions_.data();
         setup.transactions_n = transactions;
+        setup.kept = transactions / 4;
         setup.ranges = ranges_.data();
         setup.ranges_n = ranges;
         setup.past = past_.data();
@@ -195,7 +196,7 @@ private:
                          event.incomplete != 0,
                          event.condition,
                          event.file_status,
-                         event.to,
+                         py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(event.to)),
                          py::bytes(event.text.n != 0 ? bytes : "", event.text.n)});
     }
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _ground
 from fledge.commands import Packets
-from fledge.errors import SetupError
+from fledge.errors import SetupError, printable
 from fledge.ground.links import NoAnswer
 from fledge.objects.si import time_ns
 
@@ -32,6 +32,7 @@ GROUND, CRAFT = 1, 2        # entities
 RATE = 4000.0               # [bytes/s] of packets to the spacecraft
 TICK = 50_000_000           # [ns] between looks at timers and at the room of the link
 BURST = 1.0                 # [s] of the rate that may go at once after a pause
+LISTING = 1_000_000         # characters of the names in a directory on board
 
 
 class Message(IntEnum):
@@ -176,9 +177,15 @@ class Files:
     def names(self, one: Transfer) -> list[str]:
         """What a listing has brought."""
         try:
-            return sorted((self.folder / one.place).read_text(errors="replace").splitlines())
+            with open(self.folder / one.place, encoding="utf-8", errors="surrogateescape") as file:
+                text = file.read(LISTING + 1)
+        except OSError as error:
+            raise NoAnswer(f"{one.what}: {error.strerror}") from None
         finally:
-            (self.folder / one.place).unlink()
+            self._forget(one)
+        if len(text) > LISTING:
+            raise NoAnswer(f"{one.what}: what came has more than {LISTING} characters")
+        return sorted(name for name in text.split("\n") if name)
 
     def directory(self, name: str, within: Any) -> list[str]:
         return self.names(self.listing(name).completed(within))
@@ -246,7 +253,7 @@ class Files:
         if found and (problem or told.receiver == found.fetches):
             self._end(found, problem)
         elif told.receiver and told.to and not problem and not found:
-            self.received.append(self.folder / told.to)
+            self.received.append(self._kept(told.to))
         if told.receiver:
             self._answered([one for text in self._messages.pop(told.id, [])
                             if (one := self.entity.read_message(text))])
@@ -289,6 +296,19 @@ class Files:
             one.moved(one.size, one.size)
         if not one.fetches:
             self._forget(one)
+
+    def _kept(self, name: str) -> Path:
+        """The place of a file that has come under a name of the other end's: one that a person sees as it is, and that
+        a shell takes for no option."""
+        arrived = self.folder / name
+        plain = printable(arrived.name, lines=False)
+        plain = "_" + plain[1:] if plain.startswith("-") else plain
+        if plain == arrived.name:
+            return arrived
+        path, n = arrived.with_name(plain.encode()[:200].decode(errors="ignore")), 1
+        while path.exists():
+            path, n = arrived.with_name(f"{path.name.rpartition('~')[0] or path.name}~{n}"), n + 1
+        return arrived.rename(path)
 
     def _forget(self, one: Transfer) -> None:
         (self.folder / one.place).unlink(missing_ok=True)

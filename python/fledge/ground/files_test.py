@@ -6,6 +6,7 @@ from heapq import heappop, heappush
 from operator import xor
 from pathlib import Path
 from random import Random
+import os
 import struct
 
 import pytest
@@ -206,3 +207,68 @@ def test_by_hand(tmp_path, monkeypatch, capsys):
     assert "fetch none: the file store refused it on board" in capsys.readouterr().err
     assert main(["send", "none", "--to", "udp://x", "nadir_spin"]) == 2
     assert main(["send", "plan", "--to", "udp://x", "nadir_spin", "--within", "0.1s"]) == 1
+
+
+class Hostile(Board):
+    """A board that also sends what it should not: PDUs of its own that it has changed, repeated and made up."""
+
+    names = [b"../out", b"/etc/x", b"a\xff\xfe", b"-rf", b"\x1b[2J\n", b".cfdp0", "\u202egpj".encode(), b"n" * 127]
+
+    def __init__(self, *arguments, **named):
+        super().__init__(*arguments, **named)
+        self.old, self.chance = [], Random(named.get("seed", 1) + 100)
+
+    def carry(self, up, data):
+        super().carry(up, data)
+        if not up:
+            self.old.append(data)
+            for _ in range(3):
+                one = self.forged(data[16:])
+                super().carry(False, data[:4] + (9 + len(one)).to_bytes(2, "big") + data[6:16] + one)
+
+    def pdu(self, directive, body, sequence, large=0, to_sender=0, source=CRAFT):
+        kind = 0x10 if directive is None else 0
+        body = body if directive is None else bytes([directive]) + body
+        return struct.pack(">BHBHIH", 0x20 | kind | to_sender << 3 | large, len(body), 0x13, source, sequence,
+                           GROUND if source == CRAFT else CRAFT) + body
+
+    def forged(self, own):
+        """One more PDU: mostly of a transaction that nobody began."""
+        r = self.chance
+        other, at, name = r.randrange(500, 5000), r.choice([0, 2**32 - 1, 2**32, 2**62, 2**63, 2**64 - 1]), r.choice(
+            self.names)
+        text = bytes([len(name)]) + name
+        return r.choice([
+            lambda: own[:r.randrange(len(own))],
+            lambda: r.choice(self.old)[16:],
+            lambda: own[:4] + r.randbytes(8) + own[12:],
+            lambda: self.pdu(7, bytes([r.randrange(16)]) + at.to_bytes(8, "big") + text * 2, other, 1),
+            lambda: self.pdu(7, bytes([0]) + (9).to_bytes(4, "big") + text * 2, other),
+            lambda: self.pdu(None, at.to_bytes(8, "big") + r.randbytes(r.randrange(1, 200)), other, 1),
+            lambda: self.pdu(None, bytes(4) + b"forged", r.randrange(500, 505)),
+            lambda: self.pdu(4, bytes([0]) + r.randbytes(4) + (6).to_bytes(4, "big"), r.randrange(500, 505)),
+            lambda: self.pdu(8, bytes(8) + b"".join(struct.pack(">2I", 2 * i, 2 * i + 1) for i in range(120)),
+                             r.randrange(10), to_sender=1, source=GROUND),
+            lambda: self.pdu(7, bytes([0]) + bytes(4) + text * 2 + b"\2\12cfdp\0\1\2\1a\1b", other),
+            lambda: self.pdu(4, bytes([0]) + bytes(8), other),
+        ])()
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FLEDGE_CASES", "3"))))
+def test_forged_pdus_bring_nothing_down_and_honest_files_arrive(tmp_path, seed):
+    """FLEDGE_CASES: how many seeds, each some seconds of files."""
+    plan, (down, board) = some(tmp_path / "plan", 20_000), (tmp_path / "down", tmp_path / "board")
+    down.mkdir()
+    with ground.Craft(Hostile(DICTIONARY, board, seed=seed), DICTIONARY) as craft:
+        craft.files = Files(craft, down, timeout=2 * s)
+        some(board / "science", 20_000, 2)
+        both = [craft.put(plan, to="next"), craft.fetch("science", to=tmp_path / "got")]
+        for one in both:
+            one.completed(within=5 * minute)
+        assert craft.directory("", within=1 * minute) == ["next", "science"]
+        assert len(craft.files._messages) < 300 and len(craft.files.received) < 300
+    assert (board / "next").read_bytes() == plan.read_bytes()
+    assert (tmp_path / "got").read_bytes() == (board / "science").read_bytes()
+    assert {one.name for one in tmp_path.iterdir()} == {"plan", "down", "board", "got"}
+    for one in down.iterdir():
+        assert one.name.isprintable() and not one.name.startswith("-") and one.stat().st_blocks < 2000, one
