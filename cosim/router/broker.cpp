@@ -22,6 +22,7 @@ constexpr int most_entries = 4096, most_messages = 256;
 constexpr std::int64_t longest_subscription = 4096;
 constexpr std::size_t most_written = 1024, most_reports = 20;
 constexpr const char *finish_topic = "finish";
+constexpr const char *ready_topic = "ready"; ///< an observer subscribes to it behind its first topics
 
 std::string listen(zmq::socket_t &socket, const std::string &address, const char *what)
 {
@@ -37,9 +38,9 @@ std::string listen(zmq::socket_t &socket, const std::string &address, const char
 
 Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *authenticator)
     : config_(std::move(config)), authenticator_(authenticator), frontend_(context, zmq::socket_type::xsub),
-      backend_(context, zmq::socket_type::xpub), ring_(config_.room)
+      backend_(context, zmq::socket_type::xpub), complete_(context, zmq::socket_type::xpub), ring_(config_.room)
 {
-    for (zmq::socket_t *socket : {&frontend_, &backend_}) {
+    for (zmq::socket_t *socket : {&frontend_, &backend_, &complete_}) {
         set_up(*socket, config_.limits);
         if (!config_.any_user) {
             refuse_other_users(*socket);
@@ -48,18 +49,22 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
             authenticator_->guard(*socket);
         }
     }
-    backend_.set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives only subscriptions
-    backend_.set(zmq::sockopt::sndhwm, config_.waiting);
-    backend_.set(zmq::sockopt::xpub_verbose, true);
+    for (zmq::socket_t *socket : {&backend_, &complete_}) {
+        socket->set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives only subscriptions
+        socket->set(zmq::sockopt::sndhwm, config_.waiting);
+        socket->set(zmq::sockopt::xpub_verbose, true);
+    }
+    complete_.set(zmq::sockopt::xpub_nodrop, true);
     frontend_address_ = listen(frontend_, config_.frontend, "what asynchronous programs publish");
     backend_address_ = listen(backend_, config_.backend, "observers");
+    complete_address_ = config_.complete.empty() ? "" : listen(complete_, config_.complete, "complete observers");
     frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
 }
 
 Broker::~Broker()
 {
-    for (int n = 0; (end_is_late_ || !late_.empty()) && n < 200; n++) {
+    for (int n = 0; (end_is_late_ || !late_.empty()) && (n < 200 || !config_.complete.empty()); n++) {
         std::this_thread::sleep_for(shortest);
         send_late();
     }
@@ -125,21 +130,29 @@ void Broker::ended(const std::string &reason)
 
 void Broker::put_now_or_later(const std::string &topic, const std::string &node, const Record &record)
 {
-    if ((late_.empty() || !late_.contains(topic)) && put(Kind::record, topic, node, record)) {
+    const auto same = [&](const auto &late) { return late.first == topic; };
+    const auto older = std::find_if(late_.begin(), late_.end(), same);
+    if (older == late_.end() && (late_.empty() || config_.complete.empty()) &&
+        put(Kind::record, topic, node, record)) {
         return;
     }
     if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {
         dropped_.fetch_add(1, std::memory_order_relaxed); // it is too large for the ring
         return;
     }
-    const bool first = late_.insert_or_assign(topic, Published{record, node}).second;
-    dropped_.fetch_add(!first, std::memory_order_relaxed);
+    if (older == late_.end() || !config_.complete.empty()) {
+        late_.emplace_back(topic, Published{record, node});
+        return;
+    }
+    older->second = {record, node};
+    dropped_.fetch_add(1, std::memory_order_relaxed);
 }
 
 void Broker::send_late()
 {
-    for (auto it = late_.begin(); it != late_.end(); it = late_.erase(it)) {
-        if (!put(Kind::record, it->first, it->second.node, it->second.record)) {
+    for (; !late_.empty(); late_.pop_front()) {
+        const auto &[topic, published] = late_.front();
+        if (!put(Kind::record, topic, published.node, published.record)) {
             return;
         }
     }
@@ -199,24 +212,30 @@ BrokerCounts Broker::counts() const
 
 void Broker::serve()
 {
-    // The run has priority.
-    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
-    zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
+    if (config_.complete.empty()) { // the run has priority
+        setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
+    }
+    zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0},
+                               {backend_.handle(), 0, ZMQ_POLLIN, 0},
+                               {complete_.handle(), 0, ZMQ_POLLIN, 0}};
     std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
         try {
             const bool stop = stop_; // read before the ring, so that no entry is missed
-            receive_subscriptions();
+            receive_subscriptions(false);
+            receive_subscriptions(true);
             bool busy = receive_messages();
             busy = drain() || busy;
-            const bool delivered = send_end();
-            if (stop && !stopped_at) {
-                stopped_at = std::chrono::steady_clock::now();
+            const bool waits = shown_, delivered = !waits && send_end();
+            const auto now = std::chrono::steady_clock::now();
+            if (stop && (!stopped_at || waits)) {
+                stopped_at = now;
             }
-            if (!busy && stop && (delivered || std::chrono::steady_clock::now() - *stopped_at >= end_timeout)) {
+            const auto most = config_.complete.empty() || config_.patience == 0ms ? end_timeout : config_.patience;
+            if (!busy && stop && !waits && (delivered || now - *stopped_at >= most)) {
                 return;
             }
-            pause = busy ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
+            pause = busy || waits ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
             poll(items, busy ? 0ms : pause);
             if (busy) {
                 std::this_thread::sleep_for(shortest); // work in batches: the run needs the processor
@@ -237,10 +256,67 @@ bool Broker::drain()
         if (!entry.data()) {
             break;
         }
-        publish(entry);
+        if (!std::exchange(shown_, true)) {
+            publish(entry);
+        }
+        if (!deliver()) {
+            break; // it waits at the head of the ring
+        }
+        shown_ = false;
         ring_.pop();
     }
+    if (!shown_ && std::chrono::steady_clock::now() - seen_newest_ >= longest) {
+        show_newest();
+    }
     return n > 0;
+}
+
+bool Broker::send_to_complete()
+{
+    return complete_.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
+           complete_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+}
+
+/// Show complete observers the newest message of the topics of which they may miss some.
+void Broker::show_newest()
+{
+    seen_newest_ = std::chrono::steady_clock::now();
+    for (auto it = newer_.begin(); it != newer_.end(); it = newer_.erase(it)) {
+        encode({0, last_[*it].published}, frame_);
+        topic_ = *it;
+        if (!send_to_complete()) {
+            break; // later
+        }
+    }
+    topic_.clear();
+}
+
+/// Whether all complete observers have the message that was sent to the others.
+bool Broker::deliver()
+{
+    if (topic_.empty() || config_.complete.empty()) {
+        return true;
+    }
+    if (send_to_complete()) {
+        stuck_ = stuck_ == topic_ ? "" : stuck_;
+        topic_.clear();
+        return true;
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (stuck_.empty()) {
+        stuck_ = topic_;
+        stuck_since_ = now;
+    }
+    if (config_.patience == 0ms || now - stuck_since_ < config_.patience) {
+        return false;
+    }
+    complete_.set(zmq::sockopt::xpub_nodrop, false);
+    (void)send_to_complete(); // to the others; libzmq drops for it until it takes some
+    complete_.set(zmq::sockopt::xpub_nodrop, true);
+    report("a program that is to hear everything has taken no message of " + stuck_ + " for " +
+           std::to_string(config_.patience / 1ms) + " ms; the run goes on, and it misses messages");
+    topic_.clear();
+    return true;
 }
 
 void Broker::publish(std::span<const std::byte> entry)
@@ -251,6 +327,7 @@ void Broker::publish(std::span<const std::byte> entry)
     const std::string topic(text, head.topic);
     if (head.kind == Kind::finish) {
         finish_ = Finish{topic};
+        show_newest();
         return send(finish_topic, *finish_);
     }
     Last &last = last_[topic];
@@ -263,12 +340,17 @@ void Broker::publish(std::span<const std::byte> entry)
     record.payload = payload;
     if (subscribed(topic, last)) {
         send(topic, last.published);
+        if (!config_.heard.empty() && !config_.heard.contains(topic)) {
+            topic_.clear();
+            newer_.insert(topic);
+        }
     }
 }
 
 void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
+    topic_ = topic;
     // libzmq drops the whole message for observers whose queue is full.
     (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
@@ -277,8 +359,9 @@ void Broker::send(const std::string &topic, const Message &message)
 /// Whether all observers have received the end of the run.
 bool Broker::send_end()
 {
-    if (finish_ && subscribed_.contains(finish_topic)) {
+    if (finish_ && (subscribed_.contains({false, finish_topic}) || subscribed_.contains({true, finish_topic}))) {
         send(finish_topic, *finish_);
+        (void)deliver();
         return false;
     }
     return true;
@@ -289,15 +372,16 @@ bool Broker::subscribed(const std::string &topic, Last &last)
     if (last.looked != subscriptions_) {
         last.looked = subscriptions_;
         last.subscribed = std::any_of(subscribed_.begin(), subscribed_.end(),
-                                      [&](const std::string &prefix) { return topic.starts_with(prefix); });
+                                      [&](const auto &one) { return topic.starts_with(one.second); });
     }
     return last.subscribed;
 }
 
-void Broker::receive_subscriptions()
+void Broker::receive_subscriptions(bool complete)
 {
+    zmq::socket_t &socket = complete ? complete_ : backend_;
     zmq::message_t message;
-    for (int n = 0; n < most_messages && backend_.recv(message, zmq::recv_flags::dontwait); n++) {
+    for (int n = 0; n < most_messages && !shown_ && socket.recv(message, zmq::recv_flags::dontwait); n++) {
         const std::string_view text = message.to_string_view();
         if (text.empty() || text[0] > 1 || text[0] < 0) {
             refused_++; // it is not a subscription
@@ -305,15 +389,20 @@ void Broker::receive_subscriptions()
         }
         const std::string prefix(text.substr(1));
         if (text[0] == 0) {
-            subscribed_.erase(prefix);
+            subscribed_.erase({complete, prefix});
             subscriptions_++;
             continue;
         }
-        if (subscribed_.insert(prefix).second) {
+        if (subscribed_.emplace(complete, prefix).second) {
             subscriptions_++;
         }
+        came_ += complete && prefix == ready_topic;
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
             send(it->first, it->second.published);
+            if (complete) {
+                (void)deliver(); // one that has waiting messages needs it not
+            }
+            topic_.clear();
         }
     }
 }
@@ -376,9 +465,14 @@ std::string Broker::read(std::span<zmq::message_t, 2> parts, Written &written)
 void Broker::refuse(const std::string &why)
 {
     refused_++;
+    report("the broker refused a message: " + why);
+}
+
+void Broker::report(const std::string &text)
+{
     const std::lock_guard lock(mutex_);
-    if (reported_.size() < most_reports && reported_.insert(why).second) {
-        reports_.push_back("the broker refused a message: " + why);
+    if (reported_.size() < most_reports && reported_.insert(text).second) {
+        reports_.push_back(text);
     }
 }
 

@@ -166,8 +166,8 @@ async def test_every_row_asks_who_one_is_and_what_one_may(folder):
         assert len(there) > 30 and all(     # as if it were not there
             known["stranger"][path, "a"] == known["stranger"][path, "zz"] for path in there)
         log = page.room.journal.rows("log", limit=500)
-        assert not [one for one in log if one["action"] != "refused" and one["user"] in ("viewer", "blind") and
-                    one["action"].startswith(("POST", "PUT")) and "replay" not in one["action"]]
+        assert not [one for one in log if one["action"] != "refused" and one["user"] == "viewer" and
+                    "replay" not in one["action"]]
 
 
 @flown
@@ -273,7 +273,8 @@ async def test_texts_and_numbers_that_are_none_are_refused(folder):
                         message.json()["kind"] != "refused":
                     assert message.type in (WSMsgType.TEXT, WSMsgType.BINARY)
         for target in (b"/api/crafts/\xff/slots", b"/api/crafts/a/packets?container=\xff",
-                       b"/api/crafts/a/history?names=%ff", b"/api/crafts/a/files/%ED%A0%80", b"/api/crafts/%c0%af/slots"):
+                       b"/api/crafts/a/history?names=%ff", b"/api/crafts/a/files/%ED%A0%80",
+                       b"/api/crafts/%c0%af/slots"):
             for method in (b"GET", b"POST"):
                 reader, writer = await asyncio.open_connection("127.0.0.1", page.client.server.port)
                 writer.write(method + b" " + target + b" HTTP/1.1\r\nHost: localhost\r\nX-Fledge-CSRF: \xff\r\n"
@@ -305,8 +306,9 @@ async def fuzzed(folder):
             asked += 1
             row = draw.choice(routes)
             word = draw.choice(WORDS[:-1]).encode(errors="surrogatepass").hex()
-            path = filled(row.path, draw.choice("aaabbbx"), "%" + "%".join(re.findall("..", word))
-                          if 0 < len(word) < 200 and draw.random() < 0.5 else draw.choice(["0", "3", "flight.control", "x"]))
+            path = filled(row.path, draw.choice("aaabbbx"), "".join(f"%{one}" for one in re.findall("..", word))
+                          if 0 < len(word) < 200 and draw.random() < 0.5 else
+                          draw.choice(["0", "3", "flight.control", "x"]))
             query = {key: draw.choice(WORDS[:9]).encode(errors="replace").decode() for key in
                      draw.sample(["before", "limit", "first", "names", "from_ns", "to_ns", "points", "name"], 2)}
             data = json.dumps(content(draw)).encode() if draw.random() < 0.8 else draw.randbytes(20)

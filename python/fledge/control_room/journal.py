@@ -58,7 +58,7 @@ class Journal:
     def rows(self, kind: str, craft: str | None = None, before: int | None = None, limit: int = MOST,
              before_ns: int | None = None, seen: tuple[list[str], str] | None = None) -> list[dict[str, Any]]:
         """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of
-        this time of the spacecraft's clock (the log: UTC) at most; seen: those of some spacecraft or of a user alone."""
+        this time of the spacecraft's clock (the log: UTC) at most; seen: of some spacecraft or of a user alone."""
         where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
             before_ns is not None)
         given: list[Any] = [one for one in (before, craft, before_ns) if one is not None]

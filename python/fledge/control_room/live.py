@@ -81,8 +81,8 @@ class Browser:
         wish = next(iter(found.values())) if asked else None
         name = wish.get("craft") if isinstance(wish, dict) else wish
         if not asked or not isinstance(name, str):
-            raise SetupError('a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}}, {"unsubscribe": ...} '
-                             'or {"subscribe_packets": ...}')
+            raise SetupError('a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}}, '
+                             '{"unsubscribe": ...} or {"subscribe_packets": ...}')
         row, does = asked
         does(self, self.server.seen(self.request, name, row) if row.craft else name, wish)
         self._wake.set()

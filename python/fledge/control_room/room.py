@@ -58,7 +58,8 @@ class Room:
         """The spacecraft of a name, of all or among some. Raises SetupError."""
         among = list(self.crafts) if among is None else among
         if name not in among:
-            raise SetupError(f"there is no spacecraft '{name[:80]}'{did_you_mean(name, among)} there is {listed(among)}")
+            raise SetupError(f"there is no spacecraft '{name[:80]}'{did_you_mean(name, among)} there is "
+                             + listed(among))
         return self.crafts[name]
 
     def start(self) -> None:

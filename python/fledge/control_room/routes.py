@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may what: each HTTP route and each message of the WebSocket has a row, beside its handler. The check, the document
-of OpenAPI and the table of the documents are made from these rows."""
+"""Who may what: each HTTP route and each message of the WebSocket has a row, beside its handler. The check, the
+document of OpenAPI and the table of the documents are made from these rows."""
 from __future__ import annotations
 
 import json
