@@ -362,6 +362,7 @@ void PacketArchive::put(const Arrival &arrival, Id container)
             gap_.why = problem_;
         }
         gap_.to = std::max(gap_.from, t);
+        lost_++;
         return;
     }
     pending_.push_back({session_, container, t, arrival.received, bytes_.size(), arrival.bytes.size()});

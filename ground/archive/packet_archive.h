@@ -41,6 +41,9 @@ public:
     /// Why packets are not saved; "": they are.
     const std::string &problem() const { return problem_; }
 
+    /// Packets that were not kept, so far: memory did not have room for them, either.
+    std::uint64_t lost() const { return lost_; }
+
 private:
     struct File; ///< that is being written
     class Disk;
@@ -76,6 +79,7 @@ private:
     std::vector<Pending> pending_;
     std::vector<std::uint8_t> bytes_;
     Gap gap_;
+    std::uint64_t lost_ = 0;
     std::string problem_;
 };
 

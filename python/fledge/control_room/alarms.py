@@ -11,6 +11,7 @@ from fledge.errors import SetupError
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
 
+LONGEST = 7 * 86400     # [s] for which an alarm is shelved
 CONCERNS = ("normal", "watch", "warning", "distress", "critical", "severe")
 
 
@@ -21,9 +22,11 @@ class Alarms:
     def __init__(self, craft: Spacecraft) -> None:
         self.craft = craft
         self._open: dict[str, dict[str, Any]] = {}
-        for one in reversed(craft.room.journal.rows("alarms", craft.name)):
-            if not one["ended_ns"]:
-                self._open[one["name"]] = one
+        self._changed: set[str] = set()     # whose level the journal does not have yet
+        for one in craft.room.journal.all("alarms", craft.name, True):
+            if int(one["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
+                one["shelved_until_ns"] = "0"
+            self._open[one["name"]] = one
         self.anew()
 
     def anew(self) -> None:
@@ -31,12 +34,22 @@ class Alarms:
         self._unknown = set(self._open)
 
     def look(self) -> None:
-        """Learn the state of alarms that are older than the monitor, by the first value."""
+        """Learn the state of alarms that are older than the monitor, by the first value, and keep levels that changed:
+        the journal takes no row for each of the values that go to and fro."""
         for name in self._unknown & self._open.keys():
             slot = self.craft.slot_numbers.get(name)
             if slot is not None and (newest := self.craft.monitor.newest(slot)):
                 self._unknown.discard(name)
                 self.take([(slot, newest[0], self._open[name]["concern"], newest[5])])
+        self._keep([self._open[name] for name in sorted(self._changed & self._open.keys())])
+        self._changed.clear()
+
+    def compare(self) -> None:
+        """Take the states that the monitor has: notes of it may be lost."""
+        for slot, name in enumerate(self.craft.slot_names):
+            newest, before = self.craft.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
+            if newest and newest[5] != before:
+                self.take([(slot, newest[0], before, newest[5])])
 
     def rows(self) -> list[dict[str, Any]]:
         """The open alarms. The slot is None if the database no longer has the parameter."""
@@ -65,24 +78,30 @@ class Alarms:
                 one["acknowledged"] = None
             if worse or self._ends(one, t):
                 changed[name] = one
+            else:
+                self._changed.add(name)
         self._keep(list(changed.values()))
 
     def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
-        """Note that a user has seen an alarm. Raises SetupError if there is no such alarm."""
-        one = self._named(name)
-        one["acknowledged"] = {"user": user, "note": note, "t_ns": str(self.craft.now),
-                               "received_ns": str(time.time_ns())}
-        self._ends(one, self.craft.now)
-        self._keep([one])
-        return self._told(one)
+        """Note that a user has seen an alarm. Raises SetupError if there is no such alarm, or it cannot be kept."""
+        return self._request(self._named(name), acknowledged={
+            "user": user, "note": note, "t_ns": str(self.craft.now), "received_ns": str(time.time_ns())})
 
     def shelve(self, name: str, seconds: float) -> dict[str, Any]:
         """Do not announce an alarm for some seconds of the server's time; 0: announce it again from now on."""
-        if not 0 <= seconds <= 7 * 86400:
-            raise SetupError(f"an alarm is shelved for 0 to {7 * 86400} s; found {seconds:g}")
-        one = self._named(name)
-        one["shelved_until_ns"] = str(time.time_ns() + int(seconds * 1e9)) if seconds else "0"
-        self._keep([one])
+        if not 0 <= seconds <= LONGEST:
+            raise SetupError(f"an alarm is shelved for 0 to {LONGEST} s; found {seconds:g}")
+        return self._request(self._named(name), shelved_until_ns=str(time.time_ns() + int(seconds * 1e9))
+                             if seconds else "0")
+
+    def _request(self, one: dict[str, Any], **changes: Any) -> dict[str, Any]:
+        """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
+        made = one | changes
+        if not made["concern"] and made["acknowledged"]:
+            made["ended_ns"] = str(self.craft.now)
+        self.craft.room.keep("alarms", self.craft.name, made, told=self._told, must=True)
+        one.update(made)
+        self._ends(one, self.craft.now)
         return self._told(one)
 
     def _ends(self, one: dict[str, Any], t: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -13,10 +14,22 @@ from fledge.errors import SetupError
 
 LISTS = ("sent", "events", "alarms", "limits", "transfers", "log")
 MOST = 500          # rows of an answer
+# What has not ended, by words in its row's JSON: a server that starts rebuilds it. A text cannot have them, for JSON
+# escapes its quotes.
+OPEN = {"alarms": ('"ended_ns": ""',), "transfers": ('"state": "active"', '"state": "suspended"'),
+        "sent": ('"open": {',)}
 SCHEMA = "".join(f"""
 CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
     content TEXT NOT NULL);
 CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS)
+
+
+def _is_open(kind: str) -> str:
+    return "(" + " OR ".join(f"instr(content, '{words}') > 0" for words in OPEN[kind]) + ")"
+
+
+SCHEMA += "".join(f"""
+CREATE INDEX IF NOT EXISTS {kind}_open ON {kind} (craft, id) WHERE {_is_open(kind)};""" for kind in OPEN)
 
 
 class JournalError(SetupError):
@@ -41,10 +54,11 @@ class Journal:
 
     def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
         """Keep objects as they are now, all or none; a new one gets an `id`. Raises JournalError."""
-        def write() -> list[int | None]:
-            return [self._put(kind, craft, one) for one in contents]
+        self.save_all([(kind, craft, one) for one in contents])
 
-        for one, number in zip(contents, self._write(write)):
+    def save_all(self, rows: Sequence[tuple[str, str, dict[str, Any]]]) -> None:
+        """The same of (kind, craft, object) each."""
+        for (_, _, one), number in zip(rows, self._write(lambda: [self._put(*row) for row in rows])):
             one["id"] = number
 
     def _put(self, kind: str, craft: str, content: dict[str, Any]) -> int | None:
@@ -72,10 +86,12 @@ class Journal:
             rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()
         return [json.loads(content) | {"id": number} for number, content in rows]
 
-    def all(self, kind: str, craft: str) -> list[dict[str, Any]]:
-        """All objects of a spacecraft, the oldest first."""
+    def all(self, kind: str, craft: str, is_open: bool = False) -> list[dict[str, Any]]:
+        """All objects of a spacecraft, the oldest first. is_open: those that have not ended."""
+        where = f" AND {_is_open(kind)}" if is_open else ""
         with self._lock:
-            rows = self._db.execute(f"SELECT id, content FROM {kind} WHERE craft = ? ORDER BY id", (craft,)).fetchall()
+            rows = self._db.execute(f"SELECT id, content FROM {kind} WHERE craft = ?{where} ORDER BY id",
+                                    (craft,)).fetchall()
         return [json.loads(content) | {"id": number} for number, content in rows]
 
     def close(self) -> None:

@@ -125,16 +125,15 @@ class SetLimits:
             "time_ns": str(max([time.time_ns(), *(int(one["time_ns"]) for one in self.changes[-1:])])),
             "t_ns": str(craft.now)}
         try:
-            if not craft.source:
-                craft.room.journal.save("limits", craft.name, change)
-                self.changes.append(change)
-                self.in_force.at(EVER)
             craft.room.log(user, "limits", f"{change['name']}: {in_words(before['limits'], before['persistence'])} -> "
                            f"{in_words(now['limits'], now['persistence'])}"
-                           f"{', as in the database' if levels is None else ''}", craft.name)
+                           f"{', as in the database' if levels is None else ''}", craft.name,
+                           also=[] if craft.source else [("limits", change)])
+            if not craft.source:
+                self.changes.append(change)
+                self.in_force.at(EVER)
         except JournalError:
-            if change not in self.changes:
-                notes += self.in_force.apply(change["name"])
+            notes += self.in_force.apply(change["name"])
             raise
         finally:
             craft.noted(notes)

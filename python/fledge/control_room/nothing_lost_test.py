@@ -16,6 +16,7 @@ import sys
 import time
 from contextlib import contextmanager, suppress
 from types import SimpleNamespace
+from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
@@ -23,6 +24,7 @@ import pytest
 from fledge.control_room import spacecraft
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
+from fledge.errors import SetupError
 from tests.circles import long_after
 from tests.waiting import PATIENCE, wait_for
 
@@ -243,7 +245,7 @@ def test_limits_that_were_set_outlive_kill_9_and_a_database_that_changes(tmp_pat
 
 
 def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, craft):
-    """Also if the parameter came back within its limits while no server looked."""
+    """Also if the parameter came back within its limits while no server looked, and others have begun and ended."""
     slot, path = 3, "crafts/craft/alarms"
     server = Server(tmp_path, craft.port)
     try:
@@ -256,11 +258,48 @@ def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, cr
         server.kill()
     craft.drop()
     craft.send(100)         # nobody reads them
+    with sqlite3.connect(tmp_path / "out/journal.sqlite") as journal:
+        ended = json.dumps(json.loads(journal.execute("SELECT content FROM alarms").fetchone()[0]) | {
+            "name": "stream", "ended_ns": "1"})
+        journal.executemany("INSERT INTO alarms (craft, t, content) VALUES ('craft', 0, ?)", [(ended,)] * 600)
     with serving(tmp_path, craft) as server:
         assert [one["level"] for one in server.get(path)] == ["warning"]
         craft.send(1)
         server.until(path, lambda found: not found)
         craft.drop()
+
+
+def test_a_full_disk_keeps_no_request_and_loses_no_alarm(tmp_path, craft):
+    """What a user wants is refused while it cannot be kept; what happens meanwhile is in the journal later."""
+    path = "crafts/craft/alarms"
+    with serving(tmp_path, craft) as server:
+        server.put("crafts/craft/limits/3", {"limits": {"warning": [None, 100]}})
+        pid = server.process.pid
+        before = resource.prlimit(pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (1, before[1]))
+        craft.send(200)
+        server.until(path, lambda found: found and found[0]["level"] == "warning")
+        for what, method in ((f"{path}/3", "POST"), ("crafts/craft/limits/3", "PUT")):
+            with pytest.raises(HTTPError) as refused:
+                server.put(what, {"acknowledge": True} if method == "POST" else {"limits": None}, method)
+            assert refused.value.code == 409 and "cannot be" in refused.value.read().decode()
+        assert server.get(path)[0]["acknowledged"] is None
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
+        for what in ("the journal is written again", "the archive is written again: no packets are missing"):
+            server.until("crafts/craft/events", lambda found: any(one["text"] == what for one in found))
+        server.put(f"{path}/3", {"acknowledge": True, "note": "seen"}, "POST")
+        shown = server.get(path), server.get("crafts/craft/events")
+        server.kill()
+    craft.drop()
+    with serving(tmp_path, craft) as server:
+        assert server.get(path) == shown[0]
+        assert server.get("crafts/craft/slots")[3]["limits"] == {"warning": [None, 100]}
+        events = {one["id"]: one for one in server.get("crafts/craft/events")}
+        assert all(events[one["id"]] == one for one in shown[1])
+        assert any("cannot be written" in one["text"] for one in shown[1])
+        craft.send(1)
+        server.took(1)
+        assert server.found() == list(range(1, 202))
 
 
 @pytest.mark.long("waits for a link to return")
@@ -334,6 +373,50 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
                  for each in one.history.packets(session=session["session"], limit=10_000)]
         assert found == list(range(1, craft.sent + 1)) and len(sessions) == 2
         assert any("clock went back by" in each["text"] for each in room.journal.rows("events", "craft"))
+    finally:
+        room.close()
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no such thing"), SystemExit(3)])
+def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers(tmp_path, craft, capsys, monkeypatch,
+                                                                                 error):
+    monkeypatch.setattr(spacecraft, "AGAIN", 0.1)
+    (tmp_path / "craft.xml").write_text(DATABASE)
+    (tmp_path / "ground.toml").write_text('folder = "out"\n' + "".join(
+        f'[[craft]]\nname = "{name}"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n'
+        for name in ("one", "two")))
+    room, fails = Room(read(tmp_path / "ground.toml")), [1]
+    one, two = room.crafts.values()
+
+    def take(notes):
+        if fails[0]:
+            fails[0] -= 1
+            raise error
+        return begin(notes)
+
+    begin, one.alarms.take = one.alarms.take, take
+    try:
+        room.start()
+        craft.connected()
+        craft.connected()
+        one.call(lambda: one.limits.change("test", 3, {"warning": [None, 100]}, 1)).result(PATIENCE)
+        craft.send(150)         # the alarm's note is lost with the error
+        wait_for(lambda: one.failed and one.told()["failed"] == one.failed)
+        assert f"the server failed here: {type(error).__name__}: {error}; it tries again after 0." in one.failed
+        with pytest.raises(SetupError, match="link is down"):
+            one.call(lambda: one.commanding.release("test", "x", {}, [b"x"])).result(PATIENCE)
+        craft.connected()
+        wait_for(lambda: not one.failed and one.alarms.rows())
+        for number in range(151, 161):
+            for end in craft.ends:
+                with suppress(OSError):     # it is that of the link before
+                    end.sendall(packet(number))
+        wait_for(lambda: two.packets == 160)
+        wait_for(lambda: any("works here again" in each["text"] for each in room.journal.rows("events", "one")))
+        wait_for(lambda: one.packets >= 10)
+        assert [each["severity"] for each in room.journal.rows("events", "one")].count("critical") == 1
+        assert not two.failed and len(room.journal.rows("events", "two")) == 1      # its link is up
+        assert "Traceback" in capsys.readouterr().err
     finally:
         room.close()
 

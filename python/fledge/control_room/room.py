@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from threading import RLock
 from typing import Any
 
-from fledge.control_room.journal import Journal, JournalError
 from fledge.control_room.bounds import Bounds
+from fledge.control_room.journal import Journal, JournalError
 from fledge.control_room.settings import Settings
 from fledge.control_room.simulated import Steered
 from fledge.control_room.spacecraft import Spacecraft
 from fledge.cosim.steering import Steering
 from fledge.errors import SetupError, did_you_mean, listed
 
+UNSAVED = 10_000    # events that wait for a journal that cannot be written
 KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "log": "log"}
 
 
@@ -22,11 +24,14 @@ class Room:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
+        self.bounds = Bounds()
         self.journal = Journal(settings.folder)
         self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
-        self.bounds = Bounds()
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
+        self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
+        self._left_out, self._failed = 0, False     # events besides; whether that was told
+        self._keeping = RLock()
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of
         self.steered: Steered | None = Steered(steering) if steering else None
@@ -91,18 +96,44 @@ class Room:
             one(content | {"kind": kind, "craft": craft})
 
     def keep(self, kind: str, craft: str, *objects: dict[str, Any],
-             told: Callable[[dict[str, Any]], dict[str, Any]] = dict) -> None:
-        """Write objects into the journal, and tell all browsers. A journal that cannot be written is told, too."""
-        if not objects:
-            return
-        failed = bool(self.journal.problem)
-        try:
+             told: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:
+        """Write objects into the journal, and tell all browsers. What it does not take is told, too, and is written as
+        soon as it can be. must: raise JournalError instead, for a request is refused then."""
+        if must:
             self.journal.save(kind, craft, *objects)
-        except JournalError as error:
-            if not failed:
-                self.publish("event", craft, self.event(craft, "critical", "server", str(error)) | {"id": None})
+        elif objects:
+            with self._keeping:
+                waiting = self._unsaved.setdefault(craft, [])
+                for one in objects:
+                    if kind == "events" and len(waiting) >= UNSAVED:
+                        self._left_out += 1
+                    elif not any(one is other for _, other in waiting):
+                        waiting.append((kind, one))
+            self.flush(craft)
         for one in objects:
-            self.publish(KINDS[kind], craft, told(one))
+            self.publish(KINDS[kind], craft, told({"id": None} | one))
+
+    def flush(self, craft: str) -> None:
+        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told."""
+        with self._keeping:
+            waiting, failed = self._unsaved.get(craft), self._failed
+            if not waiting:
+                return
+            try:
+                self.journal.save_all([(kind, craft, one) for kind, one in waiting])
+            except JournalError as error:
+                self._failed = True
+                if not failed:
+                    event = self.event(craft, "critical", "server", str(error))
+                    waiting.append(("events", event))
+                    self.publish("event", craft, event | {"id": None})
+                return
+            waiting.clear()
+            self._failed = False
+            left_out, self._left_out = self._left_out, 0
+        if failed:
+            self.tell(craft, "info", "server", "the journal is written again"
+                      + f"; {left_out} events meanwhile are not in it" * bool(left_out))
 
     def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> dict[str, Any]:
         """An event as the journal has it. severity: info, watch, warning, distress, critical, severe."""
@@ -113,9 +144,11 @@ class Room:
         """Keep an event."""
         self.keep("events", craft, self.event(craft, severity, source, text, t))
 
-    def log(self, user: str, action: str, text: str, craft: str = "", good: bool = True) -> None:
-        """Keep a user's action. Raises JournalError: then the server must not carry it out."""
+    def log(self, user: str, action: str, text: str, craft: str = "", good: bool = True,
+            also: Sequence[tuple[str, dict[str, Any]]] = ()) -> None:
+        """Keep a user's action, and also (kind, object) of it, all or none. Raises JournalError: then the server must
+        not carry it out."""
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
                "good": good}
-        self.journal.save("log", craft, row)
+        self.journal.save_all([*((kind, craft, one) for kind, one in also), ("log", craft, row)])
         self.publish("log", craft, row)

@@ -5,10 +5,12 @@ the files."""
 from __future__ import annotations
 
 import time
+import traceback
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event as Flag, Lock, Thread
@@ -42,7 +44,10 @@ TURN = 20_000_000       # [ns] of a link's clock that one turn of the thread wai
 AGAIN = 1.0             # [s] until a link that broke is opened again
 BACK = 10**9            # [ns] by which the clock may step back within a session
 REASONS = 50            # different ones of packets that are not decoded become events
+AT_ONCE = 100_000       # packets of one time among which one is found by its id
+LISTED = 1 << 22        # [bytes] of packets in a list, which ends then
 RECENT = 500            # packets that are kept for a spacecraft without an archive
+PATIENCE = 60.0         # [s] at most until the thread begins again; after as long without an error, soon
 PICTURES = ("picture.webp", "picture.png", "picture.jpg")     # in a mission's folder
 SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "critical"}
 
@@ -74,7 +79,8 @@ class Spacecraft:
         self.archive: Any = None        #: None: it is not kept
         self.history: Any = None
         self._reading = Lock()          # of the history
-        self.archive_problem = ""
+        self.failed = ""                #: by an error of the server itself, in words
+        self.archive_problem, self._lost = "", 0    # packets of which an event has told
         self.recent: deque[tuple[int, int, bytes]] = deque(maxlen=RECENT)
         self.bad: deque[tuple[int, int, bytes, str]] = deque(maxlen=RECENT)     # those that were not decoded
         self.sinks: list[Callable[[list[tuple[int, int, bytes]]], None]] = []   #: get each batch after it is shown
@@ -168,8 +174,8 @@ class Spacecraft:
                 "clock": self.clock, "epoch_ns": None if self.epoch_ns is None else str(self.epoch_ns),
                 "simulated": bool(self.run), "replay": self.replayed, "link": link, "packets": self.packets,
                 "undecoded": self.undecoded, "bytes": self.bytes, "t_ns": str(self.now), **self.contacts.told,
-                "archive": self.archive_problem, "can": can, "problem": self.room.journal.problem,
-                "picture": self.picture is not None}
+                "failed": self.failed, "archive": self.archive_problem, "can": can,
+                "problem": self.room.journal.problem, "picture": self.picture is not None}
 
     def slots(self, first: int = 0, most: int = 2**32 - 1) -> list[dict[str, Any]]:
         """The parameters, as the monitor describes them. header: of the packet, or of a message of Fledge: its head,
@@ -194,7 +200,8 @@ class Spacecraft:
         rows: list[tuple[int, int, str | None, bytes, str]] = []
         if self.history is not None:
             with self._reading:
-                found = self.history.packets(0, before, "undecoded" if undecoded else container or None, limit, True)
+                found = self.history.packets(
+                    0, before, "undecoded" if undecoded else container or None, limit, True, most_bytes=LISTED)
             rows += ((t, received, name, packet, self.monitor.inspect(packet)["reason"] if name is None else "")
                      for t, received, name, packet in found)
         elif undecoded:
@@ -213,12 +220,21 @@ class Spacecraft:
         """The packet of a list's `id` in words."""
         text = number.partition("-")[0]
         if self.history is not None and text.isdigit() and int(text) < 2**63:
-            with self._reading:
-                rows = [(t, received, packet) for t, received, _, packet in self.history.packets(int(text), int(text))]
+            rows: Iterable[tuple[int, int, bytes]] = self._at(int(text))
         else:
             rows = [*self.recent, *((t, received, packet) for t, received, packet, _ in self.bad)]
         return next((self.inspect(packet) | {"id": number, "t_ns": str(t), "received_ns": str(received)}
                      for t, received, packet in rows if number_of(t, packet) == number), None)
+
+    def _at(self, t: int) -> Iterator[tuple[int, int, bytes]]:
+        """The packets of a time: also of sessions before, whose time others of a simulation or of a clock that went
+        back have again."""
+        with self._reading:
+            earlier = [one["session"] for one in self.history.sessions() if one["first"] <= t <= one["last"]]
+        for session in (-1, *reversed(earlier)):
+            with self._reading:
+                rows = self.history.packets(t, t, None, AT_ONCE, False, session)
+            yield from ((t, received, packet) for t, received, _, packet in rows)
 
     def sessions(self) -> list[dict[str, Any]]:
         """What the archive has."""
@@ -270,14 +286,14 @@ class Spacecraft:
     def _keep(self) -> None:
         """Archive what comes. Raises SetupError if another program does."""
         folder = self.room.settings.folder / "archive"
-        self.archive = self.database.archive(folder, self.name)
+        self.archive, self._lost = self.database.archive(folder, self.name), 0
         self.monitor.sink(self.archive)
         self.history = self.database.history(folder, self.name, self.settings.root)
 
     def _reread(self) -> None:
         """Take a database that has changed; a wrong one is refused, and the old one stays. What a mission was made of
         cannot be taken while it flies."""
-        if time.monotonic() - self._looked < AGAIN:
+        if time.monotonic() - self._looked < AGAIN or self.archive_problem:    # which still has to take packets
             return
         self._looked, before, self._changed = time.monotonic(), self._changed, self._times()
         if self._changed == before:
@@ -297,7 +313,13 @@ class Spacecraft:
             return
         with self._reading:
             self.monitor.sink(None)
-            self.archive.close()
+            try:
+                self.archive.close()
+            except SetupError as error:
+                self.monitor.sink(self.archive)
+                self._changed = before
+                self._archived(str(error))
+                return
             self.database, self.monitor, self.derived = database, monitor, derived
             self._keep()
         self._watch()
@@ -351,6 +373,32 @@ class Spacecraft:
     # --- the thread ---
 
     def _serve(self) -> None:
+        """The thread. An error that nobody has foreseen, of ours or of a mission's own Python, is told, and it begins
+        again, later each time."""
+        wait, begun = AGAIN, time.monotonic()
+        while not self._over.is_set():
+            try:
+                self._work()
+            except BaseException as error:      # sys.exit() of a mission's Python, too
+                traceback.print_exception(error)
+                wait = AGAIN if time.monotonic() - begun > PATIENCE else min(2 * wait, PATIENCE)
+                with suppress(Exception):
+                    self._failed(f"{type(error).__name__}: {error}", wait)
+                begun = time.monotonic() + wait
+                while time.monotonic() < begun and not self._over.is_set():
+                    with suppress(BaseException):
+                        self._answer()
+                    self._over.wait(TURN / 1e9)
+
+    def _failed(self, why: str, wait: float) -> None:
+        """Say in red that the server itself has failed here, and close the link."""
+        self.failed = f"the server failed here: {why}; it tries again after {wait:g} s"
+        self.room.tell(self.name, "critical", "server", self.failed)
+        if not self.run:        # whose link is the simulation
+            self._broke(why)
+        self.room.publish("craft", self.name, self.told())
+
+    def _work(self) -> None:
         while not self._over.is_set():
             try:
                 if self.link is None and time.monotonic() >= self._retry:
@@ -365,8 +413,12 @@ class Spacecraft:
                 self._broke(error.strerror or str(error))
             except (SetupError, NoAnswer, Failure) as error:
                 self._broke(str(error))
-            except Exception as error:      # of a mission's own Python, or of ours: the server goes on
-                self._broke(f"{type(error).__name__}: {error}")
+            else:
+                if self.failed:
+                    self.alarms.compare()       # whose notes may have been lost
+                    self.failed = ""
+                    self.room.tell(self.name, "info", "server", "the server works here again")
+                    self.room.publish("craft", self.name, self.told())
 
     def _open(self) -> None:
         """Open the link. Raises OSError or SetupError."""
@@ -396,10 +448,8 @@ class Spacecraft:
         """The link is gone, or cannot be opened."""
         self._retry = time.monotonic() + AGAIN
         if self.link is not None:
-            try:
+            with suppress(Exception):
                 self.link.close()
-            except OSError:
-                pass
         if self.link is not None or self.state != why:
             self.state = why
             self.room.tell(self.name, "warning", "link", f"the link is down: {why}")
@@ -416,6 +466,11 @@ class Spacecraft:
             self._published = time.monotonic()
             self.contacts.look()
             self.alarms.look()
+            self.room.flush(self.name)
+            if self.archive_problem:        # also if the craft is silent
+                self.noted(self.monitor.take([]))
+                if self.archive_problem and not self.archive.problem:
+                    self._archived("")
             self.room.publish("craft", self.name, self.told())
             if self.control:
                 self.room.publish("run", self.name, self.control.told(self.state if self.link is None else ""))
@@ -531,9 +586,12 @@ class Spacecraft:
         self.ground.texts.clear()
 
     def _archived(self, problem: str) -> None:
+        missing = self.archive.lost - self._lost if self.archive is not None else 0
+        if not problem:
+            self._lost += missing
         self.archive_problem = problem
-        self.room.tell(self.name, "critical" if problem else "info", "archive",
-                       problem or "the archive is written again")
+        self.room.tell(self.name, "critical" if problem or missing else "info", "archive", problem or
+                       f"the archive is written again: {missing or 'no'} packets are missing")
         self.room.publish("craft", self.name, self.told())
 
 

@@ -160,7 +160,8 @@ void bind_archive(py::module_ &m)
             "Take a packet, as Monitor.take does; container: its place in Database.containers.")
         .def("save", &PacketArchive::save, Free(), "Save what was put; raises SetupError.")
         .def("close", &PacketArchive::close, Free(), "End the session; raises SetupError.")
-        .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.");
+        .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.")
+        .def_property_readonly("lost", &PacketArchive::lost, "Packets that were not kept, so far.");
 
     py::class_<Replay>(m, "Replay", "An iterator of batches for Monitor.take.")
         .def("__iter__", [](const py::object &self) { return self; })

@@ -108,8 +108,9 @@ export async function open(context) {
                              `${name.replaceAll("_", " ")} ${typeof value === "number" ? count(value) : value}`)
                     .join(" \u00b7 ") ||
                 "none");
-        made.archive.hidden = !craft.archive;
-        put(made.archive, craft.archive ?? "");
+        const wrong = [craft.failed, craft.archive].filter(Boolean).join("; ");
+        made.archive.hidden = !wrong;
+        put(made.archive, wrong);
         const {count: waiting, worst} = context.alarms.waiting(made.name);
         dress(made.alarms, waiting ? `concern c${worst}` : "soft");
         put(made.alarms, waiting ? `${SHAPES[worst]} ${waiting} alarm${waiting > 1 ? "s" : ""}` : "no alarms");
