@@ -17,6 +17,7 @@ from time import monotonic, perf_counter, sleep
 from fledge.cli.arguments import add_update_limit, number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
+from fledge.files import make
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def node(options: argparse.Namespace) -> int:
     if len(names) > 1 and options.name:
         raise Failure("node: --name is for one process; several are called as they are")
     if options.record:
-        Path(options.record).mkdir(parents=True, exist_ok=True)
+        make(Path(options.record), 0o700)
     if options.until is None and options.seed is not None:
         raise Failure("node: the seed is the controller's to give; --seed is for a run with --until")
     # A program in the background of a shell script ignores Ctrl-C: then it stays so.

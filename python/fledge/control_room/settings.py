@@ -16,6 +16,7 @@ from fledge.frames import Frames
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 
 MORE = ("postgres",)        # tables that the modules of these names read
+PASSWORD = re.compile(r"//[^/]*:[^/]*@|password *=")    # in the address of a database
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
 
@@ -65,11 +66,10 @@ class Settings:
 
     def guarded(self) -> list[str]:
         """What other users of this machine may read of a server that has users. Raises SetupError for what they may
-        change, and for the file, which has what passwords are checked by."""
-        if not self.access.closed:
-            return []
-        own(self.file, "passwords can be guessed by what it has of them")
-        if not self.folder.is_dir() or not self.folder.stat().st_mode & 0o77:
+        change, and for the file, which has what passwords are checked by, and maybe that of a database."""
+        if self.access.closed or PASSWORD.search(str(self.more.get("postgres"))):
+            own(self.file, "it has passwords, or what they are checked by")
+        if not self.access.closed or not self.folder.is_dir() or not self.folder.stat().st_mode & 0o77:
             return []
         modes = {one: one.stat().st_mode for one in (self.folder, *self.folder.iterdir()) if one.exists()}
         if open_ones := [one for one, mode in modes.items() if mode & 0o22]:

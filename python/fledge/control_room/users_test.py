@@ -9,7 +9,7 @@ import ssl
 import subprocess
 import sys
 import tomllib
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, nullcontext, suppress
 from hashlib import sha256
 from io import StringIO
 
@@ -733,3 +733,8 @@ def test_what_others_of_this_machine_may_read_is_refused_or_said(tmp_path):
         else:
             assert guarded() == says
         assert guarded({}, 0o644) == []     # open to all of this machine anyway
+    for url, open_to in (("postgresql://fledge@db/x", []), ("postgresql://fledge:word@db/x", None),
+                         ("host=db password=word", None)):
+        program.write({}, 0o644, f'[postgres]\nurl = "{url}"')
+        with nullcontext() if open_to == [] else pytest.raises(SetupError, match="for it has passwords"):
+            assert read(program.file).guarded() == open_to
