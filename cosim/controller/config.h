@@ -51,6 +51,8 @@ struct NodeConfig {
 struct AsynchronousConfig {
     std::string name;
     std::vector<std::string> topics = {}; ///< that it writes, if nodes read them; empty: all "/NAME/..."
+    unsigned complete = 0; ///< so many of its observers miss no message: the run waits for them. 0: they may
+    std::vector<std::string> hears = {}; ///< of these topics; empty: of all
 };
 
 /// What was written in a run up to an instant, for a run that goes on from there.

@@ -45,6 +45,7 @@ void Observer::attach()
 void Observer::subscribe(const std::string &prefix)
 {
     seen_.set(zmq::sockopt::subscribe, prefix);
+    seen_.set(zmq::sockopt::subscribe, "ready"); // to the broker: it hears from here on
 }
 
 const Schema &Observer::schema(const std::string &topic)

@@ -132,8 +132,7 @@ void Broker::put_now_or_later(const std::string &topic, const std::string &node,
 {
     const auto same = [&](const auto &late) { return late.first == topic; };
     const auto older = std::find_if(late_.begin(), late_.end(), same);
-    if (older == late_.end() && (late_.empty() || config_.complete.empty()) &&
-        put(Kind::record, topic, node, record)) {
+    if (older == late_.end() && (late_.empty() || config_.complete.empty()) && put(Kind::record, topic, node, record)) {
         return;
     }
     if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {

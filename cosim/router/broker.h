@@ -2,12 +2,17 @@
 // The broker of the thesis' appendix C: a frontend where asynchronous programs publish, and a backend where they
 // subscribe. Nodes exchange messages inside ticks and tocks; the broker shows these messages to observers.
 //
-// It runs on its own thread, and the run never waits for it:
+// It runs on its own thread, and the run does not wait for it:
 //
 // - The Router copies records into a ring. If the ring is full, the newest record of each topic waits for room;
 //   the broker drops and counts older ones.
 // - If an observer does not keep up, libzmq drops the messages beyond `waiting`. The observer notices the gap by
 //   Record::count, which counts from 1 since the last Start.
+//
+// Complete observers, which the configuration names, miss no message of the topics that they are to hear: they have a
+// backend of their own, which drops none of these, and shows of each other topic the newest message, up to 50 times a
+// second. While one of them takes no more, the ring fills, and holds() lets the Router wait. One that takes nothing for
+// `patience` misses messages, as others do, until it takes some again; one that is gone is not waited for.
 //
 // On the backend a message has two parts: the topic's name, and a frame Published. An initial value has the count 0.
 // A new subscriber gets the last message of each topic at once. The other subscribers of the topic get it again, too,
@@ -21,6 +26,8 @@
 #include "cosim/transport/link.h"
 
 #include <atomic>
+#include <chrono>
+#include <deque>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -38,6 +45,9 @@ struct BrokerConfig {
     Limits limits = {};
     bool any_user = false; ///< over "ipc://"; else only programs of this user can connect
     Ns after = -1;         ///< of what was written until then, observers see only the last message of each topic
+    std::string complete;  ///< the address of the backend of complete observers; "": there are none
+    std::set<std::string> heard = {};           ///< topics that they are to hear; empty: all
+    std::chrono::milliseconds patience{60'000}; ///< 0: for ever
 };
 
 struct BrokerCounts {
@@ -62,6 +72,7 @@ public:
 
     const std::string &frontend() const { return frontend_address_; }
     const std::string &backend() const { return backend_address_; }
+    const std::string &complete() const { return complete_address_; } ///< "": none
 
     // On the Router's thread.
 
@@ -71,6 +82,11 @@ public:
     void ended(const std::string &reason) override;
     /// Send records for which the ring had no room. To be called from time to time.
     void send_late();
+
+    /// Whether the run has to wait, because complete observers do not keep up.
+    bool holds() const { return !config_.complete.empty() && (!late_.empty() || ring_.fill() > 0.5); }
+    /// How many complete observers have subscribed since the beginning.
+    std::size_t came() const { return came_.load(std::memory_order_relaxed); }
 
     bool received() const { return received_any_.load(std::memory_order_relaxed); }
     /// The messages of asynchronous programs since the last call, in order.
@@ -105,35 +121,46 @@ private:
     bool drain();
     void publish(std::span<const std::byte> entry);
     void send(const std::string &topic, const Message &message);
+    bool send_to_complete();
+    bool deliver();
+    void show_newest();
     bool send_end();
     bool subscribed(const std::string &topic, Last &last);
-    void receive_subscriptions();
+    void receive_subscriptions(bool complete);
+    void report(const std::string &text);
     bool receive_messages();
     std::string read(std::span<zmq::message_t, 2> parts, Written &written);
 
     BrokerConfig config_;
     Authenticator *authenticator_;
-    zmq::socket_t frontend_, backend_;
-    std::string frontend_address_, backend_address_;
+    zmq::socket_t frontend_, backend_, complete_;
+    std::string frontend_address_, backend_address_, complete_address_;
 
     ByteRing ring_; ///< from the Router's thread to the broker's
 
     // Used by the Router's thread.
-    std::vector<std::string> topics_;       ///< by channel
-    std::map<std::string, Published> late_; ///< by topic: the newest record for which the ring had no room
+    std::vector<std::string> topics_;                    ///< by channel
+    std::deque<std::pair<std::string, Published>> late_; ///< topics and records for which the ring had no room
     std::map<std::uint32_t, std::pair<std::string, Record>> past_; ///< by channel: see BrokerConfig::after
     std::string end_;
     bool end_is_late_ = false;
 
     // Used by the broker's thread.
-    std::map<std::string, Last> last_; ///< by topic
-    std::set<std::string> subscribed_; ///< prefixes
-    std::optional<Finish> finish_;     ///< set when the run is over
-    std::uint64_t subscriptions_ = 1;  ///< counts changes of subscribed_
-    Bytes frame_;
+    std::map<std::string, Last> last_;                  ///< by topic
+    std::set<std::pair<bool, std::string>> subscribed_; ///< whether at the complete backend, and prefixes
+    std::optional<Finish> finish_;                      ///< set when the run is over
+    std::uint64_t subscriptions_ = 1;                   ///< counts changes of subscribed_
+    Bytes frame_;                                       ///< of the entry that is sent,
+    std::string topic_;                                 ///< and its topic; "": complete observers have it
+    std::set<std::string> newer_;                       ///< topics whose newest message complete observers may see,
+    std::chrono::steady_clock::time_point seen_newest_; ///< as they did then
+    bool shown_ = false;                                ///< the other observers have the first entry of the ring
+    std::string stuck_; ///< the topic of a message that a complete observer does not take,
+    std::chrono::steady_clock::time_point stuck_since_; ///< since then
 
     // Used by both threads.
     std::atomic<bool> received_any_{false}, stop_{false};
+    std::atomic<std::size_t> came_{0};
     std::atomic<std::uint64_t> published_{0}, dropped_{0}, received_{0}, refused_{0};
     std::mutex mutex_; ///< of all members below
     std::vector<Written> inbox_;

@@ -4,6 +4,7 @@
 #include "cosim/protocol/testing/patience.h"
 #include "cosim/router/testing/nodes.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -487,6 +488,161 @@ TEST(Broker, TheNewestMessageOfEachTopicSurvivesAFullRing)
     EXPECT_TRUE(rare);
     EXPECT_EQ(last, n);
     EXPECT_EQ(broker.counts().dropped, gaps + 1);
+}
+
+/// A broker whose complete observers hear /a, with room for few messages, and one of these observers.
+struct Narrow {
+    explicit Narrow(std::chrono::milliseconds patience)
+    {
+        BrokerConfig config;
+        config.frontend = "inproc://broker-front";
+        config.backend = "inproc://broker-back";
+        config.complete = "inproc://broker-complete";
+        config.heard = {"/a"};
+        config.patience = patience;
+        config.room = 4096;
+        config.waiting = 10;
+        broker.emplace(context, config);
+        seen.set(zmq::sockopt::rcvhwm, 10);
+        seen.set(zmq::sockopt::rcvtimeo, 20'000);
+        seen.connect("inproc://broker-complete");
+        for (const char *topic : {"/", "finish", "ready"}) {
+            seen.set(zmq::sockopt::subscribe, topic);
+        }
+        while (!broker->came()) {
+            std::this_thread::sleep_for(1ms);
+        }
+        Exchange exchange;
+        exchange.topics = {{"/a", {}, "n", word(0)}, {"/b", {}, "n", word(0)}};
+        broker->began(exchange);
+        for (std::uint32_t k = 1; k <= n; k++) {
+            broker->wrote("n", {{0, k, k, word(k)}, {1, k, k, word(k)}});
+        }
+        broker->ended("over");
+    }
+
+    /// Take all until the end.
+    void take()
+    {
+        for (;; broker->send_late()) {
+            zmq::message_t topic, bytes;
+            ASSERT_TRUE(seen.recv(topic) && seen.recv(bytes));
+            const Message message = decode({bytes.data<std::byte>(), bytes.size()}).message;
+            if (std::holds_alternative<Finish>(message)) {
+                return seen.set(zmq::sockopt::unsubscribe, "finish");
+            }
+            const Record &record = std::get<Published>(message).record;
+            EXPECT_EQ(word_of(record.payload), record.count);
+            counts[topic.to_string()].push_back(record.count);
+        }
+    }
+
+    static constexpr std::uint32_t n = 20'000;
+    zmq::context_t context;
+    std::optional<Broker> broker;
+    zmq::socket_t seen{context, zmq::socket_type::sub};
+    std::map<std::string, std::vector<std::uint32_t>> counts; ///< of messages, by topic
+};
+
+TEST(Broker, ACompleteObserverMissesNothingHoweverSlowItIs)
+{
+    Narrow one(patience);
+    std::this_thread::sleep_for(100ms);
+    EXPECT_TRUE(one.broker->holds());
+    one.take();
+    const auto &heard = one.counts["/a"];
+    ASSERT_EQ(heard.size(), one.n + 1); // with the initial value
+    for (std::uint32_t k = 0; k <= one.n; k++) {
+        EXPECT_EQ(heard[k], k);
+    }
+    EXPECT_EQ(one.counts["/b"].back(), one.n) << "of other topics, the newest one";
+    EXPECT_LT(one.counts["/b"].size(), one.n / 2);
+    EXPECT_EQ(one.broker->counts().dropped, 0u);
+    EXPECT_FALSE(one.broker->holds());
+}
+
+TEST(Broker, NothingWaitsForACompleteObserverThatTakesNothing)
+{
+    Narrow one(100ms);
+    for (; one.broker->holds(); one.broker->send_late()) {
+        std::this_thread::sleep_for(1ms);
+    }
+    one.take();
+    const auto &heard = one.counts["/a"];
+    EXPECT_TRUE(std::is_sorted(heard.begin(), heard.end()));
+    EXPECT_LT(heard.size(), one.n);
+    EXPECT_GT(heard.size(), 10u);
+    EXPECT_THAT(one.broker->take_reports(),
+                testing::ElementsAre(testing::HasSubstr(
+                    "has taken no message of /a for 100 ms; the run goes on, and it misses messages")));
+}
+
+/// A run of one node, for which one complete observer is awaited.
+struct Awaited {
+    Awaited()
+    {
+        RouterConfig config;
+        config.broker = true;
+        config.address = "ipc://@fledge-broker-awaited-" + std::to_string(getpid());
+        config.join = 500ms;
+        auto run_config = config_of({{"a", Policy::abort}}, 100'000);
+        run_config.watched = {"/a/n"};
+        run_config.asynchronous = {{"ground", {}, 1}};
+        config.report = [this](const std::string &text) { reports += text; };
+        router.emplace(context, run_config, config);
+        run = in_thread([&] { return router->run(); });
+        node = in_thread([&] { return serve(context, router->address(), "a", a); });
+    }
+    ~Awaited()
+    {
+        EXPECT_EQ(run.get(), "");
+        EXPECT_EQ(node.get(), "");
+    }
+    MemberConfig member() const
+    {
+        MemberConfig config;
+        config.simulation = "test";
+        config.node = "ground";
+        config.address = router->address();
+        config.waiting = 10;
+        return config;
+    }
+
+    zmq::context_t context, other;
+    std::string reports;
+    std::optional<Router> router;
+    Counter a{"", "/a/n", Latency::same_instant};
+    std::future<std::string> run, node;
+};
+
+TEST(Broker, ARunWaitsForACompleteObserverAtItsBeginningAndWhileItIsSlow)
+{
+    Awaited one;
+    Observer ground(one.other, one.member());
+    std::this_thread::sleep_for(100ms);
+    ground.subscribe("/a/n");
+    std::uint32_t next = 0;
+    for (; const auto message = ground.next(patience); next++) {
+        ASSERT_EQ(message->count, next);
+        if (next % 2000 == 0) {
+            std::this_thread::sleep_for(20ms);
+        }
+    }
+    EXPECT_TRUE(ground.over());
+    EXPECT_EQ(next, 10'001u + 1) << "of each step, and the initial value";
+}
+
+TEST(Broker, ARunGoesOnWithoutACompleteObserverThatIsGoneOrDoesNotCome)
+{
+    {
+        Awaited one;
+        Observer ground(one.other, one.member());
+        ground.subscribe("/a/n");
+        EXPECT_TRUE(ground.next(patience));
+    }
+    Awaited one;
+    one.run.wait();
+    EXPECT_EQ(one.reports, "the run goes on without ground, which did not come within 0.5 s");
 }
 
 TEST(Broker, OfThePastOfARunObserversSeeTheLastMessages)

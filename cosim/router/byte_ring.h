@@ -44,6 +44,13 @@ public:
     }
     void commit() { head_.store(claimed_, std::memory_order_release); }
 
+    /// The writer: how full it is, from 0 to 1.
+    double fill() const
+    {
+        return static_cast<double>(head_.load(std::memory_order_relaxed) - tail_.load(std::memory_order_acquire)) /
+               static_cast<double>(size_);
+    }
+
     /// The reader: the first entry, until pop(). Its data are null if there is none.
     std::span<const std::byte> front()
     {

@@ -47,13 +47,16 @@ void Pace::set_speed(double speed)
     stopped_ = true; // time goes on from here, without catching up
 }
 
-void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point now)
+void Pace::update(Controller &controller, std::size_t nodes, Clock::time_point now, bool waits)
 {
     if (armed_ != Clock::time_point{} && now >= armed_) {
         std::uint64_t times;
         if (read(fd_, &times, sizeof times) > 0) { // else the descriptor stays readable
             armed_ = {};
         }
+    }
+    if (waits) {
+        return;
     }
     if (!controller.running() || controller.waiting()) {
         stopped_ = true;

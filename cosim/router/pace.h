@@ -31,8 +31,8 @@ public:
     /// Readable when update() has something to do.
     int fd() const { return fd_; }
     /// Move the horizon to the present time. To be called after each event. An instant begins only after all nodes have
-    /// finished the previous one; a late run catches up.
-    void update(Controller &controller, std::size_t nodes, Clock::time_point now);
+    /// finished the previous one; a late run catches up. waits: none may begin now.
+    void update(Controller &controller, std::size_t nodes, Clock::time_point now, bool waits = false);
 
     // These take effect at the next update.
     /// Run at another speed, without catching up what is late.

@@ -14,6 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto check_period = 100ms; ///< of connections and limits of time
+constexpr auto held_period = 2ms;    ///< between two looks at observers for which the run waits
 constexpr std::size_t most_attaching = 1000;
 constexpr std::int64_t longest_greeting = 4096; ///< [bytes]
 constexpr int most_names = 100;                 ///< of sockets, to try
@@ -31,6 +32,8 @@ std::uint64_t key(Kind kind, NodeId id = 0)
 ControllerConfig adjusted(ControllerConfig config, bool listened, bool held)
 {
     config.listened = config.listened || listened;
+    held = held || std::any_of(config.asynchronous.begin(), config.asynchronous.end(),
+                               [](const AsynchronousConfig &program) { return program.complete > 0; });
     config.horizon = !held ? config.horizon : config.past ? config.past->until : -1;
     return config;
 }
@@ -68,7 +71,7 @@ Router::Router(zmq::context_t &context, const ControllerConfig &controller, Rout
     poller_.add(descriptor(greetings_), key(Kind::greetings));
     poller_.add(descriptor(greeters_.events()), key(Kind::greeters));
     greeters_.number(-1); // its descriptor reports only what comes after a first look
-    if (config_.pace > 0.0 || config_.steered) {
+    if (config_.pace > 0.0 || config_.steered || !heard_.empty()) {
         pace_.emplace(config_.pace);
         poller_.add(pace_->fd(), key(Kind::timer));
     }
@@ -140,8 +143,9 @@ std::string Router::run(const std::function<bool()> &poll)
         if (now - checked_ >= check_period) {
             check_periodically(poll);
         }
+        const bool held = holds(now);
         if (pace_) {
-            pace_->update(controller_, nodes_.size(), now);
+            pace_->update(controller_, nodes_.size(), now, held);
             act();
         } else if (config_.window > 0 && controller_.running() && !controller_.waiting() &&
                    finished(controller_, nodes_.size()) && controller_.next_due() != for_ever) {
@@ -152,7 +156,7 @@ std::string Router::run(const std::function<bool()> &poll)
         const bool more = busy || !calls_.empty() || controller_.done();
         if (!more || now - waited >= 1ms) {
             waited = now;
-            wait(more ? 0ms : check_period);
+            wait(more ? 0ms : held ? held_period : check_period);
         }
     }
     hear_waiting(); // the run is over
@@ -337,6 +341,20 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         broker.limits = config_.limits;
         broker.any_user = config_.any_user;
         broker.after = controller.past ? controller.past->until : -1;
+        broker.patience = config_.reply;
+        bool all = false;
+        for (const AsynchronousConfig &program : controller.asynchronous) {
+            awaited_ += program.complete;
+            if (program.complete) {
+                heard_.push_back(program.name);
+                all = all || program.hears.empty();
+                broker.heard.insert(program.hears.begin(), program.hears.end());
+            }
+        }
+        if (all) {
+            broker.heard.clear();
+        }
+        broker.complete = !awaited_ ? "" : tcp ? any : config_.address + "-complete";
         check_address(broker.frontend);
         check_address(broker.backend);
         broker_ = std::make_unique<Broker>(context_, broker, authenticator_.get());
@@ -380,23 +398,42 @@ void Router::attach(const Hello &hello)
         return refuse("the run is over");
     }
     if (controller_.matched()) {
-        return reply(greeting_peer_, attached());
+        return reply(greeting_peer_, attached(hello.node));
     }
     if (std::cmp_greater_equal(attaching_.size(), most_attaching)) {
         return refuse("too many programs wait for the run to begin");
     }
-    attaching_.push_back(greeting_peer_);
+    attaching_.emplace_back(greeting_peer_, hello.node);
 }
 
-Message Router::attached() const
+Message Router::attached(const std::string &program) const
 {
-    return Attached{broker_->frontend(), broker_->backend(), controller_.channels()};
+    const bool complete = std::find(heard_.begin(), heard_.end(), program) != heard_.end();
+    return Attached{broker_->frontend(), complete ? broker_->complete() : broker_->backend(), controller_.channels()};
+}
+
+/// Whether no node may go on now, because complete observers do not keep up, or are not there yet.
+bool Router::holds(Clock::time_point now)
+{
+    if (heard_.empty() || !controller_.running()) {
+        return false;
+    }
+    began_ = began_ == Clock::time_point{} ? now : began_;
+    if (broker_->came() < awaited_) {
+        if (now - began_ < config_.join) {
+            return true;
+        }
+        report("the run goes on without " + sim::format_list(heard_) + ", which did not come within " +
+               sim::format_time(std::chrono::nanoseconds(config_.join).count()));
+        awaited_ = 0;
+    }
+    return broker_->holds();
 }
 
 void Router::answer_attaching()
 {
-    for (const Bytes &peer : std::exchange(attaching_, {})) {
-        reply(peer, controller_.matched() ? attached() : Message(Refused{"the run is over: " + outcome_}));
+    for (const auto &[peer, program] : std::exchange(attaching_, {})) {
+        reply(peer, controller_.matched() ? attached(program) : Message(Refused{"the run is over: " + outcome_}));
     }
 }
 

@@ -83,6 +83,8 @@ public:
     /// To change the pace, from `poll`; null unless the run is steered.
     Pace *steer() { return config_.steered ? &*pace_ : nullptr; }
     const Pace *steer() const { return config_.steered ? &*pace_ : nullptr; }
+    /// Wait no longer for complete observers that have not come yet.
+    void go_without() { awaited_ = 0; }
     /// Null without a broker.
     const Broker *broker() const { return broker_.get(); }
 
@@ -126,7 +128,8 @@ private:
     ControllerConfig with_broker(ControllerConfig controller);
     void check_address(const std::string &address) const;
     void attach(const Hello &hello);
-    Message attached() const;
+    Message attached(const std::string &program) const;
+    bool holds(std::chrono::steady_clock::time_point now);
     void answer_attaching();
     void inject_messages();
     void report(const std::string &text);
@@ -139,7 +142,11 @@ private:
     std::vector<std::string> names_;
     std::unique_ptr<Authenticator> authenticator_; ///< null without keys; outlives all sockets
     std::unique_ptr<Broker> broker_;
-    std::vector<Bytes> attaching_; ///< libzmq's names of asynchronous programs that wait for the matching
+    std::vector<std::pair<Bytes, std::string>> attaching_; ///< libzmq's and their names of asynchronous programs that
+                                                           ///< wait for the matching
+    std::vector<std::string> heard_;                       ///< asynchronous programs that miss no message
+    std::size_t awaited_ = 0;                              ///< so many observers of these, before the run begins
+    std::chrono::steady_clock::time_point began_;          ///< the run, which then waits for them
     Controller controller_;
     zmq::socket_t greetings_;
     Connections greeters_;

@@ -95,15 +95,28 @@ void add_node(const Options &options, Settings &o, const std::string &text)
     o.router.replies.push_back(reply);
 }
 
-/// NAME[:TOPIC,TOPIC...]
+/// NAME[,complete[=N]][,hears=TOPIC...][:TOPIC,TOPIC...]
 void add_asynchronous(const Options &options, Settings &o, const std::string &text)
 {
     const auto colon = text.find(':');
     const std::string topics = colon == std::string::npos ? "" : text.substr(colon + 1);
-    o.controller.asynchronous.push_back({text.substr(0, colon), split(topics)});
-    if (o.controller.asynchronous.back().name.empty()) {
+    const auto words = split(text.substr(0, colon));
+    AsynchronousConfig program{words.empty() ? "" : words[0], split(topics)};
+    if (program.name.empty()) {
         options.refuse("--asynchronous: a name is needed");
     }
+    for (auto word = words.begin() + 1; word != words.end(); ++word) {
+        const auto equals = word->find('=');
+        const std::string key = word->substr(0, equals), value = equals == word->npos ? "1" : word->substr(equals + 1);
+        if (key == "complete" && fledge::check_number(value, 1, 1000).empty()) {
+            program.complete = static_cast<unsigned>(std::stod(value));
+        } else if (key == "hears" && equals != word->npos) {
+            program.hears.push_back(value);
+        } else {
+            options.refuse("--asynchronous " + program.name + ": expected complete=N or hears=TOPIC, found " + *word);
+        }
+    }
+    o.controller.asynchronous.push_back(std::move(program));
 }
 
 /// Do what a line of the status stream asks of the pace.
@@ -146,9 +159,13 @@ Settings parse(int argc, char **argv)
         .required();
     options.text("--address", o.router.address, "ADDRESS",
                  "where programs greet: tcp://127.0.0.1:7000 (default), ipc://@NAME");
-    options.texts("--asynchronous", o.asynchronous, "NAME[:TOPIC,TOPIC...]",
+    options.texts("--asynchronous", o.asynchronous, "NAME[,complete][,hears=TOPIC][:TOPIC,TOPIC...]",
                   "a program that does not step (a ground system) and writes these topics, if nodes\n"
-                  "read them; without topics, all that begin with /NAME/");
+                  "read them; without topics, all that begin with /NAME/. complete: it misses no\n"
+                  "message; the run waits until it is there, and whenever it does not keep up;\n"
+                  "complete=N: it subscribes N times. One that takes nothing within --reply, and\n"
+                  "one that is gone, is not waited for. hears=TOPIC: of that topic, and may be\n"
+                  "repeated; of others it sees the newest message");
     options.texts("--watch", o.controller.watched, "TOPIC", "write this topic for observers, even if no node reads it");
     options.text("--frontend", o.router.frontend, "ADDRESS",
                  "where asynchronous programs publish; default: a free port");
@@ -249,6 +266,8 @@ int main(int argc, char **argv)
             for (std::string line; asked.empty() && !(line = status.heard()).empty();) {
                 if (line.starts_with("stop ")) {
                     asked = line.substr(5);
+                } else if (line == "without") {
+                    router.go_without();
                 } else if (Pace *pace = router.steer()) {
                     steer(*pace, line);
                 }

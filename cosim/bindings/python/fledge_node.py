@@ -762,6 +762,7 @@ class Observer(_Member):
         """Subscribe to all topics with one of these prefixes; "": all. The last message of each comes at once."""
         for topic in topics:
             self._socket.subscribe(topic)
+        self._socket.subscribe("ready")     # to the broker: it hears from here on
 
     def next(self, timeout=None):
         """The next message, a Seen. None if none comes in time [s], or the run is over. Raises NodeError if the

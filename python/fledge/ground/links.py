@@ -68,6 +68,11 @@ class Link(ABC):
         the link gave up, and it may have arrived or not. A link that never knows has none."""
         return []
 
+    def gaps(self) -> list[tuple[int, int, str]]:
+        """(from, to, why) [ns] of the link's clock, of which the link has learned since the last call that packets
+        between were lost on their way to this program."""
+        return []
+
     def close(self) -> None:
         """Let go of the link."""
 
@@ -235,12 +240,12 @@ class Streams(_ByTheClock):
         self._server: socket.socket | None = None
         self._streams: list[_Stream] = []
         self._gone = 0      # bytes that closed streams have skipped
+        self.refused = 0    #: clients of a server beyond CLIENTS
 
     @classmethod
     def connect(cls, to: tuple[str, int], accepts: Callable[[bytes], bool] | None = None, raw: bool = False
                 ) -> Streams:
         """A client of a server."""
-        self.refused = 0    #: clients of a server beyond CLIENTS
         link = cls(accepts, raw)
         link._join(socket.create_connection(to, timeout=10))
         return link
@@ -283,6 +288,10 @@ class Streams(_ByTheClock):
         link._streams.append(_Stream(end, read, write, link._splitter()))
         return link
 
+    @property
+    def clients(self) -> int:
+        return len(self._streams)
+
     def send(self, packet: bytes) -> None:
         for one in list(self._streams):
             self.dropped += not one.put(packet)
@@ -312,16 +321,16 @@ class Streams(_ByTheClock):
         end.setsockopt(socket.IPPROTO_TCP, USER_TIMEOUT, 1000 * UNREAD)
         self._join(end)
 
-            self._streams.remove(one)
-            self._gone += one.splitter.skipped
-            one.end.close()
-        if not self._server and not expected:
-            raise ConnectionError(GONE)
     def _splitter(self) -> Splitter | Raw:
         return Raw() if self.raw else Splitter(self._accepts)
 
     def _leave(self, one: _Stream, expected: bool = False) -> None:
         if one in self._streams:
+            self._streams.remove(one)
+            self._gone += one.splitter.skipped
+            one.end.close()
+        if not self._server and not expected:
+            raise ConnectionError(GONE)
 
     def _work(self, wait: float) -> None:
         for one in [one for one in self._streams if one.broken]:
@@ -367,15 +376,15 @@ def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, 
     return [(ends[number], what) for number, what in poll.poll(max(0, 1000 * wait))]
 
 
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        made.bind(where)
-    except OSError:
-        made.close()
 def _socket(kind, host, port):
     """A socket that is bound to an address."""
     family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
     made = socket.socket(family, kind)
     if kind == socket.SOCK_STREAM:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        made.bind(where)
+    except OSError:
+        made.close()
         raise
     return made

@@ -9,6 +9,7 @@ from itertools import accumulate, takewhile
 from queue import Queue
 from struct import Struct
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 from fledge.commands import Timed
@@ -17,6 +18,7 @@ from fledge.frames import ROOM
 from fledge.ground.links import Link, split
 from fledge.objects.si import time_ns
 
+BATCH, TURN = 1000, 0.02    # packets, [s]: the most that one look at the link takes
 PATIENCE = 60.0     # [s] without any message of the run
 UNIT = Struct(">qI")    # before each unit of cosim/node/units.h: its time [ns], its length
 
@@ -74,6 +76,8 @@ class Onlooker(Link):
 
     def __init__(self, process: str, raw: bool = False, radio: str | None = None) -> None:
         self._messages = _Messages(raw, radio)
+        self._heard: int | None = None      # [ns] of the last message of telemetry
+        self._gaps: list[tuple[int, int, str]] = []
         self._hear: Callable[[Any], None] = lambda seen: None
         bindings = _bindings()
         try:
@@ -104,18 +108,46 @@ class Onlooker(Link):
             raise ConnectionError(str(error)) from None
 
     def receive(self, until: int) -> list[Timed]:
-        while self.t < until:
-            seen = self._observer.next(PATIENCE if self.wait is None else self.wait)
-            if seen is None and self.wait is not None and self._observer.reason is None:
-                break       # the run is paused
-            if seen is None:
+        wait = PATIENCE if self.wait is None else self.wait
+        found: list[Timed] | None = []
+        while found is not None and not found and self.t < until:
+            found = self._next(wait)
+        # A turn of a program that waits no longer than that costs more than a message.
+        end = monotonic() + TURN
+        while found and self.wait is not None and len(found) < BATCH and monotonic() < end:
+            more = self._next(0.0)
+            if more is None:
+                break
+            found += more
+        return found or []
+
+    def _next(self, wait: float) -> list[Timed] | None:
+        """The packets of the next message; None: it has not come in time [s]."""
+        seen = self._observer.next(wait)
+        if seen is None:
+            if wait and (self.wait is None or self._observer.reason is not None):
                 raise ConnectionError("the run is over" if self._observer.reason is not None else
                                       f"the run has written nothing for {PATIENCE:g} s")
-            self.dropped += seen.missed if seen.topic == self._telemetry else 0
-            self._hear(seen)
-            if seen.topic == self._telemetry and seen["n"]:
-                return self._messages.units(seen, seen.t)
-        return []
+            return None     # the run is paused, or there is no more now
+        self._hear(seen)
+        if seen.topic != self._telemetry:
+            return []
+        self._count(seen)
+        return self._messages.units(seen, seen.t) if seen["n"] else []
+
+    def gaps(self) -> list[tuple[int, int, str]]:
+        made, self._gaps = self._gaps, []
+        return made
+
+    def _count(self, seen: Any) -> None:
+        """Note what went lost before a message of telemetry: of those before the first one, too, if this program came
+        late."""
+        missed = seen.missed if self._heard is not None else max(seen.count - 1, 0)
+        self.dropped += seen.missed
+        if missed:
+            self._gaps.append((-1 if self._heard is None else self._heard, seen.t,
+                               f"{missed} messages of {seen.topic} went lost between the run and this program"))
+        self._heard = seen.t
 
     def close(self) -> None:
         self._observer.close()

@@ -77,6 +77,8 @@ class Program:
     radio: str | None = _key("text", of="asynchronous")         # by this radio of the world
     steers: bool = _key("flag", False, of="asynchronous")       # it may pause the run and change its pace
     serve: str | None = _key("text", of="asynchronous")         # the file of a control room's server
+    complete: bool = _key("flag", False, of="asynchronous")     # it misses no message: the run waits for it
+    observers: int = 1                                          # by so many connections
     sees: list[str] = field(default_factory=list)               # the topics of packets that it carries
     asynchronous: bool = False
     flies: bool = False     # a flight process of a mission
@@ -433,6 +435,7 @@ class _Reader(Tables):
 
         topics = [topics_of(process, radio) for process, radio in links]
         p.sees = [down for _, down in topics]
+        p.complete, p.observers = table.get("complete") is not False, len(links)
         if "writes" not in table:
             p.writes = [up for up, _ in topics]
 

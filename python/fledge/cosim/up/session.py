@@ -179,11 +179,14 @@ class Session:
     def _leave(self) -> None:
         """Let nodes end by themselves; end asynchronous programs, and nodes that never joined."""
         begun = time.monotonic()
+        latest = begun + self.plan.reply
         for r in self._running.values():
             if r.process and r.state == "absent" and not r.program.asynchronous:
                 self._end(r)    # the controller cannot tell it
         while (spent := time.monotonic() - begun) < _LEAVE and self._signals < 2 and any(
                 r.process and not r.process.look() for r in self._running.values()):
+            if not self._controller.look() and time.monotonic() < latest:   # complete observers read to the end
+                begun = time.monotonic()
             for r in self._running.values():
                 if r.program.asynchronous and r.process and not r.ending and spent > _HUNG:
                     self._end(r)
@@ -306,7 +309,8 @@ class Session:
             command += ["--watch", topic]
         for p in plan.programs:
             if p.asynchronous:
-                command += ["--asynchronous", ":".join(filter(None, [p.name, ",".join(p.writes)]))]
+                complete = "".join([f",complete={p.observers}", *(f",hears={one}" for one in p.sees)]) * p.complete
+                command += ["--asynchronous", ":".join(filter(None, [p.name + complete, ",".join(p.writes)]))]
         for p in plan.nodes:
             joins = "any" if p.joins == WHEN_IT_COMES else repr(p.joins)
             command += ["--node", ",".join([
@@ -479,6 +483,8 @@ class Session:
         p, name = r.program, r.program.name
         r.handled = True
         if p.asynchronous and (p.on_loss != "restart" or r.started > p.restarts or not (r.process and r.process.code)):
+            if p.complete:
+                self._ours.send(b"without\n")
             if r.process and r.process.code:
                 self.view.happens(f"  {name}, an asynchronous program, {r.dead}; the run goes on without it")
             return
