@@ -62,8 +62,20 @@ static int ended(int directory, int result)
     return found;
 }
 
+/* Whether there is room for n more bytes. Each write, and each file, may take a block of the disk for itself. */
+static int take_room(PosixStore *posix, size_t n)
+{
+    enum { block = 4096 };
+    const int there = n + block <= posix->room;
+    posix->room -= !there || posix->room == UINT64_MAX ? 0 : n + block;
+    return there;
+}
+
 static int open_named(void *user, const char *name, CfdpOpen how)
 {
+    if (how == CFDP_OPEN_NEW && !take_room(user, 0)) {
+        return CFDP_FULL;
+    }
     static const int flags[] = {O_RDONLY, O_RDWR, O_RDWR | O_CREAT | O_TRUNC};
     const char *last;
     const int directory = directory_of(user, name, &last);
@@ -113,8 +125,8 @@ static int read_file(void *user, int file, uint64_t offset, uint8_t *bytes, size
 
 static int write_file(void *user, int file, uint64_t offset, const uint8_t *bytes, size_t n)
 {
-    const PosixStore *posix = user;
-    if (offset > posix->limit || n > posix->limit - offset) {
+    PosixStore *posix = user;
+    if (offset > posix->limit || n > posix->limit - offset || !take_room(posix, n)) {
         return CFDP_FULL;
     }
     while (n != 0) {
@@ -203,6 +215,7 @@ int posix_store_open(PosixStore *posix, const char *folder, uint64_t limit, Cfdp
 {
     posix->root = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     posix->limit = limit;
+    posix->room = UINT64_MAX;
     *store = (CfdpStore){.open = open_named,
                          .close = close_file,
                          .size = size_of,

@@ -52,6 +52,12 @@ TEST(PosixStore, stays_in_its_folder)
     EXPECT_EQ(back, data);
     EXPECT_EQ(store.read(store.user, file, 98, back.data(), 3), CFDP_BROKEN);
     EXPECT_EQ(store.size(store.user, file), 100);
+    posix.room = 10000; // of which a write takes a block of the disk more
+    EXPECT_EQ(store.write(store.user, file, 0, data.data(), 3), 0);
+    EXPECT_EQ(store.write(store.user, file, 0, data.data(), 3), 0);
+    EXPECT_EQ(posix.room, 10000u - 2 * 4099);
+    EXPECT_EQ(store.write(store.user, file, 0, data.data(), 3), CFDP_FULL);
+    EXPECT_EQ(store.open(store.user, "inside/more", CFDP_OPEN_NEW), CFDP_FULL);
     store.close(store.user, file);
     std::ifstream secret(folder.path / "secret");
     EXPECT_EQ(std::string(std::istreambuf_iterator<char>(secret), {}), "secret");

@@ -3,7 +3,10 @@
 Call all of it in the spacecraft's own thread, unless its docstring allows any thread."""
 from __future__ import annotations
 
+import os
+import shutil
 import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
     from fledge.ground.craft import Craft, Sent
 
+FILE = 4096         # [bytes] that a file counts besides its own
 ASKED = 0.2         # [s] between two texts of a transfer's progress
 
 
@@ -37,11 +41,12 @@ class Transfers:
         self.folder = craft.room.settings.folder / "files" / craft.name
         self._open: dict[int, tuple[dict[str, Any], Transfer]] = {}
         self._listings: list[tuple[Transfer, Future[list[str]]]] = []
-        self._told = 0.0
+        self._told = self._measured = 0.0
+        self._full: set[str] = set()    # the limits that are reached
+        self.bytes = 0                  #: of the files here
         self._received = 0
-        for row in craft.room.journal.rows("transfers", craft.name):
-            if row["state"] in ("active", "suspended"):
-                self._change(row, state="failed", text="the server ended before it did")
+        for row in craft.room.journal.all("transfers", craft.name, True):
+            self._change(row, state="failed", text="the server ended before it did")
 
     def put(self, name: str, data: bytes) -> dict[str, Any]:
         """Send a file to the spacecraft. Raises SetupError."""
@@ -49,18 +54,27 @@ class Transfers:
         if not name:
             raise SetupError("give the file's name on board, as in files?name=plan.bin")
         local = self.folder / f".up-{time.time_ns()}"
-        local.write_bytes(data)
         try:
-            return self._began(True, name, len(data), _ground(self.craft).put(local, name))
+            local.write_bytes(data)
+            return self._began(True, name, len(data), lambda: _ground(self.craft).put(local, name))
+        except OSError as error:
+            raise SetupError(f"{name} cannot be kept here to be sent: {error.strerror}") from None
         finally:
-            local.unlink()      # the transfer has its own
+            local.unlink(missing_ok=True)      # the transfer has its own
 
     def fetch(self, name: str) -> dict[str, Any]:
         """Ask for a file on board. Raises SetupError."""
         self._files()
         if not name:
             raise SetupError("give the file's name on board")
-        return self._began(False, name, 0, _ground(self.craft).fetch(name, self.folder / local_name(name)))
+        local = self.folder / local_name(name)
+
+        def fetch() -> Transfer:
+            one = _ground(self.craft).fetch(name, local)
+            one.replaces = False
+            return one
+
+        return self._began(False, name, 0, fetch)
 
     def directory(self, path: str) -> Future[list[str]]:
         """The names in a directory on board."""
@@ -91,11 +105,15 @@ class Transfers:
 
     def look(self) -> None:
         """Note how far they are."""
+        if self.craft.ground and self.craft.ground.has_files and time.monotonic() >= self._measured:
+            self._bound(self.craft.ground.files)
         for number, (row, one) in list(self._open.items()):
             if one.ended or one.problem:
                 del self._open[number]
                 state = "completed" if one.ended else "cancelled" if row.pop("cancelled", None) else "failed"
-                self._change(row, done=one.done, size=one.size, state=state, text=one.problem)
+                here = one.local.name if one.local else row["name"]
+                text = one.problem or f"it is {here} here" * (here != row["name"])
+                self._change(row, done=one.done, size=one.size, state=state, text=text)
             elif (row["done"], row["size"]) != (one.done, one.size) and time.monotonic() - self._told > ASKED:
                 self._told = time.monotonic()
                 row.update(done=one.done, size=one.size)
@@ -110,10 +128,13 @@ class Transfers:
                 except (SetupError, NoAnswer) as error:
                     answer.set_exception(SetupError(str(error)))
         if self.craft.ground and self.craft.ground.has_files:
-            received = self.craft.ground.files.received
+            received, failed = self.craft.ground.files.received, self.craft.ground.files.failed
             for path in received[self._received:]:      # that the craft sent unasked
                 self._began(False, path.name, path.stat().st_size, None)
             self._received = len(received)
+            for name, why in failed:
+                self._change(self._began(False, name[:200], 0, None), state="failed", text=why)
+            failed.clear()
 
     def lost(self, why: str) -> None:
         """The link is another one: what was under way is not."""
@@ -140,12 +161,33 @@ class Transfers:
         there_and_back = 2 * self.craft.settings.light_time
         return Files(ground, folder=self.folder, timeout=10 + there_and_back, inactivity=600 + 2 * there_and_back)
 
-    def _began(self, up: bool, name: str, size: int, one: Transfer | None) -> dict[str, Any]:
-        row = {"up": up, "name": name, "done": 0 if one else size, "size": size, "text": "",
-               "state": "active" if one else "completed", "t_ns": str(self.craft.now)}
-        self.craft.room.keep("transfers", self.craft.name, row)
-        if one:
-            self._open[row["id"]] = row, one    # type: ignore[index]
+    def _bound(self, files: Files) -> None:
+        """Tell the entity how many bytes it may still write: what comes beyond is refused on its way."""
+        began, bounds = time.monotonic(), self.craft.room.bounds
+        with os.scandir(self.folder) as found:
+            self.bytes = sum(one.stat(follow_symlinks=False).st_blocks * 512 + FILE for one in found)
+        free = shutil.disk_usage(self.folder).free - bounds["disk that stays free"]
+        left = bounds["files of a spacecraft"] - self.bytes
+        for name, rest in (("files of a spacecraft", left), ("disk that stays free", free)):
+            if rest <= 0 and name not in self._full:
+                self.craft.room.tell(self.craft.name, "warning", "files", f"files that come are refused: "
+                                     f"{bounds.says(name)}")
+            self._full = {*self._full, name} if rest <= 0 else self._full - {name}
+        files.entity.room(max(0, int(min(left, free))))
+        self._measured = began + max(1.0, 50 * (time.monotonic() - began))
+
+    def _began(self, up: bool, name: str, size: int, begin: Callable[[], Transfer] | None) -> dict[str, Any]:
+        """A transfer that a user wants is in the journal before it begins; one that has come (None) is told. Raises
+        SetupError."""
+        row = {"up": up, "name": name, "done": 0 if begin else size, "size": size, "text": "",
+               "state": "active" if begin else "completed", "t_ns": str(self.craft.now)}
+        self.craft.room.keep("transfers", self.craft.name, row, must=begin is not None)
+        if begin:
+            try:
+                self._open[row["id"]] = row, begin()    # type: ignore[index]
+            except (SetupError, OSError) as error:
+                self._change(row, state="failed", text=str(error))
+                raise
         return row
 
     def _change(self, row: dict[str, Any], **changes: Any) -> None:

@@ -6,14 +6,18 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <deque>
+#include <fcntl.h>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <tuple>
+#include <unistd.h>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -41,13 +45,59 @@ struct Progress {
     bool suspended;
 };
 
+/// The store of an entity that replaces no file: one of the same name gets a number, as NAME.2. A name that is hidden,
+/// leads elsewhere or has control characters is refused, but for those that are expected.
+struct KeepingStore : PosixStore {
+    std::set<std::string> expected;
+    std::deque<std::pair<std::string, std::string>> kept; ///< the name that was given, and the file's
+
+    static int keep(void *user, const char *from, const char *to)
+    {
+        auto *const store = static_cast<KeepingStore *>(static_cast<PosixStore *>(user));
+        const std::string name = to;
+        const bool control = std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < 32 || c == 127; });
+        const bool hidden = name.empty() || name[0] == '.' || name.find('/') != std::string::npos;
+        const bool ours = store->expected.erase(name) != 0;
+        if (!ours && (hidden || control)) {
+            return CFDP_REFUSED;
+        }
+        if (const int file = openat(store->root, from, O_RDONLY | O_CLOEXEC | O_NOFOLLOW); file >= 0) {
+            const bool safe =
+                fdatasync(file) == 0 || errno == EINVAL || errno == ENOSYS; // before the sender forgets it
+            close(file);
+            if (!safe) {
+                return CFDP_BROKEN;
+            }
+        }
+        if (ours) {
+            return renameat(store->root, from, store->root, to) == 0 ? 0 : CFDP_BROKEN;
+        }
+        const std::size_t dot = name.rfind('.');
+        for (unsigned n = 1; n < 100'000; n++) {
+            std::string place = name;
+            if (n > 1) {
+                place.insert(std::min(dot, name.size()), "." + std::to_string(n));
+            }
+            if (linkat(store->root, from, store->root, place.c_str(), 0) == 0) {
+                unlinkat(store->root, from, 0);
+                store->kept.emplace_back(name, place);
+                return 0;
+            }
+            if (errno != EEXIST) {
+                return errno == ENOSPC || errno == EDQUOT ? CFDP_FULL : CFDP_REFUSED;
+            }
+        }
+        return CFDP_REFUSED;
+    }
+};
+
 constexpr std::size_t transactions = 32, ranges = 4096, past = 256;
 constexpr std::size_t room = 512; // [bytes] of a PDU in a command
 
 class Entity {
 public:
     Entity(const std::string &folder, std::uint64_t own, std::uint64_t peer, std::uint64_t sequence,
-           std::int64_t timeout, std::int64_t inactivity, unsigned limit, bool crc, unsigned allowed)
+           std::int64_t timeout, std::int64_t inactivity, unsigned limit, bool crc, unsigned allowed, bool keeps)
         : transactions_(transactions), ranges_(transactions * ranges), past_(past), work_(65536)
     {
         remote_.entity = peer;
@@ -61,6 +111,7 @@ public:
         if (posix_store_open(&posix_, folder.c_str(), UINT64_MAX >> 1, &setup.store) == 0) {
             throw std::runtime_error(folder + ": " + std::strerror(errno));
         }
+        setup.store.rename = keeps ? KeepingStore::keep : setup.store.rename;
         setup.entity = own;
         setup.tell = [](void *user, const CfdpEvent *event) { static_cast<Entity *>(user)->tell(*event); };
         setup.user = this;
@@ -129,7 +180,9 @@ public:
         return TransactionId{id.source, id.sequence};
     }
 
+    void expect(const std::string &name) { posix_.expected.insert(name); }
     void time(std::int64_t now) { cfdp_time(&cfdp_, now); }
+    void left(std::uint64_t bytes) { posix_.room = bytes; }
 
     void take(const std::string &pdu)
     {
@@ -190,17 +243,24 @@ private:
     void tell(const CfdpEvent &event)
     {
         const char *bytes = reinterpret_cast<const char *>(event.text.bytes);
+        const bool ended = event.what == CFDP_TOLD_ENDED && event.receiver != 0;
+        const auto at = std::find_if(posix_.kept.begin(), posix_.kept.end(),
+                                     [&](const auto &one) { return ended && one.first == event.to; });
+        const std::string to = at != posix_.kept.end() ? at->second : event.to;
+        if (at != posix_.kept.end()) {
+            posix_.kept.erase(at);
+        }
         told_.push_back({static_cast<int>(event.what),
                          {event.id.source, event.id.sequence},
                          event.receiver != 0,
                          event.incomplete != 0,
                          event.condition,
                          event.file_status,
-                         py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(event.to)),
+                         py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(to.c_str())),
                          py::bytes(event.text.n != 0 ? bytes : "", event.text.n)});
     }
 
-    PosixStore posix_{};
+    KeepingStore posix_{};
     CfdpRemote remote_{};
     std::vector<CfdpTransaction> transactions_;
     std::vector<CfdpRange> ranges_;
@@ -229,9 +289,13 @@ void bind_entity(py::module_ &m)
         .def_readonly("suspended", &Progress::suspended);
     py::class_<Entity>(m, "Entity", "An entity of CFDP with files in a folder. Times are nanoseconds.")
         .def(py::init<const std::string &, std::uint64_t, std::uint64_t, std::uint64_t, std::int64_t, std::int64_t,
-                      unsigned, bool, unsigned>(),
+                      unsigned, bool, unsigned, bool>(),
              py::kw_only(), py::arg("folder"), py::arg("own"), py::arg("peer"), py::arg("sequence"), py::arg("timeout"),
-             py::arg("inactivity"), py::arg("limit"), py::arg("crc") = false, py::arg("allowed") = 0)
+             py::arg("inactivity"), py::arg("limit"), py::arg("crc") = false, py::arg("allowed") = 0,
+             py::arg("keeps") = false)
+        .def("expect", &Entity::expect,
+             "Take a file by this name once, in place of another one; keeps: of others, none "
+             "is replaced, and hidden names are refused.")
         .def_static("message", &Entity::message, py::arg("type"), py::arg("about") = TransactionId{},
                     py::arg("first") = "", py::arg("second") = "", py::arg("value") = 0,
                     "A message to the user as a TLV: a CfdpMessage.")
@@ -239,6 +303,7 @@ void bind_entity(py::module_ &m)
         .def("put", &Entity::put, py::arg("from_"), py::arg("to"), py::arg("options"), py::arg("class1"),
              "(source, sequence), or a CfdpRefusal.")
         .def("time", &Entity::time)
+        .def("room", &Entity::left, "How many bytes may still be written; more is a filestore rejection.")
         .def("take", &Entity::take)
         .def("next", &Entity::next, "The next PDU; empty: there is none.")
         .def("told", &Entity::told, "What it told next; None: nothing.")

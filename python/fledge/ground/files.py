@@ -12,7 +12,9 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from enum import IntEnum
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -73,6 +75,7 @@ class Transfer:
         self.problem = ""           #: why it failed
         self.local, self.fetches, self.place = local, fetches, place
         self.id = self.data = (0, 0)    # of the request, and of the file
+        self.replaces = True        #: a local file of its name; else it gets another name, in `local`
         self._files, self._progress = files, progress
 
     def completed(self, within: Any) -> Self:
@@ -134,13 +137,14 @@ class Files:
             raise SetupError(f"files: the rate is more than 0 bytes/s and the limit 1 to 255; found {rate}, {limit}")
         self.craft, self.rate, self.peer, self.own = craft, rate, peer, own
         self.received: list[Path] = []              #: files that flight has sent unasked
+        self.failed: list[tuple[str, str]] = []     #: those of them that did not arrive: the name, and why
         self._temporary = TemporaryDirectory(prefix="fledge-files-") if folder is None else None
         self.folder = Path(self._temporary.name if self._temporary else os.fspath(folder or ""))
         if not self.folder.is_dir():
             raise SetupError(f"files: there is no folder {self.folder}")
         self.entity: Any = _ground.Entity(
             folder=str(self.folder), own=own, peer=peer, timeout=time_ns(timeout, "timeout"), limit=limit, crc=crc,
-            inactivity=time_ns(inactivity, "inactivity"), sequence=craft.link.origin if sequence is None else sequence)
+            inactivity=time_ns(inactivity, "inactivity"), keeps=True, sequence=craft.link.origin if sequence is None else sequence)
         self._packets = Packets(craft.dictionary)   # counted apart: no command is missed for a PDU that is lost
         self._transfers: list[Transfer] = []
         self._messages: dict[tuple[int, int], list[bytes]] = {}
@@ -166,12 +170,14 @@ class Files:
         if not local.absolute().parent.is_dir():
             raise SetupError(f"{local}: there is no folder {local.absolute().parent}")
         one = Transfer(self, f"fetch {name}", self._place(local.name), local, True, progress)
+        self.entity.expect(one.place)
         options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, one.place)
         return self._begin(one, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
 
     def listing(self, name: str) -> Transfer:
         """Ask for the names in a directory on board; names() has them when it has ended."""
         one = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
+        self.entity.expect(one.place)
         return self._begin(one, "", "", self.entity.message(Message.LIST, first=name, second=one.place))
 
     def names(self, one: Transfer) -> list[str]:
@@ -253,7 +259,12 @@ class Files:
         if found and (problem or told.receiver == found.fetches):
             self._end(found, problem)
         elif told.receiver and told.to and not problem and not found:
-            self.received.append(self._kept(told.to))
+            try:
+                self.received.append(self._kept(told.to))
+            except OSError as error:
+                self.failed.append((told.to, f"{error.strerror}; it is in {self.folder}"))
+        elif told.receiver and told.to and not found:
+            self.failed.append((told.to, problem))
         if told.receiver:
             self._answered([one for text in self._messages.pop(told.id, [])
                             if (one := self.entity.read_message(text))])
@@ -288,7 +299,10 @@ class Files:
         arrived = self.folder / one.place
         if not problem and one.local:
             try:
-                _move(arrived, one.local)
+                if one.replaces:
+                    _move(arrived, one.local)
+                else:
+                    one.local = _named(arrived, one.local)
             except OSError as error:
                 problem = f"{one.local}: {error.strerror}; it is at {arrived}"
         one.ended, one.problem = not problem, problem
@@ -305,10 +319,7 @@ class Files:
         plain = "_" + plain[1:] if plain.startswith("-") else plain
         if plain == arrived.name:
             return arrived
-        path, n = arrived.with_name(plain.encode()[:200].decode(errors="ignore")), 1
-        while path.exists():
-            path, n = arrived.with_name(f"{path.name.rpartition('~')[0] or path.name}~{n}"), n + 1
-        return arrived.rename(path)
+        return _named(arrived, arrived.with_name(plain.encode()[:200].decode(errors="ignore")))
 
     def _forget(self, one: Transfer) -> None:
         (self.folder / one.place).unlink(missing_ok=True)
@@ -317,6 +328,16 @@ class Files:
         """A name in the folder for a file on its way; hidden, for a file that has arrived may have any other."""
         self._places += 1
         return f".way{self._places}-{name.encode()[-80:].decode(errors='ignore')}"
+
+
+def _named(source: Path, to: Path) -> Path:
+    """Give a file its name, or, if another one has that, one with a number; the entity does so, too."""
+    for place in (to if n == 1 else to.with_name(f"{to.stem}.{n}{to.suffix}") for n in count(1)):
+        with suppress(FileExistsError):
+            os.link(source, place)
+            source.unlink()
+            break
+    return place
 
 
 def _move(source: Path, to: Path) -> None:

@@ -191,6 +191,34 @@ def test_what_the_craft_sends_unasked_is_kept(connected, tmp_path):
         assert (tmp_path / "down/tonight").read_bytes() == (tmp_path / "board/science").read_bytes()
 
 
+def test_no_file_that_comes_replaces_another_one_and_hidden_names_are_refused(connected, tmp_path):
+    board, down = tmp_path / "board", tmp_path / "down"
+    down.mkdir()
+    with connected() as craft:
+        craft.files = Files(craft, down, timeout=2 * s)
+        sizes = [100, 2000, 0, 300]
+        for place, size in enumerate(sizes):
+            some(board / f"of{place}", size, place)
+            for to in ("log.bin", "log"):
+                craft.link.entity.put(f"of{place}", to, b"", False)
+                craft.wait(lambda _: len(craft.files.received) == 2 * place + 1 + (to == "log"), within=1 * minute)
+        refused = [".hidden", "..", "../out", "a/b", "/etc/x", "new\nline", "\x7f", ".way1-got", ".way1-list"]
+        for number, name in enumerate(refused, 1):
+            craft.link.entity.put("of1", name, b"", False)
+            craft.wait(lambda _: len(craft.files.failed) == number, within=1 * minute)
+        got = craft.fetch("of1", to=down / "log")
+        got.replaces = False
+        assert got.completed(within=1 * minute).local == down / "log.5"
+        assert craft.directory("") == [f"of{place}" for place in range(4)]
+    assert [name for name, _ in craft.files.failed] == refused
+    assert all(why == "the file store refused it" for _, why in craft.files.failed)
+    kept = {one.name: one.read_bytes() for one in down.iterdir()}
+    ours = [(board / f"of{place}").read_bytes() for place in (0, 1, 2, 3, 1)]
+    assert kept == dict(zip(["log", "log.2", "log.3", "log.4", "log.5"], ours)) | dict(
+        zip(["log.bin", "log.2.bin", "log.3.bin", "log.4.bin"], ours))
+    assert {one.name for one in craft.files.received} == kept.keys() - {"log.5"}
+
+
 def test_by_hand(tmp_path, monkeypatch, capsys):
     board = tmp_path / "board"
     plan = some(tmp_path / "plan", 8000)
