@@ -51,7 +51,7 @@ CHAPTERS = {
               "Debugging <docs/debugging>", "docs/glossary"],
     "Several programs": ["Co-simulation <docs/cosim>", "Co-simulation, inside <cosim/README>", "registers/README"],
     "Flight and ground": ["Scripts and links <docs/ground>", "Control room <docs/control-room>",
-                          "Flight services <docs/services>",
+                          f"Who may what <{REFERENCE}/routes>", "Flight services <docs/services>",
                           "Database <docs/database>", "Packets by XTCE <docs/packets>", "The link in C <docs/ccsds>"],
     "Targets": ["Export <docs/export>", "Targets <docs/targets>",
                 "Verification <docs/verification>", "Search for failures <docs/falsification>",
@@ -105,6 +105,7 @@ def write_reference(app):
     pages |= packet_pages()
     if OURS:
         pages["python.rst"] = python_page()
+        pages["routes.md"] = routes_page()
         pages["nodes.rst"] = "\n".join(["Nodes in Python", "===============", "", *directive("module", "fledge_node")])
     else:
         own = [name for name in pages if name.startswith(project)]
@@ -114,6 +115,25 @@ def write_reference(app):
     for name, text in pages.items():
         if not (folder / name).exists() or (folder / name).read_text(encoding="utf-8") != text:
             (folder / name).write_text(text, encoding="utf-8")
+
+
+def routes_page():
+    """Who may what in the control room, by the rows from which its server checks that."""
+    from fledge.control_room.live import Browser
+    from fledge.control_room.routes import MESSAGE, rows
+    from fledge.control_room.users import Guard
+    from fledge.control_room.web import Server
+
+    crafts = {"": "", "path": "the one that is named", "run": "all that its run flies"}
+    found = sorted({(row.method == MESSAGE, row.path.partition(":[")[0], row.method, row)
+                    for holder in (Server, Guard, Browser) for row, _ in rows(holder)}, key=lambda one: one[:3])
+    return "\n".join([
+        "# Who may what in the control room", "",
+        "The server checks each HTTP request, and each message of the WebSocket `/api/live`, by this table. Where no "
+        "spacecraft is named, the answer has those that the user may see.", "",
+        "| | | role | for the spacecraft | in the log before it is done |", "|---|---|---|---|---|",
+        *(f"| {method} | `{path}` | {row.role} | {crafts[row.craft]} | {'yes' * row.logged} |"
+          for _, path, method, row in found), ""])
 
 
 def packet_pages():

@@ -14,6 +14,7 @@ import yaml
 from aiohttp import WSMsgType
 from jsonschema import Draft4Validator
 
+from fledge.control_room.attacked_test import ROWS
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
 from fledge.control_room.web import Server
@@ -66,6 +67,7 @@ RULES = {
                       {"required": ["required"], "properties": {"required": {"enum": [True]}}}]},
         "operation": thing("summary responses", summary=TEXT, requestBody={"$ref": "#/definitions/bodyOrReference"},
                            parameters={"type": "array", "items": {"$ref": "#/definitions/parameterOrReference"}},
+                           security={"type": "array"}, **{"x-role": TEXT, "x-craft": TEXT, "x-logged": FLAG},
                            responses={"type": "object", "minProperties": 1, "additionalProperties": False,
                                       "patternProperties": {"^([1-5][0-9][0-9]|default)$": {
                                           "$ref": "#/definitions/responseOrReference"}}}),
@@ -219,8 +221,18 @@ async def test_a_server_in_flight_answers_as_it_is_described(tmp_path):
                              "application/yaml" if path.endswith("yaml") else response.content_type)
         good = {path for path, status in asked if status == 200}
         assert {path for path, item in API["paths"].items() if "get" in item} - good <= {
-            "/api/crafts/{c}/files/{name}", "/api/crafts/{c}/directory", "/api/crafts/{c}/scene",
-            "/api/crafts/{c}/questions/{id}"}
+            "/api/crafts/{c}/files/{name}", "/api/crafts/{c}/scene", "/api/crafts/{c}/questions/{id}"}
+        served = yaml.safe_load(await c.get("openapi.yaml"))
+        assert complaints(served) == []
+        of = {(row.method.lower(), row.path): row for row in ROWS}
+        for path, item in served["paths"].items():
+            for method in METHODS:
+                if operation := item.get(method):
+                    row = of[method, path]
+                    assert [operation.pop(one, "") for one in ("x-role", "x-craft", "x-logged")] == [
+                        row.role, row.craft, row.logged]
+                    assert (operation.pop("security", None) == []) == (row.role == "anyone")
+        assert served == API
         for path, body, method in (
                 ("preview", {"name": "flight.noop"}, "post"), ("send", {"name": "flight.noop"}, "post"),
                 ("send", {"name": "flight.reset_flight"}, "post"), ("inspect", {"hex": "08"}, "post"),

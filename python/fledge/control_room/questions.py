@@ -28,7 +28,7 @@ class Questions:
         self._withdraw()
         if not 0 < len(text) <= LONGEST:
             raise SetupError(f"a question has 1 to {LONGEST} characters; found {len(text)}")
-        if len(self._all) >= MOST:
+        if sum(one["answer"] is None for one, _ in self._all.values()) >= MOST:
             raise SetupError(f"{MOST} questions are open already: answer one")
         number = next(self._numbers)
         one = {"id": number, "craft": craft, "text": text, "user": user, "answer": None, "by": ""}
@@ -46,8 +46,6 @@ class Questions:
         one = self._one(craft, number)
         if one["answer"] is None:
             self._all[number] = one, time.monotonic()
-        else:
-            del self._all[number]
         return one
 
     def answer(self, craft: str, number: int, user: str, answer: bool) -> dict[str, Any]:
@@ -70,4 +68,5 @@ class Questions:
         for number, (one, looked) in list(self._all.items()):
             if time.monotonic() - looked > ASKED:
                 del self._all[number]
-                self._publish("question", one["craft"], one | {"answer": False, "by": "its script's end"})
+                if one["answer"] is None:
+                    self._publish("question", one["craft"], one | {"answer": False, "by": "its script's end"})

@@ -102,8 +102,9 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
             one = (await page.until(here, lambda rows: rows))[0]
             assert (one["text"], one["user"], one["answer"]) == ("go <b>now</b>?", "operator", None)
             await page.post(f"{here}/{one['id']}", {"answer": "yes"}, 400)
+            await page.get(f"{here}/{one['id']}")
             assert (await page.post(f"{here}/{one['id']}", {"answer": answer}))["by"] == "operator"
-            assert await page.get(here) == []
+            assert await page.get(here) == [] and (await page.get(f"{here}/{one['id']}"))["answer"] is answer
             assert await run == (0 if answer else 1)
             said = [json.loads(line) for line in (folder / f"{answer}/script.jsonl").read_text().splitlines()]
             assert [(one["good"], one["why"]) for one in said if one["kind"] == "confirm"] == [(answer, "by operator")]
