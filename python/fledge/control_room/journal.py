@@ -21,7 +21,8 @@ OPEN = {"alarms": ('"ended_ns": ""',), "transfers": ('"state": "active"', '"stat
 SCHEMA = "".join(f"""
 CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
     content TEXT NOT NULL);
-CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS)
+CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS) + """
+CREATE INDEX IF NOT EXISTS log_by ON log (json_extract(content, '$.user'), id);"""
 
 
 def _is_open(kind: str) -> str:
@@ -70,17 +71,19 @@ class Journal:
         return self._db.execute(f"INSERT INTO {kind} (craft, t, content) VALUES (?, ?, ?)", (craft, t, text)).lastrowid
 
     def rows(self, kind: str, craft: str | None = None, before: int | None = None, limit: int = MOST,
-             before_ns: int | None = None, seen: tuple[list[str], str] | None = None) -> list[dict[str, Any]]:
+             before_ns: int | None = None, seen: tuple[list[str], str] | None = None,
+             user: str | None = None) -> list[dict[str, Any]]:
         """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of
-        this time of the spacecraft's clock (the log: UTC) at most; seen: of some spacecraft or of a user alone."""
+        this time of the spacecraft's clock (the log: UTC) at most; user: of this one; seen: of some spacecraft, or of a user.
+        """
+        if seen is not None:
+            parts = [self.rows(kind, one, before, limit, before_ns) for one in seen[0]]
+            found = {row["id"]: row for part in [*parts, self.rows(kind, None, before, limit, before_ns, user=seen[1])]
+                     for row in part}
+            return [found[number] for number in sorted(found, reverse=True)[:min(limit, MOST)]]
         where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
-            before_ns is not None)
-        given: list[Any] = [one for one in (before, craft, before_ns) if one is not None]
-        if seen is not None:    # a replay is of its spacecraft
-            names = ", ".join("?" * len(seen[0]))
-            where.append(f"(substr(craft, 1, instr(craft || '@', '@') - 1) IN ({names}) "
-                         "OR json_extract(content, '$.user') = ?)")
-            given += [*seen[0], seen[1]]
+            before_ns is not None) + ["json_extract(content, '$.user') = ?"] * (user is not None)
+        given = [one for one in (before, craft, before_ns, user) if one is not None]
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         with self._lock:
             rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()

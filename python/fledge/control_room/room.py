@@ -150,5 +150,5 @@ class Room:
         not carry it out."""
         row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
                "good": good}
-        self.journal.save_all([*((kind, craft, one) for kind, one in also), ("log", craft, row)])
+        self.journal.save_all([*((kind, craft, one) for kind, one in also), ("log", craft.partition("@")[0], row)])
         self.publish("log", craft, row)
