@@ -74,8 +74,8 @@ class Journal:
              before_ns: int | None = None, seen: tuple[list[str], str] | None = None,
              user: str | None = None) -> list[dict[str, Any]]:
         """The newest objects first, of a spacecraft or of all. before: those whose id is lower; before_ns: those of
-        this time of the spacecraft's clock (the log: UTC) at most; user: of this one; seen: of some spacecraft, or of a user.
-        """
+        this time of the spacecraft's clock (the log: UTC) at most; user: of this one; seen: of
+        some spacecraft, or of a user."""
         if seen is not None:
             parts = [self.rows(kind, one, before, limit, before_ns) for one in seen[0]]
             found = {row["id"]: row for part in [*parts, self.rows(kind, None, before, limit, before_ns, user=seen[1])]
