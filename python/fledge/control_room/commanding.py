@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 from fledge.commands import Code, Stage, checksummed, numbered
 from fledge.control_room.verifying import Verifying
 from fledge.errors import SetupError, did_you_mean
+from fledge.ground.craft import Sent
 from fledge.ground.framed import Framed
 
 if TYPE_CHECKING:
     from fledge.control_room.spacecraft import Spacecraft
-    from fledge.ground.craft import Sent
 
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
 DELIVERED = "the link knows that it is there"
@@ -51,6 +51,36 @@ class Commanding:
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
         self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
         self._going: dict[bytes, dict[str, Any]] = {}       # and of which the link has not said that they are there
+        #: those that had not ended when the last server did
+        self.left = [one for one in craft.room.journal.all("sent", craft.name, True) if isinstance(one.get("open"), dict)]
+
+    def restore(self) -> None:
+        """Go on with the commands of the last server: flight may still report them. What it said meanwhile is missing."""
+        craft, left = self.craft, self.left
+        self.left = []
+        if craft.clock == "utc":
+            craft.gaps.append((max((one["last"] for one in craft.history.sessions()), default=int(left[0]["t_ns"])),
+                               craft.now))
+        for row in left:
+            form, packets = self._forms.get(row["name"]), [bytes.fromhex(one) for one in row["hex"].split()]
+            if craft.run or craft.clock == "simulated" and craft.now < int(row["t_ns"]):
+                self.stage(row, "unknown", None, "the run that it was sent to has ended")
+                self.over(row)
+            elif craft.ground:
+                sent = Sent(craft.ground, packets)
+                craft.ground.sent.insert(0, sent)
+                self._open.append((row, sent, 0))
+            elif form:
+                self.verifying.begin(row, form, packets[0])
+                self._keep(row)
+            else:
+                self.stage(row, "unknown", None, "the database does not have this command any more")
+                self.over(row)
+
+    def over(self, row: dict[str, Any]) -> None:
+        """No more will be known of a command."""
+        row.pop("open", None)
+        self._keep(row)
 
     def load(self) -> None:
         """Take the forms of the database."""
@@ -127,6 +157,8 @@ class Commanding:
             raise SetupError(f"{craft.name}: {craft.silent}; so nothing was sent")
         row: dict[str, Any] = {"craft": craft.name, "t_ns": str(craft.now), "user": user, "name": name,
                                "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
+        if craft.ground or form and form["verifiers"]:
+            row["open"] = {}
         self.stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
         craft.room.journal.save("sent", craft.name, row)    # before it leaves
         sent = None
@@ -141,6 +173,7 @@ class Commanding:
                 if form:
                     self.verifying.begin(row, form, packets[0])
         except OSError as error:
+            row.pop("open", None)
             self.stage(row, "failed", False, f"the link broke: {error.strerror or error}; it may have arrived or not")
         self._keep(row)
         if sent:
@@ -162,7 +195,9 @@ class Commanding:
         for row, sent, seen in self._open:
             n = len(row["stages"])
             over = self._looked(row, sent, seen)
-            if len(row["stages"]) != n:
+            if over:
+                self.over(row)
+            elif len(row["stages"]) != n:
                 self._keep(row)
             if not over:
                 left.append((row, sent, len(sent.reports)))
@@ -206,8 +241,8 @@ class Commanding:
                 return True
         within = WITHIN + round(2e9 * self.craft.settings.light_time)
         if self.craft.now - int(row["t_ns"]) > within and not any(one["stage"] in (
-                "started", "progress", "failed") for one in row["stages"]):
-            self.stage(row, "failed", False, f"no report of its execution within {within / 1e9:g} s")
+                "started", "progress", "unknown", "failed") for one in row["stages"]):
+            self.overdue(row, "completed", f"no report of its execution within {within / 1e9:g} s", int(row["t_ns"]))
         return self.craft.now - int(row["t_ns"]) > 60 * within
 
     def _encoded(self, name: str, arguments: dict[str, Any]
@@ -266,6 +301,14 @@ class Commanding:
             row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
         row["stages"].append({"stage": stage, "t_ns": str(self.craft.now if t is None else t), "good": good,
                               "text": text})
+
+    def overdue(self, row: dict[str, Any], stage: str, text: str, begin: int, t: int | None = None) -> None:
+        """Add that a stage was not reported in time since `begin`: it failed, or it is not known, because telemetry is
+        missing."""
+        missing = self.craft.missing(begin, self.craft.now if t is None else t)
+        if stage == "completed":
+            stage = "unknown" if missing else "failed"
+        self.stage(row, stage, None if missing else False, f"unknown, {missing}: {text}" if missing else text, t)
 
     def _keep(self, row: dict[str, Any]) -> None:
         self.craft.room.keep("sent", self.craft.name, row)

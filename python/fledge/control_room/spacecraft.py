@@ -80,7 +80,7 @@ class Spacecraft:
         self.history: Any = None
         self._reading = Lock()          # of the history
         self.failed = ""                #: by an error of the server itself, in words
-        self.archive_problem, self._lost = "", 0    # packets of which an event has told
+        self.archive_problem, self._missed = "", 0    # packets of which an event has told
         self.recent: deque[tuple[int, int, bytes]] = deque(maxlen=RECENT)
         self.bad: deque[tuple[int, int, bytes, str]] = deque(maxlen=RECENT)     # those that were not decoded
         self.sinks: list[Callable[[list[tuple[int, int, bytes]]], None]] = []   #: get each batch after it is shown
@@ -94,6 +94,8 @@ class Spacecraft:
         self.probed = False     #: a script's packet has waited to hear which number flight expects
         self._changed: dict[Path, int] = {}     # when the files of the database did
         self._looked = self._published = 0.0
+        self.gaps: deque[tuple[int, int]] = deque(maxlen=RECENT)    #: [ns] in which telemetry of this session is missing
+        self._last = -1         # [ns] of the newest packet of a co-simulation, also of the session before
         self._prepare()
         self.derived = DerivedParameters(self, self.monitor)
         self.slot_names: list[str] = []
@@ -286,9 +288,11 @@ class Spacecraft:
     def _keep(self) -> None:
         """Archive what comes. Raises SetupError if another program does."""
         folder = self.room.settings.folder / "archive"
-        self.archive, self._lost = self.database.archive(folder, self.name), 0
+        self.archive, self._missed = self.database.archive(folder, self.name), 0
         self.monitor.sink(self.archive)
         self.history = self.database.history(folder, self.name, self.settings.root)
+        if self.settings.link.startswith("cosim:") and not self.packets and (before := self.history.sessions()):
+            self._last = before[-1]["last"]
 
     def _reread(self) -> None:
         """Take a database that has changed; a wrong one is refused, and the old one stays. What a mission was made of
@@ -486,8 +490,14 @@ class Spacecraft:
         arrived = self.ground.receive(until) if self.ground else self.link.receive(until)
         if self.clock == "simulated":
             self.now = max(self.now, self.link.t)
-        if arrived:
-            self.take(self._timed(arrived))
+        rows = self._timed(arrived) if arrived else []
+        for gap in getattr(self.link, "link", self.link).gaps():
+            rows = self._lost(*gap, rows)
+        if self.commanding.left and (rows or self.clock == "utc"):
+            self.commanding.restore()
+        if rows:
+            self.take(rows)
+            self._last = rows[-1][0]
         self.commanding.look()
         self.transfers.look()
         self.feed.sample()
@@ -511,6 +521,31 @@ class Spacecraft:
         """Advance the clock of a craft by UTC, which goes on while the craft is silent."""
         if self.clock == "utc" and not self.replayed:
             self.now = max(self.now, time.time_ns())
+
+    def _lost(self, begin: int, end: int, why: str, rows: list[tuple[int, int, bytes]]
+              ) -> list[tuple[int, int, bytes]]:
+        """Note that packets of a co-simulation are missing; those that came, without what the archive has already."""
+        follows = not self.packets and 0 <= self._last      # a session that began before: the archive knows the gap
+        if begin < 0:
+            if self.control and end <= self.control.past * 1e9:
+                return rows
+            begin = max(self._last, 0)
+            if end <= begin:    # the run's last message comes again
+                with self._reading:
+                    known = {(t, packet) for t, _, _, packet in self.history.packets(rows[0][0], begin)} if rows else ()
+                return [one for one in rows if (one[0], one[2]) not in known]
+        if not follows:
+            self.archive.missing(begin, end, why)
+        self.gaps.append((begin, end))
+        self.room.tell(self.name, "warning", "link", f"telemetry is missing from {begin / 1e9:g} s to {end / 1e9:g} s: "
+                       f"{why}", end)
+        return rows
+
+    def missing(self, begin: int, end: int) -> str:
+        """In words, which telemetry of a stretch [ns] is missing; empty: none."""
+        found = [(a, b) for a, b in self.gaps if a < end and begin < b]
+        return "telemetry is missing " + listed([f"from {a / 1e9:g} s to {b / 1e9:g} s" for a, b in found]) \
+            if found else ""
 
     def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
         """(t, received, packet) of each."""
@@ -586,9 +621,9 @@ class Spacecraft:
         self.ground.texts.clear()
 
     def _archived(self, problem: str) -> None:
-        missing = self.archive.lost - self._lost if self.archive is not None else 0
+        missing = self.archive.lost - self._missed if self.archive is not None else 0
         if not problem:
-            self._lost += missing
+            self._missed += missing
         self.archive_problem = problem
         self.room.tell(self.name, "critical" if problem or missing else "info", "archive", problem or
                        f"the archive is written again: {missing or 'no'} packets are missing")

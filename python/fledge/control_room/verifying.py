@@ -27,6 +27,7 @@ class Waiting:
     release: int                #: [ns]
     passed: int                 #: [ns] when its last verifier passed, or its release
     open: dict[int, dict[str, Any]] = field(default_factory=dict)   #: in the order of their stages
+    places: dict[int, int] = field(default_factory=dict)            #: in the form, of those that are or were open
     late: dict[int, tuple[dict[str, Any], int]] = field(default_factory=dict)      #: (the failed stage, [ns])
 
     def window(self, number: int) -> tuple[int, int]:
@@ -65,19 +66,24 @@ class Verifying:
                 one["problem"] = str(error)
 
     def begin(self, row: dict[str, Any], form: dict[str, Any], packet: bytes) -> None:
-        """Wait for the verifiers of a command that leaves now."""
+        """Wait for the verifiers of a command that leaves now, or, after the server has started, has left before."""
         words = {SEQUENCE: str(int.from_bytes(packet[2:4], "big") & 0x3FFF)}
         for one in form["arguments"]:
             value = row["arguments"].get(one["name"], one["initial"])
             words[one["name"]] = str(value).lower() if isinstance(value, bool) else str(value)
-        made = Waiting(row, self.craft.now, self.craft.now)
+        release, about = int(row["t_ns"]), row.get("open", {})
+        made = Waiting(row, release, int(about.get("passed_ns", release)))
         for place, one in enumerate(form["verifiers"]):
+            if place not in about.get("verifiers", [place]):
+                continue
             if one["problem"]:
                 self._stage(row, one, None, f"not watched: {one['problem']}", self.craft.now)
             else:
-                made.open[self.craft.monitor.expect(form["path"], place, words)] = one
+                number = self.craft.monitor.expect(form["path"], place, words)
+                made.open[number], made.places[number] = one, place
         if made.open:
             self._waiting.append(made)
+        self._mark(made)
 
     def take(self, number: int, t: int, returned: str) -> None:
         """A packet fulfils a verifier."""
@@ -89,7 +95,7 @@ class Verifying:
             stage, _ = one.late.pop(number)
             stage["text"] += f"; it came {(t - one.release) / 1e9:g} s after the release"
             self.craft.monitor.forget(number)
-            self._keep(one.row)
+            self._keep(one)
         elif one.window(number)[0] <= t:
             self._passed(one, number, t, returned)
         self._rid()
@@ -99,20 +105,21 @@ class Verifying:
         for one in self._waiting:
             over = one.over(t)
             for number in over:
-                end, verifier = one.window(number)[1], one.open.pop(number)
+                (begin, end), verifier = one.window(number), one.open.pop(number)
                 if verifier["stage"] == "failed":       # it did not fail
                     self.craft.monitor.forget(number)
                     continue
                 since = "the release" if verifier["from_release"] or one.passed == one.release else \
                     "the verifier before"
                 within = verifier["stop"] or OPEN / 1e9
-                self._stage(one.row, verifier, False, f"no {verifier['text']} within {within:g} s of {since}", end)
+                self.craft.commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s of "
+                                              f"{since}", begin, end)
                 one.late[number] = one.row["stages"][-1], end
             for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
                 self.craft.monitor.forget(number)
                 del one.late[number]
             if over:
-                self._keep(one.row)
+                self._keep(one)
         self._rid()
 
     def end(self, why: str) -> None:
@@ -120,7 +127,8 @@ class Verifying:
         for one in self._waiting:
             if one.open:
                 self.craft.commanding.stage(one.row, "failed", False, why)
-                self._keep(one.row)
+                one.open.clear()
+                self._keep(one)
         self._waiting.clear()
 
     def _passed(self, one: Waiting, number: int, t: int, returned: str) -> None:
@@ -134,13 +142,13 @@ class Verifying:
         left = {each["stage"] for each in one.open.values()}
         if verifier["stage"] != "completed" or "completed" not in left:     # all of them are needed
             self._stage(one.row, verifier, verifier["stage"] != "failed", text, t)
-            self._keep(one.row)
             if verifier["stage"] in ("completed", "failed"):
                 for each in [*one.open, *one.late]:
                     self.craft.monitor.forget(each)
                 one.open.clear()
                 one.late.clear()
         one.passed = t
+        self._keep(one)
 
     def _stage(self, row: dict[str, Any], verifier: dict[str, Any], good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
@@ -151,5 +159,13 @@ class Verifying:
     def _rid(self) -> None:
         self._waiting = [one for one in self._waiting if one.open or one.late]
 
-    def _keep(self, row: dict[str, Any]) -> None:
-        self.craft.room.keep("sent", self.craft.name, row)
+    @staticmethod
+    def _mark(one: Waiting) -> None:
+        """Write into the row what a server that starts has to wait for."""
+        one.row.pop("open", None)
+        if one.open:
+            one.row["open"] = {"verifiers": [one.places[number] for number in one.open], "passed_ns": str(one.passed)}
+
+    def _keep(self, one: Waiting) -> None:
+        self._mark(one)
+        self.craft.room.keep("sent", self.craft.name, one.row)

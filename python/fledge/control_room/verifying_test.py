@@ -292,3 +292,37 @@ def test_a_wrong_verifier_is_refused_where_it_stands(tmp_path: Path, found, wron
     (tmp_path / "sat.xml").write_text(DATABASE.replace(found, wrong))
     with pytest.raises(SetupError, match=rf"sat\.xml:\d+: .*{why}"):
         Database.load(tmp_path / "sat.xml")
+
+
+def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path):
+    """A stage that was passed stays; one that is waited for is passed later; of one whose window has ended meanwhile
+    nobody knows."""
+    async def test():
+        craft = await Craft.begin()
+        (tmp_path / "sat.xml").write_text(DATABASE)
+        text = f'[[craft]]\nname = "sat"\ndatabase = ["sat.xml"]\nroot = "/Sat/Packet"\nlink = "{craft.link}"\n'
+        async with console(tmp_path, text) as c:
+            await c.until("crafts", lambda rows: rows[0]["link"]["up"])
+            one = Desk(c, craft)
+            craft.say(STATUS, 0, 5, 0)
+            await c.until("crafts", lambda rows: rows[0]["packets"] == 1)
+            number, _ = await one.send("SET", mode="WORK")
+            craft.say(ACCEPT, 0)
+            await one.row(number, ("accepted", True))
+            short, _ = await one.send("HASTY")
+        await asyncio.sleep(0.3)
+        async with console(tmp_path, text) as c:
+            one = Desk(c, craft)
+            await c.until("crafts", lambda _: not c.room.crafts["sat"].commanding.left)
+            craft.say(STATUS, 1, 5, 0)
+            row = await one.row(number, ("accepted", True), ("completed", True))
+            assert "open" not in row
+            rows = await c.until("crafts/sat/sent", lambda rows: len(rows[0]["stages"]) > 1)
+            assert rows[0]["id"] == short and rows[0]["stages"][-1]["good"] is None
+            assert "unknown, telemetry is missing from" in rows[0]["stages"][-1]["text"]
+        async with console(tmp_path, text) as c:
+            assert number not in [one["id"] for one in c.room.journal.all("sent", "sat", True)]
+            assert (await c.get("crafts/sat/sent"))[1] == row
+        craft.wire.close()
+
+    asyncio.run(asyncio.wait_for(test(), 240))
