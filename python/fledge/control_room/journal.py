@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from fledge.errors import SetupError
+from fledge.errors import SetupError, printable
 
 LISTS = ("sent", "events", "alarms", "limits", "transfers", "log")
 MOST = 500          # rows of an answer
@@ -50,7 +50,7 @@ class Journal:
             for line in ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=FULL"):
                 self._db.execute(line)
             self._db.executescript(SCHEMA)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeError) as error:      # a damaged schema may be no text
             raise SetupError(f"{self.path}: {error}") from None
 
     def save(self, kind: str, craft: str, *contents: dict[str, Any]) -> None:
@@ -85,17 +85,26 @@ class Journal:
             before_ns is not None) + ["json_extract(content, '$.user') = ?"] * (user is not None)
         given = [one for one in (before, craft, before_ns, user) if one is not None]
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
-        with self._lock:
-            rows = self._db.execute(text, (*given, min(limit, MOST))).fetchall()
-        return [json.loads(content) | {"id": number} for number, content in rows]
+        return self._read(text, (*given, min(limit, MOST)))
 
     def all(self, kind: str, craft: str, is_open: bool = False) -> list[dict[str, Any]]:
         """All objects of a spacecraft, the oldest first. is_open: those that have not ended."""
         where = f" AND {_is_open(kind)}" if is_open else ""
-        with self._lock:
-            rows = self._db.execute(f"SELECT id, content FROM {kind} WHERE craft = ?{where} ORDER BY id",
-                                    (craft,)).fetchall()
-        return [json.loads(content) | {"id": number} for number, content in rows]
+        return self._read(f"SELECT id, content FROM {kind} WHERE craft = ?{where} ORDER BY id", (craft,))
+
+    def _read(self, query: str, given: Sequence[Any]) -> list[dict[str, Any]]:
+        """The objects of (id, content). Raises SetupError if the journal is damaged."""
+        number = 0
+        try:
+            with self._lock:
+                rows = self._db.execute(query, given).fetchall()
+            found = []
+            for number, content in rows:
+                found.append(dict(json.loads(content)) | {"id": number})
+            return found
+        except (sqlite3.Error, ValueError, TypeError) as error:
+            where = f" at row {number}" if number else ""
+            raise SetupError(f"{self.path} is damaged{where}: {printable(str(error), lines=False)[:200]}") from None
 
     def close(self) -> None:
         with self._lock:
