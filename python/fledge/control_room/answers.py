@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+import struct
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from aiohttp import web
@@ -12,6 +13,8 @@ from aiohttp import web
 from fledge.control_room.alarms import CONCERNS
 from fledge.control_room.users import Refusal
 from fledge.errors import field
+
+PART = 8192     # values of a series that become text at once
 
 
 def dumps(content: Any) -> str:
@@ -42,34 +45,71 @@ def _texts(kind: str, exact: list[Any]) -> list[str | None]:
     return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
 
 
-def in_json(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
-             exact: tuple[str, list[Any]]) -> dict[str, Any]:
-    """A series: numbers, integers with all digits; `text` of those that a double or a browser does not hold."""
+def in_json(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Series by their names, in parts: numbers, integers with all digits; `text` of those that a double or a browser
+    does not hold."""
+    before = "{"
+    for name, series in found.items():
+        yield f"{before}{dumps(name)}: ".encode()
+        before, inner = ", ", "{"
+        for key, column in _columns(*series).items():
+            yield f'{inner}"{key}": ['.encode()
+            inner, between = ", ", ""
+            for at in range(0, len(series[0]), PART):
+                if part := column(slice(at, at + PART)):
+                    yield (between + dumps(part)[1:-1]).encode()
+                    between = ", "
+            yield b"]"
+        yield b"}"
+    yield b"}"
+
+
+def _columns(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
+             exact: tuple[str, list[Any]]) -> dict[str, Callable[[slice], list[Any]]]:
+    """The lists of a series, of which each makes a part."""
     kind, values = exact
-    made: dict[str, Any] = {"t_ns": [str(one) for one in t.tolist()], "concern": concern.tolist(),
-                            "worst": worst.tolist()}
+    made: dict[str, Callable[[slice], list[Any]]] = {
+        "t_ns": lambda part: [str(one) for one in t[part].tolist()], "concern": lambda part: concern[part].tolist(),
+        "worst": lambda part: worst[part].tolist()}
     if kind in ("text", "binary"):
-        return made | {"value": _texts(kind, values), "low": [], "high": []}
+        return made | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
     if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
-        made["text"] = _texts(kind, values)
+        made["text"] = lambda part: _texts(kind, values[part])
     whole = kind in ("natural", "integer", "boolean")
-    return made | {"value": [one if one is None else int(one) for one in values] if whole else value.tolist(),
-                   "low": low.tolist(), "high": high.tolist()}
+    return made | {"value": lambda part: [one if one is None else int(one) for one in values[part]] if whole else
+                   value[part].tolist(),
+                   "low": lambda part: low[part].tolist(), "high": lambda part: high[part].tolist()}
 
 
-def in_csv(name: str, series: tuple[Any, ...]) -> Iterator[str]:
-    """Lines of a series: a number as it is, else what `text` is."""
-    t, value, _, _, concern, _, (kind, exact) = series
-    if kind == "real":
-        texts = [repr(one) for one in value.tolist()]
-    elif kind == "boolean":
-        texts = ["" if one is None else str(int(one)) for one in exact]
-    else:
-        texts = [one or "" for one in _texts(kind, exact)]
-        if kind in ("label", "text"):
-            texts = [field(one) for one in texts]
-    name = field(name)
-    return (f"{at},{name},{one},{CONCERNS[state]}" for at, one, state in zip(t.tolist(), texts, concern.tolist()))
+def in_csv(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Lines of series: a number as it is, else what `text` is."""
+    yield b"t_ns,name,value,state\n"
+    for name, (t, value, _, _, concern, _, (kind, exact)) in found.items():
+        name = field(name)
+        for at in range(0, len(t), PART):
+            part = slice(at, at + PART)
+            if kind == "real":
+                texts = [repr(one) for one in value[part].tolist()]
+            elif kind == "boolean":
+                texts = ["" if one is None else str(int(one)) for one in exact[part]]
+            else:
+                texts = [one or "" for one in _texts(kind, exact[part])]
+                if kind in ("label", "text"):
+                    texts = [field(one) for one in texts]
+            yield "".join(f"{at},{name},{one},{CONCERNS[state]}\n" for at, one, state in zip(
+                t[part].tolist(), texts, concern[part].tolist())).encode()
+
+
+def in_binary(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Series in the order of their names, each with its arrays (api.yaml)."""
+    yield struct.pack("<II", 0x32484C46, len(found))
+    for t, value, low, high, _, worst, _ in found.values():
+        yield struct.pack("<II", len(t), 0)
+        for one in (t.astype("<i8"), *(one.astype("<f8") for one in (value, low, high)), worst):
+            if len(one):
+                yield one.tobytes()
+        if len(t) % 8:
+            yield bytes(-len(t) % 8)
 
 
 def answer(content: Any) -> web.Response:

@@ -60,7 +60,7 @@ def test_what_changes_something_is_no_get_and_needs_a_role():
     assert {what: row.role for what, row in of.items() if row.role not in ("view", "command")} == {
         ("GET", "/"): "anyone", ("GET", "/assets/{name:[a-z0-9._-]+}"): "anyone", ("GET", "/api/session"): "anyone",
         ("POST", "/api/login"): "anyone", ("POST", "/api/logout"): "user", ("GET", "/api/openapi.yaml"): "user",
-        ("PUT", "/limits/{slot}"): "administer"}
+        ("PUT", "/limits/{slot}"): "administer", ("GET", "/api/server"): "administer"}
     assert {what for what, row in of.items() if row.role == "view" and what[0] != "GET"} == {
         ("POST", "/preview"), ("POST", "/inspect"), ("POST", "/replay"), ("DELETE", "/replay")}
     assert {what for what, row in of.items() if row.role == "command" and what[0] == "GET"} == {

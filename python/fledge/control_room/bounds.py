@@ -10,21 +10,27 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import resource
 import socket
+import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from fledge.ground.links import CLIENTS, USER_TIMEOUT
 
 MIB = 1 << 20
 SENDING = 1 << 18       # [bytes] that the operating system keeps for a connection
+READ = 1 << 14          # [bytes] that are read from one at once, so that a read holds nobody up
 DEPTH = 32
-USER_TIMEOUT = 18       # TCP_USER_TIMEOUT of Linux
 # name, figure, unit, refusal, of which {most} is the figure
 TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("connections", 2000, "", "the server has {most} connections already"),
     ("connections of an address", 128, "", "this address has {most} connections already"),
+    ("requests at once", 64, "", "on a connection, at most {most} requests wait"),
     ("first request", 10, "s", "a connection sends its first request within {most} s"),
     ("connection without a login", 60, "s", "a connection without a login ends after {most} s"),
     ("time of a body", 60, "s", "the request took longer than {most} s"),
@@ -39,14 +45,14 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("message", 512 << 10, "bytes", "a message of a WebSocket has at most {most} bytes"),
     ("messages", 600, "/min", "a WebSocket sends at most {most} messages within a minute"),
     ("values of a subscription", 1 << 16, "", "a subscription has at most {most} values; or all"),
-    ("subscriptions", 64, "", "a WebSocket has at most {most} spacecraft"),
     ("texts of a socket", 4 * MIB, "bytes", "of texts, {most} bytes wait for a browser"),
     ("packets of a socket", 16 * MIB, "bytes", "of packets, {most} bytes wait for a script"),
     ("waiting in all", 128 * MIB, "bytes", "for all browsers and scripts, {most} bytes wait"),
     ("queries", 2, "", "{most} queries of the archive are worked on at once"),
-    ("queries that wait", 8, "", "{most} queries of the archive wait already; try again"),
+    ("queries that wait", 4, "", "{most} queries of the archive wait already; try again"),
     ("names of a query", 100, "", "names has 1 to {most} parameters, with commas between"),
     ("replays", 8, "", "there are {most} replays already: end one"),
+    ("clients of a link", CLIENTS, "", "a link that listens has at most {most} clients"),
     ("files of a spacecraft", 4 << 30, "bytes", "the files of a spacecraft have at most {most} bytes"),
     ("disk that stays free", 512 * MIB, "bytes", "files leave {most} bytes of the disk free"),
 )
@@ -108,10 +114,10 @@ class Bounds:
 
 
 def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
-    """Let the operating system keep little for a connection, and end it when its other end takes no byte for so long [s]
-    """
+    """Let the operating system keep little for a connection, and end it when nothing of it is taken for so long [s]."""
     if end := transport.get_extra_info("socket"):
         end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
+        setattr(transport, "max_size", READ)
         if end.family in (socket.AF_INET, socket.AF_INET6):
             end.setsockopt(socket.IPPROTO_TCP, USER_TIMEOUT, int(1000 * unread))
 
@@ -148,6 +154,14 @@ class LoopWatch:
     def recent(self) -> float:
         """The longest block of the last minute [s]."""
         return self._blocks[0][1] if self._blocks else 0.0
+
+
+def memory() -> dict[str, int]:
+    """[bytes] that this process has; its threads; how many descriptors it has, and may have."""
+    words = Path("/proc/self/statm").read_text(encoding="ascii").split()
+    return {"memory": int(words[1]) * resource.getpagesize(), "threads": threading.active_count(),
+            "descriptors": len(os.listdir("/proc/self/fd")), "descriptors_most": resource.getrlimit(
+                resource.RLIMIT_NOFILE)[0]}
 
 
 def descriptors() -> tuple[int, int]:

@@ -4,7 +4,6 @@ values, and does not slow the others."""
 from __future__ import annotations
 
 import asyncio
-import socket
 import struct
 import time
 from collections import deque
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from aiohttp import WSMsgType, web
 
 from fledge.control_room.answers import dumps
+from fledge.control_room.bounds import bound_socket
 from fledge.control_room.routes import USER, loads, message, rows
 from fledge.control_room.spacecraft import Spacecraft
 from fledge.control_room.users import Refusal
@@ -21,55 +21,72 @@ from fledge.errors import SetupError
 if TYPE_CHECKING:
     from fledge.control_room.web import Server
 
-WAITING = 2000      # texts that wait for a browser; then it has to ask for all lists again
-SLOTS = 1 << 20     # of a subscription
-SENDING = 1 << 18   # [bytes] that the operating system keeps for a browser
 FRAME = 32          # [bytes] of a frame without values
-FEED_S, FEED_MOST = 0.05, 100_000   # [s] between the packets for a script; how many may wait
+FEED_S, FEED_AT_ONCE = 0.05, 1 << 20    # [s] between the packets for a script; [bytes] of them in one text
+PACKET = 200        # [bytes] that one takes besides its own
 
 
 class Browser:
     """One WebSocket. It gets a frame of values or texts only when the last one has left."""
 
     def __init__(self, server: Server, request: web.Request) -> None:
-        self.server, self.request = server, request
-        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=1 << 24, compress=False)
+        self.server, self.request, self.bounds = server, request, server.room.bounds
+        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=int(self.bounds["message"]), compress=False)
         self.wanted: dict[str, _Subscription] = {}
         self.skipped = self._told = 0
         self._texts: deque[str] = deque()
+        self.waiting_texts = 0  #: [bytes] of them
+        self._asked: deque[float] = deque()     # when its messages came
         self._wake = asyncio.Event()
         self._feeds: dict[str, _PacketFeed] = {}
 
     def put(self, text: str) -> None:
-        if len(self._texts) >= WAITING:     # it has to ask again for what these lists have
-            self.skipped += len(self._texts)
+        if self.bounds.over("texts of a socket", self.waiting_texts + len(text)) or self._texts and self.server.crowded:
+            self.skipped += len(self._texts)    # it has to ask again for what these lists have
             self._texts.clear()
+            self.waiting_texts = 0
         self._texts.append(text)
+        self.waiting_texts += len(text)
         self._wake.set()
+
+    @property
+    def waiting(self) -> int:
+        """[bytes] that wait for it, of which waiting_texts are no packets."""
+        return self.waiting_texts + sum(one.waiting for one in self._feeds.values())
 
     async def serve(self) -> web.WebSocketResponse:
         await self.socket.prepare(self.request)
         transport = self.request.transport
         if transport is None:
             return self.socket
-        if end := transport.get_extra_info("socket"):
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
+        bound_socket(transport, self.bounds["unread"])
         self.server.browsers.add(self)
         sender = asyncio.create_task(self._send(transport))
         try:
             async for message in self.socket:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and self._often():
+                    await self.socket.close(code=1008, message=self.bounds.says("messages").encode())
+                    break
                 if message.type == WSMsgType.TEXT:
                     try:
                         self._take(message.data)
                     except (SetupError, Refusal) as error:
                         why = error.why if isinstance(error, Refusal) else str(error)
                         self.put(dumps({"kind": "refused", "error": why}))
+                await asyncio.sleep(0)      # others are served between two messages
         finally:
             self.server.browsers.discard(self)
             sender.cancel()
             for one in self._feeds.values():
                 one.craft.sinks.remove(one.take)
         return self.socket
+
+    def _often(self) -> bool:
+        now = asyncio.get_running_loop().time()
+        while self._asked and self._asked[0] <= now - 60:
+            self._asked.popleft()
+        self._asked.append(now)
+        return self.bounds.over("messages", len(self._asked))
 
     def _take(self, text: str) -> None:
         """What the browser asks for. Raises SetupError and Refusal."""
@@ -94,7 +111,7 @@ class Browser:
     @message("subscribe_packets", "view")
     def _subscribe_packets(self, craft: Spacecraft, _: Any) -> None:
         if craft.name not in self._feeds:
-            self._feeds[craft.name] = _PacketFeed(craft)
+            self._feeds[craft.name] = _PacketFeed(craft, self.server)
             craft.sinks.append(self._feeds[craft.name].take)
 
     @message("subscribe", "view")
@@ -102,7 +119,9 @@ class Browser:
         if not isinstance(wish, dict):
             raise SetupError('subscribe is {"craft": ..., "slots": [...], "hz": 10}')
         slots, hz = wish.get("slots", []), wish.get("hz", 10)
-        if slots != "all" and not (isinstance(slots, list) and len(slots) <= SLOTS and all(
+        if isinstance(slots, list) and self.bounds.over("values of a subscription", len(slots)):
+            raise SetupError(self.bounds.says("values of a subscription"))
+        if slots != "all" and not (isinstance(slots, list) and all(
                 isinstance(one, int) and not isinstance(one, bool) and 0 <= one < 2**32 for one in slots)):
             raise SetupError("slots are \"all\" or numbers")
         if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
@@ -127,13 +146,16 @@ class Browser:
                 await self._values(loop.time(), transport)
                 if free and self.skipped != self._told:
                     self._told = self.skipped
-                    self._texts.appendleft(dumps({"kind": "skipped", "count": self.skipped}))
+                    self._texts.appendleft(text := dumps({"kind": "skipped", "count": self.skipped}))
+                    self.waiting_texts += len(text)
                 for feed in self._feeds.values():
                     if loop.time() >= feed.due and not transport.get_write_buffer_size():
-                        feed.due = loop.time() + FEED_S
                         await self.socket.send_str(feed.text())
+                        feed.due = loop.time() + FEED_S * (not feed.waiting)
                 while self._texts and not transport.get_write_buffer_size():
-                    await self.socket.send_str(self._texts.popleft())
+                    text = self._texts.popleft()
+                    self.waiting_texts -= len(text)
+                    await self.socket.send_str(text)
             except ConnectionError:
                 return
 
@@ -171,20 +193,30 @@ MESSAGES = {row.path: (row, does) for row, does in rows(Browser)}
 class _PacketFeed:
     """The packets of a spacecraft for a script: all of them, unless it is too slow."""
 
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft, self.due, self._dropped = craft, 0.0, 0
+    def __init__(self, craft: Spacecraft, server: Server) -> None:
+        self.craft, self.due, self._server, self._dropped = craft, 0.0, server, 0
         self._rows: deque[tuple[int, int, bytes]] = deque()
+        self._in = self._out = 0    # [bytes] since it began; each by one thread alone
 
     def take(self, rows: list[tuple[int, int, bytes]]) -> None:
         """In the spacecraft's thread."""
-        if len(self._rows) + len(rows) > FEED_MOST:
+        size = sum(len(packet) + PACKET for _, _, packet in rows)
+        if self._server.room.bounds.over("packets of a socket", self.waiting + size) or self._server.crowded:
             self._dropped += len(rows)
         else:
             self._rows.extend(rows)
+            self._in += size
+
+    @property
+    def waiting(self) -> int:
+        return self._in - self._out
 
     def text(self) -> str:
         """What has come since the last one."""
-        rows = [self._rows.popleft() for _ in range(len(self._rows))]
+        rows, end = [], self._out + FEED_AT_ONCE
+        while self._rows and self._out < end:
+            rows.append(self._rows.popleft())
+            self._out += len(rows[-1][2]) + PACKET
         now = self.craft.now if self.craft.clock == "simulated" else max(self.craft.now, time.time_ns())
         return dumps({"kind": "packets", "craft": self.craft.name, "t_ns": str(now), "dropped": self._dropped,
                       "packets": [[str(t), packet.hex()] for t, _, packet in rows]})

@@ -4,14 +4,19 @@ them."""
 from __future__ import annotations
 
 import asyncio
-import struct
+import logging
+import shutil
+import time
 from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
 from aiohttp import web
 
-from fledge.control_room.answers import answer, dumps, in_csv, in_json, owner, refusal
+from fledge import __version__
+from fledge.control_room.answers import PART, answer, dumps, in_binary, in_csv, in_json, owner, refusal
+from fledge.control_room.bounds import LoopWatch, memory
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
@@ -25,7 +30,7 @@ from fledge.control_room.users import ROLES, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
 HERE = Path(__file__).parent
-REPLAYS = 8         # at a time
+_log = logging.getLogger("fledge.control_room")
 PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -38,7 +43,25 @@ class Server:
         self.guard = Guard(room.settings.access, self._log, check=self._check, bounds=room.bounds)
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
+        self.crowded = False    #: all together, browsers and scripts take too little of what waits for them
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+        self.bounds, self.watch = room.bounds, LoopWatch(self._slow)
+        self._queries, self._asked_now = ThreadPoolExecutor(int(self.bounds["queries"]), "query"), 0
+        self._began, crafts = time.monotonic(), room.crafts
+        for name, used in (
+                ("texts of a socket", lambda: max((one.waiting_texts for one in self.browsers), default=0)),
+                ("packets of a socket", lambda: max((one.waiting - one.waiting_texts for one in self.browsers),
+                                                    default=0)),
+                ("waiting in all", lambda: sum(one.waiting for one in self.browsers)),
+                ("queries", lambda: min(self._asked_now, self.bounds["queries"])),
+                ("queries that wait", lambda: max(0, self._asked_now - self.bounds["queries"])),
+                ("replays", lambda: sum(bool(one.replayed) for one in crafts.values())),
+                ("clients of a link", lambda: max((getattr(one.link, "clients", 0) for one in crafts.values()),
+                                                  default=0)),
+                ("files of a spacecraft", lambda: max((one.transfers.bytes for one in crafts.values()), default=0)),
+                ("disk that stays free", lambda: shutil.disk_usage(room.settings.folder).free)):
+            self.bounds.uses(name, used)
         self.app = web.Application(middlewares=[self.guard.middleware, self._in_words])
         self.guard.attach(self.app)
         add_routes(self.app, self)
@@ -51,13 +74,30 @@ class Server:
     async def _begin(self, _: web.Application) -> None:
         self._loop = asyncio.get_running_loop()
         self.room.listeners.append(self._hear)
-        self._follower = asyncio.create_task(self._follow())
+        self._tasks = [asyncio.ensure_future(one) for one in (self._follow(), self.watch.run(), self._crowd())]
 
     async def _end(self, _: web.Application) -> None:
-        self._follower.cancel()
+        if self._hear not in self.room.listeners:   # it has ended
+            return
+        for task in self._tasks:
+            task.cancel()
         self.room.listeners.remove(self._hear)
-        for one in list(self.browsers):
-            await one.socket.close(code=1001, message=b"the server ends")
+        self._queries.shutdown(wait=False, cancel_futures=True)
+        # One that does not read must not hold the others up.
+        ends = [asyncio.ensure_future(one.socket.close(code=1001, message=b"the server ends")) for one in self.browsers]
+        if ends:
+            await asyncio.wait(ends, timeout=5)
+
+    async def _crowd(self) -> None:
+        """Look how much waits for all."""
+        while True:
+            self.crowded = self.bounds.over("waiting in all", sum(one.waiting for one in self.browsers))
+            await asyncio.sleep(0.2)
+
+    def _slow(self, late: float) -> None:
+        text = f"the server's loop was blocked for {1000 * late:.0f} ms"
+        _log.warning(text)
+        asyncio.get_running_loop().run_in_executor(None, self.room.tell, "", "warning", "server", text)
 
     def _hear(self, content: dict[str, Any]) -> None:
         """From any thread: something has happened."""
@@ -71,12 +111,14 @@ class Server:
                 one.put(text)
 
     async def _follow(self) -> None:
-        """Take users and tokens of the server's file whenever it changes; of one that is wrong, those before stay."""
-        old, looked = self.room.settings, self.room.settings.stamp
-        now = looked
+        """Take users, tokens and certificate of the server's file whenever it or its certificate changes; of what is
+        wrong, those before stay."""
+        old, access = self.room.settings, self.room.settings.access
+        now = looked = old.stamp + stamp(*filter(None, (access.certificate, access.key)))
         while True:
             await asyncio.sleep(AGAIN / 2)
-            before, now = now, stamp(old.file)
+            access = self.guard.access
+            before, now = now, stamp(*filter(None, (old.file, access.certificate, access.key)))
             if now == looked or now != before:      # the latter is still being written
                 continue
             looked = now
@@ -209,7 +251,7 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/slots", "view")
     async def slots(self, request: web.Request) -> web.StreamResponse:
-        return answer(self._craft(request).slots(self._number(request, "first", 0, 0) or 0))
+        return await self._told(self._craft(request).slots, self._number(request, "first", 0, 0) or 0)
 
     @route("PUT", "/api/crafts/{c}/limits/{slot}", "administer")
     async def limits(self, request: web.Request) -> web.StreamResponse:
@@ -236,13 +278,14 @@ class Server:
     async def displays(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
         folders = [self.room.settings.displays] + ([craft.mission_folder / "displays"] if craft.mission_folder else [])
-        return answer(displays(folders, craft.monitor.slots(0), craft.commanding.forms))
+        return await self._told(lambda: displays(folders, craft.monitor.slots(0), craft.commanding.forms))
 
     # --- commands ---
 
     @route("GET", "/api/crafts/{c}/commands", "view")
     async def commands(self, request: web.Request) -> web.StreamResponse:
-        return answer(self._craft(request).commanding.forms)
+        craft = self._craft(request)
+        return await self._told(lambda: craft.commanding.forms)
 
     @route("POST", "/api/crafts/{c}/preview", "view", logged=False)
     async def preview(self, request: web.Request) -> web.StreamResponse:
@@ -299,29 +342,29 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/sent", "view")
     async def sent(self, request: web.Request) -> web.StreamResponse:
-        return self._list(request, "sent", self._craft(request).name)
+        return await self._list(request, "sent", self._craft(request).name)
 
     # --- what happened ---
 
-    def _list(self, request: web.Request, kind: str, craft: str | None,
-              seen: tuple[list[str], str] | None = None) -> web.Response:
-        return answer(self.room.journal.rows(
-            kind, craft, self._number(request, "before"), self._number(request, "limit", 200, 1) or 200,
-            self._number(request, "before_ns"), seen))
+    async def _list(self, request: web.Request, kind: str, craft: str | None,
+                    seen: tuple[list[str], str] | None = None) -> web.Response:
+        return await self._told(
+            self.room.journal.rows, kind, craft, self._number(request, "before"),
+            self._number(request, "limit", 200, 1) or 200, self._number(request, "before_ns"), seen)
 
     @route("GET", "/api/crafts/{c}/events", "view")
     async def events(self, request: web.Request) -> web.StreamResponse:
-        return self._list(request, "events", self._craft(request).name)
+        return await self._list(request, "events", self._craft(request).name)
 
     @route("GET", "/api/log", "view")
     async def log(self, request: web.Request) -> web.StreamResponse:
         user = request["user"]
-        return self._list(request, "log", None, None if user.crafts is None else (sorted(user.crafts), user.name))
+        return await self._list(request, "log", None, None if user.crafts is None else (sorted(user.crafts), user.name))
 
     @route("GET", "/api/crafts/{c}/alarms", "view")
     async def alarms(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
-        return answer(craft.alarms.rows())
+        return await self._told(craft.alarms.rows)
 
     @route("POST", "/api/crafts/{c}/alarms/{slot}", "command")
     async def alarm(self, request: web.Request) -> web.StreamResponse:
@@ -350,15 +393,15 @@ class Server:
     @route("GET", "/api/crafts/{c}/packets", "view")
     async def packets(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
-        before = self._number(request, "before_ns", 2**63 - 1)
+        before = self._number(request, "before_ns", 2**63 - 1) or 0
         limit = min(self._number(request, "limit", 200, 1) or 200, 1000)
-        return answer(await self._aside(craft.packet_list, before, limit, request.query.get("container"),
-                                        request.query.get("undecoded") == "1"))
+        return await self._query(lambda: _json(craft.packet_list(
+            before, limit, request.query.get("container"), request.query.get("undecoded") == "1")))
 
     @route("GET", "/api/crafts/{c}/packets/{id}", "view")
     async def packet(self, request: web.Request) -> web.StreamResponse:
         craft = self._craft(request)
-        found = await self._aside(craft.packet_of, request.match_info["id"])
+        found = await self._query(lambda: craft.packet_of(request.match_info["id"]))
         if found is None:
             raise refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
         return answer(found)
@@ -366,6 +409,21 @@ class Server:
     async def _aside(self, what: Callable[..., Any], *given: Any) -> Any:
         """What takes longer, in a thread of its own."""
         return await asyncio.get_running_loop().run_in_executor(None, what, *given)
+
+    async def _told(self, what: Callable[..., Any], *given: Any) -> web.Response:
+        """An answer that may be long, made in such a thread."""
+        response: web.Response = await self._aside(lambda: _json(what(*given)))
+        return response
+
+    async def _query(self, what: Callable[[], Any]) -> Any:
+        """Something of the archive, in one of its threads."""
+        if self.bounds.over("queries that wait", self._asked_now + 1 - self.bounds["queries"]):
+            raise refusal(429, self.bounds.says("queries that wait"))
+        self._asked_now += 1
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._queries, what)
+        finally:
+            self._asked_now -= 1
 
     # --- back in time ---
 
@@ -392,35 +450,34 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/sessions", "view")
     async def sessions(self, request: web.Request) -> web.StreamResponse:
-        return answer(await self._aside(self._kept(self._craft(request)).sessions))
+        craft = self._kept(self._craft(request))
+        return cast(web.Response, await self._query(lambda: _json(craft.sessions())))
 
     @route("GET", "/api/crafts/{c}/history", "view")
     async def history(self, request: web.Request) -> web.StreamResponse:
         craft = self._kept(self._craft(request))
         names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
-        if not 0 < len(names) <= 100:
-            raise refusal(400, f"names has 1 to 100 parameters, with commas between; found {len(names)}")
+        if self.bounds.over("names of a query", len(names)) or not names:
+            raise refusal(400, f"{self.bounds.says('names of a query')}; found {len(names)}")
         begin, end, points, session = (self._number(request, key, default, least) or 0 for key, default, least in (
             ("from_ns", 0, -2**63), ("to_ns", 2**63 - 1, -2**63), ("points", 2000, 0), ("session", -1, -1)))
         form = request.query.get("format", "json")
         if form not in ("json", "csv", "binary"):
             raise refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
 
-        def made() -> web.Response:
-            found = craft.series(names, begin, end, points, session, form != "binary")
-            if form == "json":
-                return answer({name: in_json(*one) for name, one in found.items()})
-            if form == "csv":
-                lines = ["t_ns,name,value,state", *(line for name, one in found.items() for line in in_csv(name, one))]
-                return web.Response(text="\n".join(lines) + "\n", content_type="text/csv", headers={
-                    "Content-Disposition": "attachment; filename=history.csv"})
-            parts = [struct.pack("<II", 0x32484C46, len(names))]
-            for t, value, low, high, _, worst, _ in found.values():
-                parts += [struct.pack("<II", len(t), 0), t.astype("<i8").tobytes(), *(
-                    one.astype("<f8").tobytes() for one in (value, low, high)), worst.tobytes(), bytes(-len(t) % 8)]
-            return web.Response(body=b"".join(parts), content_type="application/octet-stream")
-
-        return await self._aside(made)
+        found = await self._query(lambda: craft.series(names, begin, end, points, session, form != "binary"))
+        kind, parts = {"json": ("application/json", in_json), "csv": ("text/csv", in_csv),
+                       "binary": ("application/octet-stream", in_binary)}[form]
+        headers = {"Content-Type": kind} | ({"Content-Disposition": "attachment; filename=history.csv"}
+                                            if form == "csv" else {})
+        if sum(len(one[0]) for one in found.values()) <= PART:
+            return web.Response(body=await self._aside(lambda: b"".join(parts(found))), headers=headers)
+        # In parts, so that neither the loop nor the memory has a whole one.
+        response, rest = web.StreamResponse(headers=headers), parts(found)
+        await response.prepare(request)
+        while part := await self._aside(next, rest, b""):
+            await response.write(part)
+        return response
 
     @route("POST", "/api/crafts/{c}/replay", "view")
     async def replay(self, request: web.Request) -> web.StreamResponse:
@@ -434,8 +491,8 @@ class Server:
             raise refusal(400, "from_ns and to_ns are whole numbers") from None
         if not -2**63 <= begin <= end < 2**63:
             raise refusal(400, "from_ns comes before to_ns")
-        if sum(bool(one.replayed) for one in self.room.crafts.values()) >= REPLAYS:
-            raise refusal(409, f"there are {REPLAYS} replays already: end one")
+        if self.bounds.over("replays", 1 + sum(bool(one.replayed) for one in self.room.crafts.values())):
+            raise refusal(409, self.bounds.says("replays"))
         made = await self._aside(Replay, self.room, source, body.get("session", -1), begin, end, body.get("speed", 1.0))
         self.room.add(made)
         made.start()
@@ -454,7 +511,7 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/transfers", "view")
     async def transfers(self, request: web.Request) -> web.StreamResponse:
-        return self._list(request, "transfers", self._craft(request).name)
+        return await self._list(request, "transfers", self._craft(request).name)
 
     @route("POST", "/api/crafts/{c}/transfers/{id}", "command")
     async def transfer(self, request: web.Request) -> web.StreamResponse:
@@ -488,19 +545,19 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/files", "view")
     async def files(self, request: web.Request) -> web.StreamResponse:
-        return answer(await self._aside(self._craft(request).transfers.files))
+        return await self._told(self._craft(request).transfers.files)
 
     @route("GET", "/api/crafts/{c}/files/{name}", "view")
     async def file(self, request: web.Request) -> web.StreamResponse:
         craft, name = self._craft(request), request.match_info["name"]
-        if name not in [one["name"] for one in craft.transfers.files()]:
+        if name not in [one["name"] for one in await self._aside(craft.transfers.files)]:
             raise refusal(404, f"there is no file '{name[:80]}'")
         return web.FileResponse(craft.transfers.folder / name, headers={
             "Content-Type": "application/octet-stream", "Content-Disposition": "attachment"})
 
     @route("GET", "/api/crafts/{c}/tables", "view")
     async def tables(self, request: web.Request) -> web.StreamResponse:
-        return answer(self._craft(request).tables.rows())
+        return await self._told(self._craft(request).tables.rows)
 
     @route("POST", "/api/crafts/{c}/tables/{name}", "command")
     async def table(self, request: web.Request) -> web.StreamResponse:
@@ -513,7 +570,7 @@ class Server:
 
     @route("GET", "/api/crafts/{c}/stored", "view")
     async def stored(self, request: web.Request) -> web.StreamResponse:
-        return answer(self._craft(request).stored.told())
+        return await self._told(self._craft(request).stored.told)
 
     @route("POST", "/api/crafts/{c}/stored", "command")
     async def command_stored(self, request: web.Request) -> web.StreamResponse:
@@ -588,6 +645,18 @@ class Server:
 
         return answer(await self._asked(craft, act))
 
+    # --- this server ---
+
+    @route("GET", "/api/server", "administer")
+    async def server(self, _: web.Request) -> web.StreamResponse:
+        loop = {"longest_ms": 1000 * self.watch.longest, "recent_ms": 1000 * self.watch.recent}
+        held = {"browsers": len(self.browsers), "limits": self.bounds.told(), "loop": loop}
+        return await self._told(lambda: held | {
+            "version": __version__, "up_s": time.monotonic() - self._began, "cpu_s": time.process_time(), **memory(),
+            "journal": {"bytes": sum(one.stat().st_size for one in self.room.journal.path.parent.glob(
+                "journal.sqlite*")), "problem": self.room.journal.problem},
+            "disk_bytes": shutil.disk_usage(self.room.settings.folder).total})
+
     # --- the page, and live ---
 
     @route("GET", "/", ANYONE)
@@ -628,6 +697,11 @@ class Server:
         return await browser.serve()
 
 
+def _json(content: Any) -> web.Response:
+    """An answer; long ones are made in another thread."""
+    return web.Response(body=dumps(content).encode(), content_type="application/json")
+
+
 async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) -> None:
     """Serve a room until `over` is set. ready: gets the address of the page."""
     server = Server(room)
@@ -639,4 +713,5 @@ async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) ->
         ready(f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/")
         await over.wait()
     finally:
+        await runner.shutdown()     # aiohttp 3.8 does so only for sites of its own
         await runner.cleanup()

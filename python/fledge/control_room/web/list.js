@@ -38,7 +38,7 @@ export class List {
         const turn = this.turn = {};
         const found = await this.ask({});
         if (this.turn !== turn || !found) return;
-        Object.assign(this, {entries: found, whole: found.length < PART});
+        Object.assign(this, {entries: found, whole: !found.length});
         this.filter();
     }
 
@@ -52,7 +52,7 @@ export class List {
             this.whole = true;      // the server has said why
             return;
         }
-        this.whole = found.length < PART;
+        this.whole = !found.length;
         this.entries.push(...found);
         this.filter();
     }

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the server bounds, by sockets and queries that ask for more."""
+import asyncio
+import json
+import time
+
+from aiohttp import WSMsgType
+
+from fledge.control_room.answers import PART, in_binary, in_csv, in_json
+from fledge.control_room.bounds import SLOW, TABLE, Bounds, LoopWatch
+from fledge.control_room.nothing_lost_test import DATABASE, packet
+from fledge.control_room.web_test import console, flown
+from tests.waiting import PATIENCE
+
+FILE = '[[craft]]\nname = "craft"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:1"\n'
+
+
+def take(room, packets):
+    """Packets as they arrive, in the spacecraft's thread."""
+    craft = room.craft("craft")
+    return asyncio.wrap_future(craft.call(lambda: craft.take([(t, t, one) for t, one in packets])))
+
+
+def served(folder):
+    (folder / "craft.xml").write_text(DATABASE)
+    return console(folder, FILE)
+
+
+def test_the_loop_finds_what_blocks_it():
+    told = []
+
+    async def blocks():
+        watch = LoopWatch(told.append)
+        task = asyncio.create_task(watch.run())
+        await asyncio.sleep(0.1)
+        assert not told
+        asyncio.get_running_loop().call_soon(time.sleep, 0.2)
+        await asyncio.sleep(0.4)
+        task.cancel()
+        return watch
+
+    watch = asyncio.run(blocks())
+    assert 0.15 < told[0] == watch.longest == watch.recent
+    at = asyncio.new_event_loop().time()
+    for late in (0.1, 0.3, 0.2):    # once a minute at most
+        watch.saw(at + 61, late)
+    assert told[1:] == [0.1] and watch.recent == 0.3 > SLOW
+    watch.saw(at + 130, 0.01)
+    assert watch.recent == 0.01 and watch.longest == max(0.3, told[0])
+
+
+def test_each_limit_has_one_name_a_figure_and_a_sentence():
+    names = [name for name, _, _, _ in TABLE]
+    bounds = Bounds()
+    assert len(set(names)) == len(names)
+    for name in names:
+        assert bounds[name] > 0 and "{" not in bounds.says(name) and f"{bounds[name]:,.10g}" in bounds.says(name)
+    assert not bounds.over("message", bounds["message"]) and bounds.over("message", bounds["message"] + 1)
+    told = next(one for one in bounds.told() if one["name"] == "message")
+    assert (told["peak"], told["refused"], told["used"]) == (bounds["message"], 1, None)
+
+
+@flown
+async def test_a_history_in_parts_is_the_one_as_a_whole(folder):
+    async with served(folder) as page:
+        n = PART + 1000
+        for at in range(1, n + 1, 1000):
+            await take(page.room, [(t * 1000, packet(t)) for t in range(at, min(at + 1000, n + 1))])
+        craft = page.room.craft("craft")
+        found = craft.series(["number"], 0, 2**62, 0, -1, True)
+        path = "crafts/craft/history?names=number&points=0"
+        whole = await page.get(path)
+        assert whole == json.loads(b"".join(in_json(found)))
+        assert whole["number"]["t_ns"] == [str(t * 1000) for t in range(1, n + 1)]
+        assert whole["number"]["value"] == list(range(1, n + 1))
+        text = await page.get(path + "&format=csv")
+        assert text.encode() == b"".join(in_csv(found)) and len(text.splitlines()) == n + 1
+        answer = await page.client.get(f"/api/{path}&format=binary")
+        assert await answer.read() == b"".join(in_binary(found))
+
+        many = ",".join(f"number{i}" for i in range(101))
+        assert "1 to 100 parameters" in (await page.get(f"crafts/craft/history?names={many}", 400))["error"]
+        page.room.bounds["queries that wait"] = 0
+        asked = await asyncio.gather(*(page.client.get(f"/api/{path}") for _ in range(12)))
+        refused = [await one.json() for one in asked if one.status == 429]
+        assert refused and "wait already" in refused[0]["error"] and any(one.status == 200 for one in asked)
+
+
+@flown
+async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_much_is_closed(folder):
+    async with served(folder) as page:
+        bounds = page.room.bounds
+        bounds["packets of a socket"], bounds["texts of a socket"] = 1_000_000, 20_000
+        deaf = await page.client.ws_connect("/api/live")
+        await deaf.send_json({"subscribe_packets": "craft"})
+        while not page.server.browsers or not page.room.craft("craft").sinks:
+            await asyncio.sleep(0.01)
+        browser, = page.server.browsers
+        for at in range(1, 40_001, 2000):       # all at once, so that nothing is sent between
+            take(page.room, [(t * 1000, packet(t)) for t in range(at, at + 2000)])
+        for i in range(3000):
+            browser.put(f"{i:0100}")
+        assert browser.waiting_texts <= 20_000 and browser.skipped > 0
+        got = dropped = 0
+        while got + dropped < 40_000:
+            message = await deaf.receive(PATIENCE)
+            found = message.json() if message.type == WSMsgType.TEXT and message.data.startswith("{") else {}
+            if found.get("kind") == "packets":
+                got, dropped = got + len(found["packets"]), found["dropped"]
+        assert got and dropped and all(one["peak"] <= one["most"] for one in bounds.told())
+
+        live = await page.client.ws_connect("/api/live")
+        await live.send_json({"subscribe": {"craft": "craft", "slots": list(range(70_000))}})
+        assert "at most 65,536 values" in (await live.receive(PATIENCE)).json()["error"]
+        await live.send_str("[" * 40 + "]" * 40)
+        assert "at most 32 levels" in (await live.receive(PATIENCE)).json()["error"]
+        await live.send_str(" " * int(bounds["message"] + 1))
+        assert (await live.receive(PATIENCE)).type in (WSMsgType.CLOSE, WSMsgType.CLOSED)
+        live = await page.client.ws_connect("/api/live")
+        bounds["messages"] = 20
+        for _ in range(30):
+            await live.send_str('{"unsubscribe": "craft"}')
+        message = await live.receive(PATIENCE)
+        assert (message.type, message.data, "20 messages" in message.extra) == (WSMsgType.CLOSE, 1008, True)
+
+
+@flown
+async def test_an_administrator_sees_the_limits_and_what_is_in_use(folder):
+    async with served(folder) as page:
+        found = await page.get("server")
+        limits = {one["name"]: one for one in found["limits"]}
+        assert [*limits] == [name for name, _, _, _ in TABLE]
+        assert limits["disk that stays free"]["used"] > 0 and limits["replays"]["used"] == 0
+        assert found["memory"] > 1 << 20 and found["loop"]["longest_ms"] >= found["loop"]["recent_ms"] >= 0
+        assert found["journal"]["bytes"] > 0 and found["descriptors"] < found["descriptors_most"]
