@@ -57,7 +57,7 @@ class Settings:
     crafts: tuple[CraftSettings, ...] = ()
     access: Access = field(default_factory=Access)
     more: dict[str, Any] = field(default_factory=dict)      # the tables of MORE
-    stamp: tuple[int, ...] = field(default=(), compare=False)   # of the file when it was read
+    stamp: tuple[tuple[int, ...], ...] = field(default=(), compare=False)   # of the file when it was read
 
     @property
     def displays(self) -> Path:
@@ -78,13 +78,16 @@ class Settings:
         return [f"others may read {self.folder}: chmod -R go= {self.folder} keeps it its owner's"]
 
 
-def stamp(file: Path) -> tuple[int, ...]:
-    """What differs once a file or its mode was changed; () if there is none."""
-    try:
-        found = file.stat()
-    except OSError:
-        return ()
-    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+def stamp(*files: Path) -> tuple[tuple[int, ...], ...]:
+    """What differs once files or their modes were changed."""
+    def of(one: Path) -> tuple[int, ...]:
+        try:
+            found = one.stat()
+        except OSError:
+            return ()
+        return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+    return tuple(map(of, files))
 
 
 def read(file: Path) -> Settings:

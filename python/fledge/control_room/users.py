@@ -309,6 +309,7 @@ class Guard:
         self.access, self.log, self.clock, self.check = access, log, clock, check
         self.bounds = bounds or Bounds()
         self.addresses: list[tuple[Any, ...]] = []      #: where the server listens
+        self._tls: ssl.SSLContext | None = None
         self.doors: set[asyncio.Transport] = set()      #: connections in their handshake of TLS
         self._sessions: dict[str, _Session] = {}        # by the hash of the cookie
         self._nobody = _Session(OPERATOR, 0.0)          # of all requests, if there are no users
@@ -343,14 +344,16 @@ class Guard:
             raise Refusal(403, f"{request['user'].name} lacks the role '{role}'" + (f" for {craft}" if craft else ""))
 
     def take(self, access: Access) -> bool:
-        """Go on with what the changed file says of users, tokens and times, which ends the sessions of those who are
-        others now; returns whether it says more, which waits for the next start. Raises SetupError."""
-        old = self.access
-        self.access = replace(access, host=old.host, port=old.port, certificate=old.certificate, key=old.key,
-                              plain=old.plain)
+        """Go on with what the changed file says of users, tokens, times and the certificate, which ends the sessions of
+        those who are others now; returns whether it says more, which waits for the next start. Raises SetupError."""
+        old, same = self.access, access
         if not is_loopback(old.host) and not access.closed:
-            self.access = old
             raise SetupError(f"the server is open to a network, at {old.host}, and needs [[user]] or [[token]]")
+        if self._tls and access.certificate:
+            self._tls.load_cert_chain(access.certificate, access.key, password=lambda: "")
+        else:
+            same = replace(access, certificate=old.certificate, key=old.key)
+        self.access = replace(same, host=old.host, port=old.port, plain=old.plain)
         for name, one in list(self._sessions.items()):
             if (now := access.users.get(one.user.name)) != one.user:
                 self._end(name, "its password, roles or spacecraft were changed" if now else "the user was removed")
@@ -652,10 +655,10 @@ class Guard:
         runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30)
         await runner.setup()
         self._runner = runner
-        tls = self.access.tls()
+        self._tls = self.access.tls()
         try:
             server = await asyncio.get_running_loop().create_server(
-                lambda: _Door(self, runner, tls), self.access.host, self.access.port, backlog=1024)
+                lambda: _Door(self, runner, self._tls), self.access.host, self.access.port, backlog=1024)
         except OSError as error:
             await runner.cleanup()
             raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None

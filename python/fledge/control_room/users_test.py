@@ -400,6 +400,25 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
             writer.close()
 
 
+def test_a_renewed_certificate_counts_at_once(tmp_path):
+    files = certificate(tmp_path)
+
+    @served(tmp_path, {**USERS, **files})
+    async def _(server):
+        old = ssl.create_default_context(cafile=tmp_path / "server.pem")
+        await server.ask("GET", "/api/session", ssl=old)
+        certificate(tmp_path)
+        assert not server.guard.take(Access.read({"port": 0, **USERS, **files}, tmp_path))
+        async with ClientSession() as other:
+            async with other.get(f"{server.url}/api/session",
+                                 ssl=ssl.create_default_context(cafile=tmp_path / "server.pem")) as answer:
+                assert answer.status == 200
+            with pytest.raises(ClientError, match="certificate verify failed"):
+                await other.get(f"{server.url}/api/session", ssl=old)
+        assert server.guard.take(Access.read({"port": 0, **USERS}, tmp_path))   # TLS goes on
+        assert server.guard.access.certificate == tmp_path / "server.pem"
+
+
 def test_a_key_that_others_may_read_is_refused(tmp_path):
     files = certificate(tmp_path)
     for mode in (0o640, 0o604, 0o602, 0o644):
