@@ -15,6 +15,8 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager, suppress
+from http.client import HTTPException
+from threading import Thread
 from types import SimpleNamespace
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -177,6 +179,80 @@ def test_what_anybody_has_seen_outlives_kill_9(tmp_path, craft, seed):
     assert set(shown) <= set(found) and len(found) == len(set(found))
     assert found[-100:] == list(range(craft.sent - 99, craft.sent + 1))
     assert ended == ["killed", "killed", ""]
+
+
+class Desk(Thread):
+    """A user who sets limits, acknowledges and shelves an alarm, and looks at packets and events, until the server is
+    gone: of each kind of request the number that was answered last, and that was asked last."""
+
+    def __init__(self):
+        super().__init__()
+        self.n, self.asked, self.answered, self.answers = 1, {}, {"limits": 1, "note": 0, "shelved": 0}, 0
+        self.newest, self.events = 0, set()
+
+    def at(self, server):
+        """The same user at the next server."""
+        made = Desk()
+        made.__dict__ |= {key: getattr(self, key) for key in ("n", "asked", "answered", "answers", "events")}
+        made.server = server
+        made.start()
+        return made
+
+    def run(self):
+        with suppress(OSError, HTTPException):
+            while True:
+                self.n += 1
+                for what, path, method, content in (
+                        ("limits", "limits/3", "PUT", {"limits": {"warning": [None, 1 / self.n]}}),
+                        ("note", "alarms/3", "POST", {"acknowledge": True, "note": str(self.n)}),
+                        ("shelved", "alarms/3", "POST", {"shelve_s": self.n})):
+                    self.asked[what] = self.n
+                    self.server.put(f"crafts/craft/{path}", content, method)
+                    self.answered[what] = self.n
+                    self.answers += 1
+                for one in self.server.get("crafts/craft/packets?limit=1"):
+                    self.newest = max(self.newest, int.from_bytes(bytes.fromhex(one["hex"])[6:10], "big"))
+                self.events |= {one["id"] for one in self.server.get("crafts/craft/events") if one["id"]}
+
+
+@pytest.mark.parametrize("cases", long_after(1, [int(os.environ.get("FLEDGE_CASES", "2")), 6], "more ends"))
+def test_what_was_answered_outlives_kill_9_at_any_instant(tmp_path, craft, cases):
+    """FLEDGE_CASES: at how many instants, each some seconds."""
+    chance, shown, desk = random.Random(5), set(), Desk()
+    for case in range(cases):
+        server = Server(tmp_path, craft.port)
+        try:
+            craft.connected()
+            if case == 0:
+                server.put("crafts/craft/limits/3", {"limits": {"warning": [None, 1]}})
+                craft.send(2)
+                server.until("crafts/craft/alarms", lambda found: found)
+            else:
+                alarm, = server.get("crafts/craft/alarms")
+                found = {"note": int((alarm["acknowledged"] or {"note": 0})["note"])}
+                found["limits"] = round(1 / server.get("crafts/craft/slots")[3]["limits"]["warning"][1])
+                for what, n in found.items():
+                    assert desk.answered[what] <= n <= desk.asked.get(what, n), (what, n, desk.answered, desk.asked)
+                with sqlite3.connect(f"file:{tmp_path}/out/journal.sqlite?mode=ro", uri=True) as journal:
+                    assert desk.events <= {number for number, in journal.execute("SELECT id FROM events")}
+                assert alarm["shelved_until_ns"] != "0" or not desk.answered["shelved"]
+            begin, desk, end = craft.sent, desk.at(server), time.monotonic() + chance.uniform(0.02, 1)
+            while time.monotonic() < end:
+                craft.send(chance.randrange(1, 200))
+                time.sleep(0.01)
+        finally:
+            server.kill()
+        desk.join()
+        craft.drop()
+        shown |= {*range(begin + 1, desk.newest + 1)}
+    with serving(tmp_path, craft) as server:
+        craft.send(1)
+        server.took(1)
+        found = server.found()
+        craft.drop()
+    print(f"{cases} ends, {desk.answers} requests answered, {len(shown)} packets and {len(desk.events)} events shown, "
+          f"{len(found)} packets found")
+    assert shown <= set(found) and len(found) == len(set(found)) and desk.answers
 
 
 def kept(folder):
