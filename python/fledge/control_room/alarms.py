@@ -94,6 +94,13 @@ class Alarms:
         return self._request(self._named(name), shelved_until_ns=str(time.time_ns() + int(seconds * 1e9))
                              if seconds else "0")
 
+    def stepped(self, by: int) -> None:
+        """Somebody has set the server's clock [ns]."""
+        for name, one in self._open.items():
+            if one["shelved_until_ns"] != "0":
+                one["shelved_until_ns"] = str(max(0, int(one["shelved_until_ns"]) + by))
+                self._changed.add(name)
+
     def _request(self, one: dict[str, Any], **changes: Any) -> dict[str, Any]:
         """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
         made = one | changes

@@ -49,6 +49,7 @@ class Commanding:
         self.load()
         self._open: list[tuple[dict[str, Any], Sent, int]] = []     # row, what was sent, reports that are in it
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
+        self._stepped: dict[int, int] = {}      # [ns] by the row's id, by which the clock was set since its release
         self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
         self._going: dict[bytes, dict[str, Any]] = {}       # and of which the link has not said that they are there
         #: those that had not ended when the last server did
@@ -80,6 +81,7 @@ class Commanding:
     def over(self, row: dict[str, Any]) -> None:
         """No more will be known of a command."""
         row.pop("open", None)
+        self._stepped.pop(row["id"], None)
         self._keep(row)
 
     def load(self) -> None:
@@ -182,6 +184,12 @@ class Commanding:
                 self._then[row["id"]] = then
         return row
 
+    def stepped(self, by: int) -> None:
+        """Somebody has set the server's clock [ns]."""
+        self.verifying.stepped(by)
+        for row, _, _ in self._open:
+            self._stepped[row["id"]] = self._stepped.get(row["id"], 0) + by
+
     def look(self) -> None:
         """Note what became of commands since the last look."""
         self.verifying.look(self.craft.now)
@@ -240,10 +248,11 @@ class Commanding:
                 row["data"] = sent.data.hex()
                 return True
         within = WITHIN + round(2e9 * self.craft.settings.light_time)
-        if self.craft.now - int(row["t_ns"]) > within and not any(one["stage"] in (
+        age = self.craft.now - int(row["t_ns"]) - self._stepped.get(row["id"], 0)
+        if age > within and not any(one["stage"] in (
                 "started", "progress", "unknown", "failed") for one in row["stages"]):
             self.overdue(row, "completed", f"no report of its execution within {within / 1e9:g} s", int(row["t_ns"]))
-        return self.craft.now - int(row["t_ns"]) > 60 * within
+        return age > 60 * within
 
     def _encoded(self, name: str, arguments: dict[str, Any]
                  ) -> tuple[dict[str, Any], dict[str, Any], bytes]:

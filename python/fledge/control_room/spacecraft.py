@@ -4,6 +4,7 @@ batches, and does what others ask of the spacecraft by call(), so that nothing e
 the files."""
 from __future__ import annotations
 
+import sys
 import time
 import traceback
 import zlib
@@ -15,6 +16,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event as Flag, Lock, Thread
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import parse_qsl, urlsplit
 
 from fledge.commands import SERVICES, Dictionary, Timed
 from fledge.control_room.alarms import Alarms
@@ -75,6 +77,7 @@ class Spacecraft:
         self.picture: Path | None = None    #: of its mission
         self.epoch_ns: int | None = None
         self.now = 0                    #: [ns] of its clock: of the newest packet, or the link's time
+        self._zero: int | None = None   # [ns] UTC of the steady clock's 0
         self.packets = self.undecoded = self.bytes = 0
         self.archive: Any = None        #: None: it is not kept
         self.history: Any = None
@@ -93,6 +96,7 @@ class Spacecraft:
         self._opens = False     # the thread opens the link
         self.probed = False     #: a script's packet has waited to hear which number flight expects
         self._changed: dict[Path, int] = {}     # when the files of the database did
+        self._mission_files: list[Path] = []    # that the mission was made of
         self._looked = self._published = 0.0
         self.gaps: deque[tuple[int, int]] = deque(maxlen=RECENT)    #: [ns] in which telemetry of this session is missing
         self._last = -1         # [ns] of the newest packet of a co-simulation, also of the session before
@@ -110,7 +114,8 @@ class Spacecraft:
             self._keep()
         self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link,
                          zero=0 if self.clock == "simulated" else self.epoch_ns or 0)   #: of the 3-D view
-        self.contacts = Contacts(self.feed, self.simulation, settings.radio)
+        used = dict(parse_qsl(urlsplit(settings.link).query)).get("radio", "") if settings.link else settings.radio
+        self.contacts = Contacts(self.feed, self.simulation, used.rpartition(".")[2])
 
     @property
     def clock(self) -> str:
@@ -277,8 +282,8 @@ class Spacecraft:
         folder = self.room.settings.file.resolve().parent
         files = [*self.settings.database, *(folder / one.function.rpartition(":")[0] for one in self.settings.derived
                                             if one.function)]
+        files += self._mission_files
         if self.mission_folder:
-            files += [one for one in sorted(self.mission_folder.glob("*.py")) if not one.name.endswith("_test.py")]
             files += self.mission_folder.glob("ground.toml")
         try:
             return {one: one.stat().st_mtime_ns for one in files}
@@ -346,6 +351,8 @@ class Spacecraft:
         process = flight_of(sim, settings.process)
         self.epoch_ns = epoch_of(sim)
         self.mission_folder = Path(sim.mission.folder) if sim.mission else None
+        own = [one for name, one in list(sys.modules.items()) if name.startswith(f"_mission_{sim.name}_")]
+        self._mission_files = sorted({Path(one.__file__) for one in own if getattr(one, "__file__", None)})
         files = [self.mission_folder / name for name in PICTURES] if self.mission_folder else []
         self.picture = next((one for one in files if one.is_file()), None)
         self.dictionary = process.commands.dictionary
@@ -518,9 +525,22 @@ class Spacecraft:
             pass
 
     def _see_time(self) -> None:
-        """Advance the clock of a craft by UTC, which goes on while the craft is silent."""
-        if self.clock == "utc" and not self.replayed:
-            self.now = max(self.now, time.time_ns())
+        """Advance the clock of a craft by UTC, which goes on while the craft is silent. What waits for a time waits as
+        long when somebody sets the server's clock."""
+        if self.clock != "utc" or self.replayed:
+            return
+        now = time.time_ns()
+        zero = now - time.monotonic_ns()
+        if self._zero is None:
+            self._zero = zero
+        if abs(step := zero - self._zero) > BACK:
+            self._zero = zero
+            self.now = max(0, self.now + step)
+            self.commanding.stepped(step)
+            self.alarms.stepped(step)
+            self.room.tell(self.name, "warning", "server", f"the clock went {'back' if step < 0 else 'forward'} by "
+                           f"{abs(step) / 1e9:g} s" + ": a new session begins" * (step < 0))
+        self.now = max(self.now, now)
 
     def _lost(self, begin: int, end: int, why: str, rows: list[tuple[int, int, bytes]]
               ) -> list[tuple[int, int, bytes]]:
@@ -550,16 +570,13 @@ class Spacecraft:
     def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
         """(t, received, packet) of each."""
         assert self.link is not None
+        self._see_time()
         received = time.time_ns()
         if self.clock == "simulated":
             return [(max(one.t, 0), received, one.packet) for one in arrived]
         offset = received - self.link.t
         rows = [(one.t + offset, one.t + offset, one.packet) for one in arrived]
-        back = self.now - rows[0][0]
-        if back > BACK:
-            self.room.tell(self.name, "warning", "server",
-                           f"the clock went back by {back / 1e9:g} s: a new session begins")
-        elif back > 0:
+        if 0 < self.now - rows[0][0] <= BACK:
             rows = [(max(t, self.now), received, packet) for t, received, packet in rows]
         return rows
 

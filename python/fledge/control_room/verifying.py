@@ -122,6 +122,13 @@ class Verifying:
                 self._keep(one)
         self._rid()
 
+    def stepped(self, by: int) -> None:
+        """Somebody has set the server's clock [ns]."""
+        for one in self._waiting:
+            one.release += by
+            one.passed += by
+            one.late = {number: (stage, end + by) for number, (stage, end) in one.late.items()}
+
     def end(self, why: str) -> None:
         """No verifier will be known."""
         for one in self._waiting:

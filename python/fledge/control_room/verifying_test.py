@@ -2,11 +2,14 @@
 """The verifiers of a database, against a spacecraft that answers by UDP as the test says."""
 import asyncio
 import struct
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from fledge import SetupError
+from fledge.control_room import spacecraft
 from fledge.control_room.web_test import console
 from fledge.ground import Database
 
@@ -292,6 +295,31 @@ def test_a_wrong_verifier_is_refused_where_it_stands(tmp_path: Path, found, wron
     (tmp_path / "sat.xml").write_text(DATABASE.replace(found, wrong))
     with pytest.raises(SetupError, match=rf"sat\.xml:\d+: .*{why}"):
         Database.load(tmp_path / "sat.xml")
+
+
+@pytest.mark.parametrize("step", [-5 * 365 * 86400 * 10**9, -10**10, 10**8, 3600 * 10**9, 5 * 365 * 86400 * 10**9])
+def test_a_clock_that_is_set_ends_no_window_and_no_alarm_s_shelving(desk, monkeypatch, step):
+    async def test(one, craft):
+        here = one.c.room.crafts["sat"]
+        await one.c.post("crafts/sat/limits/3", {"limits": {"warning": [10, None]}}, method="put")
+        craft.say(ACCEPT, 3)
+        await one.c.until("crafts/sat/alarms", lambda found: found)
+        shelved = (await one.c.post("crafts/sat/alarms/3", {"shelve_s": 600}))["shelved_until_ns"]
+        number, _ = await one.send("COUNT")
+        monkeypatch.setattr(spacecraft, "time", SimpleNamespace(
+            monotonic=time.monotonic, monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + step))
+        said = "forward" if step > 0 else "back"
+        if abs(step) > 10**9:
+            await one.c.until("crafts/sat/events", lambda found: any(f"clock went {said} by" in each["text"]
+                                                                     for each in found))
+        craft.say(ACCEPT, 20)
+        row = await one.row(number, ("accepted", True), ("progress", True))
+        assert abs(int(row["stages"][1]["t_ns"]) - time.time_ns() - step) < 60 * 10**9
+        await one.c.until("crafts/sat/alarms", lambda found: abs(
+            int(found[0]["shelved_until_ns"]) - int(shelved) - step * (abs(step) > 10**9)) < 10**9)
+        assert abs(here.now - time.time_ns() - step) < 10 * 10**9
+
+    desk(test)
 
 
 def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path):
