@@ -8,11 +8,15 @@ namespace fledge::ground {
 
 namespace {
 
-constexpr std::size_t most_fields = 1 << 20;  // of a packet
-constexpr std::size_t most_planned = 1 << 22; // of all plans
-constexpr std::size_t most_effort = 1 << 23;  // entries and 8-byte words that a packet may take
-constexpr std::size_t most_bytes = 1 << 26;   // of a packet and its texts
-constexpr std::size_t padding = 16;           // so that every word can be read
+constexpr std::size_t most_fields = 1 << 20;   // of a packet
+constexpr std::size_t most_planned = 1 << 22;  // of all plans
+constexpr std::size_t most_effort = 1 << 23;   // entries and 8-byte words that a packet may take
+constexpr std::size_t most_bytes = 1 << 26;    // of a packet and its texts
+constexpr std::size_t most_laid = 1 << 25;     // entries and values of all plans, also of those that are given up
+constexpr std::size_t most_compared = 1 << 27; // fields that the comparisons of a plan's heirs look at
+constexpr std::size_t most_held = 256;         // members and elements of a parameter that something refers to
+constexpr std::size_t most_said = 1000;        // characters of what was not fulfilled
+constexpr std::size_t padding = 16;            // so that every word can be read
 
 using Sort = Type::Sort;
 using std::bit_cast;
@@ -20,6 +24,15 @@ using std::bit_cast;
 std::uint64_t word(double x)
 {
     return bit_cast<std::uint64_t>(x);
+}
+
+std::size_t comparisons(const Condition &condition)
+{
+    std::size_t n = 1;
+    for (const Condition &part : condition.parts) {
+        n += comparisons(part);
+    }
+    return n;
 }
 
 } // namespace
@@ -175,6 +188,11 @@ void Decoder::hold(const Reference &reference)
         if (held_[slot].reference.steps == reference.steps) {
             return;
         }
+    }
+    if (slots.size() == most_held) {
+        throw Refusal(db_.where(db_.parameters[reference.parameter].place) + ": more than " +
+                      std::to_string(most_held) + " members and elements of " +
+                      db_.parameters[reference.parameter].path + " are referred to");
     }
     slots.push_back(static_cast<std::uint32_t>(held_.size()));
     held_.emplace_back().reference = reference;
@@ -398,6 +416,9 @@ bool Decoder::compare(Operator op, const Operand &left, const Operand &right) co
 
 bool Decoder::holds(const Condition &condition, bool earlier)
 {
+    if (effort_ > most_effort) {
+        return false; // and the next entry says so
+    }
     switch (condition.what) {
     case Condition::What::always: return true;
     case Condition::What::all:
@@ -965,6 +986,9 @@ std::string Decoder::failing(const Condition &condition, std::optional<std::size
     }
     std::string all;
     for (const Condition &part : condition.parts) {
+        if (all.size() > most_said) {
+            return all + (condition.what == Condition::What::any ? " or more" : " and more");
+        }
         const std::string one = failing(part, at);
         all += (all.empty() || one.empty() ? "" : condition.what == Condition::What::any ? " or " : " and ") + one;
     }
@@ -1015,7 +1039,11 @@ const Decoder::Plan &Decoder::plan(Id container)
     if (!plans_[container]) {
         plans_[container] = std::make_unique<Plan>();
         const std::size_t effort = effort_; // of the packet, which did not ask for this
-        make_plan(*plans_[container], container);
+        effort_ = 0;
+        if (laid_ < most_laid && planned_fields_ < most_planned) {
+            make_plan(*plans_[container], container);
+        }
+        laid_ += effort_ + plans_[container]->fields.size();
         effort_ = effort;
     }
     return *plans_[container];
@@ -1035,6 +1063,7 @@ void Decoder::make_plan(Plan &made, Id id)
         made.nodes = base.nodes;
         made.most = base.most;
         at = base.end;
+        effort_ += base.fields.size();
     }
     made.fixed = lay_entries(made, id, at, 0);
     planned_fields_ += made.fields.size();
@@ -1085,7 +1114,8 @@ void Decoder::make_plan(Plan &made, Id id)
     const auto chosen = std::max_element(counts.begin(), counts.end(), [](auto &a, auto &b) {
         return std::pair(a.second, b.first) < std::pair(b.second, a.first);
     });
-    if (chosen != counts.end() && chosen->second > 1) {
+    const auto affordable = [&](std::size_t keyed) { return keyed * (keys.size() - keyed) <= most_planned; };
+    if (chosen != counts.end() && chosen->second > 1 && affordable(chosen->second)) {
         const std::size_t field = chosen->first;
         made.dispatch.at = made.places[field];
         made.dispatch.encoding = &db_.types[made.fields[field].type].encoding;
@@ -1105,8 +1135,11 @@ void Decoder::make_plan(Plan &made, Id id)
             }
         }
     }
-    made.searches = std::any_of(container.heirs.begin(), container.heirs.end(),
-                                [&](Id heir) { return by_more_than_numbers(made, db_.containers[heir].restriction); });
+    std::size_t n = 0;
+    made.searches = std::any_of(container.heirs.begin(), container.heirs.end(), [&](Id heir) {
+        n += comparisons(db_.containers[heir].restriction) * made.fields.size();
+        return n > most_compared || by_more_than_numbers(made, db_.containers[heir].restriction);
+    });
 }
 
 /// Whether a restriction asks for texts, bytes, or members without their parameter.

@@ -166,7 +166,7 @@ private:
     std::vector<Id> roots_;
     std::vector<std::unique_ptr<Plan>> plans_;
     std::vector<std::unique_ptr<Labels>> labels_; ///< of each type with enumerators
-    std::size_t planned_fields_ = 0;
+    std::size_t planned_fields_ = 0, laid_ = 0;
     std::vector<Held> held_;                                   ///< values of earlier packets that something refers to
     std::unordered_map<Id, std::vector<std::uint32_t>> slots_; ///< of each parameter, in held_
 

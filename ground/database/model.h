@@ -283,7 +283,8 @@ struct Database {
     std::vector<Parameter> parameters;
     std::vector<Container> containers;
     std::vector<Command> commands;
-    std::vector<std::string> notes; ///< "file:line: what was read but is not computed here"
+    std::vector<std::string> notes;    ///< "file:line: what was read but is not computed here"
+    std::vector<std::string> left_out; ///< "file:line: reason; what is left out", if faults are
 
     /// Those of a command and those that it inherits, in the order of their stages: Complete verifiers are added,
     /// others replace those of their stage.

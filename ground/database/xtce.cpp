@@ -16,6 +16,7 @@
 #include <sstream>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 
 namespace fledge::ground {
 
@@ -26,7 +27,20 @@ using View = std::string_view;
 using Sort = Type::Sort;
 
 constexpr View of_argument = "/yamcs/cmd/arg/";
-constexpr std::size_t deepest = 64; // of nested systems, types and conditions
+constexpr std::size_t deepest = 64;               // of nested systems, types and conditions
+constexpr std::size_t most_text = 1 << 27;        // of all files
+constexpr std::ptrdiff_t most_elements = 1 << 23; // of all files
+constexpr std::size_t most_copied = 1 << 28;      // [bytes] of paths, and of what types inherit
+constexpr std::size_t most_searched = 1 << 28;    // characters of the names that references may mean
+constexpr std::uint64_t most_values = 1 << 20;    // of a type; of all entries, 16 times as many
+constexpr std::int64_t most_quantity = std::int64_t(1) << 40;
+constexpr std::size_t most_steps = 1024;    // of a calculation
+constexpr std::size_t most_of_fault = 1000; // characters of a fault
+constexpr std::size_t most_shown = 100;     // faults of a message
+constexpr int most_rounds = 100;
+constexpr const char *too_many_copies =
+    "its names, and what its types inherit, take more than 256 MB: shorten them, or inherit less";
+constexpr const char *too_many_values = "a value has more than 2^20 members and elements";
 
 View tag(Node node)
 {
@@ -56,12 +70,55 @@ template <class Number> std::optional<Number> number(View text)
                                                                                      : std::nullopt;
 }
 
+/// What is wrong at a place; `follows`: because something else is.
+struct Fault : Refusal {
+    Fault(const std::string &reason, Place at, bool because = false) : Refusal(reason), place(at), follows(because) {}
+    Place place;
+    bool follows;
+    std::string thing; ///< that has it
+};
+
 /// What a document declares, until it is filled in.
 struct Declared {
     Node node;
     std::string system; ///< its path
     std::uint32_t file = 0;
     int state = 0; ///< 1: being filled in; 2: done
+};
+
+/// Whether a text is UTF-8 of characters that XML has, which pugixml does not look at.
+bool is_text(const char *at)
+{
+    while (const auto first = static_cast<std::uint8_t>(*at++)) {
+        const int more = first < 0x80 ? 0 : first < 0xE0 ? 1 : first < 0xF0 ? 2 : 3;
+        std::uint32_t point = more == 0 ? first : first & (0x3Fu >> more);
+        for (int i = 0; i < more; i++, at++) {
+            if ((static_cast<std::uint8_t>(*at) & 0xC0u) != 0x80u) {
+                return false;
+            }
+            point = point << 6 | (static_cast<std::uint8_t>(*at) & 0x3Fu);
+        }
+        static constexpr std::uint32_t least[] = {0x20, 0x80, 0x800, 0x10000};
+        if ((point < least[more] && point != '\t' && point != '\n' && point != '\r') || point > 0x10FFFF ||
+            (first >= 0x80 && first < 0xC0) || first >= 0xF8 || (point >= 0xD800 && point < 0xE000)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+struct Texts : pugi::xml_tree_walker {
+    Node wrong;
+
+    bool for_each(Node &node) override
+    {
+        bool good = is_text(node.name()) && is_text(node.value());
+        for (const auto &one : node.attributes()) {
+            good = good && is_text(one.name()) && is_text(one.value());
+        }
+        wrong = good ? Node() : node.type() == pugi::node_element ? node : node.parent();
+        return good;
+    }
 };
 
 class Reader {
@@ -77,52 +134,125 @@ public:
                 db_.hash = (db_.hash ^ static_cast<std::uint8_t>(c)) * 0x100000001B3;
             }
         }
+        bytes_ += text.size();
+        n_elements_ += std::count(text.begin(), text.end(), '<');
+        if (bytes_ > most_text || n_elements_ > most_elements) {
+            throw Refusal(name + ": a database has at most 128 MB and 8 million elements and ends of them");
+        }
         Document &document = *documents_.emplace_back(std::make_unique<Document>());
         document.text = std::move(text);
-        if (document.text.starts_with("\xFE\xFF") || document.text.starts_with("\xFF\xFE")) {
-            throw Refusal(name + ": write the file in UTF-8; it is in UTF-16");
-        }
+        document.under = under;
         for (std::size_t i = 0; i < document.text.size(); i++) {
             if (document.text[i] == '\n') {
                 document.lines.push_back(i);
             }
         }
+        attempt({}, name, [&] { parse(document, name); });
+    }
+
+    /// Fill in the database. All that is wrong is refused at once; lenient: it is left out, and in further rounds all
+    /// that refers to what is not there.
+    void finish(bool lenient)
+    {
+        refuse_faults();
+        const std::vector<std::string> files = db_.files;
+        const std::uint64_t hash = db_.hash;
+        for (int round = 0;; round++) {
+            std::vector<std::string> left_out = std::move(db_.left_out);
+            db_ = Database();
+            db_.files = files;
+            db_.hash = hash;
+            db_.left_out = std::move(left_out);
+            for (file_ = 0; file_ < files.size(); file_++) {
+                if (const Node root = documents_[file_]->xml.document_element(); !left(root)) {
+                    attempt(root, "<SpaceSystem>", [&] { declare_system(root, documents_[file_]->under, 0); });
+                }
+            }
+            declare_command_containers();
+            fill();
+            if (faults_.empty()) {
+                return;
+            }
+            if (!lenient) {
+                refuse_faults();
+            }
+            if (round == most_rounds) {
+                throw Refusal(std::string(faults_[0].what()) + "; more than " + std::to_string(most_rounds) +
+                              " things depend on one another and on a fault");
+            }
+            for (const Fault &one : faults_) {
+                db_.left_out.push_back(std::string(one.what()) + "; " + one.thing + " is left out");
+            }
+            const auto skip = std::move(left_);
+            clear();
+            left_ = skip;
+        }
+    }
+
+private:
+    struct Document {
+        std::string text, under;
+        std::vector<std::size_t> lines;
+        pugi::xml_document xml;
+    };
+    using Names = std::unordered_map<std::string, Id>;
+
+    void parse(Document &document, const std::string &name)
+    {
+        if (document.text.starts_with("\xFE\xFF") || document.text.starts_with("\xFF\xFE")) {
+            throw Fault(name + ": write the file in UTF-8; it is in UTF-16", {file_, 1});
+        }
         // A document type, and with it entities of its own, is passed over: an entity stays as it is written.
         const auto result = document.xml.load_buffer(document.text.data(), document.text.size(),
                                                      pugi::parse_default | pugi::parse_trim_pcdata);
         if (!result) {
-            throw Refusal(name + ":" + std::to_string(line_at(file_, result.offset)) + ": " + result.description());
+            const Place at{file_, line_at(file_, result.offset)};
+            throw Fault(db_.where(at) + ": " + result.description(), at);
+        }
+        Texts texts;
+        document.xml.traverse(texts);
+        if (texts.wrong) {
+            refuse(texts.wrong, "a name or text is not UTF-8, or has a character that XML does not");
         }
         const Node root = document.xml.document_element();
         if (tag(root) != "SpaceSystem") {
             refuse(root, "the root must be SpaceSystem; found " + std::string(tag(root)));
         }
-        declare_system(root, under, 0);
+        const View full = root.name();
+        const std::string prefix(full.substr(0, std::min(full.find(':'), full.size())));
+        const bool prefixed = prefix.size() < full.size();
+        const std::string space = root.attribute(prefixed ? ("xmlns:" + prefix).c_str() : "xmlns").value();
+        if (prefixed && space.empty()) {
+            refuse(root, "the prefix " + prefix + " has no name space: xmlns:" + prefix + " is missing");
+        }
+        if (!one_of(space, {"", "http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204"})) {
+            refuse(root, "the name space " + space + (space.ends_with("/XTCE/20250214") ? ", XTCE 1.3," : "") +
+                             " is not read: XTCE 1.0 and 1.1 have http://www.omg.org/space/xtce, and 1.2 has "
+                             "http://www.omg.org/spec/XTCE/20180204");
+        }
     }
 
-    void finish()
+    void fill()
     {
+        values_.assign(db_.types.size(), 0);
+        encoded_.assign(db_.types.size(), false);
         for (Id i = 0; i < db_.types.size(); i++) {
-            structure(i, 0);
+            if (!left(types_[i].node)) {
+                attempt(enter(types_[i]).node, db_.types[i].path, [&] { structure_of(i, 0); });
+            }
         }
-        for (Id i = 0; i < db_.parameters.size(); i++) {
-            Declared &at = enter(parameters_[i]);
-            db_.parameters[i].type = type_of(at.node, "parameterTypeRef", false);
-        }
+        each(db_.parameters, parameters_,
+             [&](Id i) { db_.parameters[i].type = type_of(parameters_[i].node, "parameterTypeRef", false); });
         for (Id i = 0; i < db_.types.size(); i++) {
-            fill_type(i);
+            if (!left(types_[i].node)) {
+                fill_type(i);
+            }
         }
-        for (Id i = 0; i < db_.parameters.size(); i++) {
-            fill_parameter(i);
-        }
-        for (Id i = 0; i < db_.containers.size(); i++) {
-            enter(containers_[i]);
-            fill_container(db_.containers[i], containers_[i].node);
-        }
-        for (Id i = 0; i < db_.commands.size(); i++) {
-            fill_command(i);
-        }
+        each(db_.parameters, parameters_, [&](Id i) { fill_parameter(i); });
+        each(db_.containers, containers_, [&](Id i) { fill_container(db_.containers[i], containers_[i].node); });
+        each(db_.commands, commands_, [&](Id i) { fill_command(i); });
         refuse_loops();
+        refuse_doubtful_ends();
         for (Id i = 0; i < db_.containers.size(); i++) {
             if (db_.containers[i].base != no_id) {
                 db_.containers[db_.containers[i].base].heirs.push_back(i);
@@ -130,13 +260,89 @@ public:
         }
     }
 
-private:
-    struct Document {
-        std::string text;
-        std::vector<std::size_t> lines;
-        pugi::xml_document xml;
-    };
-    using Names = std::unordered_map<std::string, Id>;
+    /// Of what earlier rounds declared.
+    void clear()
+    {
+        for (auto *one : {&types_, &parameters_, &containers_, &commands_}) {
+            one->clear();
+        }
+        for (Names *one : {&system_names_, &type_names_, &argument_type_names_, &parameter_names_, &container_names_,
+                           &command_names_}) {
+            one->clear();
+        }
+        command_containers_.clear();
+        command_container_paths_.clear();
+        bases_.clear();
+        member_names_.clear();
+        faults_.clear();
+        copied_ = 0;
+        entry_values_ = 0;
+    }
+
+    // --- faults
+
+    /// Do what is needed for a thing: what is wrong is noted, and the thing is left out.
+    template <class Do> bool attempt(Node thing, const std::string &path, Do what)
+    {
+        const std::uint32_t file = file_;
+        try {
+            what();
+            return true;
+        } catch (const Fault &fault) {
+            file_ = file;
+            const Place at = fault.place.line == 0 ? place(thing) : fault.place;
+            faults_.emplace_back((fault.place.line == 0 ? db_.where(at) + ": " : "") + fault.what(), at, fault.follows);
+            faults_.back().thing = path;
+            left_.insert(thing.internal_object());
+            return false;
+        }
+    }
+
+    void fault(Declared &thing, const std::string &path, const std::string &reason)
+    {
+        attempt(enter(thing).node, path, [&] { refuse(thing.node, reason); });
+    }
+
+    template <class Things, class Do> void each(Things &things, std::vector<Declared> &declared, Do what)
+    {
+        for (Id i = 0; i < things.size(); i++) {
+            if (!left(declared[i].node)) {
+                enter(declared[i]);
+                attempt(declared[i].node, things[i].path, [&] { what(i); });
+            }
+        }
+    }
+
+    bool left(Node node) const { return !left_.empty() && left_.contains(node.internal_object()); }
+
+    /// With all faults in a message, those that follow from others left away.
+    void refuse_faults()
+    {
+        std::stable_sort(faults_.begin(), faults_.end(), [](const Fault &a, const Fault &b) {
+            return std::pair(a.place.file, a.place.line) < std::pair(b.place.file, b.place.line);
+        });
+        std::string all;
+        std::size_t n = 0;
+        for (const Fault &one : faults_) {
+            if (!one.follows && ++n <= most_shown) {
+                all += (all.empty() ? "" : "\n") + std::string(one.what());
+            }
+        }
+        if (n > most_shown) {
+            all += "\nand " + std::to_string(n - most_shown) + " more faults";
+        }
+        if (n > 0) {
+            throw Refusal(all);
+        }
+    }
+
+    /// Count what grows faster than the file.
+    void spend(std::size_t &sum, std::size_t n, std::size_t most, const char *what) const
+    {
+        if ((sum += n) > most) {
+            throw Refusal(db_.files[file_] + ": " + what);
+        }
+    }
 
     // --- places and complaints
 
@@ -153,7 +359,12 @@ private:
 
     [[noreturn]] void refuse(Node node, const std::string &reason) const
     {
-        throw Refusal(db_.where(place(node)) + ": " + reason);
+        std::size_t n = reason.size() <= most_of_fault ? reason.size() : most_of_fault;
+        while (n < reason.size() && n > 0 && (reason[n] & 0xC0) == 0x80) { // not within a character
+            n--;
+        }
+        throw Fault(db_.where(place(node)) + ": " + reason.substr(0, n) + (n < reason.size() ? "..." : ""),
+                    place(node));
     }
 
     [[noreturn]] void stray(Node node) const
@@ -266,18 +477,29 @@ private:
             refuse(node, path + " is declared twice");
         }
         db_.systems.push_back(std::move(system));
-        for (Node child : elements(node)) {
+        const auto part = [&](Node child) {
             const View name = tag(child);
             if (name == "SpaceSystem") {
                 declare_system(child, path, depth + 1);
             } else if (name == "TelemetryMetaData" || name == "CommandMetaData") {
-                for (Node set : elements(child)) {
-                    declare_set(set, path);
-                }
+                parts(child, path, [&](Node set) { declare_set(set, path); });
             } else if (name == "ServiceSet") {
                 note(child, "services are not computed");
             } else if (!common(child) && name != "Header") {
                 stray(child);
+            }
+        };
+        parts(node, path, part);
+    }
+
+    /// Do it for each element of a node that has not been left out.
+    template <class Do> void parts(Node node, const std::string &path, Do what)
+    {
+        for (Node child : elements(node)) {
+            if (!left(child)) {
+                const std::string name = trimmed(child.attribute("name").value());
+                attempt(child, name.empty() ? "<" + std::string(tag(child)) + ">" : path + "/" + name,
+                        [&] { what(child); });
             }
         }
     }
@@ -293,14 +515,14 @@ private:
                            "MetaCommandSet"})) {
             stray(set);
         }
-        for (Node node : elements(set)) {
+        parts(set, path, [&](Node node) {
             const View kind = tag(node);
             if (name == "ParameterTypeSet" || name == "ArgumentTypeSet") {
                 declare(node, path, db_.types, types_, name == "ParameterTypeSet" ? type_names_ : argument_type_names_);
             } else if (name == "ParameterSet" && kind == "Parameter") {
                 declare(node, path, db_.parameters, parameters_, parameter_names_);
             } else if (name == "ParameterSet" && kind == "ParameterRef") {
-                continue; // a parameter of another system, which needs no second name here
+                return; // a parameter of another system, which needs no second name here
             } else if (name == "ContainerSet" || name == "CommandContainerSet") {
                 if (kind != "SequenceContainer" && (kind != "CommandContainer" || name == "ContainerSet")) {
                     stray(node);
@@ -316,7 +538,7 @@ private:
             } else {
                 stray(node);
             }
-        }
+        });
     }
 
     template <class Things>
@@ -340,6 +562,7 @@ private:
             refuse(node, "a name has no '/'; found " + thing.name);
         }
         thing.path = under + "/" + thing.name;
+        spend(copied_, thing.path.size(), most_copied, too_many_copies);
         thing.place = place(node);
         thing.description = node.attribute("shortDescription").value();
         if (const Node text = element(node, "LongDescription"); text && thing.description.empty()) {
@@ -365,15 +588,16 @@ private:
     static std::string absolute(const std::string &from, View reference)
     {
         std::string path = reference.starts_with('/') ? "" : from;
-        std::stringstream parts{std::string(reference)};
-        for (std::string part; std::getline(parts, part, '/');) {
+        for (std::size_t at = 0, end; at < reference.size(); at = end + 1) {
+            end = std::min(reference.find('/', at), reference.size());
+            const View part = reference.substr(at, end - at);
             if (part == "..") {
                 if (path.empty()) {
                     return "";
                 }
                 path.erase(path.rfind('/'));
             } else if (!part.empty() && part != ".") {
-                path += "/" + part;
+                path.append("/").append(part);
             }
         }
         return path;
@@ -383,7 +607,16 @@ private:
     std::optional<Id> find(const Names &names, View reference) const
     {
         for (std::string from = system_;; from.erase(from.rfind('/'))) {
+            spend(searched_, 16 + from.size() + reference.size(), most_searched,
+                  "its references may mean too many names: shorten them, or their names");
             if (const auto found = names.find(absolute(from, reference)); found != names.end()) {
+                const Declared &one = (&names == &container_names_   ? containers_
+                                       : &names == &command_names_   ? commands_
+                                       : &names == &parameter_names_ ? parameters_
+                                                                     : types_)[found->second];
+                if (left(one.node)) {
+                    throw Fault(found->first + " has faults", {}, true);
+                }
                 return found->second;
             }
             if (from.empty() || reference.starts_with('/') || reference.starts_with('.')) {
@@ -554,6 +787,9 @@ private:
             if (one_of(tag(child), {"FixedValue", "Fixed"})) {
                 const Node value = tag(child) == "Fixed" ? element(child, "FixedValue") : child;
                 made.fixed = whole(child, value.text().get());
+                if (made.fixed > most_quantity || made.fixed < -most_quantity) {
+                    refuse(child, "a size, a place or a number is at most 2^40; found " + std::to_string(made.fixed));
+                }
                 return made;
             }
             if (tag(child) == "DynamicValue") {
@@ -577,7 +813,9 @@ private:
                     if (tag(one) != "DiscreteLookup" || elements(one).size() != 1) {
                         refuse(one, "a lookup has one condition and a value");
                     }
-                    made.cases.emplace_back(one_condition(elements(one)[0], 0), whole(one, needed(one, "value")));
+                    made.cases.emplace_back(
+                        one_condition(elements(one)[0], 0),
+                        std::clamp(whole(one, needed(one, "value")), -most_quantity, most_quantity));
                 }
                 return made;
             }
@@ -634,11 +872,18 @@ private:
     /// The sort, the members and the element of a type, after those of its base.
     void structure(Id id, std::size_t depth)
     {
+        const Declared &at = types_[id];
+        if (left(at.node) || !attempt(enter(types_[id]).node, db_.types[id].path, [&] { structure_of(id, depth); })) {
+            throw Fault(db_.types[id].path + " has faults", {}, true);
+        }
+    }
+
+    void structure_of(Id id, std::size_t depth)
+    {
         Declared &at = types_[id];
         if (at.state == 2) {
             return;
         }
-        enter(at);
         const Node node = at.node;
         if (at.state == 1 || depth > deepest) {
             refuse(node, "the type " + db_.types[id].name + " contains or extends itself" +
@@ -659,6 +904,7 @@ private:
                 std::max(db_.types[base].sort, *sort) >= Type::Sort::aggregate) { // others lend their encoding
                 refuse(node, "the base " + db_.types[base].name + " is of another kind");
             }
+            spend(copied_, db_.types[base].members.size() * sizeof(Member), most_copied, too_many_copies);
             db_.types[id].members = db_.types[base].members;
             db_.types[id].element = db_.types[base].element;
             bases_[id] = base;
@@ -679,13 +925,20 @@ private:
         if (*sort == Type::Sort::array && db_.types[id].element == no_id) {
             refuse(node, "an array needs the attribute arrayTypeRef");
         }
+        std::uint64_t n = 1;
         for (std::size_t i = 0; i < db_.types[id].members.size(); i++) {
             structure(db_.types[id].members[i].type, depth + 1);
+            n += values_[db_.types[id].members[i].type];
         }
         if (db_.types[id].element != no_id) {
             structure(db_.types[id].element, depth + 1);
+            n += values_[db_.types[id].element];
         }
         enter(at).state = 2;
+        values_[id] = n;
+        if (n > most_values) {
+            refuse(node, too_many_values);
+        }
     }
 
     void fill_type(Id id)
@@ -697,7 +950,19 @@ private:
         at.state = 3; // structure() has refused loops
         if (const auto base = bases_.find(id); base != bases_.end()) {
             fill_type(base->second);
+            if (left(types_[base->second].node)) {
+                enter(at);
+                attempt(at.node, db_.types[id].path,
+                        [&] { throw Fault(db_.types[base->second].path + " has faults", {}, true); });
+                return;
+            }
             const Type &from = db_.types[base->second];
+            spend(copied_,
+                  from.enumerators.size() * sizeof(Enumerator) + from.encoding.calibrator.points.size() * 16 +
+                      from.encoding.calibrator.steps.size() * sizeof(MathStep) +
+                      from.encoding.contexts.size() * (sizeof(Condition) + sizeof(Calibrator)) +
+                      from.alarms.size() * sizeof(Alarm) + sizeof(Type),
+                  most_copied, too_many_copies);
             Type made = from;
             made.sort = db_.types[id].sort;
             static_cast<Named &>(made) = db_.types[id];
@@ -714,7 +979,7 @@ private:
         if (const auto value = initial(node)) {
             type.initial = value;
         }
-        for (Node child : elements(node)) {
+        const auto part = [&](Node child) {
             const View name = tag(child);
             if (name == "UnitSet") {
                 type.units.clear();
@@ -760,7 +1025,15 @@ private:
             } else if (!common(child) && !one_of(name, {"ToString", "SizeRangeInCharacters", "MemberList"})) {
                 stray(child);
             }
+        };
+        for (Node child : elements(node)) {
+            attempt(node, type.path, [&] { part(child); });
         }
+        attempt(node, type.path, [&] { complete(type, node); });
+    }
+
+    void complete(Type &type, Node node)
+    {
         if (type.sort == Type::Sort::array && type.dimensions.empty()) {
             const auto given = node.attribute("numberOfDimensions");
             type.dimensions.resize(given ? count(node, given.value(), 1, 16) : 1);
@@ -774,13 +1047,17 @@ private:
             type.encoding.what = Encoding::What::integer;
             type.encoding.bits = static_cast<std::uint32_t>(type.encoding.size.fixed);
         }
+        if (type.sort != Type::Sort::enumerated || type.alarms.empty()) {
+            return;
+        }
+        std::set<View> labels;
+        for (const Enumerator &one : type.enumerators) {
+            labels.insert(one.label);
+        }
         for (const Alarm &one : type.alarms) {
-            if (type.sort == Type::Sort::enumerated) {
-                for (const auto &[label, level] : one.labels) {
-                    if (std::none_of(type.enumerators.begin(), type.enumerators.end(),
-                                     [&, &wanted = label](const Enumerator &e) { return e.label == wanted; })) {
-                        refuse(node, "an alarm of " + type.name + " names " + label + ", which is no enumerator");
-                    }
+            for (const auto &[label, level] : one.labels) {
+                if (!labels.contains(label)) {
+                    refuse(node, "an alarm of " + type.name + " names " + label + ", which is no enumerator");
                 }
             }
         }
@@ -1053,6 +1330,9 @@ private:
             } else {
                 stray(child);
             }
+            if (made.steps.size() == most_steps) {
+                refuse(child, "a calculation has at most " + std::to_string(most_steps) + " steps");
+            }
             sound = sound && depth >= takes && depth - takes + gives <= math_depth;
             depth += gives - takes;
             made.steps.push_back(std::move(step));
@@ -1126,6 +1406,9 @@ private:
     {
         Declared &at = enter(parameters_[id]);
         Parameter &parameter = db_.parameters[id];
+        if (left(types_[parameter.type].node)) {
+            throw Fault(db_.types[parameter.type].path + " has faults", {}, true);
+        }
         parameter.initial = initial(at.node);
         for (Node child : elements(at.node)) {
             if (tag(child) == "ParameterProperties") {
@@ -1143,7 +1426,7 @@ private:
             const View name = tag(child);
             if (name == "EntryList") {
                 for (Node one : elements(child)) {
-                    container.entries.push_back(entry(one));
+                    attempt(node, container.path, [&] { container.entries.push_back(entry(one)); });
                 }
             } else if (name == "BaseContainer") {
                 container.base = find(child, container_names_, needed(child, "containerRef"), "container");
@@ -1168,10 +1451,12 @@ private:
         using What = Entry::What;
         const View name = tag(node);
         Entry made;
+        std::uint64_t n = 1;
         made.place = place(node);
         if (one_of(name, {"ParameterRefEntry", "ArrayParameterRefEntry"})) {
             made.id = find(node, parameter_names_, needed(node, "parameterRef"), "parameter");
             need_encoding(node, db_.parameters[made.id].type);
+            n = values_[db_.parameters[made.id].type];
         } else if (name == "ContainerRefEntry") {
             made.what = What::container;
             made.id = find(node, container_names_, needed(node, "containerRef"), "container");
@@ -1225,24 +1510,37 @@ private:
                 made.include = condition(child);
             } else if (part == "DimensionList") {
                 made.dimensions = dimensions(child);
+                if (made.what == What::parameter && db_.types[db_.parameters[made.id].type].element != no_id) {
+                    n = values_of(child, db_.types[db_.parameters[made.id].type].element, made.dimensions);
+                }
             } else if (part == "TimeAssociation") {
                 note(child, "the time of one parameter is not computed from another's");
             } else if (!common(child) && part != "ParameterInstance") {
                 stray(child);
             }
         }
+        spend(entry_values_, n, 16 * most_values, "its containers have more than 2^24 values");
         return made;
     }
 
-    /// What stands in a packet has a size.
-    void need_encoding(Node node, Id id, std::size_t depth = 0) const
+    /// What stands in a packet has a size, and not more values than a packet.
+    void need_encoding(Node node, Id id)
     {
         const Type &type = db_.types[id];
+        if (encoded_[id]) {
+            return;
+        }
+        if (left(types_[id].node)) {
+            throw Fault(type.path + " has faults", {}, true);
+        }
         if (type.sort == Type::Sort::array) {
-            need_encoding(node, type.element, depth + 1);
+            need_encoding(node, type.element);
+            values_[id] = values_of(node, type.element, type.dimensions);
         } else if (type.sort == Type::Sort::aggregate) {
+            values_[id] = 1;
             for (const Member &member : type.members) {
-                need_encoding(node, member.type, depth + 1);
+                need_encoding(node, member.type);
+                values_[id] += values_[member.type];
             }
         } else if (type.encoding.what == Encoding::What::none) {
             refuse(node, "the type " + type.name + " (" + db_.where(type.place) + ") has no encoding");
@@ -1251,16 +1549,36 @@ private:
             refuse(node, "the type " + type.name + " (" + db_.where(type.place) +
                              ") is binary, and no algorithm makes a value of it");
         }
+        if (values_[id] > most_values) {
+            refuse(node, too_many_values);
+        }
+        encoded_[id] = true;
+    }
+
+    /// How many values an array has, if its dimensions are fixed.
+    std::uint64_t values_of(Node node, Id element, const std::vector<Dimension> &dimensions) const
+    {
+        std::uint64_t n = values_[element];
+        for (const Dimension &one : dimensions) {
+            const bool fixed = one.first.is_fixed() && one.last.is_fixed();
+            n *= fixed ? static_cast<std::uint64_t>(
+                             std::clamp<std::int64_t>(one.last.fixed - one.first.fixed + 1, 1, most_values + 1))
+                       : 1;
+            if (n > most_values) {
+                refuse(node, too_many_values);
+            }
+        }
+        return n;
     }
 
     // --- commands
 
     void fill_command(Id id)
     {
-        Declared &at = enter(commands_[id]);
+        Declared &at = commands_[id];
         Command &command = db_.commands[id];
         command.is_abstract = is_true(at.node, "abstract", false);
-        for (Node child : elements(at.node)) {
+        const auto part = [&](Node child) {
             const View name = tag(child);
             if (name == "BaseMetaCommand") {
                 command.base = find(child, command_names_, needed(child, "metaCommandRef"), "command");
@@ -1276,7 +1594,12 @@ private:
                         {named.name, named.description, type_of(one, "argumentTypeRef", true), initial(one)});
                 }
             } else if (name == "CommandContainer") {
-                command.container = container_names_.at(command_container_paths_.at(id));
+                const auto path = command_container_paths_.find(id);
+                if (path == command_container_paths_.end() ||
+                    left(containers_[container_names_.at(path->second)].node)) {
+                    throw Fault("its container has faults", {}, true);
+                }
+                command.container = container_names_.at(path->second);
             } else if (name == "DefaultSignificance") {
                 command.consequence = child.attribute("consequenceLevel").value();
                 command.reason = child.attribute("reasonForWarning").value();
@@ -1298,31 +1621,41 @@ private:
             } else if (!common(child) && name != "SystemName") {
                 stray(child);
             }
+        };
+        for (Node child : elements(at.node)) {
+            outside_ = false;
+            attempt(at.node, command.path, [&] { part(child); });
         }
     }
 
     double seconds(Node node, View text) const
     {
+        const auto wrong = [&](const char *why) { refuse(node, "'" + std::string(text) + "' is no " + why); };
         double sum = 0;
+        std::size_t last = 0; // the units come in their order, each once
         bool time = false;
-        if (!text.starts_with('P')) {
-            refuse(node, "'" + std::string(text) + "' is no duration, as PT1.5S");
+        if (!text.starts_with('P') || text.size() < 3 || text.ends_with('T')) {
+            wrong("duration, as PT1.5S");
         }
         for (std::size_t i = 1, end; i < text.size(); i = end + 1) {
-            if (text[i] == 'T') {
+            if (text[i] == 'T' && !time) {
                 time = true;
                 end = i;
                 continue;
             }
             end = text.find_first_not_of("0123456789.", i);
-            const char unit = end == View::npos ? ' ' : text[end];
-            const double scale =
-                unit == 'D'           ? 86400
-                : unit == 'H'         ? 3600
-                : unit == 'M' && time ? 60
-                : unit == 'S'         ? 1
-                              : refuse_as<double>(node, "'" + std::string(text) + "' is no duration of days or less");
-            sum += scale * real(node, text.substr(i, end - i));
+            const std::size_t unit = View("YMD HMS").find(end == View::npos ? '?' : text[end], time ? 4 : 0);
+            constexpr double scales[] = {0, 0, 86400, 0, 3600, 60, 1};
+            if (unit == View::npos || unit < last || (unit < 3) == time ||
+                (unit != 6 && text.substr(i, end - i).find('.') != View::npos)) {
+                wrong("duration, as PT1.5S");
+            }
+            const double value = real(node, text.substr(i, end - i));
+            if (unit < 2 && value != 0) {
+                wrong("duration of days or less: years and months have no one length");
+            }
+            last = unit + 1;
+            sum += scales[unit] * value;
         }
         return sum;
     }
@@ -1406,13 +1739,12 @@ private:
                     continue;
                 }
                 next++;
-                if (to != no_id && state[to] == 1) {
-                    throw Refusal(db_.where(one.place) + ": the container " + one.name + " extends or contains itself");
-                }
-                if (path.size() > 1000) {
-                    throw Refusal(db_.where(one.place) + ": containers are nested deeper than 1000");
-                }
-                if (to != no_id && state[to] == 0) {
+                const bool loop = to != no_id && state[to] == 1;
+                if (loop || path.size() > 1000) {
+                    fault(containers_[at], one.path,
+                          loop ? "the container " + one.name + " extends or contains itself"
+                               : "containers are nested deeper than 1000");
+                } else if (to != no_id && state[to] == 0) {
                     path.emplace_back(to, 0);
                 }
             }
@@ -1420,11 +1752,47 @@ private:
         for (Id i = 0; i < db_.commands.size(); i++) {
             std::size_t steps = 0;
             for (Id at = i; at != no_id; at = db_.commands[at].base) {
-                if (++steps > db_.commands.size()) {
-                    throw Refusal(db_.where(db_.commands[i].place) + ": the command " + db_.commands[i].name +
-                                  " extends itself");
+                if (++steps > 1000) {
+                    fault(commands_[i], db_.commands[i].path,
+                          "the command " + db_.commands[i].name + " extends itself, or is nested deeper than 1000");
+                    break;
                 }
             }
+        }
+    }
+
+    /// The standard counts from the end of a container to the end of an entry; others write where the entry begins. A
+    /// database whose entries never reach the end, unless begins are meant, may mean either.
+    void refuse_doubtful_ends()
+    {
+        std::vector<std::pair<Id, const Entry *>> doubtful;
+        for (Id i = 0; i < db_.containers.size(); i++) {
+            for (const Entry &one : db_.containers[i].entries) {
+                const bool parameter = one.what == Entry::What::parameter;
+                if (one.from != Entry::From::end || !one.offset.is_fixed() ||
+                    (!parameter && one.what != Entry::What::fixed)) {
+                    continue;
+                }
+                const Encoding *encoding = parameter ? &db_.types[db_.parameters[one.id].type].encoding : nullptr;
+                const std::int64_t bits = !parameter                                     ? one.bits
+                                          : encoding->sized && encoding->size.is_fixed() ? encoding->size.fixed
+                                                                                         : encoding->bits;
+                if (one.offset.fixed < bits) {
+                    return;
+                }
+                if (one.offset.fixed == bits && bits != 0) {
+                    doubtful.emplace_back(i, &one);
+                }
+            }
+        }
+        for (const auto &[id, entry] : doubtful) {
+            const Node node = enter(containers_[id]).node;
+            attempt(node, db_.containers[id].path, [&, &one = *entry] {
+                throw Fault(db_.where(one.place) + ": this entry ends " + std::to_string(one.offset.fixed) +
+                                " bits in front of the container's end, as XTCE counts, and no entry is behind it. If "
+                                "its begin is meant, write 0; else add an entry for these bits",
+                            one.place);
+            });
         }
     }
 
@@ -1463,6 +1831,13 @@ private:
     std::set<std::string> member_names_;
     std::uint32_t file_ = 0;
     std::string system_;
+    std::vector<std::uint64_t> values_; ///< of each type
+    std::vector<bool> encoded_;         ///< types that have an encoding
+    std::vector<Fault> faults_;
+    std::unordered_set<const void *> left_; ///< nodes that are left out
+    std::size_t bytes_ = 0, copied_ = 0, entry_values_ = 0;
+    mutable std::size_t searched_ = 0;
+    std::ptrdiff_t n_elements_ = 0;
     bool outside_ = false; ///< a reference may lead to what another program knows
 };
 
@@ -1477,30 +1852,33 @@ Literal literal_of(const std::string &text)
     return made;
 }
 
-Database read_xtce(const std::vector<XtceFile> &files)
+Database read_xtce(const std::vector<XtceFile> &files, bool lenient)
 {
     Database database;
     Reader reader(database);
     for (const XtceFile &file : files) {
         std::ifstream in(file.name, std::ios::binary);
-        std::string text{std::istreambuf_iterator<char>(in), {}};
-        if (!in) {
-            throw Refusal(file.name + ": cannot be read");
+        std::string text;
+        for (std::size_t n = 0; in && n <= most_text; n = text.size()) { // in parts: it may be a device, or huge
+            text.resize(n + (1 << 20));
+            in.read(text.data() + n, 1 << 20);
+            text.resize(n + static_cast<std::size_t>(in.gcount()));
+        }
+        if (text.empty() || in.bad()) {
+            throw Refusal(file.name + ": cannot be read, or is empty");
         }
         reader.take(std::move(text), file.name, file.under == "/" ? "" : file.under);
     }
-    reader.declare_command_containers();
-    reader.finish();
+    reader.finish(lenient);
     return database;
 }
 
-Database read_xtce_text(std::string text, const std::string &name)
+Database read_xtce_text(std::string text, const std::string &name, bool lenient)
 {
     Database database;
     Reader reader(database);
     reader.take(std::move(text), name, "");
-    reader.declare_command_containers();
-    reader.finish();
+    reader.finish(lenient);
     return database;
 }
 

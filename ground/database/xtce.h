@@ -12,13 +12,14 @@ struct XtceFile {
     std::string under;
 };
 
-/// Read files, which may refer to one another. Throws Refusal with the file, the line and the reason: what XTCE does
-/// not know, what is missing, repeated or a loop, and what no packet can have. What XTCE knows and Fledge does not
-/// compute (algorithms, streams, services) is in the notes of the database.
-Database read_xtce(const std::vector<XtceFile> &files);
+/// Read files, which may refer to one another. Throws Refusal with a line for each fault, which has the file, the line
+/// and the reason: what XTCE does not know, what is missing, repeated or a loop, and what no packet can have. lenient:
+/// what has a fault, and what refers to it, is left out, and in `left_out` of the database. What XTCE knows and Fledge
+/// does not compute (algorithms, streams, services) is in its notes.
+Database read_xtce(const std::vector<XtceFile> &files, bool lenient = false);
 
 /// The same of a text, whose name is for messages.
-Database read_xtce_text(std::string text, const std::string &name);
+Database read_xtce_text(std::string text, const std::string &name, bool lenient = false);
 
 /// A constant of a comparison.
 Literal literal_of(const std::string &text);

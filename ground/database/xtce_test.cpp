@@ -26,10 +26,17 @@ std::string refusal(const std::string &xml)
     return "";
 }
 
-TEST(Xtce, TheThreeNameSpacesAreReadAlike)
+TEST(Xtce, TheNameSpacesAreReadAlikeAndOthersAreRefused)
 {
+    EXPECT_THAT(refusal("<SpaceSystem xmlns='http://www.omg.org/spec/XTCE/20250214' name='S'/>"),
+                HasSubstr("s.xml:1: the name space http://www.omg.org/spec/XTCE/20250214, XTCE 1.3, is not read: XTCE "
+                          "1.0 and 1.1 have http://www.omg.org/space/xtce, and 1.2 has"));
+    EXPECT_EQ(refusal("<x:SpaceSystem name='S'/>"), "s.xml:1: the prefix x has no name space: xmlns:x is missing");
     for (const std::string space : {"http://www.omg.org/space/xtce", "http://www.omg.org/spec/XTCE/20180204", ""}) {
         for (const std::string prefix : {"", "xtce:"}) {
+            if (space.empty() && !prefix.empty()) {
+                continue;
+            }
             std::string xml = "<" + prefix + "SpaceSystem name='S'";
             xml += space.empty() ? ">" : std::string(" xmlns") + (prefix.empty() ? "" : ":xtce") + "='" + space + "'>";
             for (const std::string tag : {"TelemetryMetaData", "ParameterSet"}) {
@@ -114,6 +121,170 @@ TEST(Xtce, LoopsAreRefused)
     EXPECT_THAT(refusal("<SpaceSystem name='S'><CommandMetaData><MetaCommandSet>" + command +
                         "</MetaCommandSet></CommandMetaData></SpaceSystem>"),
                 HasSubstr("the command C extends itself"));
+}
+
+TEST(Xtce, DurationsHaveDaysButNoYears)
+{
+    const auto window = [](const std::string &duration) {
+        return "<SpaceSystem name='S'><CommandMetaData><MetaCommandSet><MetaCommand name='C'><VerifierSet>"
+               "<CompleteVerifier><Comparison parameterRef='/yamcs/x' value='1'/><CheckWindow timeToStopChecking='" +
+               duration +
+               "'/></CompleteVerifier></VerifierSet></MetaCommand></MetaCommandSet></CommandMetaData>"
+               "</SpaceSystem>";
+    };
+    const std::pair<const char *, double> good[] = {{"P0Y0M0DT0H1M0S", 60}, {"PT1M0.5S", 60.5},
+                                                    {"P1D", 86400},         {"P0Y2DT3H4M5.25S", 183845.25},
+                                                    {"P0M1D", 86400},       {"PT26H", 93600}};
+    for (const auto &[text, seconds] : good) {
+        EXPECT_EQ(read_xtce_text(window(text), "s.xml").commands[0].verifiers[0].stop, seconds) << text;
+    }
+    for (const char *text : {"P1Y", "P0Y1MT1S", "P1M"}) {
+        EXPECT_THAT(refusal(window(text)), HasSubstr("is no duration of days or less: years and months have no"));
+    }
+    for (const char *text : {"", "P", "PT", "P1", "1D", "P1DT", "PT1D", "P1H", "PT1S1S", "PT1S1H", "PT1.5H", "-PT1S",
+                             "P1DT1HT1S", "P 1D", "PT.S"}) {
+        EXPECT_NE(refusal(window(text)), "") << text;
+    }
+}
+
+TEST(Xtce, AnEntryThatMayBeginOrEndInFrontOfTheEndIsRefused)
+{
+    const auto read = [](const std::string &places) {
+        std::string entries;
+        for (const char place : places) {
+            entries += std::string("<ParameterRefEntry parameterRef='a'><LocationInContainerInBits referenceLocation="
+                                   "'containerEnd'><FixedValue>") +
+                       std::to_string(8 * (place - '0')) +
+                       "</FixedValue></LocationInContainerInBits></ParameterRefEntry>";
+        }
+        return refusal(file(integer("u8", 8), "a:u8", container("P", entries)));
+    };
+    EXPECT_THAT(read("1"), HasSubstr("s.xml:6: this entry ends 8 bits in front of the container's end, as XTCE counts, "
+                                     "and no entry is behind it. If its begin is meant, write 0;"));
+    EXPECT_THAT(read("21"), HasSubstr("ends 8 bits"));
+    EXPECT_EQ(read("0"), "");
+    EXPECT_EQ(read("10"), ""); // the second one says how this database counts
+    EXPECT_EQ(read("2"), "");
+}
+
+const std::string several = // each line but the first and the last has a fault, or what depends on one
+    "<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet><IntegerParameterType name='u8'><IntegerDataEncoding/>"
+    "</IntegerParameterType>\n"
+    "<IntegerParameterType name='wide'><IntegerDataEncoding sizeInBits='65'/><Bogus/></IntegerParameterType>\n"
+    "<ArrayParameterType name='list' arrayTypeRef='wide'/></ParameterTypeSet><ParameterSet>\n"
+    "<Parameter name='a' parameterTypeRef='u8'/><Parameter name='w' parameterTypeRef='wide'/>\n"
+    "<Parameter name='x' parameterTypeRef='absent'/></ParameterSet><ContainerSet>\n"
+    "<SequenceContainer name='P'><EntryList><ParameterRefEntry parameterRef='a'/></EntryList></SequenceContainer>\n"
+    "<SequenceContainer name='R'><EntryList/><BaseContainer containerRef='Q'/></SequenceContainer>\n"
+    "<SequenceContainer name='Q'><EntryList><ParameterRefEntry parameterRef='w'/><ParameterRefEntry "
+    "parameterRef='y'/>\n<ParameterRefEntry parameterRef='z'/></EntryList></SequenceContainer>\n"
+    "</ContainerSet><Bogus/></TelemetryMetaData></SpaceSystem>";
+
+TEST(Xtce, AllFaultsAreListedOnce)
+{
+    EXPECT_EQ(refusal(several), "s.xml:2: <IntegerDataEncoding> must be 1 to 64; found 65\n"
+                                "s.xml:2: <Bogus> is not known in <IntegerParameterType>\n"
+                                "s.xml:5: there is no type absent\n"
+                                "s.xml:8: there is no parameter y\n"
+                                "s.xml:9: there is no parameter z\n"
+                                "s.xml:10: <Bogus> is not known in <TelemetryMetaData>");
+    std::string many;
+    for (int i = 0; i < 1000; i++) {
+        many += "p" + std::to_string(i) + ":absent ";
+    }
+    EXPECT_THAT(refusal(file("", many, "")), HasSubstr("\ns.xml:103: there is no type absent\nand 900 more faults"));
+}
+
+TEST(Xtce, LenientlyTheRestIsRead)
+{
+    const Database database = read_xtce_text(several, "s.xml", true);
+    const auto names = [](const auto &things) {
+        std::string all;
+        for (const auto &one : things) {
+            all += one.name + " ";
+        }
+        return all;
+    };
+    EXPECT_EQ(names(database.types), "u8 ");
+    EXPECT_EQ(names(database.parameters), "a ");
+    EXPECT_EQ(names(database.containers), "P ");
+    std::string all;
+    for (const std::string &one : database.left_out) {
+        all += one + "\n";
+    }
+    for (const char *thing : {"/S/wide", "/S/list", "/S/w", "/S/x", "/S/Q", "/S/R", "<Bogus>"}) {
+        EXPECT_THAT(all, HasSubstr(std::string("; ") + thing + " is left out\n"));
+    }
+    Decoder decoder(database);
+    EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{7})), "a=7");
+    EXPECT_TRUE(read_xtce_text(file(integer("u8", 8), "", ""), "s.xml", true).left_out.empty());
+    EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // what is in it, nobody knows
+}
+
+TEST(Xtce, HostileDatabasesAreRefusedSoon)
+{
+    const auto start = std::clock();
+    std::string types = integer("t0", 1), labels, steps;
+    for (int i = 1; i < 60; i++) {
+        const std::string inner = "'m0' typeRef='t" + std::to_string(i - 1) + "'/><Member name='m1' typeRef='t" +
+                                  std::to_string(i - 1) + "'/>";
+        types += "<AggregateParameterType name='t" + std::to_string(i) + "'><MemberList><Member name=" + inner +
+                 "</MemberList></AggregateParameterType>";
+    }
+    EXPECT_THAT(refusal(file(types, "a:t59", container("P", "a"))), HasSubstr("more than 2^20 members and elements"));
+    EXPECT_THAT(refusal(file(integer("u1", 1) + "<ArrayParameterType name='r' arrayTypeRef='u1'><DimensionList><Size>"
+                                                "<FixedValue>1000000000</FixedValue></Size></DimensionList>"
+                                                "</ArrayParameterType>",
+                             "a:r", container("P", "a"))),
+                HasSubstr("more than 2^20 members and elements"));
+    EXPECT_THAT(
+        refusal(file(integer("u8", 8), "a:u8",
+                     container("P", "<ParameterRefEntry parameterRef='a'><LocationInContainerInBits><FixedValue>"
+                                    "9223372036854775807</FixedValue></LocationInContainerInBits>"
+                                    "</ParameterRefEntry>"))),
+        HasSubstr("at most 2^40; found 9223372036854775807"));
+    for (int i = 0; i < 5000; i++) {
+        labels += "<Enumeration value='" + std::to_string(i) + "' label='L" + std::to_string(i) + "'/>";
+    }
+    std::string wide = "<EnumeratedParameterType name='e0'><EnumerationList>" + labels +
+                       "</EnumerationList></EnumeratedParameterType>";
+    for (int i = 1; i < 5000; i++) {
+        wide += "<EnumeratedParameterType name='e" + std::to_string(i) + "' baseType='e0'/>";
+    }
+    EXPECT_THAT(refusal(file(wide, "", "")), HasSubstr("what its types inherit, take more than 256 MB"));
+    for (int i = 0; i < 2000; i++) {
+        steps += "<ValueOperand>1</ValueOperand><Operator>drop</Operator>";
+    }
+    EXPECT_THAT(refusal(file(integer("u8", 8, "",
+                                     "<DefaultCalibrator><MathOperationCalibrator>" + steps +
+                                         "</MathOperationCalibrator></DefaultCalibrator>"),
+                             "", "")),
+                HasSubstr("a calculation has at most 1024 steps"));
+    std::string points;
+    for (int i = 0; i < 200'000; i++) {
+        points += "<SplinePoint raw='" + std::to_string(i) + "' calibrated='" + std::to_string(i % 7) + "'/>";
+    }
+    EXPECT_EQ(refusal(file(
+                  integer("u8", 8, "",
+                          "<DefaultCalibrator><SplineCalibrator>" + points + "</SplineCalibrator></DefaultCalibrator>"),
+                  "", "")),
+              "");
+    EXPECT_LT(refusal(file("", "a:" + std::string(100'000, 'n'), "")).size(), 2000u);
+    const std::string name(100'000, 'n');
+    std::string long_names;
+    for (int i = 0; i < 6000; i++) {
+        long_names += "<Parameter name='p" + std::to_string(i) + "' parameterTypeRef='u8'/>";
+    }
+    EXPECT_THAT(refusal("<SpaceSystem name='" + name + "'><TelemetryMetaData><ParameterSet>" + long_names +
+                        "</ParameterSet></TelemetryMetaData></SpaceSystem>"),
+                HasSubstr("its names, and what its types inherit"));
+    std::string slashes;
+    for (int i = 0; i < 200'000; i++) {
+        slashes += "/a";
+    }
+    EXPECT_THAT(refusal(file("", "", container("P", "", extends("P", slashes, "1")))),
+                HasSubstr("may mean too many names"));
+    EXPECT_LT(std::clock() - start, 60 * CLOCKS_PER_SEC);
 }
 
 TEST(Xtce, HostileXmlIsSurvived)

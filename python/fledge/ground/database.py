@@ -18,21 +18,24 @@ from fledge import _ground
 
 class Database:
     """What packets and commands are. Its lists have the paths of `containers`, `parameters` and `commands`; `notes`
-    says what its files hold that is not computed here, with file and line."""
+    says what its files hold that is not computed here, with file and line, and `left_out` what is wrong with them."""
 
-    def __init__(self, files: list[tuple[str, str]]) -> None:
-        self._read = _ground.Database.read(files)
+    def __init__(self, files: list[tuple[str, str]], lenient: bool = False) -> None:
+        self._read = _ground.Database.read(files, lenient=lenient)
         self.containers: list[str] = self._read.containers
         self.parameters: list[str] = self._read.parameters
         self.commands: list[str] = self._read.commands
         self.notes: list[str] = self._read.notes
+        self.left_out: list[str] = self._read.left_out
 
     @classmethod
-    def load(cls, *files: str | os.PathLike[str], under: dict[str, str] | None = None) -> Database:
+    def load(cls, *files: str | os.PathLike[str], under: dict[str, str] | None = None,
+             lenient: bool = False) -> Database:
         """Read files of XTCE, which may refer to one another. under: file -> path of the space system that its own one
-        belongs to. Raises SetupError with file and line."""
+        belongs to. Raises SetupError with file and line of each fault; lenient: what has one, and what refers to it, is
+        in `left_out`, and the rest is read."""
         given = under or {}
-        return cls([(os.fspath(one), given.get(os.fspath(one), "")) for one in files])
+        return cls([(os.fspath(one), given.get(os.fspath(one), "")) for one in files], lenient)
 
     def decode(self, packet: bytes, root: str | None = None) -> Any:
         """The values of a packet, whose container extends `root`; without it, any that extends nothing. A packet that

@@ -278,15 +278,15 @@ PYBIND11_MODULE(_ground, m)
     py::class_<Loaded>(m, "Database", "A database of packets and commands.")
         .def_static(
             "read",
-            [](const std::vector<std::pair<std::string, std::string>> &files, bool plans) {
+            [](const std::vector<std::pair<std::string, std::string>> &files, bool plans, bool lenient) {
                 std::vector<XtceFile> all;
                 all.reserve(files.size());
                 for (const auto &[name, under] : files) {
                     all.push_back({name, under});
                 }
-                return std::make_unique<Loaded>(read_xtce(all), plans);
+                return std::make_unique<Loaded>(read_xtce(all, lenient), plans);
             },
-            py::arg("files"), py::arg("plans") = true)
+            py::arg("files"), py::arg("plans") = true, py::arg("lenient") = false)
         .def("decode", &decode_packet, py::arg("packet"), py::arg("root") = py::none())
         .def("encode", &encode_command, py::arg("name"), py::arg("arguments"))
         .def("places", &command_places, py::arg("name"), py::arg("arguments"))
@@ -300,6 +300,7 @@ PYBIND11_MODULE(_ground, m)
             "container_names", [](const Loaded &one) { return container_names(one.database()); },
             "Path of each container -> its name in Fledge's words, or the path.")
         .def_property_readonly("notes", [](const Loaded &one) { return one.database().notes; })
+        .def_property_readonly("left_out", [](const Loaded &one) { return one.database().left_out; })
         .def_property_readonly("containers", [](const Loaded &one) { return paths(one.database().containers); })
         .def_property_readonly("parameters", [](const Loaded &one) { return paths(one.database().parameters); })
         .def_property_readonly("commands", [](const Loaded &one) { return paths(one.database().commands); });
