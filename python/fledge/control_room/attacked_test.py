@@ -10,6 +10,7 @@ import random
 import re
 import time
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import pytest
 from aiohttp import WSMsgType
@@ -314,7 +315,8 @@ async def fuzzed(folder):
             data = json.dumps(content(draw)).encode() if draw.random() < 0.8 else draw.randbytes(20)
             answer = await page.client.request(
                 row.method, URL(path, encoded=True), params=query if draw.random() < 0.5 else {},
-                data=None if row.method == "GET" else data, headers={"X-Fledge-CSRF": page.csrf})
+                data=None if row.method == "GET" else data, headers={"X-Fledge-CSRF": page.csrf, **{
+                    "Connection": "close"} if len(data) > 200_000 else {}})      # the client does not send all of it
             said = await answer.text(errors="replace")
             assert answer.status < 500, (row, path, query, data, said)
             assert answer.status == 200 or json.loads(said)["error"], (row, path, said)
@@ -342,4 +344,5 @@ async def fuzzed(folder):
 
 
 def test_fuzzed_routes_and_messages_are_answered_with_words(tmp_path):
-    asyncio.run(fuzzed(tmp_path))
+    with patch("fledge.control_room.web.PATIENCE", 1.0):    # of spacecraft that stand still
+        asyncio.run(fuzzed(tmp_path))
