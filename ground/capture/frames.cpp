@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ground/capture/frames.h"
 
+#include "ccsds/sync.h"
 #include "ccsds/tm_frame.h"
+#include "ground/capture/reed_solomon.h"
 
-#include <array>
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
 
 namespace fledge::ground {
 
@@ -20,60 +27,254 @@ struct Virtual {
 const char *what(CcsdsFault fault)
 {
     switch (fault) {
-    case CCSDS_VERSION: return "another version of the protocol";
-    case CCSDS_SPACECRAFT: return "of another spacecraft";
     case CCSDS_CRC: return "its CRC does not hold";
+    case CCSDS_TYPE: return "it has no packets, but data of its virtual channel's own";
     default: return "its header does not hold";
     }
 }
 
-} // namespace
-
-std::vector<Found> packets_of_frames(std::span<const std::uint8_t> bytes, std::size_t size, std::size_t skip)
+/// The 2 bits of a frame's version by their name.
+std::string kind(unsigned version, unsigned first)
 {
-    std::vector<Found> found;
-    if (size <= TM_FRAME_HEADER + TM_CONTROL + TM_CHECK || size > TM_FRAME_MAX) {
-        found.push_back({0, {}, "a frame has 13 to " + std::to_string(TM_FRAME_MAX) + " bytes"});
-        return found;
-    }
-    std::array<Virtual, TM_CHANNELS> channels;
-    for (Virtual &one : channels) {
-        one.found = &found;
-        const auto keep = [](void *user, const std::uint8_t *packet, std::size_t n) {
-            const Virtual &self = *static_cast<Virtual *>(user);
-            self.found->push_back({self.at, {packet, packet + n}, ""});
-        };
-        tm_receiver_begin(&one.receiver, 256, one.memory.data(), one.memory.size(), keep, &one);
-    }
-    TmChannel channel{};
-    std::size_t at = skip;
-    for (; at + size <= bytes.size(); at += skip + size) {
-        const std::uint8_t *const frame = &bytes[at];
-        TmFrame read{};
-        if (at == skip) { // what the first frame says holds for all
-            channel = {static_cast<std::uint16_t>((frame[0] << 8 | frame[1]) >> 4 & 0x3FF),
-                       static_cast<std::uint16_t>(size), static_cast<std::uint8_t>(frame[1] & 1), 1};
-            channel.check = tm_frame_read(&channel, frame, size, &read) != CCSDS_CRC;
+    return version == 0       ? "TM"
+           : version == 1     ? "AOS"
+           : first >> 4 == 12 ? "USLP"
+                              : "version " + std::to_string(version);
+}
+
+/// The header error control of AOS (732.0-B-4, 4.1.2.6): a Reed-Solomon code of 10 symbols of 4 bits over the first two
+/// bytes and the sixth, whose roots are a^6 to a^9, with a^4 = a + 1.
+bool header_check_holds(const std::uint8_t *frame)
+{
+    static const std::uint8_t power[] = {1, 2, 4, 8, 3, 6, 12, 11, 5, 10, 7, 14, 15, 13, 9};
+    for (unsigned root = 6; root < 10; root++) {
+        unsigned sum = 0;
+        unsigned place = 10;
+        for (const std::uint8_t byte : {frame[0], frame[1], frame[5], frame[6], frame[7]}) {
+            for (const unsigned symbol : {static_cast<unsigned>(byte >> 4), byte & 15u}) {
+                place--;
+                for (unsigned log = 0; symbol != 0 && log < 15; log++) {
+                    sum ^= power[log] == symbol ? power[(log + root * place) % 15] : 0u;
+                }
+            }
         }
-        const CcsdsFault fault = tm_frame_read(&channel, frame, size, &read);
-        if (fault != CCSDS_OK) {
-            found.push_back({at, {}, std::string("a frame is passed over: ") + what(fault)});
+        if (sum != 0) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/// The frames of a file, one by one.
+class Frames {
+public:
+    Frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
+        : bytes_(bytes), format_(format), block_(format.size + format.code * reed_solomon_check)
+    {
+        const auto refuse = [](const std::string &why) { throw std::invalid_argument(why); };
+        if (format.size <= TM_FRAME_HEADER + TM_CONTROL + TM_CHECK || format.size > TM_FRAME_MAX) {
+            refuse("a frame has 13 to " + std::to_string(TM_FRAME_MAX) + " bytes, not " + std::to_string(format.size));
+        }
+        if (format.code > 16 ||
+            (format.code && (format.size % format.code != 0 ||
+                             format.size / format.code > reed_solomon_length - reed_solomon_check))) {
+            refuse("a frame of " + std::to_string(format.size) + " bytes has no Reed-Solomon code of depth " +
+                   std::to_string(format.code) +
+                   ": the depth is 1 to 16, divides the size, and leaves 223 bytes or "
+                   "fewer to a code word");
+        }
+        if (format.insert > format.size) {
+            refuse("an insert zone of " + std::to_string(format.insert) + " bytes does not fit into a frame of " +
+                   std::to_string(format.size));
+        }
+    }
+
+    /// The frame that begins there, decoded; nullptr: the file ends before it does.
+    const std::uint8_t *read(std::size_t at)
+    {
+        if (at + format_.size > bytes_.size() || at + block_.size() > bytes_.size()) {
+            return nullptr;
+        }
+        std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), block_.size(), block_.begin());
+        if (format_.randomized) {
+            sync_randomise_tm(block_.data(), block_.size());
+        }
+        corrected = format_.code ? reed_solomon_correct(block_, format_.code) : 0;
+        return block_.data();
+    }
+    std::size_t step() const { return format_.skip + block_.size() + format_.trailer; }
+
+    std::optional<std::size_t> corrected; ///< symbols of the last one; nothing: its code cannot be corrected
+
+private:
+    std::span<const std::uint8_t> bytes_;
+    FrameFormat format_;
+    std::vector<std::uint8_t> block_;
+};
+
+/// What is the same for all frames.
+struct Common {
+    unsigned version = 0, first = 0, spacecraft = 0;
+    bool check = false, header_check = false;
+};
+
+unsigned spacecraft_of(const std::uint8_t *frame)
+{
+    const unsigned id = ccsds_get16(frame);
+    return id >> 14 == 0 ? id >> 4 & 0x3FFu : id >> 6 & 0xFFu;
+}
+
+/// What most of the first frames say; those whose CRC holds, if there is one.
+Common common_of(Frames &frames, const FrameFormat &format)
+{
+    std::map<std::pair<unsigned, unsigned>, unsigned> votes;
+    Common made;
+    unsigned most = 0, headers = 0;
+    std::size_t at = format.skip;
+    for (int i = 0; i < 16; i++, at += frames.step()) {
+        const std::uint8_t *frame = frames.read(at);
+        if (frame == nullptr) {
+            break;
+        }
+        const bool holds = ccsds_crc16(frame, format.size) == 0;
+        if (holds && !made.check) {
+            votes.clear();
+            made.check = true;
+            most = headers = 0;
+        }
+        if (!frames.corrected || holds != made.check) {
             continue;
         }
-        Virtual &one = channels[read.virtual_channel];
-        const std::uint32_t before = one.receiver.missing;
-        one.at = at;
-        tm_receive(&one.receiver, &read);
-        if (one.receiver.missing != before) {
-            found.push_back({at,
-                             {},
-                             std::to_string(one.receiver.missing - before) + " frames of virtual channel " +
-                                 std::to_string(read.virtual_channel) + " are missing in front of this one"});
+        headers += header_check_holds(frame);
+        const unsigned version = frame[0] >> 6, spacecraft = spacecraft_of(frame);
+        const unsigned n = ++votes[{version, spacecraft}];
+        if (n > most) {
+            most = n;
+            made.version = version;
+            made.first = frame[0];
+            made.spacecraft = spacecraft;
         }
     }
-    if (at < bytes.size() + skip) {
-        found.push_back({at - skip, {}, "the file ends within a frame"});
+    made.header_check = most != 0 && 2 * headers > most;
+    return made;
+}
+
+/// What the receiver refused since `before`, in words.
+std::vector<std::string> refused(const Virtual &one, const PacketZone &before, const TmFrame &frame)
+{
+    const PacketZone &zone = one.receiver.zone;
+    const std::string channel = "virtual channel " + std::to_string(frame.virtual_channel);
+    std::vector<std::string> all;
+    if (zone.faults[CCSDS_VERSION] != before.faults[CCSDS_VERSION]) {
+        all.push_back(
+            channel + " has a packet of version " + std::to_string(zone.memory[0] >> 5) +
+            ", which is not read: what is behind it is left out up to the next packet that a frame points to");
     }
+    if (zone.faults[CCSDS_LENGTH] != before.faults[CCSDS_LENGTH]) {
+        all.push_back("a packet of " + channel + " is left out: it does not end where its frames say");
+    }
+    if (zone.faults[CCSDS_ROOM] != before.faults[CCSDS_ROOM]) {
+        all.push_back("a packet of " + channel + " is left out: it has more than " + std::to_string(SPACE_PACKET_MAX) +
+                      " bytes");
+    }
+    if (frame.first != PACKET_ZONE_IDLE && frame.first != PACKET_ZONE_NONE && frame.first >= frame.n) {
+        all.push_back("a frame of " + channel + " points to a packet behind its end");
+    }
+    return all;
+}
+
+} // namespace
+
+std::vector<Found> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
+{
+    Frames frames(bytes, format);
+    const Common common = common_of(frames, format);
+    std::vector<Found> found;
+    const std::string name = kind(common.version, common.first);
+    if (common.version > 1) {
+        found.push_back({format.skip, {}, "the frames are of " + name + ", which is not read: TM and AOS are", ""});
+        return found;
+    }
+    const TmChannel channel{static_cast<std::uint16_t>(common.spacecraft), static_cast<std::uint16_t>(format.size), 0,
+                            static_cast<std::uint8_t>(common.check)};
+    std::map<unsigned, std::unique_ptr<Virtual>> channels;
+    std::size_t at = format.skip, read = 0, corrected = 0;
+    const auto pass_over = [&](const std::string &why) {
+        found.push_back({at, {}, "a frame is passed over: " + why, ""});
+    };
+    for (const std::uint8_t *frame; (frame = frames.read(at)) != nullptr; at += frames.step()) {
+        if (!frames.corrected) {
+            pass_over("its Reed-Solomon code has too many wrong symbols");
+            continue;
+        }
+        corrected += *frames.corrected;
+        const unsigned version = frame[0] >> 6;
+        if (common.check && ccsds_crc16(frame, format.size) != 0) {
+            pass_over(what(CCSDS_CRC));
+            continue;
+        }
+        if (version != common.version || spacecraft_of(frame) != common.spacecraft) {
+            pass_over("it is of " + (version != common.version ? kind(version, frame[0]) + ", the others are of " + name
+                                                               : std::string("another spacecraft")));
+            continue;
+        }
+        if (common.header_check && !header_check_holds(frame)) {
+            pass_over("the check of its header does not hold");
+            continue;
+        }
+        TmFrame parts{};
+        const CcsdsFault fault =
+            version == 0 ? tm_frame_read(&channel, frame, format.size, &parts)
+                         : aos_frame_read(frame, format.size, format.insert + (common.header_check ? 2u : 0u),
+                                          format.control, common.check, &parts);
+        if (fault != CCSDS_OK) {
+            pass_over(what(fault));
+            continue;
+        }
+        read++;
+        if (version == 1 && parts.virtual_channel == AOS_CHANNELS - 1) {
+            continue; // it fills
+        }
+        auto &one = channels[parts.virtual_channel];
+        if (!one) {
+            one = std::make_unique<Virtual>(Virtual{&found});
+            const auto keep = [](void *user, const std::uint8_t *packet, std::size_t n) {
+                const Virtual &self = *static_cast<Virtual *>(user);
+                self.found->push_back({self.at, {packet, packet + n}, "", ""});
+            };
+            tm_receiver_begin(&one->receiver, version == 0 ? 256 : 1u << 24, one->memory.data(), one->memory.size(),
+                              keep, one.get());
+            one->receiver.zone.encapsulation = keep;
+        }
+        const TmReceiver before = one->receiver;
+        one->at = at;
+        tm_receive(&one->receiver, &parts);
+        if (one->receiver.missing != before.missing) {
+            found.push_back({at,
+                             {},
+                             std::to_string(one->receiver.missing - before.missing) + " frames of virtual channel " +
+                                 std::to_string(parts.virtual_channel) + " are missing in front of this one",
+                             ""});
+        }
+        for (std::string &why : refused(*one, before.zone, parts)) {
+            found.push_back({at, {}, std::move(why), ""});
+        }
+    }
+    if (at < bytes.size() + format.skip) {
+        found.push_back({at - format.skip, {}, "the file ends within a frame", ""});
+    }
+    std::string note = std::to_string(read) + " " + name + " frames of spacecraft " + std::to_string(common.spacecraft);
+    std::uint32_t idle = 0;
+    std::string unfinished;
+    for (const auto &[number, one] : channels) {
+        idle += one->receiver.zone.idle;
+        if (one->receiver.zone.n + one->receiver.zone.skip != 0) {
+            unfinished += "; virtual channel " + std::to_string(number) + " ends within a packet";
+        }
+    }
+    note += ", " + std::to_string(idle) + " idle packets" +
+            (format.code ? ", " + std::to_string(corrected) + " symbols corrected" : "") + unfinished;
+    found.push_back({at, {}, "", note});
     return found;
 }
 

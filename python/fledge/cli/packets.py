@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`./fledge packets FILE`: the space packets of a file, one by one, with every field by a database.
+"""`./fledge packets FILE`: the packets of a file, one by one, with every field by a database.
 
 Exit codes as of all commands: 0 read to its end; 1 parts of the file are no packets, or a packet has values missing;
 2 the command line, the file or the database is wrong.
@@ -28,17 +28,28 @@ def add(command: Callable) -> None:
     one.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
                      "extends nothing")
     one.add_argument("--skip", metavar="N", type=int, default=0, help="bytes in front of each packet, or of each frame")
-    one.add_argument("--frames", metavar="N", type=int, default=0, help="the file is of telemetry frames of N bytes")
+    one.add_argument("--frames", metavar="N", type=int, default=0, help="the file is of TM or AOS frames of N bytes")
+    one.add_argument("--trailer", metavar="N", type=int, default=0, help="bytes behind each frame, passed over")
+    one.add_argument("--reed-solomon", metavar="DEPTH", type=int, default=0, help="each frame has its code behind it, "
+                     "32 bytes for each of DEPTH interleaved code words: up to 16 wrong ones of each are corrected")
+    one.add_argument("--randomized", action="store_true", help="frames, with their code, are randomised (131.0-B)")
+    one.add_argument("--insert", metavar="N", type=int, default=0, help="bytes of the insert zone of AOS frames")
+    one.add_argument("--control", action="store_true", help="AOS frames have an operational control field")
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--csv", action="store_true", help="a line for each field")
     kind.add_argument("--json", action="store_true", help="a line for each packet")
 
 
 def packets(options: argparse.Namespace) -> int:
-    from fledge.ground.captures import read
+    from fledge.ground.captures import Format, encapsulated, read
 
-    if options.skip < 0 or options.frames < 0:
-        raise Failure("packets: --skip and --frames are numbers of bytes, from 0 on")
+    how = Format(*(getattr(options, name) for name in Format._fields))
+    for name, value in zip(how._fields, how):
+        option = "--" + name.replace("_", "-")
+        if value < 0:
+            raise Failure(f"packets: {option} is a number from 0 on, not {value}")
+        if value and not how.frames and name != "skip":
+            raise Failure(f"packets: {option} is for frames: --frames N says how many bytes one has")
     database = None
     if options.database:
         from fledge.ground import Database
@@ -47,27 +58,33 @@ def packets(options: argparse.Namespace) -> int:
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True
-    for piece in read(options.file, options.skip, options.frames):
-        if piece.problem:
-            good = False
-            print(f"fledge: {options.file}, byte {piece.at}: {piece.problem}", file=sys.stderr)
+    for piece in read(options.file, how):
+        if not piece.packet:
+            good = good and not piece.problem
+            where = f", byte {piece.at}" if piece.problem else ""
+            print(f"fledge: {options.file}{where}: {piece.problem or piece.note}", file=sys.stderr)
             continue
-        found = database.decode(piece.packet, options.root) if database else None
-        good = good and not (found and found.reason)
+        found = database.decode(piece.packet, options.root) if database and not encapsulated(piece.packet) else None
+        good = good and not (piece.note or (found and found.reason))
         show(piece, found)
     return 0 if good else 1
 
 
 def _about(piece, found):
     """What is known of a packet before its fields."""
-    from fledge.ground.captures import header
+    from fledge.ground.captures import encapsulated, header
 
     head = header(piece.packet)
-    assert head is not None     # a piece without a problem has one
-    about = {"byte": piece.at, "time": piece.time, "kind": "command" if head.command else "telemetry",
-             "application": head.application, "count": head.sequence, "bytes": head.size}
+    about = {"byte": piece.at, "time": piece.time, "kind": "command" if head and head.command else "telemetry"}
+    if head:
+        about |= {"application": head.application, "count": head.sequence}
+    else:
+        about |= {"kind": "encapsulation", "protocol": encapsulated(piece.packet)}
+    about["bytes"] = len(piece.packet)
+    reasons = [text for text in (piece.note, found.reason if found else "") if text]
     return {key: value for key, value in about.items() if value is not None} | (
-        {"container": found.container, "reason": found.reason or None} if found else {})
+        {"container": found.container} if found else {}) | (
+        {"reason": "; ".join(reasons) or None} if found or reasons else {})
 
 
 def _plain(value):
@@ -81,10 +98,12 @@ def _text(database):
     def show(piece, found):
         about = _about(piece, found)
         when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
-        line(f"byte {piece.at}{when}: {about['kind']}, application {about['application']}, count {about['count']}, "
-             f"{about['bytes']} bytes" + (f", {found.container or 'not decoded'}" if found else ""))
-        if found and found.reason:
-            line(f"  ! {found.reason}")
+        which = f"protocol {about['protocol']}" if "protocol" in about else \
+            f"application {about['application']}, count {about['count']}"
+        line(f"byte {piece.at}{when}: {about['kind']}, {which}, {about['bytes']} bytes"
+             + (f", {found.container or 'not decoded'}" if found else ""))
+        if about.get("reason"):
+            line(f"  ! {about['reason']}")
         width = min(max((len(name) for name, _, _ in found.rows), default=0), 80) if found else 0
         for name, raw, value in found.rows if found else ():
             unit = " ".join(database.units(name.partition(".")[0].partition("[")[0]))
@@ -99,15 +118,17 @@ def _csv(database):
     def line(*row):
         print(",".join("" if one is None else field(one) if isinstance(one, str) else str(one) for one in row))
 
-    line("byte", "application", "count", "container", "field", "value", "raw")
+    line("byte", "application", "count", "container", "field", "value", "raw", "kind", "reason")
 
     def show(piece, found):
         about = _about(piece, found)
-        head = [about[key] for key in ("byte", "application", "count")]
+        head = [about.get(key) for key in ("byte", "application", "count")]
+        kind = f"encapsulation {about['protocol']}" if "protocol" in about else about["kind"]
+        end = [kind, about.get("reason")]
         for name, raw, value in found.rows if found else ():
-            line(*head, found.container, name, _plain(value), _plain(raw))
+            line(*head, found.container, name, _plain(value), _plain(raw), *end)
         if not found or not found.rows:
-            line(*head, found.container if found else "", "", "", "")
+            line(*head, found.container if found else "", "", "", "", *end)
 
     return show
 

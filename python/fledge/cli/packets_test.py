@@ -4,14 +4,18 @@ import binascii
 import csv
 import io
 import json
+import os
 import struct
+from pathlib import Path
 
 import pytest
 
 from fledge.archive.archive_test import Maker
 from fledge.cli import main
-from fledge.ground.captures import header, pieces, read
+from fledge.errors import Failure
+from fledge.ground.captures import Format, encapsulated, header, pieces, read
 
+DATA = Path(os.environ.get("FLEDGE_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
 XTCE = """<SpaceSystem name='S'><TelemetryMetaData><ParameterTypeSet>
   <IntegerParameterType name='u16'><IntegerDataEncoding sizeInBits='16'/></IntegerParameterType>
   <FloatParameterType name='volt'><UnitSet><Unit>V</Unit></UnitSet><IntegerDataEncoding><DefaultCalibrator>
@@ -35,8 +39,8 @@ ALL = [packet(i, bytes([i + 1] * (1 + 3 * i))) for i in range(8)]
 
 def found(data, **options):
     """(the packets, the places and texts of problems)"""
-    all_ = list(pieces(data, **options))
-    return [one.packet for one in all_ if not one.problem], [(one.at, one.problem) for one in all_ if one.problem]
+    all_ = list(pieces(data, Format(**options)))
+    return [one.packet for one in all_ if one.packet], [(one.at, one.problem) for one in all_ if one.problem]
 
 
 def test_packets_may_have_bytes_in_front_and_padding_behind():
@@ -48,9 +52,13 @@ def test_packets_may_have_bytes_in_front_and_padding_behind():
 
 
 def test_reading_goes_on_behind_damage():
-    assert found(ALL[0] + b"\xff" * 9 + b"".join(ALL[1:])) == (ALL, [(7, "9 bytes are no packet")])
+    assert found(ALL[0] + b"\xff" * 9 + b"".join(ALL[1:])) == (
+        ALL, [(7, "9 bytes are no packet: a packet of 4294967295 bytes would begin there")])
     cut = b"".join(ALL)[:-1]
-    assert found(cut) == (ALL[:-1], [(len(cut) - len(ALL[-1]) + 1, f"{len(ALL[-1]) - 1} bytes are no packet")])
+    assert found(cut) == (ALL[:-1], [(len(cut) - len(ALL[-1]) + 1, "27 bytes are no packet: a packet of 28 bytes would "
+                                      "begin there")])
+    notes = [one.note for one in pieces(ALL[0] + b"\x9a\0" + b"".join(ALL[1:]))]
+    assert notes == ["what follows it is no packet: it may be damaged, too", *[""] * 8]
 
 
 def datagram(payload, version=4):
@@ -120,7 +128,117 @@ def test_telemetry_frames():
     frames[1] = frames[1][:20] + b"\xff" + frames[1][21:]
     assert (64, "a frame is passed over: its CRC does not hold") in found(b"".join(frames), frames=64)[1]
     assert found(b"".join(frames)[:-1], frames=64)[1][-1][1] == "the file ends within a frame"
-    assert "a frame has 13 to 2048 bytes" in found(b"x", frames=5)[1][0][1]
+    for wrong, why in [({"frames": 5}, "a frame has 13 to 2048 bytes, not 5"),
+                       ({"frames": 64, "reed_solomon": 3}, "the depth is 1 to 16, divides the size"),
+                       ({"frames": 892, "reed_solomon": 2}, "223 bytes or fewer"),
+                       ({"frames": 64, "insert": 70}, "an insert zone of 70 bytes does not fit")]:
+        with pytest.raises(Failure, match=why):
+            found(b"x" * 2000, **wrong)
+
+
+def aos(frames, insert=0, check=True, header_check=False, control=False, channel=5):
+    """The same packets in AOS frames, 732.0-B-4: each is as much longer as it has more fields."""
+    made = []
+    for i, frame in enumerate(frames):
+        head = struct.pack(">HI", 1 << 14 | 157 << 6 | channel, i << 8)
+        if header_check:
+            head += fhec(head)
+        one = head + b"\xa5" * insert + frame[4:6] + frame[6:] + b"\1\2\3\4" * control
+        made.append(one + struct.pack(">H", binascii.crc_hqx(one, 0xFFFF)) * check)
+    return made
+
+
+def fhec(head):
+    """The header error control: the remainder of six symbols by x^4 + a^3 x^3 + a x^2 + a^3 x + 1 (4.1.2.6)."""
+    def times(a, b):
+        product = 0
+        for bit in range(4):
+            product ^= (a << bit) * (b >> bit & 1)
+        for bit in (6, 5, 4):
+            product ^= (0b10011 << bit - 4) * (product >> bit & 1)
+        return product
+
+    rest = [nibble for byte in (head[0], head[1], head[5]) for nibble in (byte >> 4, byte & 15)] + [0] * 4
+    for i in range(6):
+        for k, term in enumerate((1, 8, 2, 8, 1)):
+            rest[i + k] ^= times(term, rest[i]) if k else 0
+    return bytes([rest[6] << 4 | rest[7], rest[8] << 4 | rest[9]])
+
+
+def test_aos_frames():
+    zones = frames_of(b"".join(ALL), check=False)
+    for options in ({}, {"insert": 5}, {"check": False}, {"header_check": True}, {"control": True},
+                    {"insert": 3, "header_check": True, "control": True, "check": False}):
+        frames = aos(zones, **options)
+        how = {"frames": len(frames[0]), "insert": options.get("insert", 0), "control": options.get("control", False)}
+        fill = aos(zones[:1], **options, channel=63)
+        assert found(b"".join(frames + fill), **how) == (ALL, []), options
+        assert found(b"".join(one + b"code" for one in frames), **how, trailer=4) == (ALL, [])
+        note = list(pieces(b"".join(frames), Format(**how)))[-1].note
+        assert note == f"{len(frames)} AOS frames of spacecraft 157, 1 idle packets"
+    frames = aos(zones, check=False, header_check=True)
+    damaged = frames[1][:5] + b"\x30" + frames[1][6:]
+    assert (68, "a frame is passed over: the check of its header does not hold") in found(
+        frames[0] + damaged + b"".join(frames[2:]), frames=68)[1]
+    mixed = aos(zones, check=False)
+    longer = [one + b"\0\0" for one in zones]
+    both = found(b"".join(mixed[:2]) + longer[0] + b"".join(mixed[2:]), frames=len(mixed[0]))
+    assert both == (ALL, [(2 * len(mixed[0]), "a frame is passed over: it is of TM, the others are of AOS")])
+    uslp = b"\xc0" + bytes(63)
+    assert found(uslp, frames=64)[1] == [(0, "the frames are of USLP, which is not read: TM and AOS are")]
+
+
+ENCAPSULATED = [b"\xe0", b"\xe9\x05abc", b"\xee\x12\0\x08wxyz", b"\xff" + bytes(5) + b"\0\x0az!", b"\xe1\2"]
+PROTOCOLS = ["idle", "IPE", "CFDP", "mission", "idle"]
+
+
+def test_encapsulation_packets():
+    assert [encapsulated(one) for one in ENCAPSULATED] == PROTOCOLS and encapsulated(ALL[0]) is None
+    assert encapsulated(b"\xfa\x57\0\4") == "extended 7"
+    named = [one for one in ENCAPSULATED if one[0] >> 2 & 7]
+    stream = b"".join(x + y for x, y in zip(ALL, ENCAPSULATED)) + b"".join(ALL[5:])
+    assert found(stream) == ([one for pair in zip(ALL, ENCAPSULATED) for one in pair if len(one) > 1] + ALL[5:], [])
+    assert found(pcap(named, link=147)) == (named, [])
+    zone = b"".join(ENCAPSULATED) + ALL[0]
+    size = len(zone) + 6
+    frame = struct.pack(">HBBH", 77 << 4, 0, 0, 3 << 11) + zone
+    assert list(pieces(frame, Format(frames=size))) == [(0, one, None, "", "") for one in [*named, ALL[0]]] + [
+        (size, b"", None, "", "1 TM frames of spacecraft 77, 2 idle packets")]
+    other = struct.pack(">HBBH", 77 << 4, 0, 0, 3 << 11) + b"\x40" + zone[:-1]
+    assert found(other + frame[:3] + b"\1" + frame[4:], frames=size) == ([*named, ALL[0]], [
+        (0, "virtual channel 0 has a packet of version 2, which is not read: what is behind it is left out up to the "
+            "next packet that a frame points to")])
+
+
+def test_encapsulation_packets_are_named(tmp_path, capsys):
+    (tmp_path / "all.bin").write_bytes(ALL[0] + ENCAPSULATED[1] + ALL[1])
+    assert main(["packets", str(tmp_path / "all.bin")]) == 0
+    assert capsys.readouterr().out.splitlines()[1] == "byte 7: encapsulation, protocol IPE, 5 bytes"
+    main(["packets", str(tmp_path / "all.bin"), "--json"])
+    assert json.loads(capsys.readouterr().out.splitlines()[1]) == {
+        "byte": 7, "kind": "encapsulation", "protocol": "IPE", "bytes": 5}
+    main(["packets", str(tmp_path / "all.bin"), "--csv"])
+    assert capsys.readouterr().out.splitlines()[2] == "7,,,,,,,encapsulation IPE,"
+
+
+def test_the_code_of_real_frames(capsys):
+    cadus = DATA / "ccsds/snpp_synchronized_cadus.dat"
+    if not cadus.exists():
+        pytest.skip(f"not here: {cadus}")
+    options = ["--frames", "892", "--skip", "4", "--randomized"]
+    assert main(["packets", str(cadus), *options, "--trailer", "128", "--json"]) == 1     # a frame is missing
+    plain = capsys.readouterr()
+    assert main(["packets", str(cadus), *options, "--reed-solomon", "4", "--json"]) == 1
+    coded = capsys.readouterr()
+    assert coded.out == plain.out and "65 AOS frames of spacecraft 157, 0 idle packets, 0 symbols" in coded.err
+    data = bytearray(cadus.read_bytes())
+    for i in range(64):         # 16 of each code word of the third frame
+        data[2 * 1024 + 4 + 7 * i] ^= 0x55 + i
+    assert [one.packet for one in pieces(bytes(data), Format(4, 892, 0, 4, randomized=True)) if one.packet] == [
+        one.packet for one in pieces(cadus.read_bytes(), Format(4, 892, 0, 4, randomized=True)) if one.packet]
+    data[2 * 1024 + 4 + 7 * 64] ^= 1
+    assert (2052, "a frame is passed over: its Reed-Solomon code has too many wrong symbols") in found(
+        bytes(data), skip=4, frames=892, reed_solomon=4, randomized=True)[1]
 
 
 def test_the_record_of_an_exchange_has_the_packets_of_its_queues(tmp_path):
@@ -143,7 +261,7 @@ def test_the_record_of_an_exchange_has_the_packets_of_its_queues(tmp_path):
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "all.bin").write_bytes(ALL[0] + packet(9, application=6) + b"\xff\xff" + ALL[1] + ALL[2])
+    (tmp_path / "all.bin").write_bytes(ALL[0] + ALL[1] + packet(9, application=6) + b"\x9a\xff" + ALL[2] + ALL[3])
     (tmp_path / "s.xml").write_text(XTCE, encoding="utf-8")
 
 
@@ -152,21 +270,22 @@ def test_each_packet_is_printed_with_its_fields(files, capsys):
     out, err = capsys.readouterr()
     assert out.startswith("byte 0: telemetry, application 5, count 0, 7 bytes, /S/Q\n  id     5\n")
     assert "  bus    0.5 V  (raw 1)\n" in out
-    assert "not decoded\n  ! no container that extends /S/P fits; the nearest, /S/Q, needs id == 5 (found 6)\n" in out
-    assert err == "fledge: all.bin, byte 14: 2 bytes are no packet\n"
+    assert "not decoded\n  ! what follows it is no packet: it may be damaged, too; no container that extends /S/P " \
+        "fits; the nearest, /S/Q, needs id == 5 (found 6)\n" in out
+    assert err == "fledge: all.bin, byte 24: 2 bytes are no packet: byte 24 is 0x9a, of packet version 4\n"
     assert main(["packets", "all.bin"]) == 1
-    assert capsys.readouterr().out.splitlines()[-1] == "byte 26: telemetry, application 5, count 2, 13 bytes"
+    assert capsys.readouterr().out.splitlines()[-1] == "byte 39: telemetry, application 5, count 3, 16 bytes"
 
 
 def test_tables_and_json(files, capsys):
     main(["packets", "all.bin", "--database", "s.xml", "--csv"])
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert rows[3] == {"byte": "0", "application": "5", "count": "0", "container": "/S/Q", "field": "bus",
-                       "value": "0.5", "raw": "1"}
+                       "value": "0.5", "raw": "1", "kind": "telemetry", "reason": ""}
     main(["packets", "all.bin", "--database", "s.xml", "--json"])
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert lines[0]["values"] == {"id": 5, "count": 0xC000, "size": 0, "bus": 0.5} and lines[0]["reason"] is None
-    assert lines[1]["container"] is None and "found 6" in lines[1]["reason"]
+    assert lines[2]["container"] is None and "may be damaged" in lines[2]["reason"] and "found 6" in lines[2]["reason"]
 
 
 @pytest.mark.parametrize("form", [[], ["--csv"], ["--json"]])
@@ -194,4 +313,6 @@ def test_bad_input_gets_one_line(files, capsys):
     assert main(["packets", "absent.bin"]) == 2
     assert main(["packets", "all.bin", "--database", "all.bin"]) == 2
     assert main(["packets", "all.bin", "--skip", "-1"]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 3
+    assert main(["packets", "all.bin", "--trailer", "128"]) == 2
+    assert main(["packets", "all.bin", "--frames", "5"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 5

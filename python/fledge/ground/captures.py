@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The space packets of a file: a capture of a network, telemetry frames, or packets one behind the other.
+"""The packets of a file: a capture of a network, frames of telemetry, or packets one behind the other.
 
 Captures are pcap and pcapng; each UDP datagram, or packet of a link that is a user's own, holds packets. So does each
 message of a queue of packets in the record of a co-simulation's exchange. A file of the control room's archive has a
@@ -13,7 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-IDLE = 0x7FF
+from fledge.errors import Failure
+
+PROTOCOLS = ("idle", "LTP", "IPE", "CFDP", "BP", "protocol 5", "extended", "mission")   # in encapsulation packets
 PCAP = {b"\xd4\xc3\xb2\xa1": ("<", 10**3), b"\xa1\xb2\xc3\xd4": (">", 10**3), b"\x4d\x3c\xb2\xa1": ("<", 1),
         b"\xa1\xb2\x3c\x4d": (">", 1)}      # byte order, and nanoseconds of a fraction
 PCAPNG = b"\x0a\x0d\x0d\x0a"
@@ -22,12 +24,25 @@ NULL, ETHERNET, RAW_IP, LINUX, USER = 0, 1, {12, 14, 101, 228, 229}, 113, range(
 
 
 class Piece(NamedTuple):
-    """A packet, or a problem with the file."""
+    """A packet, or a problem with the file; without both, a note of what it had."""
 
     at: int                     # [bytes] into the file
     packet: bytes
     time: int | None = None     # [ns] since 1970, of a capture; of a record: simulated
     problem: str = ""
+    note: str = ""              # of a packet: why it may be damaged
+
+
+class Format(NamedTuple):
+    """How packets or frames stand in a file, ground/capture/frames.h. [bytes]"""
+
+    skip: int = 0               # in front of each
+    frames: int = 0             # of a frame; 0: the file is none of frames, and what follows is not used
+    trailer: int = 0            # behind each frame
+    reed_solomon: int = 0       # depth of the code behind each; 0: there is none
+    insert: int = 0             # of the insert zone of AOS frames
+    control: bool = False       # AOS frames have an operational control field
+    randomized: bool = False
 
 
 class Header(NamedTuple):
@@ -50,14 +65,25 @@ def header(packet: bytes, at: int = 0) -> Header | None:
                   length + 7)
 
 
-def pieces(data: bytes, skip: int = 0, frames: int = 0) -> Iterator[Piece]:
-    """All packets of a file, in its order. skip: [bytes] in front of each packet, or of each frame; frames: [bytes] of
-    a frame, 0: the file is none of frames."""
-    if frames:
+def encapsulated(packet: bytes) -> str | None:
+    """The protocol in an encapsulation packet (133.1-B-3); None: it is a space packet."""
+    if packet[0] >> 5 != 7:
+        return None
+    kind = packet[0] >> 2 & 7
+    return f"extended {packet[1] & 15}" if kind == 6 and packet[0] & 2 else PROTOCOLS[kind]
+
+
+def pieces(data: bytes, format: Format = Format()) -> Iterator[Piece]:
+    """All packets of a file, in its order."""
+    skip = format.skip
+    if format.frames:
         from fledge import _ground
 
-        for at, packet, problem in _ground.packets_of_frames(data, frames, skip):
-            yield Piece(at, packet, None, problem)
+        try:
+            found = _ground.packets_of_frames(data, format.frames, skip, *format[2:])
+        except ValueError as wrong:
+            raise Failure(f"packets: {wrong}") from None
+        yield from (Piece(at, packet, None, problem, note) for at, packet, problem, note in found)
     elif data[:4] in PCAP:
         yield from _datagrams(_pcap(data), skip)
     elif data[:4] == PCAPNG:
@@ -66,11 +92,11 @@ def pieces(data: bytes, skip: int = 0, frames: int = 0) -> Iterator[Piece]:
         yield from packets(data, skip)
 
 
-def read(path: str | os.PathLike[str], skip: int = 0, frames: int = 0) -> Iterator[Piece]:
+def read(path: str | os.PathLike[str], format: Format = Format()) -> Iterator[Piece]:
     """The same of a file by its path, which may be the record of a co-simulation's exchange: it has the messages of
     queues of packets, in the order of their times."""
     data = Path(path).read_bytes()
-    yield from _recorded(path, skip) if data[:8] == MCAP else pieces(data, skip, frames)
+    yield from _recorded(path, format.skip) if data[:8] == MCAP else pieces(data, format)
 
 
 def _recorded(path, skip):
@@ -101,33 +127,11 @@ def _archived(data, at):
 
 
 def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) -> Iterator[Piece]:
-    """Packets one behind the other, with what may stand between them. Behind damage, the next place at which two
-    headers follow one another, or one that reaches the end, begins the next packet."""
-    at = 0
-    while at < len(data):
-        one = _whole(data, at, skip)
-        if one is None:
-            found = next((i for i in range(at + 1, len(data)) if _follows(data, i, skip)), len(data))
-            padding = not any(data[at:found])
-            if not padding:
-                yield Piece(base + at, b"", time, f"{found - at} bytes are no packet")
-            at = found
-            continue
-        yield Piece(base + at + skip, data[at + skip:at + skip + one.size], time)
-        at += skip + one.size
+    """Packets one behind the other, with what may stand between them; ground/capture/packets.h says what is one."""
+    from fledge import _ground
 
-
-def _whole(data, at, skip):
-    one = header(data, at + skip)
-    padding = not any(data[at + skip:at + skip + 2]) and one and one.part != 3  # rather than a part for application 0
-    return one if one and not padding and at + skip + one.size <= len(data) else None
-
-
-def _follows(data, at, skip):
-    one = _whole(data, at, skip)
-    behind = at + skip + one.size if one else 0
-    return one is not None and (behind == len(data) or _whole(data, behind, skip) is not None
-                                or not any(data[behind:behind + skip + 6]))
+    for at, packet, problem, note in _ground.packets_of_bytes(data, skip):
+        yield Piece(base + at, packet, time, problem, note)
 
 
 # --- captures --------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The extension `_ground`: a database of XTCE, packets to values of Python, commands to packets; an entity of files;
 // the ground's end of a link of frames.
-#include "ground/capture/frames.h"
+#include "ground/capture/packets.h"
 #include "ground/database/encoder.h"
 #include "ground/database/xtce.h"
 #include "ground/loaded.h"
@@ -234,6 +234,24 @@ std::vector<std::string> units(const Loaded &loaded, const std::string &paramete
     throw Refusal("the database has no parameter " + parameter);
 }
 
+std::span<const std::uint8_t> octets(const py::bytes &bytes)
+{
+    const std::string_view view = bytes;
+    return {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()};
+}
+
+/// (place, packet, problem, note) of each.
+py::list tuples(const std::vector<Found> &found)
+{
+    py::list all;
+    for (const Found &one : found) {
+        all.append(py::make_tuple(one.at,
+                                  py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
+                                  one.problem, one.note));
+    }
+    return all;
+}
+
 } // namespace
 
 } // namespace fledge::ground
@@ -254,18 +272,16 @@ PYBIND11_MODULE(_ground, m)
     bind_link_end(m);
     m.def(
         "packets_of_frames",
-        [](const py::bytes &bytes, std::size_t size, std::size_t skip) {
-            const std::string_view view = bytes;
-            py::list all;
-            for (const Found &one :
-                 packets_of_frames({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, size, skip)) {
-                all.append(py::make_tuple(
-                    one.at, py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
-                    one.problem));
-            }
-            return all;
+        [](const py::bytes &bytes, std::size_t size, std::size_t skip, std::size_t trailer, std::size_t code,
+           std::size_t insert, bool control, bool randomized) {
+            return tuples(packets_of_frames(octets(bytes), {size, skip, trailer, code, insert, control, randomized}));
         },
-        py::arg("bytes"), py::arg("size"), py::arg("skip"));
+        py::arg("bytes"), py::arg("size"), py::arg("skip"), py::arg("trailer") = 0, py::arg("code") = 0,
+        py::arg("insert") = 0, py::arg("control") = false, py::arg("randomized") = false);
+    m.def(
+        "packets_of_bytes",
+        [](const py::bytes &bytes, std::size_t skip) { return tuples(packets_of_bytes(octets(bytes), skip)); },
+        py::arg("bytes"), py::arg("skip"));
     py::class_<Packet>(m, "Packet", "A packet that was decoded.")
         .def_readonly("container", &Packet::container, "The path of its container; None: none fits.")
         .def_readonly("nearest", &Packet::nearest, "Then the path of the one that came nearest.")

@@ -113,6 +113,14 @@ public:
         found["clcws"] = end_->clcws;
         found["ends"] = end_->alerts;
         found["skipped"] = end_->skipped + end_->sync.skipped;
+        const PacketZone &zone = end_->receiver.zone;
+        const std::uint32_t unread =
+            zone.faults[CCSDS_VERSION] + zone.faults[CCSDS_LENGTH] + zone.faults[CCSDS_ROOM] + zone.faults[CCSDS_GAP];
+        for (const auto &[name, n] : {std::pair("encapsulated", zone.encapsulated), std::pair("unread", unread)}) {
+            if (n != 0) {
+                found[name] = n;
+            }
+        }
         for (std::size_t i = 1; i < CCSDS_FAULTS; i++) {
             if (end_->faults[i] != 0) {
                 found[names[i]] = end_->faults[i];
