@@ -736,8 +736,8 @@ std::vector<History::Session> History::sessions()
                 return at != about.second.end() ? at->second : std::string();
             };
             if (about.first == "gap") {
-                session.gaps.push_back(
-                    {whole(text("from")), whole(text("to")), text("why") + "; " + text("packets") + " packets"});
+                const std::string packets = text("packets") == "0" ? "" : "; " + text("packets") + " packets";
+                session.gaps.push_back({whole(text("from")), whole(text("to")), text("why") + packets});
             }
         }
         session.gaps.insert(session.gaps.end(), one->missing.begin(), one->missing.end());

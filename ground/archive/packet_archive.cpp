@@ -369,6 +369,11 @@ void PacketArchive::put(const Arrival &arrival, Id container)
     bytes_.insert(bytes_.end(), arrival.bytes.begin(), arrival.bytes.end());
 }
 
+void PacketArchive::missing(std::int64_t from, std::int64_t to, std::string why)
+{
+    missing_.push_back({from, to, 0, std::move(why)});
+}
+
 void PacketArchive::save()
 {
     const std::int64_t now = seconds();
@@ -417,12 +422,15 @@ void PacketArchive::write()
         }
         file_->put(topic(next.container), next.t, next.received, {bytes_.data() + next.at, next.size});
     }
-    if (file_ != nullptr && gap_.packets != 0) {
-        file_->metadata("gap", {{"from", std::to_string(gap_.from)},
-                                {"to", std::to_string(gap_.to)},
-                                {"why", gap_.why},
-                                {"packets", std::to_string(gap_.packets)}});
-        gap_ = {};
+    if (gap_.packets != 0) {
+        missing_.push_back(std::exchange(gap_, {}));
+    }
+    for (; file_ != nullptr && !missing_.empty(); missing_.erase(missing_.begin())) {
+        const Gap &gap = missing_.front();
+        file_->metadata("gap", {{"from", std::to_string(gap.from)},
+                                {"to", std::to_string(gap.to)},
+                                {"why", gap.why},
+                                {"packets", std::to_string(gap.packets)}});
     }
     if (file_ != nullptr) {
         file_->save();
@@ -467,7 +475,7 @@ void PacketArchive::end(const char *why)
 
 void PacketArchive::close()
 {
-    if (!pending_.empty() || gap_.packets != 0) {
+    if (!pending_.empty() || gap_.packets != 0 || !missing_.empty()) {
         retry_ = -1;
         save();
     }

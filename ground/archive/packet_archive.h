@@ -35,6 +35,9 @@ public:
     /// written into a new file as soon as there is room; the files tell the gap of those that are lost.
     void save() override;
 
+    /// Note that packets of these times [ns] went lost before they came here.
+    void missing(std::int64_t from, std::int64_t to, std::string why);
+
     /// End the session: another program may write there then. Throws as save().
     void close();
 
@@ -79,6 +82,7 @@ private:
     std::vector<Pending> pending_;
     std::vector<std::uint8_t> bytes_;
     Gap gap_;
+    std::vector<Gap> missing_; ///< that are not in a file yet
     std::uint64_t lost_ = 0;
     std::string problem_;
 };

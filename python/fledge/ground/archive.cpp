@@ -158,6 +158,8 @@ void bind_archive(py::module_ &m)
             },
             py::arg("t"), py::arg("received"), py::arg("packet"), py::arg("container") = py::none(),
             "Take a packet, as Monitor.take does; container: its place in Database.containers.")
+        .def("missing", &PacketArchive::missing, py::arg("t0"), py::arg("t1"), py::arg("why"),
+             "Note that packets of these times [ns] went lost before they came here.")
         .def("save", &PacketArchive::save, Free(), "Save what was put; raises SetupError.")
         .def("close", &PacketArchive::close, Free(), "End the session; raises SetupError.")
         .def_property_readonly("problem", &PacketArchive::problem, "Why packets are not saved; empty: they are.")
