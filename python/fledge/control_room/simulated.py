@@ -145,6 +145,11 @@ class Steered:
         t, past = min(float(state.get("t") or 0.0), heard), float(state.get("past") or 0.0)
         return f"the run repeats an earlier one until {past:g} s" if 0 < past > t else ""
 
+    @property
+    def past(self) -> float:
+        """[s] Until then, the run repeats an earlier one."""
+        return float(self._steering.state.get("past") or 0.0)
+
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
         """pause, go, step, or rewind to the instant `seconds`. Raises SetupError."""
         t = float(self._steering.state.get("t") or 0.0)

@@ -112,6 +112,7 @@ class Spacecraft:
         self.transfers, self.tables, self.stored = Transfers(self), Tables(self), StoredLists(self)
         if not self.replayed:
             self._keep()
+        self._left_out()
         self.feed = Feed(self.name, self.simulation, self.monitor, flown=bool(self.run), link=lambda: self.link,
                          zero=0 if self.clock == "simulated" else self.epoch_ns or 0)   #: of the 3-D view
         used = dict(parse_qsl(urlsplit(settings.link).query)).get("radio", "") if settings.link else settings.radio
@@ -273,9 +274,14 @@ class Spacecraft:
         files = list(settings.database)
         if settings.mission:
             files = [self._mission()]
-        self.database = Database.load(*files)
+        self.database = Database.load(*files, lenient=settings.lenient)
         self.monitor = self.database.monitor(settings.root)
         self._changed = self._times()
+
+    def _left_out(self) -> None:
+        if left := self.database.left_out:
+            self.room.tell(self.name, "warning", "database", f"{len(left)} things of the database are left out: "
+                           f"{'; '.join(left[:3])}{'; ...' * (len(left) > 3)}")
 
     def _times(self) -> dict[Path, int]:
         """When the files of the database, or of the mission, and of derived parameters were written."""
@@ -313,7 +319,7 @@ class Spacecraft:
                            "has the old one until it starts again")
             return
         try:
-            database = Database.load(*self.settings.database)
+            database = Database.load(*self.settings.database, lenient=self.settings.lenient)
             monitor = database.monitor(self.settings.root)
             derived = DerivedParameters(self, monitor)
         except (SetupError, OSError) as error:
@@ -337,6 +343,7 @@ class Spacecraft:
         self.commanding.load()
         self.room.tell(self.name, "info", "database", f"the database has changed and was read anew: "
                        f"{len(self.slot_names)} parameters")
+        self._left_out()
         self.room.publish("slots", self.name, {"first": 0})
 
     def _mission(self) -> Path:

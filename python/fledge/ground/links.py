@@ -70,7 +70,7 @@ class Link(ABC):
 
     def gaps(self) -> list[tuple[int, int, str]]:
         """(from, to, why) [ns] of the link's clock, of which the link has learned since the last call that packets
-        between were lost on their way to this program."""
+        between were lost on their way to this program; from -1: what was sent before it was here."""
         return []
 
     def close(self) -> None:

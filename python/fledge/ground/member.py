@@ -145,8 +145,8 @@ class Onlooker(Link):
         missed = seen.missed if self._heard is not None else max(seen.count - 1, 0)
         self.dropped += seen.missed
         if missed:
-            self._gaps.append((-1 if self._heard is None else self._heard, seen.t,
-                               f"{missed} messages of {seen.topic} went lost between the run and this program"))
+            self._gaps.append((-1, seen.t, f"{seen.topic} was not heard here") if self._heard is None else (
+                self._heard, seen.t, f"{missed} messages of {seen.topic} went lost on their way here"))
         self._heard = seen.t
 
     def close(self) -> None:

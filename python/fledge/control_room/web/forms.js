@@ -236,11 +236,12 @@ const TICKS = {
     null: "\u2026"
 };
 
-/** How far a sent command is: {stage: {good, text, t_ns}}, "failed" under "completed" too. */
+/** How far a sent command is: {stage: {good, text, t_ns}}, "failed" and "unknown" under "completed" too. */
 export function ladder(row) {
     const found = {};
     for (const one of row.stages) found[one.stage] = one;
     if (found.failed) found.completed = found.failed;
+    found.completed ??= found.unknown;
     return found;
 }
 
@@ -248,6 +249,7 @@ export function ladder(row) {
 export function tick(row, stage) {
     const one = ladder(row)[stage];
     if (!one) return ["\u00b7", "tick not"];
+    if (one.stage === "unknown") return ["?", "tick open"];
     if (stage === "progress" && one.good !== false)
         return [one.percent != null ? `${one.percent} %` : one.text || "\u2713", "tick good"];
     return [TICKS[one.good] ?? "\u2713", `tick ${one.good === false ? "bad" : one.good === null ? "open" : "good"}`];
@@ -258,7 +260,9 @@ export function outcome(row, until = "completed") {
     const failed = row.stages.find((one) => one.good === false);
     if (failed) return {state: "bad", text: failed.text || failed.stage};
     const far = Math.max(-1, ...row.stages.map((one) => STAGES.indexOf(one.stage)));
-    return {state: far >= STAGES.indexOf(until) ? "good" : "open", text: row.stages.at(-1)?.stage ?? ""};
+    const done = far >= STAGES.indexOf(until), unknown = row.stages.find((one) => one.stage === "unknown");
+    if (unknown && !done) return {state: "bad", text: unknown.text};
+    return {state: done ? "good" : "open", text: row.stages.at(-1)?.stage ?? ""};
 }
 
 /** "K = 3, mode = SAFE" */
