@@ -53,10 +53,11 @@ class Commanding:
         self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
         self._going: dict[bytes, dict[str, Any]] = {}       # and of which the link has not said that they are there
         #: those that had not ended when the last server did
-        self.left = [one for one in craft.room.journal.all("sent", craft.name, True) if isinstance(one.get("open"), dict)]
+        self.left = [one for one in craft.room.journal.all("sent", craft.name, True)
+                     if isinstance(one.get("open"), dict)]
 
     def restore(self) -> None:
-        """Go on with the commands of the last server: flight may still report them. What it said meanwhile is missing."""
+        """Go on with the commands of the last server: flight may report them yet. What it said meanwhile is missing."""
         craft, left = self.craft, self.left
         self.left = []
         if craft.clock == "utc":

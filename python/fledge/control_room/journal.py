@@ -12,7 +12,7 @@ from typing import Any
 
 from fledge.errors import SetupError, printable
 
-LISTS = ("sent", "events", "alarms", "limits", "transfers", "log")
+LISTS = ("sent", "events", "alarms", "limits", "transfers", "stored", "log")
 MOST = 500          # rows of an answer
 # What has not ended, by words in its row's JSON: a server that starts rebuilds it. A text cannot have them, for JSON
 # escapes its quotes.

@@ -23,8 +23,11 @@ from urllib.request import Request, urlopen
 
 import pytest
 
+from fledge.commands import Stored
 from fledge.control_room import spacecraft
+from fledge.control_room.journal import Journal
 from fledge.control_room.room import Room
+from fledge.control_room.services import StoredLists
 from fledge.control_room.settings import read
 from fledge.errors import SetupError
 from tests.circles import long_after
@@ -495,6 +498,34 @@ def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers
         assert "Traceback" in capsys.readouterr().err
     finally:
         room.close()
+
+
+def test_stored_commands_that_are_known_outlive_the_server(tmp_path):
+    """Their lists, and when a sequence began; those of a simulation end with it."""
+    journal = Journal(tmp_path)
+    room = SimpleNamespace(journal=journal, keep=lambda kind, craft, row, told: journal.save(kind, craft, row))
+
+    def lists(clock):
+        made = StoredLists(SimpleNamespace(name="craft", dictionary=None, room=room, clock=clock, now=100 * S,
+                                           slot_numbers={}, monitor=None))
+        made.path = "flight.stored"
+        return made
+
+    one = lists("utc")
+    one._names[7] = "flight.noop"
+    one._keep(0, [Stored(200 * S, 1, 20, 7, 0), Stored(150 * S, 2, 20, 8, 0)], str(90 * S))
+    one._keep(3, [Stored(5 * S, 0, 20, 7, 0)])
+    one._begun[3], one._held[2] = 40 * S, 41 * S
+    for number in (0, 2, 3):
+        one._save(number)
+    again = lists("utc")
+    assert again.told() == one.told() and again.told()["lists"][0]["commands"][1]["name"] == "flight.noop"
+    assert (again._begun, again._held, again._names[7]) == (one._begun, one._held, "flight.noop")
+    again._keep(0, [], str(95 * S))
+    again._save(0)
+    assert lists("utc").told() == again.told() and len(journal.all("stored", "craft")) == 3
+    assert all(not each["commands"] for each in lists("simulated").told()["lists"])
+    journal.close()
 
 
 @pytest.mark.long("a server under load for seconds")

@@ -283,6 +283,14 @@ class StoredLists:
         self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
         self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
         self._held: dict[int, int] = {}
+        self._rows: dict[int, dict[str, Any]] = {}      # of the journal
+        if craft.clock == "utc":        # what a simulation had ends with it
+            for row in craft.room.journal.all("stored", craft.name):
+                number = row["list"]
+                self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])
+                self._names |= {one["crc"]: one["name"] for one in row["commands"]}
+                self._begun |= {} if row["begun"] is None else {number: row["begun"]}
+                self._held |= {} if row["held"] is None else {number: row["held"]}
 
     def told(self) -> dict[str, Any]:
         """For all."""
@@ -355,6 +363,7 @@ class StoredLists:
                 self._held[number] = sent.reports[-1].t
             elif action == "release" and number in self._begun and number in self._held:
                 self._begun[number] += sent.reports[-1].t - self._held.pop(number)      # its time stood
+            self._save(number)
 
         given = {key: value for key, value in wish.items() if key != "action"}
         return commanding.release(user, action or "store", given, made, then)
@@ -370,7 +379,14 @@ class StoredLists:
                                                       Code._value2member_map_ else f"code {one.code}")}
                 for one in sorted(commands)]
         self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
-        self.craft.room.publish("stored", self.craft.name, {"list": number})
+
+    def _save(self, number: int) -> None:
+        """Into the journal, for the next server."""
+        commands, read = self._lists.get(number, ([], None))
+        row = self._rows.setdefault(number, {"list": number})
+        row.update(t_ns=str(self.craft.now), commands=commands, read_ns=read, begun=self._begun.get(number),
+                   held=self._held.get(number))
+        self.craft.room.keep("stored", self.craft.name, row, told=lambda one: {"list": one["list"]})
 
     def _newest(self, name: str) -> Any:
         slot = self.craft.slot_numbers.get(f"{self.path}.state.{name}")
