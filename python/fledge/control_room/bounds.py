@@ -9,13 +9,13 @@ page "This server" shows with what is in use; and how long the event loop was bl
 from __future__ import annotations
 
 import asyncio
-import logging
 import os
 import resource
 import socket
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -164,12 +164,8 @@ def memory() -> dict[str, int]:
                 resource.RLIMIT_NOFILE)[0]}
 
 
-def descriptors() -> tuple[int, int]:
-    """(the most that this process may have, after it was raised as far as it goes, what it was before)."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    try:
+def raise_descriptors() -> None:
+    """Let this process have as many as it may: a connection takes one."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with suppress(ValueError, OSError):     # the system may have less
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    except (ValueError, OSError) as error:
-        logging.getLogger("fledge.control_room").warning("descriptors stay %d: %s", soft, error)
-        return soft, soft
-    return hard, soft

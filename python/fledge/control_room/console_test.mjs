@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 
 import {accessible, open, run} from "./testing/console.mjs";
 
-const PAGES = ["overview", "parameters", "plots", "alarms", "events", "packets", "archive", "log"];
+const PAGES = ["overview", "parameters", "plots", "alarms", "events", "packets", "archive", "log", "server"];
 const row = (page, text) => page.locator(".tbody .tr:not([hidden])", {hasText: text}).first();
 const cell = (page, text, place) => row(page, text).locator(".td").nth(place);
 const frames = (page) => page.evaluate(() => controlRoom.live.received);
@@ -227,6 +227,18 @@ await run({
         await page.locator(".link.good").waitFor();
         const again = await frames(page);
         await page.waitForFunction((old) => controlRoom.live.received > old + 2, again);
+        return page;
+    },
+
+    async "this server shows each limit with what is in use"() {
+        const page = await open("server");
+        await page.locator(".limits tr", {hasText: "disk that stays free"}).waitFor();
+        const {limits} = await page.evaluate(() => controlRoom.live.api.get("/api/server"));
+        assert.equal(await page.locator(".limits tbody tr").count(), limits.length);
+        const waits = page.locator(".limits tr", {hasText: "queries that wait"}).locator("td");
+        assert.equal(await waits.nth(1).textContent(), "4");
+        assert.match(await page.locator(".page.server dl").textContent(), /longest block\d+ ms in the last minute/);
+        if (process.env.SHOT) await page.screenshot({path: process.env.SHOT});
         return page;
     },
 

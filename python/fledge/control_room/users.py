@@ -325,7 +325,7 @@ class Guard:
         self.bounds.uses("connections of an address",
                          lambda: max(Counter(map(_peer, self._there())).values(), default=0))
         self.bounds.uses("bodies at once", lambda: self._bodies)
-        self._checker, self._waiting = ThreadPoolExecutor(1), 0
+        self._checker, self._writer, self._waiting = ThreadPoolExecutor(1), ThreadPoolExecutor(1), 0
 
     def attach(self, app: web.Application) -> None:
         """Add the routes and headers to an application whose middleware this is."""
@@ -380,14 +380,14 @@ class Guard:
                 raise
             why = error.why if isinstance(error, Refusal) else error.text or error.reason
             if error.status in (401, 403, 413, 429) or request["user"] and _changes(request):
-                self._refused(request, error.status, why)
+                await self._aside(self._refused, request, error.status, why)
             if isinstance(error, Refusal):
                 raise
             kept = {name: error.headers[name] for name in ("Allow", "Retry-After") if name in error.headers}
             raise Refusal(error.status, why, kept) from None
         except Exception:
             _logger().exception("%s %s", request.method, request.path)
-            self._refused(request, 500, "the server made an error")
+            await self._aside(self._refused, request, 500, "the server made an error")
             raise Refusal(500, "the server made an error, which its terminal shows") from None
         finally:
             self._bodies -= request["bytes"]
@@ -484,7 +484,11 @@ class Guard:
                 details = {"body": loads(body)} if body else {}
         if request.query_string:
             details["query"] = dict(request.query) if len(request.query_string) <= LOGGED else "..."
-        self.log(request["user"].name, f"{request.method} {request.path}", details)
+        await self._aside(self.log, request["user"].name, f"{request.method} {request.path}", details)
+
+    async def _aside(self, what: Callable[..., None], *given: Any) -> None:
+        """What writes into the log, which waits for the disk, in a thread."""
+        await asyncio.get_running_loop().run_in_executor(self._writer, what, *given)
 
     def _row(self, user: str, bound: str) -> bool:
         """Whether a user may cause one more row in the journal now."""
@@ -633,6 +637,7 @@ class Guard:
 
     async def _stop(self, _: web.Application) -> None:
         self._checker.shutdown(wait=False)
+        self._writer.shutdown(wait=False)
         if self._sweeper:
             self._sweeper.cancel()
         for one in self._sessions.values():
@@ -793,5 +798,8 @@ def _logger() -> logging.Logger:
     """aiohttp's, without a trace of each request that is none: those are answered with 400."""
     logger = logging.getLogger("fledge.control_room")
     if not logger.filters:
-        logger.addFilter(lambda record: not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError)))
+        # The latter: aiohttp goes on with the requests of a connection that is gone.
+        logger.addFilter(lambda record: not (record.exc_info and (
+            isinstance(record.exc_info[1], HttpProcessingError) or
+            isinstance(record.exc_info[1], AssertionError) and record.msg == "Unhandled exception")))
     return logger

@@ -16,7 +16,7 @@ from aiohttp import web
 
 from fledge import __version__
 from fledge.control_room.answers import PART, answer, dumps, in_binary, in_csv, in_json, owner, refusal
-from fledge.control_room.bounds import LoopWatch, memory
+from fledge.control_room.bounds import LoopWatch, memory, raise_descriptors
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
@@ -704,6 +704,7 @@ def _json(content: Any) -> web.Response:
 
 async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) -> None:
     """Serve a room until `over` is set. ready: gets the address of the page."""
+    raise_descriptors()
     server = Server(room)
     runner = await server.guard.listen(server.app)
     try:

@@ -15,6 +15,7 @@ import * as packets from "./pages/packets.js";
 import * as parameters from "./pages/parameters.js";
 import * as plots from "./pages/plots.js";
 import * as run from "./pages/run.js";
+import * as server from "./pages/server.js";
 import * as stacks from "./pages/stacks.js";
 import * as stored from "./pages/stored.js";
 import * as tables from "./pages/tables.js";
@@ -37,4 +38,5 @@ export const pages = new Map(Object.entries({
     packets,
     archive,
     log,
+    server,
 }));
