@@ -291,7 +291,12 @@ class Commanding:
     def _numbered(self, packet: bytes) -> bytes:
         """A packet of a database with its sequence and length."""
         stream = int.from_bytes(packet[:2], "big") & 0x7FF
-        number = self._sequences[stream] = self._sequences.get(stream, -1) + 1
+        if stream not in self._sequences:       # on from that of the last server
+            sent = [one for row in self.craft.room.journal.rows("sent", self.craft.name)
+                    for one in reversed(list(map(bytes.fromhex, row["hex"].split())))]
+            self._sequences[stream] = next((int.from_bytes(one[2:4], "big") & 0x3FFF for one in sent
+                                            if int.from_bytes(one[:2], "big") & 0x7FF == stream), -1)
+        number = self._sequences[stream] = self._sequences[stream] + 1
         return self._finished(packet, number)
 
     def _finished(self, packet: bytes, number: int) -> bytes:

@@ -348,9 +348,10 @@ def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path
             rows = await c.until("crafts/sat/sent", lambda rows: len(rows[0]["stages"]) > 1)
             assert rows[0]["id"] == short and rows[0]["stages"][-1]["good"] is None
             assert "unknown, telemetry is missing from" in rows[0]["stages"][-1]["text"]
+            assert (await one.send("NEVER"))[1][2:4] == b"\xc0\x02"       # it counts on
         async with console(tmp_path, text) as c:
             assert number not in [one["id"] for one in c.room.journal.all("sent", "sat", True)]
-            assert (await c.get("crafts/sat/sent"))[1] == row
+            assert (await c.get("crafts/sat/sent"))[2] == row
         craft.wire.close()
 
     asyncio.run(asyncio.wait_for(test(), 240))
