@@ -25,6 +25,8 @@ def add(command: Callable) -> None:
                      "co-simulation's exchange, or packets one behind the other")
     one.add_argument("--database", metavar="XTCE", action="append", default=[],
                      help="what the packets are; several files may refer to one another. Without it, headers alone")
+    one.add_argument("--lenient", action="store_true", help="leave out what is wrong in the database, and what refers "
+                     "to it, and say what that is")
     one.add_argument("--root", metavar="CONTAINER", help="the container that all packets extend; default: any that "
                      "extends nothing")
     one.add_argument("--skip", metavar="N", type=int, default=0, help="bytes in front of each packet, or of each frame")
@@ -54,7 +56,9 @@ def packets(options: argparse.Namespace) -> int:
     if options.database:
         from fledge.ground import Database
 
-        database = Database.load(*options.database)
+        database = Database.load(*options.database, lenient=options.lenient)
+        for one in database.left_out:
+            print(f"fledge: {printable(one)}", file=sys.stderr)
     write = _csv if options.csv else _json if options.json else _text
     show = write(database)
     good = True

@@ -309,6 +309,17 @@ def test_no_text_of_a_database_or_a_packet_drives_the_terminal_or_a_table(form, 
         assert said["value"].startswith("'=1+1;\u27e81B\u27e9[2J\nbyt") and said["container"].startswith("/S/=Q")
 
 
+def test_a_database_with_faults_lists_them_all_and_leniently_the_rest_is_read(files, capsys):
+    faulty = XTCE.replace("</ParameterSet>", "<Parameter name='x' parameterTypeRef='no'/>\n<Odd/></ParameterSet>")
+    Path("faulty.xml").write_text(faulty)
+    assert main(["packets", "all.bin", "--database", "faulty.xml"]) == 2
+    assert "faulty.xml:7: there is no type no\nfaulty.xml:8: <Odd> is not known in <" in capsys.readouterr().err
+    code = main(["packets", "all.bin", "--database", "faulty.xml", "--lenient", "--csv"])
+    lenient = capsys.readouterr()
+    assert (main(["packets", "all.bin", "--database", "s.xml", "--csv"]), capsys.readouterr().out) == (code, lenient.out)
+    assert "fledge: faulty.xml:7: there is no type no; /S/x is left out\n" in lenient.err
+
+
 def test_bad_input_gets_one_line(files, capsys):
     assert main(["packets", "absent.bin"]) == 2
     assert main(["packets", "all.bin", "--database", "all.bin"]) == 2

@@ -37,6 +37,7 @@ class CraftSettings:
     name: str
     mission: str = ""           # a mission of Fledge; or
     database: tuple[Path, ...] = ()     # files of XTCE
+    lenient: bool = False       # leave out what is wrong in them, and what refers to it
     process: str | None = None          # of a mission with several flight processes
     link: str = ""              # an address of fledge.ground; without it the server flies the mission
     root: str | None = None     # the container with which packets of a database begin
@@ -164,6 +165,7 @@ class _Reader(Tables):
         header = self.choice(table, at, "header", ("ccsds", "cfs", "none"), "ccsds") or "ccsds"
         return CraftSettings(
             name or "?", str(self.at / mission) if "/" in mission else mission, files,
+            bool(self.value(table, at, "lenient", (bool,), "true or false", False)),
             self.text(table, at, "process", "") or None, link, self.text(table, at, "root", "") or None, header,
             self.text(table, at, "scenario", ""), speed, self.text(table, at, "radio", ""),
             self.at / keys if keys else None, self.integer(table, at, "role", 0, 3, 0) or 0, light_time,
