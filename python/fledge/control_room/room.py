@@ -16,7 +16,8 @@ from fledge.cosim.steering import Steering
 from fledge.errors import SetupError, did_you_mean, listed
 
 UNSAVED = 10_000    # events that wait for a journal that cannot be written
-KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "stored": "stored", "log": "log"}
+KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "stored": "stored",
+         "log": "log"}
 
 
 class Room:

@@ -17,9 +17,10 @@ from aiohttp.test_utils import TestClient, TestServer
 from fledge.control_room import web
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read
+from fledge.control_room.spacecraft import number_of
 from fledge.control_room.web import Server
 from tests.tree import ROOT
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, wait_for
 
 
 class Console:
@@ -572,5 +573,10 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
             streams.setdefault(packet[:2], []).append(int.from_bytes(packet[2:4], "big") & 0x3FFF)
         assert len(streams) > 5 and all(numbers == [(numbers[0] + i) % 0x4000 for i in range(len(numbers))]
                                         for numbers in streams.values())
+        room.start()        # the next session, whose time begins anew
+        craft = room.crafts["nadir_spin"]
+        wait_for(lambda: craft.packets > 100)
+        for t, _, _, packet in found[::500]:
+            assert craft.packet_of(number_of(t, packet))["hex"] == packet.hex()
     finally:
         room.close()

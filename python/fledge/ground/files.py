@@ -144,7 +144,8 @@ class Files:
             raise SetupError(f"files: there is no folder {self.folder}")
         self.entity: Any = _ground.Entity(
             folder=str(self.folder), own=own, peer=peer, timeout=time_ns(timeout, "timeout"), limit=limit, crc=crc,
-            inactivity=time_ns(inactivity, "inactivity"), keeps=True, sequence=craft.link.origin if sequence is None else sequence)
+            inactivity=time_ns(inactivity, "inactivity"), keeps=True,
+            sequence=craft.link.origin if sequence is None else sequence)
         self._packets = Packets(craft.dictionary)   # counted apart: no command is missed for a PDU that is lost
         self._transfers: list[Transfer] = []
         self._messages: dict[tuple[int, int], list[bytes]] = {}
