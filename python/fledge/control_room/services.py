@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import ALL, LISTS, Action, Block, Code, Field, Stored, encoded, stored, storing, values
-from fledge.errors import SetupError, did_you_mean
+from fledge.errors import SetupError, did_you_mean, printable
 from fledge.ground.files import Files, Transfer
 from fledge.ground.links import NoAnswer
 
@@ -196,8 +196,9 @@ class Transfers:
 
 
 def local_name(name: str) -> str:
-    """What a file on board is called here: no path, not hidden."""
-    return name.replace("/", "_").lstrip(".") or "file"
+    """What a file on board is called here: no path, not hidden, no option."""
+    plain = printable(name.replace("/", "_"), lines=False).lstrip(".")
+    return ("_" + plain[1:] if plain.startswith("-") else plain) or "file"
 
 
 # --- tables ----------------------------------------------------------------------------------------

@@ -7,8 +7,10 @@ import struct
 import subprocess
 import sys
 from contextlib import asynccontextmanager
+from pathlib import Path
 from shutil import copytree
 from threading import Event
+from unittest.mock import patch
 
 import pytest
 from aiohttp import ClientSession, WSMsgType
@@ -201,6 +203,15 @@ async def test_files_and_tables_of_flight(tmp_path):
         assert (rows[0]["state"], rows[0]["up"]) == ("completed", False)
         assert [one["name"] for one in await c.get(f"{craft}/files")] == ["waypoints-1"]
         assert await (await c.client.get(f"/api/{craft}/files/waypoints-1")).read() == content
+        (c.room.crafts["flatsat"].transfers.folder / "waypoints-1").write_bytes(b"other")
+        await c.post(f"{craft}/fetch", {"name": "waypoints-1"})
+        rows = await c.until(f"{craft}/transfers", lambda rows: rows[0]["state"] != "active")
+        assert rows[0]["text"] == "it is waypoints-1.2 here"
+        kept = {one.name: one.read_bytes() for one in c.room.crafts["flatsat"].transfers.folder.glob("[!.]*")}
+        assert kept == {"waypoints-1": b"other", "waypoints-1.2": content}
+        with patch.object(Path, "write_bytes", side_effect=OSError(28, "No space left on device")):
+            refused = await c.post(f"{craft}/files?name=x", data=b"x", status=400)
+        assert refused["error"] == "x cannot be kept here to be sent: No space left on device"
         for path, status in (("files/..%2fjournal.sqlite", 404), ("files/none", 404)):
             await c.get(f"{craft}/{path}", status)
         await c.post(f"{craft}/fetch", {"name": "none"})
