@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files to a craft and from it, over a link in memory that loses, repeats and delays packets: the other end is another
 entity of the same class, without flight around it."""
+from contextlib import suppress
 from functools import reduce
 from heapq import heappop, heappush
 from operator import xor
 from pathlib import Path
 from random import Random
 import os
+import signal
 import struct
+import time
 
 import pytest
 
@@ -217,6 +220,38 @@ def test_no_file_that_comes_replaces_another_one_and_hidden_names_are_refused(co
     assert kept == dict(zip(["log", "log.2", "log.3", "log.4", "log.5"], ours)) | dict(
         zip(["log.bin", "log.2.bin", "log.3.bin", "log.4.bin"], ours))
     assert {one.name for one in craft.files.received} == kept.keys() - {"log.5"}
+
+
+def test_files_that_come_are_whole_or_not_there_after_kill_9(connected, tmp_path):
+    """FLEDGE_CASES: at how many instants. The other process tells of each file that has come."""
+    board, down, chance, told = tmp_path / "board", tmp_path / "down", Random(7), 0
+    board.mkdir()
+    down.mkdir()
+    content = some(board / "of", 60_000).read_bytes()
+    for _ in range(int(os.environ.get("FLEDGE_CASES", "5"))):
+        ours, theirs = os.pipe()
+        if not (child := os.fork()):
+            with suppress(BaseException):
+                craft = connected()
+                craft.files = Files(craft, down, timeout=2 * s)
+                while True:
+                    before = len(craft.files.received)
+                    craft.link.entity.put("of", "log", b"", False)
+                    craft.wait(lambda _: len(craft.files.received) > before, within=10 * minute)
+                    os.write(theirs, b".")
+            os._exit(1)
+        os.close(theirs)
+        os.read(ours, 1)
+        time.sleep(chance.uniform(0, 0.2))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        told += 1
+        while more := os.read(ours, 100):
+            told += len(more)
+        os.close(ours)
+        kept = [one for one in down.iterdir() if not one.name.startswith(".")]
+        assert len(kept) >= told and all(one.read_bytes() == content for one in kept)
+    print(f"{told} files told, {len(kept)} found")
 
 
 def test_by_hand(tmp_path, monkeypatch, capsys):
