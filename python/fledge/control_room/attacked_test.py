@@ -18,6 +18,7 @@ from aiohttp import WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 from yarl import URL
 
+from fledge.control_room.journal import Journal
 from fledge.control_room.live import MESSAGES, Browser
 from fledge.control_room.room import Room
 from fledge.control_room.routes import rows
@@ -244,6 +245,22 @@ async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
         crafts["b"].control = crafts["a"].control       # as of one co-simulation
         for name, status in (("stranger", 403), ("own", 403), ("viewer", 403), ("commander", 200)):
             await ask(name, "POST", "crafts/b/run" if name != "own" else "crafts/a/run", status, json={})
+
+
+def test_a_part_of_the_log_is_what_a_filter_leaves(tmp_path):
+    draw, journal, all_ = random.Random(3), Journal(tmp_path), []
+    for i in range(400):
+        craft, user = draw.choice(["a", "b", "c", ""]), draw.choice(["ada", "bob", "", 'a"da'])
+        row = {"craft": craft or None, "time_ns": str(i // 2), "user": user, "text": '"user": "ada"'}
+        journal.save("log", craft, row)
+        all_.insert(0, (craft, row))
+    for _ in range(100):
+        crafts, user = draw.sample(["a", "b", "c"], draw.randrange(4)), draw.choice(["ada", "bob", 'a"da', "eve"])
+        before, limit, until = draw.choice([None, 90, 300]), draw.choice([1, 7, 500]), draw.choice([None, 20, 150])
+        assert journal.rows("log", None, before, limit, until, (crafts, user)) == [
+            row for craft, row in all_ if (craft in crafts or row["user"] == user) and
+            (before is None or row["id"] < before) and (until is None or int(row["time_ns"]) <= until)][:limit]
+    journal.close()
 
 
 # --- what is no request of it ----------------------------------------------------------------------------------------

@@ -18,11 +18,12 @@ MOST = 500          # rows of an answer
 # escapes its quotes.
 OPEN = {"alarms": ('"ended_ns": ""',), "transfers": ('"state": "active"', '"state": "suspended"'),
         "sent": ('"open": {',)}
+BY = "iif(json_valid(content), json_extract(content, '$.user'), NULL)"      # who did it
 SCHEMA = "".join(f"""
 CREATE TABLE IF NOT EXISTS {name} (id INTEGER PRIMARY KEY AUTOINCREMENT, craft TEXT NOT NULL, t INTEGER NOT NULL,
     content TEXT NOT NULL);
-CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS) + """
-CREATE INDEX IF NOT EXISTS log_by ON log (json_extract(content, '$.user'), id);"""
+CREATE INDEX IF NOT EXISTS {name}_of ON {name} (craft, id);""" for name in LISTS) + f"""
+CREATE INDEX IF NOT EXISTS log_by ON log ({BY}, id);"""
 
 
 def _is_open(kind: str) -> str:
@@ -82,7 +83,7 @@ class Journal:
                      for row in part}
             return [found[number] for number in sorted(found, reverse=True)[:min(limit, MOST)]]
         where = ["id < ?"] * (before is not None) + ["craft = ?"] * (craft is not None) + ["t <= ?"] * (
-            before_ns is not None) + ["json_extract(content, '$.user') = ?"] * (user is not None)
+            before_ns is not None) + [f"{BY} = ?"] * (user is not None)
         given = [one for one in (before, craft, before_ns, user) if one is not None]
         text = f"SELECT id, content FROM {kind}{' WHERE ' * bool(where)}{' AND '.join(where)} ORDER BY id DESC LIMIT ?"
         return self._read(text, (*given, min(limit, MOST)))
