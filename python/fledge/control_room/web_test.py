@@ -589,5 +589,7 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
         wait_for(lambda: craft.packets > 100)
         for t, _, _, packet in found[::500]:
             assert craft.packet_of(number_of(t, packet))["hex"] == packet.hex()
+        assert all({one["stage"] for one in row["stages"]} & {"completed", "unknown"}       # of a run that has ended
+                   for row in room.journal.rows("sent") if row["id"] in numbers)
     finally:
         room.close()
