@@ -1184,8 +1184,12 @@ void cfdp_time(Cfdp *cfdp, int64_t now)
         if (t->state == (uint8_t)CFDP_RECEIVING || t->state == (uint8_t)CFDP_WAITING) {
             if (now >= t->inactive) {
                 t->inactive = after(cfdp, remote->inactivity);
-                fault(cfdp, t, CFDP_INACTIVITY);
-                continue;
+                if (t->metadata != 0u && t->eof == 0u && t->to[0] == '\0') {
+                    t->eof = 1u; /* metadata alone, whose sender gives no EOF: all of it is here */
+                } else {
+                    fault(cfdp, t, CFDP_INACTIVITY);
+                    continue;
+                }
             }
         }
         if (now >= t->expires) {

@@ -419,6 +419,17 @@ TEST(CfdpF1, an_empty_file_and_no_file)
     }
 }
 
+TEST(CfdpF1, metadata_alone_whose_sender_gives_no_eof)
+{
+    Link link;
+    link.drops = [](const CfdpPdu &pdu, bool up) { return up && pdu.kind == CFDP_EOF; };
+    link.ground.put("", "", 1, Bytes{CFDP_TLV_MESSAGE, 2, 'h', 'i'});
+    link.finish();
+    EXPECT_EQ(link.craft.told[link.craft.told.size() - 2].text, (Bytes{'h', 'i'}));
+    EXPECT_EQ(link.craft.ended()->condition, CFDP_NO_ERROR);
+    EXPECT_FALSE(link.craft.ended()->incomplete);
+}
+
 TEST(CfdpF1, a_link_that_loses_repeats_reorders_and_delays)
 {
     for (const bool immediate : {false, true}) {
