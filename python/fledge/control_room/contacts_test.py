@@ -96,3 +96,17 @@ def test_the_server_says_it(tmp_path, monkeypatch):
         assert told["bytes"] > 0 and told["stations"][0]["name"] == "station" and craft.contacts.passes()
     finally:
         room.close()
+
+
+def test_the_radio_of_a_link_carries(tmp_path):
+    (tmp_path / "ground.toml").write_text('folder = "runs"\n' + "".join(
+        f'[[craft]]\nname = "{name}"\nmission = "earth_imager"\nlink = "cosim:flight{more}"\n'
+        for name, more in (("by_radio", "?radio=world.radio"), ("beside", ""))))
+    room = Room(read(tmp_path / "ground.toml"))
+    try:
+        for craft in room.crafts.values():
+            craft.contacts.look()
+            radio, = craft.told()["radios"]
+            assert radio["name"] == "world.radio" and radio["carries"] == (craft.name == "by_radio")
+    finally:
+        room.close()

@@ -489,6 +489,7 @@ async def test_a_mission_that_changes_is_told(tmp_path):
     async with console(tmp_path, NADIR.replace("nadir_spin", str(mission))) as c:
         await c.until("crafts", lambda found: found[0]["packets"])
         (mission / "nadir_spin_test.py").write_text("")
+        (mission / "contact.py").write_text("")     # a script that the mission does not import
         (mission / "flight.py").write_text((mission / "flight.py").read_text() + "\n")
         await c.until("crafts/own/events", lambda rows: any(
             "the mission has changed (flight.py); the server has the old one until" in one["text"] for one in rows))
