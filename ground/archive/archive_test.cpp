@@ -503,7 +503,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
 {
     // 1118 packets of 60 kB are kept in memory while the disk is full.
     constexpr std::uint32_t n = 1450, full = 50, room = 1400;
-    in_a_child(
+    const int not_kept = in_a_child(
         [&](const auto &tell) {
             PacketArchive archive(folder, "craft", db, 1000 * second);
             std::uint32_t refused = 0;
@@ -530,7 +530,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
             if (refused < room - full || refused > room - full + 2) {
                 _exit(3);
             }
-            tell(1);
+            tell(static_cast<int>(archive.lost()));
         },
         0);
     const auto found = all();
@@ -550,6 +550,7 @@ TEST_F(Archive, AFullDiskIsToldAndLeavesAGapOfWhatNoMemoryHeld)
         EXPECT_EQ(i, next++);
     }
     EXPECT_GT(lost, 0u);
+    EXPECT_EQ(static_cast<int>(lost), not_kept);
     EXPECT_EQ(found.size() + lost, n);
     EXPECT_THAT(gap.why, HasSubstr("; " + std::to_string(lost) + " packets"));
 }
