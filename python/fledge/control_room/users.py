@@ -41,6 +41,7 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from ipaddress import ip_address, ip_network
 from json import dumps
 from pathlib import Path
@@ -318,6 +319,8 @@ class Guard:
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
         self._times_of: WeakKeyDictionary[Any, _Times] = WeakKeyDictionary()    # of connections
         self._rows: dict[tuple[str, str], deque[float]] = defaultdict(deque)    # when a user caused one in the journal
+        self._counts: Counter[str] = Counter()          # connections of each address
+        self._counted = 0.0                             # when they may be counted again
         self._bodies = 0                                # [bytes] of those that are held
         self._runner: web.AppRunner | None = None
         self._sweeper: asyncio.Task[None] | None = None
@@ -385,6 +388,8 @@ class Guard:
                 raise
             kept = {name: error.headers[name] for name in ("Allow", "Retry-After") if name in error.headers}
             raise Refusal(error.status, why, kept) from None
+        except ConnectionError:     # it has gone meanwhile
+            raise
         except Exception:
             _logger().exception("%s %s", request.method, request.path)
             await self._aside(self._refused, request, 500, "the server made an error")
@@ -663,7 +668,7 @@ class Guard:
         self._tls = self.access.tls()
         try:
             server = await asyncio.get_running_loop().create_server(
-                lambda: _Door(self, runner, self._tls), self.access.host, self.access.port, backlog=1024)
+                lambda: _Door(self, runner, self._tls), self.access.host, self.access.port)
         except OSError as error:
             await runner.cleanup()
             raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None
@@ -679,18 +684,29 @@ class Guard:
 
     def full(self, address: str) -> bool:
         """Whether one more connection would be too many."""
-        there = self._there()
-        if not (self.bounds.over("connections", len(there) + 1) or self.bounds.over(
-                "connections of an address", sum(_peer(one) == address for one in there) + 1)):
+        for last in (False, True):
+            n, each = self._counts.total(), self._counts[address]
+            if n < self.bounds["connections"] and each < self.bounds["connections of an address"] or last:
+                break
+            self._recount()     # some may have gone
+        if not (self.bounds.over("connections", n + 1) or self.bounds.over("connections of an address", each + 1)):
+            self._counts[address] += 1
             return False
         if times := self._times(address, "connections"):
-            self.log("", "refused", {"why": f"{len(there)} connections", "from": address, "times": times})
+            self.log("", "refused", {"why": f"{n} connections", "from": address, "times": times})
         return True
+
+    def _recount(self) -> None:
+        """Count the connections of each address, for a fifth of the time at most."""
+        if (began := monotonic()) >= self._counted:
+            self._counts = Counter(map(_peer, self._there()))
+            self._counted = began + 5 * (monotonic() - began)
 
     async def _sweep(self) -> None:
         """End the connections whose time is over."""
         while True:
             await asyncio.sleep(min(0.25, self.bounds["first request"] / 2))
+            self._recount()
             server = self._runner.server if self._runner else None
             for one in server.connections if server else []:
                 if (times := self._times_of.get(one.transport)) and one.transport:
@@ -774,6 +790,7 @@ def _peer(transport: asyncio.BaseTransport) -> str:
     return _address(peer[0] if peer else None)
 
 
+@lru_cache(10_000)
 def _address(remote: str | None) -> str:
     """Where a request comes from: an address of IPv4, or a network of IPv6, of which one host has 2^64 addresses."""
     try:

@@ -480,7 +480,7 @@ def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
     @served(tmp_path)
     async def _(server):
         bounds = server.guard.bounds
-        bounds["connections of an address"], bounds["unread"], bounds["first request"] = 8, 1, 1
+        bounds["connections of an address"], bounds["unread"], bounds["first request"] = 8, 3, 5
         ask = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
         deaf = []
         for bounds["requests at once"] in (10**9, 64):
@@ -488,8 +488,8 @@ def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
                 deaf.append(await asyncio.open_connection("127.0.0.1", server.port, limit=1))
                 deaf[-1][1].write(ask * 5_000)
             if bounds["requests at once"] > 64:
-                await asyncio.sleep(0.3)
-                assert len(server.guard._there()) == 8
+                while len(server.guard._there()) < 8:
+                    await asyncio.sleep(0.02)
                 with pytest.raises(ClientError):
                     await server.ask("GET", "/api/session")
             for _ in range(300):
