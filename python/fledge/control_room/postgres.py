@@ -40,7 +40,9 @@ MOST = 200_000                          # values of a transaction
 LOCK = 0x464C4447                       # number of the advisory lock for changes of tables
 FIRST, LONGEST = 1.0, 30.0              # [s] until a database that does not answer is tried again
 
-SCHEMA = """
+# What tells parameters apart: an index takes no name or labels of more than 2.7 kB.
+DIGEST = r"md5(array[name, unit, kind, labels::text]::text)"
+SCHEMA = f"""
 create schema if not exists fledge;
 create table if not exists fledge.setting (name text primary key, value text not null);
 create table if not exists fledge.server (id smallserial primary key, name text not null unique);
@@ -48,7 +50,11 @@ create table if not exists fledge.spacecraft (id smallserial primary key, name t
 create table if not exists fledge.parameter (
     id serial primary key, spacecraft smallint not null references fledge.spacecraft, name text not null,
     unit text not null, kind text not null, labels text[] not null, description text not null,
-    first_server smallint not null references fledge.server, unique (spacecraft, name, unit, kind, labels));
+    first_server smallint not null references fledge.server, digest text);
+alter table fledge.parameter add column if not exists digest text;
+alter table fledge.parameter drop constraint if exists parameter_spacecraft_name_unit_kind_labels_key;
+update fledge.parameter set digest = {DIGEST} where digest is null;
+create unique index if not exists parameter_digest on fledge.parameter (spacecraft, digest);
 create table if not exists fledge.progress (
     server smallint references fledge.server, spacecraft smallint references fledge.spacecraft,
     session bigint not null, t_ns bigint not null, packets bigint not null, primary key (server, spacecraft));
@@ -148,7 +154,7 @@ class Postgres:
                         wait = FIRST
                         if not any(busy):
                             self._over.wait(1)
-            except (psycopg.Error, SetupError, OSError) as error:
+            except (psycopg.Error, SetupError, OSError, ValueError) as error:      # also a text that is none
                 self._tell(str(error).strip().splitlines()[0] if str(error) else type(error).__name__)
                 self._over.wait(wait)
                 wait = min(2 * wait, LONGEST)
@@ -270,9 +276,12 @@ class Tail:
         with self.base.transaction():
             self.base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))
             cursor = self.base.cursor()
-            cursor.executemany("""insert into fledge.parameter
-                (spacecraft, name, unit, kind, labels, description, first_server) values (%s, %s, %s, %s, %s, %s, %s)
-                on conflict (spacecraft, name, unit, kind, labels)
+            cursor.executemany(f"""insert into fledge.parameter
+                (spacecraft, name, unit, kind, labels, description, first_server, digest)
+                select spacecraft, name, unit, kind, labels, description, first_server, {DIGEST} from (
+                    values (%s::smallint, %s, %s, %s, %s::text[], %s, %s::smallint))
+                    as v (spacecraft, name, unit, kind, labels, description, first_server)
+                on conflict (spacecraft, digest)
                 do update set first_server = least(fledge.parameter.first_server, excluded.first_server)
                 returning id""", [
                 (self.craft_id, one["name"], one["unit"] or "", one["kind"], list(one["labels"] or ()),

@@ -5,9 +5,11 @@ import random
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from types import SimpleNamespace
+from xml.sax.saxutils import quoteattr
 
 import pytest
 
@@ -168,6 +170,23 @@ def test_all_kinds_of_values_are_as_they_were_decoded(tmp_path, base):
                       ("count", 3.0, None, 0), ("mode", None, "9", 0), ("voltage", None, None, 2)}
     assert {(one[2], one[4], one[5]) for one in rows[9:]} == {
         ("count", 4.0, None), ("big", -2.0**40, None), ("note", None, '<"é 1')}
+
+
+def test_texts_of_a_database_and_of_packets_are_data_and_of_any_length(tmp_path, base, monkeypatch):
+    """Also where an index would have no room for them; those of before are found again."""
+    evil = "'); drop schema fledge cascade; --\x9b\u202e"
+    words = random.Random(1).randbytes(8000).hex()
+    monkeypatch.setattr(sys.modules[__name__], "DATABASE", DATABASE.replace(
+        'label="SAFE"', f"label={quoteattr(evil + words)}"))
+    for count in (1, 2):        # the parameters are the same at the second start
+        with Server(folder_of(tmp_path, str(count)), base, server="one") as server:
+            server.monitor.take([(T0 + count, T0 + count, power(count, 0.5, 3)), (
+                T0 + count, T0 + count, struct.pack(">BIq6s", 2, 4, 1, b"a\0\xff'\x1b\\"))])
+            wait_for(lambda: written(base) >= 4 if count == 1 else not server.events and server.postgres.problem == "")
+            assert not server.events
+    assert base.rows("select distinct text from fledge.telemetry where parameter = 'mode'") == [(evil + words,)]
+    assert base.rows("select text from fledge.telemetry where parameter = 'note'")[0][0].startswith("a")
+    assert base.rows("select count(*) from fledge.parameter where name = 'mode'") == [(1,)]
 
 
 def test_the_concern_is_that_of_the_limits_in_force_when_a_packet_was_received(tmp_path, base):
