@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Commands: found in the database, filled in, looked at as bytes, sent, and followed by their verifiers.
 import {of} from "../api.js";
-import {attempt, dress, h, put, stamp} from "../dom.js";
+import {attempt, dress, h, hint, put, stamp} from "../dom.js";
 import {clock} from "../format.js";
 import {
     Form, bytesOf, groupOf, inWords, ladder, listed, outcome, send, stagesOf, textOf, tick, verifierOf
@@ -44,7 +44,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
                             .replace(/^[./]/, "") +
                         (one.form.hazardous ? " \u26a0" : "") :
                     `${one.group} (${one.n})`);
-            cell.title = one.form ? `${one.form.name}\n${one.form.description}` : one.group;
+            hint(cell, one.form ? `${one.form.name}\n${one.form.description}` : one.group);
         },
         moved: (k) => rows[k].form && show(rows[k].form),
         choose: (k, event) => event.key === "Enter" && focusForm(),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tables: the parameters of modules on board, read, edited beside what is on board, and loaded whole.
 import {of} from "../api.js";
-import {attempt, h, put} from "../dom.js";
+import {attempt, h, hint, put} from "../dom.js";
 import {bare, clock} from "../format.js";
 import {outcome, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
@@ -149,7 +149,7 @@ export async function open({root, api, live, keys, craft, selection, select, can
                 const {value, problem} = parsed(leaf, field.value);
                 field.toggleAttribute("aria-invalid", Boolean(problem));
                 if (problem) field.setAttribute("aria-invalid", "true");
-                field.title = problem ?? "";
+                hint(field, problem ?? "");
                 if (!problem) edits.set(id(), changed(edited(), leaf.keys, value));
                 row.classList.toggle("differs", !problem && !same(value, board));
                 buttons();
