@@ -56,7 +56,8 @@ class Framed(Link):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Frames of telemetry and those missing, CLCWs, how often COP-1 ended; and, by fault, frames refused."""
+        """Frames of telemetry and those missing, CLCWs, how often COP-1 ended; and, by fault, frames refused; packets
+        of others that were `encapsulated`, and what in frames was `unread`: cut off, or of another version."""
         return dict(self._end.counts)
 
     @property
