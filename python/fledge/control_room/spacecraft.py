@@ -99,6 +99,7 @@ class Spacecraft:
         self._mission_files: list[Path] = []    # that the mission was made of
         self._looked = self._published = 0.0
         self.gaps: deque[tuple[int, int]] = deque(maxlen=RECENT)    #: [ns] in which telemetry of this session is missing
+        self._untold: list[tuple[str, int]] = []        # of these, for an event
         self._last = -1         # [ns] of the newest packet of a co-simulation, also of the session before
         self._prepare()
         self.derived = DerivedParameters(self, self.monitor)
@@ -512,6 +513,8 @@ class Spacecraft:
         if rows:
             self.take(rows)
             self._last = rows[-1][0]
+        while self._untold:     # the archive has them now
+            self.room.tell(self.name, "warning", "link", *self._untold.pop(0))
         self.commanding.look()
         self.transfers.look()
         self.feed.sample()
@@ -564,8 +567,7 @@ class Spacecraft:
         if not follows:
             self.archive.missing(begin, end, why)
         self.gaps.append((begin, end))
-        self.room.tell(self.name, "warning", "link", f"telemetry is missing from {begin / 1e9:g} s to {end / 1e9:g} s: "
-                       f"{why}", end)
+        self._untold.append((f"telemetry is missing from {begin / 1e9:g} s to {end / 1e9:g} s: {why}", end))
         return rows
 
     def missing(self, begin: int, end: int) -> str:

@@ -41,6 +41,7 @@ export class Time {
         keys.always("<", "1 min back in time", () => this.step(-60));
         keys.always(">", "1 min on in time", () => this.step(60));
         live.on("craft", (one) => one.craft === this.craft && this.show());
+        live.on("event", (one) => one.craft === this.craft && one.source === "link" && this.load());   // gaps
         live.onFrame(() => this.show());
     }
 
