@@ -98,7 +98,8 @@ class Spacecraft:
         self._changed: dict[Path, int] = {}     # when the files of the database did
         self._mission_files: list[Path] = []    # that the mission was made of
         self._looked = self._published = 0.0
-        self.gaps: deque[tuple[int, int]] = deque(maxlen=RECENT)    #: [ns] in which telemetry of this session is missing
+        #: [ns] in which telemetry of this session is missing
+        self.gaps: deque[tuple[int, int]] = deque(maxlen=RECENT)
         self._untold: list[tuple[str, int]] = []        # of these, for an event
         self._last = -1         # [ns] of the newest packet of a co-simulation, also of the session before
         self._prepare()

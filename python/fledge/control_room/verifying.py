@@ -112,8 +112,8 @@ class Verifying:
                 since = "the release" if verifier["from_release"] or one.passed == one.release else \
                     "the verifier before"
                 within = verifier["stop"] or OPEN / 1e9
-                self.craft.commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s of "
-                                              f"{since}", begin, end)
+                self.craft.commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
+                                              f"of {since}", begin, end)
                 one.late[number] = one.row["stages"][-1], end
             for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
                 self.craft.monitor.forget(number)
