@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from fledge.control_room.web import Server
 
 FRAME = 32          # [bytes] of a frame without values
-FEED_S, FEED_AT_ONCE = 0.05, 1 << 20    # [s] between the packets for a script; [bytes] of them in one text
+FEED_S, FEED_AT_ONCE = 0.05, 1 << 18    # [s] between the packets for a script; [bytes] of them in one text
+PAUSE = 0.005, 0.25     # [s] until the next look, and until that at one that does not read
 PACKET = 200        # [bytes] that one takes besides its own
 
 
@@ -51,8 +52,13 @@ class Browser:
 
     @property
     def waiting(self) -> int:
-        """[bytes] that wait for it, of which waiting_texts are no packets."""
-        return self.waiting_texts + sum(one.waiting for one in self._feeds.values())
+        """[bytes] that wait for it."""
+        transport = self.request.transport
+        return self.waiting_texts + self.waiting_packets + (transport.get_write_buffer_size() if transport else 0)
+
+    @property
+    def waiting_packets(self) -> int:
+        return sum(one.waiting for one in self._feeds.values())
 
     async def serve(self) -> web.WebSocketResponse:
         await self.socket.prepare(self.request)
@@ -130,7 +136,7 @@ class Browser:
         self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
 
     async def _send(self, transport: asyncio.Transport) -> None:
-        loop = asyncio.get_running_loop()
+        loop, pause = asyncio.get_running_loop(), PAUSE[0]
         while not self.socket.closed:
             now = loop.time()
             due = min([one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()],
@@ -138,10 +144,11 @@ class Browser:
             if not self._texts or transport.get_write_buffer_size():
                 self._wake.clear()
                 try:
-                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, 0.005), 1))
+                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, pause), 1))
                 except asyncio.TimeoutError:
                     pass
             free = not transport.get_write_buffer_size()
+            pause = PAUSE[0] if free else min(2 * pause, PAUSE[1])     # one that does not read costs little
             try:
                 await self._values(loop.time(), transport)
                 if free and self.skipped != self._told:

@@ -704,9 +704,13 @@ class Guard:
 
     async def _sweep(self) -> None:
         """End the connections whose time is over."""
+        before = monotonic()
         while True:
             await asyncio.sleep(min(0.25, self.bounds["first request"] / 2))
             self._recount()
+            slept, before = monotonic() - before, monotonic()
+            if slept > 1:       # the server was late itself, and their requests may wait
+                continue
             server = self._runner.server if self._runner else None
             for one in server.connections if server else []:
                 if (times := self._times_of.get(one.transport)) and one.transport:

@@ -51,8 +51,7 @@ class Server:
         self._began, crafts = time.monotonic(), room.crafts
         for name, used in (
                 ("texts of a socket", lambda: max((one.waiting_texts for one in self.browsers), default=0)),
-                ("packets of a socket", lambda: max((one.waiting - one.waiting_texts for one in self.browsers),
-                                                    default=0)),
+                ("packets of a socket", lambda: max((one.waiting_packets for one in self.browsers), default=0)),
                 ("waiting in all", lambda: sum(one.waiting for one in self.browsers)),
                 ("queries", lambda: min(self._asked_now, self.bounds["queries"])),
                 ("queries that wait", lambda: max(0, self._asked_now - self.bounds["queries"])),
