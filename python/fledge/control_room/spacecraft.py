@@ -361,7 +361,7 @@ class Spacecraft:
         self.epoch_ns = epoch_of(sim)
         self.mission_folder = Path(sim.mission.folder) if sim.mission else None
         own = [one for name, one in list(sys.modules.items()) if name.startswith(f"_mission_{sim.name}_")]
-        self._mission_files = sorted({Path(one.__file__) for one in own if getattr(one, "__file__", None)})
+        self._mission_files = sorted({Path(path) for one in own if (path := getattr(one, "__file__", None))})
         files = [self.mission_folder / name for name in PICTURES] if self.mission_folder else []
         self.picture = next((one for one in files if one.is_file()), None)
         self.dictionary = process.commands.dictionary
@@ -507,8 +507,8 @@ class Spacecraft:
         if self.clock == "simulated":
             self.now = max(self.now, self.link.t)
         rows = self._timed(arrived) if arrived else []
-        for gap in getattr(self.link, "link", self.link).gaps():
-            rows = self._lost(*gap, rows)
+        for begin, end, why in getattr(self.link, "link", self.link).gaps():
+            rows = self._lost(begin, end, why, rows)
         if self.commanding.left and (rows or self.clock == "utc"):
             self.commanding.restore()
         if rows:
