@@ -109,3 +109,11 @@ def test_a_damaged_archive_is_read_as_far_as_it_is_good_and_written_on(tmp_path,
             assert str(error).startswith(str(file))
     err = capsys.readouterr().err
     assert "Traceback" not in err and "defect" not in err
+
+
+@pytest.mark.parametrize("text", [b"&#27;", b"&#xD800;", b"\xff", b"\xc0\x80", b"\xed\xa0\x80", b"&#x110000;"])
+@pytest.mark.parametrize("before", [b"<Unit>V", b"'bus", b"'Q", b"value='5"])
+def test_what_is_no_text_in_a_database_is_refused_with_its_line(tmp_path, text, before):
+    (tmp_path / "s.xml").write_bytes(XTCE.encode().replace(before, before + text))
+    with pytest.raises(SetupError, match=r"s.xml:\d+: a name or text is not UTF-8, or has a character that"):
+        Database.load(tmp_path / "s.xml")
