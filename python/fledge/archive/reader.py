@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from fledge.archive import mcap
-from fledge.errors import listed, printable
+from fledge.errors import cell, listed, printable
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
 from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of
@@ -337,7 +337,7 @@ class Archive(Records):
             unit = f" [{field.unit}]" if field.unit else ""
             headings += [name + unit for name in field.columns()]
             for column in self.raw._elements(channel, field):
-                columns.append(column.tolist())
+                columns.append([cell(one) for one in column.tolist()] if column.dtype.kind == "U" else column.tolist())
                 for i in missing:
                     columns[-1][i] = ""
         for name, source in heads.items():
