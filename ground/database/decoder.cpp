@@ -1484,6 +1484,9 @@ const Decoded &Decoder::decode(std::span<const std::uint8_t> packet, Id root)
             const Plan &made = *plans_[found_];
             run(made);
             packet_.planned = true;
+            packet_.nearest = no_id;
+            packet_.reason.clear(); // of roots before
+            packet_.stopped.reset();
             packet_.fields = made.fields;
             packet_.nodes = made.nodes;
             end_ = made.end;

@@ -36,7 +36,8 @@ constexpr std::uint64_t most_values = 1 << 20;    // of a type; of all entries, 
 constexpr std::int64_t most_quantity = std::int64_t(1) << 40;
 constexpr std::size_t most_steps = 1024;    // of a calculation
 constexpr std::size_t most_of_fault = 1000; // characters of a fault
-constexpr std::size_t most_shown = 100;     // faults of a message
+constexpr std::size_t most_faults = 10'000;
+constexpr std::size_t most_shown = 100; // faults of a message
 constexpr int most_rounds = 100;
 constexpr const char *too_many_copies =
     "its names, and what its types inherit, take more than 256 MB: shorten them, or inherit less";
@@ -293,6 +294,10 @@ private:
             const Place at = fault.place.line == 0 ? place(thing) : fault.place;
             faults_.emplace_back((fault.place.line == 0 ? db_.where(at) + ": " : "") + fault.what(), at, fault.follows);
             faults_.back().thing = path;
+            if (faults_.size() > most_faults) {
+                refuse_faults();
+                throw Refusal(db_.files[file_] + ": too much refers to what has faults");
+            }
             left_.insert(thing.internal_object());
             return false;
         }
