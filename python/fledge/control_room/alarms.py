@@ -53,7 +53,7 @@ class Alarms:
 
     def rows(self) -> list[dict[str, Any]]:
         """The open alarms. The slot is None if the database no longer has the parameter."""
-        return [self._told(one) for one in self._open.values()]
+        return [self._told(one) for one in list(self._open.values())]      # from any thread
 
     def take(self, notes: list[tuple[int, int, int, int]]) -> None:
         """Take changes of limit states: (slot, t, old, new) each."""

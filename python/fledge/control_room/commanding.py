@@ -61,7 +61,7 @@ class Commanding:
         craft, left = self.craft, self.left
         self.left = []
         if craft.clock == "utc":
-            craft.gaps.append((max((one["last"] for one in craft.history.sessions()), default=int(left[0]["t_ns"])),
+            craft.gaps.append((max((int(one["last_ns"]) for one in craft.sessions()), default=int(left[0]["t_ns"])),
                                craft.now))
         for row in left:
             form, packets = self._forms.get(row["name"]), [bytes.fromhex(one) for one in row["hex"].split()]

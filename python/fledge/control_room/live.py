@@ -155,7 +155,7 @@ class Browser:
                     self._told = self.skipped
                     self._texts.appendleft(text := dumps({"kind": "skipped", "count": self.skipped}))
                     self.waiting_texts += len(text)
-                for feed in self._feeds.values():
+                for feed in list(self._feeds.values()):     # more may come meanwhile
                     if loop.time() >= feed.due and not transport.get_write_buffer_size():
                         await self.socket.send_str(feed.text())
                         feed.due = loop.time() + FEED_S * (not feed.waiting)

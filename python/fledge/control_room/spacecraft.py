@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import suppress
+from datetime import datetime, timezone
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Event as Flag, Lock, Thread
@@ -360,7 +361,7 @@ class Spacecraft:
         process = flight_of(sim, settings.process)
         self.epoch_ns = epoch_of(sim)
         self.mission_folder = Path(sim.mission.folder) if sim.mission else None
-        own = [one for name, one in list(sys.modules.items()) if name.startswith(f"_mission_{sim.name}_")]
+        own = [one for name, one in sys.modules.copy().items() if name.startswith(f"_mission_{sim.name}_")]
         self._mission_files = sorted({Path(path) for one in own if (path := getattr(one, "__file__", None))})
         files = [self.mission_folder / name for name in PICTURES] if self.mission_folder else []
         self.picture = next((one for one in files if one.is_file()), None)
@@ -574,8 +575,13 @@ class Spacecraft:
     def missing(self, begin: int, end: int) -> str:
         """In words, which telemetry of a stretch [ns] is missing; empty: none."""
         found = [(a, b) for a, b in self.gaps if a < end and begin < b]
-        return "telemetry is missing " + listed([f"from {a / 1e9:g} s to {b / 1e9:g} s" for a, b in found]) \
-            if found else ""
+        words = [f"from {self._in_words(a)} to {self._in_words(b)}" for a, b in found]
+        return f"telemetry is missing {listed(words)}" if words else ""
+
+    def _in_words(self, t: int) -> str:
+        """A time [ns] of its clock."""
+        return f"{t / 1e9:g} s" if self.clock == "simulated" else \
+            datetime.fromtimestamp(t / 1e9, timezone.utc).strftime("%Y-%m-%d %H:%M:%S UTC")
 
     def _timed(self, arrived: list[Timed]) -> list[tuple[int, int, bytes]]:
         """(t, received, packet) of each."""
@@ -599,7 +605,7 @@ class Spacecraft:
         self.noted(self.derived.turn())
         self.packets += len(rows)       # when they are in the archive, and their alarms known
         self.bytes += sum(len(packet) for _, _, packet in rows)
-        for sink in self.sinks:
+        for sink in list(self.sinks):       # the event loop changes it
             sink(rows)
 
     def noted(self, notes: Iterable[tuple[Any, ...]]) -> None:

@@ -126,11 +126,13 @@ class Server:
                 found.guarded()
                 later = self.guard.take(found.access)
             except Exception as error:      # whatever it is, the next change is looked at
-                self._tell("critical", f"{old.file.name} has changed and is refused, users and tokens stay: {error}")
+                await asyncio.to_thread(self._tell, "critical", f"{old.file.name} has changed and is refused, users "
+                                        f"and tokens stay: {error}")
                 continue
             later = later or (found.crafts, found.folder, found.more) != (old.crafts, old.folder, old.more)
-            self._tell("info", f"{old.file.name} has changed, users and tokens are as it says now"
-                       + "; what else it says counts when the server starts again" * later)
+            await asyncio.to_thread(
+                self._tell, "info", f"{old.file.name} has changed, users and tokens are as it says now"
+                + "; what else it says counts when the server starts again" * later)
 
     def _tell(self, severity: str, text: str) -> None:
         """Of the server: with the events of all spacecraft, and in the log."""
