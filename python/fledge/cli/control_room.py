@@ -42,8 +42,8 @@ def add(command: Callable) -> None:
     a.add_argument("--to", required=True, metavar="CRAFT", help="MISSION or MISSION:SCENARIO, which is "
                    "simulated meanwhile; an address, as of `fledge command`; or http://HOST:PORT/CRAFT of "
                    "`fledge ground serve`")
-    a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN, which "
-                   "others do not see in the list of processes")
+    a.add_argument("--token", help="of a server with users: who the script is; default: the variable FLEDGE_TOKEN, "
+                   "which others do not see in the list of processes")
     a.add_argument("--mission", help="of an address: the name of the mission, or MISSION_packets.json of an export")
     a.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     a.add_argument("--seed", type=int, default=0, metavar="N", help="of a simulated mission's random streams; "
