@@ -364,7 +364,7 @@ class Guard:
             if (now := access.tokens.get(digest)) != one.user:
                 del self._scripts[digest]
                 one.cut()
-                self.log(one.user.name, "token ended", {
+                self._writer.submit(self.log, one.user.name, "token ended", {
                     "why": "its name, roles or spacecraft were changed" if now else "the token was removed"})
         if access.closed:
             self._nobody.cut()
@@ -400,6 +400,8 @@ class Guard:
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
             raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
+        if request.headers.get("Content-Encoding", "identity") != "identity":
+            raise Refusal(415, "the body of a request comes as it is, without a Content-Encoding")
         try:
             unquote_to_bytes(request.raw_path).decode()
         except UnicodeError:
@@ -427,6 +429,8 @@ class Guard:
         self.check(request)
         if _changes(request) and not request.match_info.http_exception:     # a route that there is
             await self._note(request, row.logged if row else True, row.body if row else "body")
+            if user and not (row and row.role == ANYONE) and self._who(request)[0] is not found:    # while it came
+                raise Refusal(401, "the session has ended meanwhile: log in again")
         task = asyncio.current_task()
         try:
             return await handler(request)
@@ -557,7 +561,7 @@ class Guard:
         if self._waiting >= QUEUE and not known:
             raise Refusal(429, "too many log in at once; try again", {"Retry-After": "5"})
         where = f"a browser of {name}" if known else _address(request.remote)
-        attempt = self._attempt(where, "" if known or is_loopback(where) else name)
+        attempt = self._attempt(where, "" if known else name)
         # Unknown names take as long, so that the time does not tell which there are.
         kept = (user or next(iter(self.access.users.values()))).password
         assert kept
@@ -572,7 +576,7 @@ class Guard:
             self._end_of(old, f"{old.user.name} logged in again")
         self._failed = [one for one in self._failed if one[1:] != attempt]
         request["user"], request["session"] = user, self._begin(user, word := secrets.token_urlsafe(32))
-        self.log(user.name, "logged in", {"from": _address(request.remote)})
+        await self._aside(self.log, user.name, "logged in", {"from": _address(request.remote)})
         response = await self._session(request)
         self._give(request, response, self._cookie(request), word, self.access.session_s)
         self._give(request, response, mark, proof, KNOWN_S)
@@ -610,16 +614,17 @@ class Guard:
         if session.end:
             session.end.cancel()
         session.cut()
-        self.log(session.user.name, "session ended", {"why": why})
+        self._writer.submit(self.log, session.user.name, "session ended", {"why": why})
 
     def _attempt(self, where: str, name: str) -> tuple[str, str]:
         """Count an attempt to log in as failed until it has not; refuses one of an address or a browser that guesses,
-        and of a name that many guess. name: "" of those whom others must not lock out: a browser that was that user
-        before, and the server's own machine."""
+        and of a name that many guess. name: "" of a browser that was that user before: others must not lock it out, nor
+        the server's own machine."""
         now = self.clock()
         self._failed = [one for one in self._failed if one[0] > now - ATTEMPTS_S]
         for most, times, text in ((ATTEMPTS, [one[0] for one in self._failed if one[1] == where], ""),
-                                  (NAMED, [one[0] for one in self._failed if name and one[2] == name],
+                                  (NAMED, [one[0] for one in self._failed if name and one[2] == name
+                                           and not is_loopback(one[1]) and not is_loopback(where)],
                                    f" as {name!r}; a browser that was this user before, or on the server's machine, "
                                    "does not wait")):
             if len(times) >= most:
@@ -642,7 +647,7 @@ class Guard:
 
     async def _stop(self, _: web.Application) -> None:
         self._checker.shutdown(wait=False)
-        self._writer.shutdown(wait=False)
+        self._writer.shutdown()     # which has written all
         if self._sweeper:
             self._sweeper.cancel()
         for one in self._sessions.values():
@@ -662,7 +667,8 @@ class Guard:
                 door.abort()
 
         app.on_shutdown.append(close)
-        runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30)
+        # Not decompressed: of some hundred bytes, anybody could make gigabytes, in the loop.
+        runner = web.AppRunner(app, logger=_logger(), access_log=None, keepalive_timeout=30, auto_decompress=False)
         await runner.setup()
         self._runner = runner
         self._tls = self.access.tls()
@@ -693,7 +699,7 @@ class Guard:
             self._counts[address] += 1
             return False
         if times := self._times(address, "connections"):
-            self.log("", "refused", {"why": f"{n} connections", "from": address, "times": times})
+            self._writer.submit(self.log, "", "refused", {"why": f"{n} connections", "from": address, "times": times})
         return True
 
     def _recount(self) -> None:
