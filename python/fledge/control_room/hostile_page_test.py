@@ -4,14 +4,15 @@ becomes no element, no script and no order of letters."""
 import json
 import socket
 import struct
-import time
 from pathlib import Path
+from urllib.request import urlopen
 from xml.sax.saxutils import quoteattr
 
 import pytest
 
 from fledge.control_room.console_test import free_port
 from fledge.control_room.testing.console import browse, checks, served
+from tests.waiting import wait_for
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
 TEXTS = {"name": "v", "unit": "mA", "about": "about it", "label": "POINT", "box": "Power", "command": "DO",
@@ -77,11 +78,15 @@ def found(tmp_path_factory):
     (folder / "ground.toml").write_text(f'port = 0\nfolder = "runs"\n{crafts}')
     (folder / "texts.json").write_text(json.dumps({"plain": TEXTS, "evil": EVIL}))
     with served(folder / "ground.toml") as address, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        for both in zip(packets(TEXTS), packets(EVIL)):
+        def all_have(what):
+            with urlopen(f"{address}/api/crafts") as answer:
+                return all(map(what, json.load(answer)))
+
+        wait_for(lambda: all_have(lambda one: one["link"]["up"]))
+        for n, both in enumerate(zip(packets(TEXTS), packets(EVIL)), 1):
             for port, packet in zip(ports.values(), both):
                 link.sendto(packet, ("127.0.0.1", port))
-            time.sleep(0.05)
-        time.sleep(1)
+            wait_for(lambda: all_have(lambda one: one["packets"] >= n))
         return browse(SCRIPT, address, folder)
 
 
