@@ -235,8 +235,8 @@ void Broker::serve()
                 return;
             }
             pause = busy || waits ? shortest : std::min(2 * pause, std::chrono::milliseconds(longest));
-            poll(items, busy ? 0ms : pause);
-            if (busy) {
+            poll(items, busy || waits ? 0ms : pause);
+            if (busy || waits) {
                 std::this_thread::sleep_for(shortest); // work in batches: the run needs the processor
             }
         } catch (const zmq::error_t &error) {
@@ -399,7 +399,7 @@ void Broker::receive_subscriptions(bool complete)
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
             send(it->first, it->second.published);
             if (complete) {
-                (void)deliver(); // one that has waiting messages needs it not
+                (void)send_to_complete(); // one that has waiting messages needs it not
             }
             topic_.clear();
         }
