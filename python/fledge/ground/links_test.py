@@ -120,7 +120,7 @@ def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch
 
 def test_a_server_has_few_clients_and_cuts_off_who_does_not_read(monkeypatch):
     monkeypatch.setattr(links, "CLIENTS", 2)
-    monkeypatch.setattr(links, "UNREAD", 1)
+    monkeypatch.setattr(links, "UNREAD", 3)
     port = free()
     with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as reader, \
             socket.create_connection(("127.0.0.1", port)) as deaf, \
