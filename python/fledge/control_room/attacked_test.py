@@ -359,9 +359,10 @@ async def fuzzed(folder):
                 if message.type == WSMsgType.TEXT and "a message is JSON" in message.data:
                     break
         print(f"{asked} requests, {sent} messages in {time.monotonic() - begun:.0f} s, seed {SEED}")
-        await page.client.post("/api/crafts/b/run", json={"action": "go", "speed": 1},
-                               headers={"X-Fledge-CSRF": page.csrf})
-        await page.verified("b", "flight.write.control.K", {"K": 3})
+        with patch("fledge.control_room.web.PATIENCE", PATIENCE):
+            await page.client.post("/api/crafts/b/run", json={"action": "go", "speed": 1},
+                                   headers={"X-Fledge-CSRF": page.csrf})
+            await page.verified("b", "flight.write.control.K", {"K": 3})
 
 
 def test_fuzzed_routes_and_messages_are_answered_with_words(tmp_path):
