@@ -484,7 +484,8 @@ class Session:
         r.handled = True
         if p.asynchronous and (p.on_loss != "restart" or r.started > p.restarts or not (r.process and r.process.code)):
             if p.complete:
-                self._ours.send(b"without\n")
+                with contextlib.suppress(OSError):      # the controller has ended, too
+                    self._ours.send(b"without\n")
             if r.process and r.process.code:
                 self.view.happens(f"  {name}, an asynchronous program, {r.dead}; the run goes on without it")
             return
