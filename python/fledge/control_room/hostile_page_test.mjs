@@ -40,8 +40,12 @@ await run({
             for (const craft of ["plain", "evil"]) {
                 last = await open(name, {craft, selection: selections[name]?.(TEXTS[craft], craft) ?? ""});
                 await last.waitForFunction(() => controlRoom.live.state === "connected");
-                await last.waitForTimeout(1500);
-                found[craft] = await made(last);
+                const wanted = JSON.stringify(found.plain?.counts);
+                for (let k = 0, old = "", now = ""; !now || (now !== (wanted ?? old) && k < 60); k++) {
+                    await last.waitForTimeout(1000);        // until all is shown that comes
+                    found[craft] = await made(last);
+                    [old, now] = [now, JSON.stringify(found[craft].counts)];
+                }
                 assert.deepEqual(last.problems, [], name);
             }
             assert.equal(found.evil.ran, null, `${name}: a script ran`);
