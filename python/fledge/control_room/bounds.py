@@ -44,6 +44,7 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("refusals of a user", 60, "/min", "beyond {most} refusals within a minute, the log has the 1st, 10th, 100th, ..."),
     ("message", 512 << 10, "bytes", "a message of a WebSocket has at most {most} bytes"),
     ("messages", 600, "/min", "a WebSocket sends at most {most} messages within a minute"),
+    ("frames", 6000, "/min", "a WebSocket sends at most {most} frames within a minute"),
     ("values of a subscription", 1 << 16, "", "a subscription has at most {most} values; or all"),
     ("texts of a socket", 4 * MIB, "bytes", "of texts, {most} bytes wait for a browser"),
     ("packets of a socket", 16 * MIB, "bytes", "of packets, {most} bytes wait for a script"),

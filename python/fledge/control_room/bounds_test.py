@@ -135,6 +135,32 @@ async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_mu
 
 
 @flown
+async def test_empty_frames_are_bounded_and_hold_nobody_up(folder):
+    """Pings, and parts of a message without content: neither is a message, nor has it bytes that flow control counts."""
+    async with served(folder) as page:
+        bounds = page.server.bounds
+        for bound, sent in (("messages", b"\x89\x80abcd" * 700), ("frames", b"\x89\x80abcd" * 100_000),
+                            ("frames", b"\x8a\x00" * 100_000),
+                            ("frames", b"\x01\x80abcd" + b"\x00\x80abcd" * 100_000)):
+            before = {name: bounds.all[name].refused for name in ("messages", "frames")}
+            live = await page.client.ws_connect("/api/live")
+            live._writer.transport.write(sent)
+            while (message := await live.receive(PATIENCE)).type == WSMsgType.TEXT:
+                pass
+            assert message.type in (WSMsgType.CLOSE, WSMsgType.CLOSED, WSMsgType.ERROR)
+            assert bounds.all[bound].refused > before[bound]
+            assert bounds.all["frames"].peak <= bounds["frames"]
+            while page.server.browsers:
+                await asyncio.sleep(0.01)
+        live = await page.client.ws_connect("/api/live")
+        await live.ping(b"here")
+        live._autoping = False
+        while (message := await live.receive(PATIENCE)).type == WSMsgType.TEXT:
+            pass
+        assert (message.type, bytes(message.data)) == (WSMsgType.PONG, b"here")
+
+
+@flown
 async def test_an_administrator_sees_the_limits_and_what_is_in_use(folder):
     async with served(folder) as page:
         found = await page.get("server")

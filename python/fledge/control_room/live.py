@@ -9,10 +9,10 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import WebSocketError, WSMsgType, web
 
 from fledge.control_room.answers import dumps
-from fledge.control_room.bounds import bound_socket
+from fledge.control_room.bounds import Bounds, bound_socket
 from fledge.control_room.routes import USER, loads, message, rows
 from fledge.control_room.spacecraft import Spacecraft
 from fledge.control_room.users import Refusal
@@ -25,6 +25,56 @@ FRAME = 32          # [bytes] of a frame without values
 FEED_S, FEED_AT_ONCE = 0.05, 1 << 18    # [s] between the packets for a script; [bytes] of them in one text
 PAUSE = 0.005, 0.25     # [s] until the next look, and until that at one that does not read
 PACKET = 200        # [bytes] that one takes besides its own
+PIECE = 2048        # [bytes] whose frames are looked at before they are counted
+MESSAGE_TYPES = WSMsgType.TEXT, WSMsgType.BINARY, WSMsgType.PING, WSMsgType.PONG
+
+
+class _Socket(web.WebSocketResponse):
+    """A WebSocket that takes a bounded number of frames: aiohttp alone would read and keep any number of empty ones,
+    pings and parts of a message, which no count of bytes bounds, and serve nobody else meanwhile."""
+
+    def __init__(self, bounds: Bounds) -> None:
+        super().__init__(heartbeat=30, autoping=False, max_msg_size=int(bounds["message"]), compress=False)
+        self.bounds, self._frames = bounds, Recent()
+
+    def _post_start(self, request: web.BaseRequest, protocol: str, writer: Any) -> None:
+        whole, early = request.protocol, request.protocol._message_tail
+        whole._message_tail = b""
+        super()._post_start(request, protocol, writer)
+        reader = whole._payload_parser
+        parse, feed = reader.parse_frame, reader.feed_data
+
+        def counted(data: bytes) -> Any:
+            found = parse(data)
+            if self.bounds.over("frames", self._frames.count(len(found))):
+                raise WebSocketError(1008, self.bounds.says("frames"))
+            return found
+
+        def in_pieces(data: bytes) -> tuple[bool, bytes]:
+            return next((over for at in range(0, len(data), PIECE) if (over := feed(data[at:at + PIECE]))[0]),
+                        (False, b""))
+
+        reader.parse_frame, reader.feed_data = counted, in_pieces
+        if early:
+            in_pieces(early)
+
+
+class Recent:
+    """How many there were within a minute."""
+
+    def __init__(self) -> None:
+        self._all: deque[tuple[float, int]] = deque()   # when how many came
+        self._n = 0
+
+    def count(self, more: int) -> int:
+        """With these."""
+        now = time.monotonic()
+        while self._all and self._all[0][0] <= now - 60:
+            self._n -= self._all.popleft()[1]
+        if more:
+            self._all.append((now, more))
+        self._n += more
+        return self._n
 
 
 class Browser:
@@ -32,12 +82,12 @@ class Browser:
 
     def __init__(self, server: Server, request: web.Request) -> None:
         self.server, self.request, self.bounds = server, request, server.room.bounds
-        self.socket = web.WebSocketResponse(heartbeat=30, max_msg_size=int(self.bounds["message"]), compress=False)
+        self.socket = _Socket(self.bounds)
         self.wanted: dict[str, _Subscription] = {}
         self.skipped = self._told = 0
         self._texts: deque[str] = deque()
         self.waiting_texts = 0  #: [bytes] of them
-        self._asked: deque[float] = deque()     # when its messages came
+        self._asked = Recent()  # its messages
         self._wake = asyncio.Event()
         self._feeds: dict[str, _PacketFeed] = {}
 
@@ -70,10 +120,12 @@ class Browser:
         sender = asyncio.create_task(self._send(transport))
         try:
             async for message in self.socket:
-                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and self._often():
+                if message.type in MESSAGE_TYPES and self.bounds.over("messages", self._asked.count(1)):
                     await self.socket.close(code=1008, message=self.bounds.says("messages").encode())
                     break
-                if message.type == WSMsgType.TEXT:
+                if message.type == WSMsgType.PING:
+                    await self.socket.pong(message.data)
+                elif message.type == WSMsgType.TEXT:
                     try:
                         self._take(message.data)
                     except (SetupError, Refusal) as error:
@@ -86,13 +138,6 @@ class Browser:
             for one in self._feeds.values():
                 one.craft.sinks.remove(one.take)
         return self.socket
-
-    def _often(self) -> bool:
-        now = asyncio.get_running_loop().time()
-        while self._asked and self._asked[0] <= now - 60:
-            self._asked.popleft()
-        self._asked.append(now)
-        return self.bounds.over("messages", len(self._asked))
 
     def _take(self, text: str) -> None:
         """What the browser asks for. Raises SetupError and Refusal."""
