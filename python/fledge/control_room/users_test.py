@@ -516,6 +516,7 @@ def test_hundreds_of_connections_are_refused_beyond_the_limit(tmp_path):
     @served(tmp_path)
     async def _(server):
         server.guard.bounds["connections"], server.guard.bounds["connections of an address"] = 60, 40
+        server.guard.bounds["first request"] = 300
         served, opened = 0, []
         for _ in range(4):      # below 1024 files, which a process may open, with both of their ends
             opened += await asyncio.gather(*[asyncio.open_connection("127.0.0.1", server.port) for _ in range(100)])
@@ -535,16 +536,17 @@ def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
     @served(tmp_path)
     async def _(server):
         bounds = server.guard.bounds
-        bounds["connections of an address"], bounds["unread"], bounds["first request"] = 8, 3, 5
+        bounds["connections of an address"], bounds["unread"], bounds["first request"] = 8, 4, 300
         ask = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
         deaf = []
         for bounds["requests at once"] in (10**9, 64):
             for _ in range(8):
                 deaf.append(await asyncio.open_connection("127.0.0.1", server.port, limit=1))
-                deaf[-1][1].write(ask * 5_000)
+            while len(server.guard._there()) < 8:
+                await asyncio.sleep(0.02)
+            for _, writer in deaf[-8:]:
+                writer.write(ask * 5_000)
             if bounds["requests at once"] > 64:
-                while len(server.guard._there()) < 8:
-                    await asyncio.sleep(0.02)
                 with pytest.raises(ClientError):
                     await server.ask("GET", "/api/session")
             while server.guard._there():
