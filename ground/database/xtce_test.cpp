@@ -368,8 +368,8 @@ TEST(Xtce, AlarmsRangesUnitsAndVerifiersAreKept)
     EXPECT_EQ(database.commands[0].verifiers[0].stop, 60.5);
 }
 
-/// Text with random bytes changed, cut out, or repeated is read or refused; and what is read decodes. Leniently no fault
-/// is met that is not there otherwise, and what has been left out stays out.
+/// Text with random bytes changed, cut out, or repeated is read or refused; and what is read decodes. Leniently no
+/// fault is met that is not there otherwise, and what has been left out stays out.
 TEST(Xtce, ChangedFilesAndPacketsAreSurvived)
 {
     const char *const given = std::getenv("FLEDGE_CASES");
