@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,9 +130,9 @@ class Transfers:
                     answer.set_exception(SetupError(str(error)))
         if self.craft.ground and self.craft.ground.has_files:
             received, failed = self.craft.ground.files.received, self.craft.ground.files.failed
-            for path in received[self._received:]:      # that the craft sent unasked
-                self._began(False, path.name, path.stat().st_size, None)
-            self._received = len(received)
+            new, self._received = received[self._received:], len(received)
+            for path in new:        # that the craft sent unasked; somebody may have taken it away already
+                self._began(False, path.name, path.stat().st_size if path.is_file() else 0, None)
             for name, why in failed:
                 self._change(self._began(False, name[:200], 0, None), state="failed", text=why)
             failed.clear()
@@ -164,8 +165,12 @@ class Transfers:
     def _bound(self, files: Files) -> None:
         """Tell the entity how many bytes it may still write: what comes beyond is refused on its way."""
         began, bounds = time.monotonic(), self.craft.room.bounds
+        size = 0
         with os.scandir(self.folder) as found:
-            self.bytes = sum(one.stat(follow_symlinks=False).st_blocks * 512 + FILE for one in found)
+            for one in found:
+                with suppress(FileNotFoundError):       # somebody has taken it away
+                    size += one.stat(follow_symlinks=False).st_blocks * 512 + FILE
+        self.bytes = size
         free = shutil.disk_usage(self.folder).free - bounds["disk that stays free"]
         left = bounds["files of a spacecraft"] - self.bytes
         for name, rest in (("files of a spacecraft", left), ("disk that stays free", free)):
