@@ -52,6 +52,8 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("queries", 2, "", "{most} queries of the archive are worked on at once"),
     ("queries that wait", 4, "", "{most} queries of the archive wait already; try again"),
     ("names of a query", 100, "", "names has 1 to {most} parameters, with commas between"),
+    ("values read by a user", 4_000_000, "", "the long answers that you are reading have {most} values; try again"),
+    ("values read", 16_000_000, "", "the long answers that users are reading have {most} values; try again"),
     ("replays", 8, "", "there are {most} replays already: end one"),
     ("clients of a link", CLIENTS, "", "a link that listens has at most {most} clients"),
     ("files of a spacecraft", 4 << 30, "bytes", "the files of a spacecraft have at most {most} bytes"),

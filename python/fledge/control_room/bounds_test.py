@@ -87,10 +87,35 @@ async def test_a_history_in_parts_is_the_one_as_a_whole(folder):
 
         many = ",".join(f"number{i}" for i in range(101))
         assert "1 to 100 parameters" in (await page.get(f"crafts/craft/history?names={many}", 400))["error"]
+        for bound in ("values read by a user", "values read"):
+            most, page.room.bounds[bound] = page.room.bounds[bound], n - 1
+            assert f"{n - 1:,} values" in (await page.get(path, 429))["error"]
+            page.room.bounds[bound] = most
+        answer = await page.client.get(f"/api/{path}")
+        assert page.server._reads.total() in (0, n) and answer.status == 200
+        await answer.read()
+        while page.server._reads.total():
+            await asyncio.sleep(0.01)
+
         page.room.bounds["queries that wait"] = 0
         asked = await asyncio.gather(*(page.client.get(f"/api/{path}") for _ in range(12)))
         refused = [await one.json() for one in asked if one.status == 429]
         assert refused and "wait already" in refused[0]["error"] and any(one.status == 200 for one in asked)
+
+
+@flown
+async def test_numbers_that_there_are_not_and_replays_that_have_ended_are_refused_in_words(folder):
+    async with served(folder) as page:
+        await take(page.room, [(t * 1000, packet(t)) for t in range(1, 100)])
+        for slot in ("%C2%B2", "9" * 5000, "%D9%A9999999"):
+            assert "has the slots 0 to" in (await page.post(f"crafts/craft/alarms/{slot}", {}, 404))["error"]
+        for session in (2**63, 10**39, -2):
+            assert "of the list of sessions" in (await page.post("crafts/craft/replay", {"session": session}, 400)
+                                                 )["error"]
+        made = await page.post("crafts/craft/replay", {})
+        codes = [answer.status for answer in await asyncio.gather(*(page.client.delete(
+            f"/api/crafts/{made['name']}/replay", headers={"X-Fledge-CSRF": page.csrf}) for _ in range(8)))]
+        assert codes.count(200) == 1 and set(codes) <= {200, 400, 404}, codes
 
 
 @flown

@@ -123,8 +123,13 @@ class Commanding:
     def hazard(self, packet: bytes) -> str:
         """Why a packet that was made elsewhere is hazardous; empty: it is not. It is what a hazardous form makes: it
         has the form's stream, and all that the form fixes behind the primary header but the checksum."""
-        if packet[6] == Code.STORE and len(packet) > STORED + 6 and (why := self.hazard(packet[STORED:])):
-            return why
+        while packet[6] == Code.STORE and len(packet) > STORED + 6:
+            if why := self._hazard(packet):
+                return why
+            packet = packet[STORED:]
+        return self._hazard(packet)
+
+    def _hazard(self, packet: bytes) -> str:
         whole = int.from_bytes(packet, "big")
         for form in self._forms.values():
             if not form["hazardous"]:

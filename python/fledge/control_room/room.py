@@ -53,7 +53,9 @@ class Room:
         self._numbers += 1
 
     def remove(self, name: str) -> None:
-        self.crafts.pop(name).close()
+        if not (craft := self.crafts.pop(name, None)):      # somebody else was first
+            raise SetupError(f"{name} has ended")
+        craft.close()
         self.publish("crafts", "", {})
 
     @property

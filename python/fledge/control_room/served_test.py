@@ -163,6 +163,10 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         assert (flight.control.K, flight.control.K_I) == (3, 0.02)
         refused = [one for one in await page.get("log") if one["action"] == "refused"]
         assert len(refused) == 6 and all("hazardous" in one["text"] for one in refused)
+        reset = (await page.post("crafts/plays/preview", {"name": "flight.reset_flight"}))["hex"]
+        nested = (reset[:12] + "0f" + "00" * 17) * 2700 + reset     # stored by one that is stored by one ...
+        found = await page.post("crafts/plays/raw", {"hex": nested}, 409)
+        assert found["hazardous"].startswith("flight begins again")
         names = [one["name"] for one in await page.get("crafts/plays/sent") if one["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]
 

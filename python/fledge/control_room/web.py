@@ -7,6 +7,7 @@ import asyncio
 import logging
 import shutil
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -48,6 +49,7 @@ class Server:
         self._tasks: list[asyncio.Task[None]] = []
         self.bounds, self.watch = room.bounds, LoopWatch(self._slow)
         self._queries, self._asked_now = ThreadPoolExecutor(int(self.bounds["queries"]), "query"), 0
+        self._reads: Counter[str] = Counter()   # values of the long answers that users are reading
         self._began, crafts = time.monotonic(), room.crafts
         for name, used in (
                 ("texts of a socket", lambda: max((one.waiting_texts for one in self.browsers), default=0)),
@@ -55,6 +57,8 @@ class Server:
                 ("waiting in all", lambda: sum(one.waiting for one in self.browsers)),
                 ("queries", lambda: min(self._asked_now, self.bounds["queries"])),
                 ("queries that wait", lambda: max(0, self._asked_now - self.bounds["queries"])),
+                ("values read by a user", lambda: max(self._reads.values(), default=0)),
+                ("values read", self._reads.total),
                 ("replays", lambda: sum(bool(one.replayed) for one in crafts.values())),
                 ("clients of a link", lambda: max((getattr(one.link, "clients", 0) for one in crafts.values()),
                                                   default=0)),
@@ -271,7 +275,7 @@ class Server:
 
     def _slot(self, craft: Spacecraft, request: web.Request) -> int:
         text = request.match_info["slot"]
-        if not text.isdigit() or int(text) >= len(craft.slot_names):
+        if not text.isdecimal() or len(text) > 9 or int(text) >= len(craft.slot_names):
             raise refusal(404, f"{craft.name} has the slots 0 to {len(craft.slot_names) - 1}; found '{text[:40]}'")
         return int(text)
 
@@ -471,13 +475,20 @@ class Server:
                        "binary": ("application/octet-stream", in_binary)}[form]
         headers = {"Content-Type": kind} | ({"Content-Disposition": "attachment; filename=history.csv"}
                                             if form == "csv" else {})
-        if sum(len(one[0]) for one in found.values()) <= PART:
+        n, user = sum(len(one[0]) for one in found.values()), self._user(request)
+        if n <= PART:
             return web.Response(body=await self._aside(lambda: b"".join(parts(found))), headers=headers)
-        # In parts, so that neither the loop nor the memory has a whole one.
-        response, rest = web.StreamResponse(headers=headers), parts(found)
-        await response.prepare(request)
-        while part := await self._aside(next, rest, b""):
-            await response.write(part)
+        for bound, held in (("values read by a user", self._reads[user]), ("values read", self._reads.total())):
+            if self.bounds.over(bound, held + n):
+                raise refusal(429, self.bounds.says(bound))
+        self._reads[user] += n
+        try:    # in parts, so that neither the loop nor the memory has a whole one
+            response, rest = web.StreamResponse(headers=headers), parts(found)
+            await response.prepare(request)
+            while part := await self._aside(next, rest, b""):
+                await response.write(part)
+        finally:
+            self._reads[user] -= n
         return response
 
     @route("POST", "/api/crafts/{c}/replay", "view")
@@ -492,9 +503,12 @@ class Server:
             raise refusal(400, "from_ns and to_ns are whole numbers") from None
         if not -2**63 <= begin <= end < 2**63:
             raise refusal(400, "from_ns comes before to_ns")
+        session = body.get("session", -1)
+        if not -1 <= session < 2**31:
+            raise refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
         if self.bounds.over("replays", 1 + sum(bool(one.replayed) for one in self.room.crafts.values())):
             raise refusal(409, self.bounds.says("replays"))
-        made = await self._aside(Replay, self.room, source, body.get("session", -1), begin, end, body.get("speed", 1.0))
+        made = await self._aside(Replay, self.room, source, session, begin, end, body.get("speed", 1.0))
         self.room.add(made)
         made.start()
         self.room.publish("crafts", "", {})
