@@ -131,18 +131,19 @@ class Server:
                 later = self.guard.take(found.access)
             except Exception as error:      # whatever it is, the next change is looked at
                 await asyncio.to_thread(self._tell, "critical", f"{old.file.name} has changed and is refused, users "
-                                        f"and tokens stay: {error}")
+                                        "and tokens stay", str(error))
                 continue
             later = later or (found.crafts, found.folder, found.more) != (old.crafts, old.folder, old.more)
             await asyncio.to_thread(
                 self._tell, "info", f"{old.file.name} has changed, users and tokens are as it says now"
                 + "; what else it says counts when the server starts again" * later)
 
-    def _tell(self, severity: str, text: str) -> None:
-        """Of the server: with the events of all spacecraft, and in the log."""
+    def _tell(self, severity: str, text: str, why: str = "") -> None:
+        """Of the server: with the events of all spacecraft, and in the log. why: for those who see all spacecraft, for
+        it may name others, and users."""
         for name in list(self.room.crafts):
-            self.room.tell(name, severity, "users", text)
-        self._log("", "users", {"why": text})
+            self.room.tell(name, severity, "users", text + "; the log says why" * bool(why))
+        self._log("", "users", {"why": f"{text}: {why}" if why else text})
 
     def _log(self, user: str, action: str, details: dict[str, Any]) -> None:
         """A line of the operators' log; what changes something is not done without it."""
