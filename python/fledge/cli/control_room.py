@@ -67,6 +67,7 @@ M_ARENA_MAX = -8        # of mallopt(3)
 def serve(options: argparse.Namespace) -> int:
     import asyncio
     import ctypes
+    import gc
     import os
     import signal
     from pathlib import Path
@@ -86,11 +87,15 @@ def serve(options: argparse.Namespace) -> int:
         for craft in settings.crafts:
             room.tell(craft.name, "warning", "server", text)
 
+    def ready(address: str) -> None:
+        gc.freeze()     # what there is now stays: a collection need not look at it
+        say(f"  the console is at {address} (Ctrl-C ends)")
+
     async def until_signal() -> None:
         over = asyncio.Event()
         for one in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(one, over.set)
-        await web.serve(room, lambda address: say(f"  the console is at {address} (Ctrl-C ends)"), over)
+        await web.serve(room, ready, over)
 
     try:
         asyncio.run(until_signal())

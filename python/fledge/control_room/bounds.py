@@ -13,6 +13,7 @@ import os
 import resource
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -126,29 +127,32 @@ def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
 
 
 class LoopWatch:
-    """The event loop's own measure: how late a tick comes [s]. slow: is told of a block, once a minute at most."""
+    """The event loop's own measure: how late a tick comes [s], and how long its thread computed between two, without
+    waits for a processor or another thread. slow: is told of a block, once a minute at most."""
 
     def __init__(self, slow: Callable[[float], Any]) -> None:
         self.longest = 0.0          #: since the start
         self._slow, self._told = slow, -60.0
         self._blocks: deque[tuple[float, float]] = deque()      # (when, how long), each shorter than those before it
+        self._busy: deque[tuple[float, float]] = deque()        # the same of what it computed
 
     async def run(self) -> None:
         """Until it is cancelled."""
         loop = asyncio.get_running_loop()
         while True:
-            due = loop.time() + TICK
+            due, used = loop.time() + TICK, time.thread_time()
             await asyncio.sleep(TICK)
-            self.saw(loop.time(), loop.time() - due)
+            self.saw(loop.time(), loop.time() - due, time.thread_time() - used)
 
-    def saw(self, now: float, late: float) -> None:
+    def saw(self, now: float, late: float, computed: float = 0.0) -> None:
         """A tick."""
         self.longest = max(self.longest, late)
-        while self._blocks and self._blocks[-1][1] <= late:
-            self._blocks.pop()
-        self._blocks.append((now, late))
-        while self._blocks[0][0] < now - 60:
-            self._blocks.popleft()
+        for kept, value in ((self._blocks, late), (self._busy, computed)):
+            while kept and kept[-1][1] <= value:
+                kept.pop()
+            kept.append((now, value))
+            while kept[0][0] < now - 60:
+                kept.popleft()
         if late > SLOW and now - self._told >= 60:
             self._told = now
             self._slow(late)
@@ -157,6 +161,11 @@ class LoopWatch:
     def recent(self) -> float:
         """The longest block of the last minute [s]."""
         return self._blocks[0][1] if self._blocks else 0.0
+
+    @property
+    def computed(self) -> float:
+        """The longest that it computed at once in the last minute [s]."""
+        return self._busy[0][1] if self._busy else 0.0
 
 
 def memory() -> dict[str, int]:

@@ -40,20 +40,25 @@ def test_the_loop_finds_what_blocks_it():
         watch = LoopWatch(told.append)
         task = asyncio.create_task(watch.run())
         await asyncio.sleep(0)      # it waits for its first tick
-        time.sleep(0.2)
+        time.sleep(0.2)     # it computes nothing
         while not told:
             await asyncio.sleep(0.01)
+        slept, until = watch.computed, time.thread_time() + 0.2
+        while time.thread_time() < until:
+            pass
+        while watch.computed < 0.2:
+            await asyncio.sleep(0.01)
         task.cancel()
-        return watch
+        return watch, slept
 
-    watch = asyncio.run(blocks())
-    assert 0.15 < told[0] <= watch.longest == watch.recent
+    watch, slept = asyncio.run(blocks())
+    assert 0.15 < told[0] <= watch.longest and slept < 0.1
     watch.longest, at = told[0], time.monotonic()
     for late in (0.1, 0.3, 0.2):    # once a minute at most
-        watch.saw(at + 61, late)
-    assert told[1:] == [0.1] and watch.recent == 0.3 > SLOW
+        watch.saw(at + 61, late, late / 2)
+    assert told[1:] == [0.1] and watch.recent == 0.3 > SLOW and watch.computed == 0.15
     watch.saw(at + 130, 0.01)
-    assert watch.recent == 0.01 and watch.longest == max(0.3, told[0])
+    assert watch.recent == 0.01 and watch.computed == 0 and watch.longest == max(0.3, told[0])
 
 
 def test_each_limit_has_one_name_a_figure_and_a_sentence():

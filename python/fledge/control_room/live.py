@@ -4,9 +4,11 @@ values, and does not slow the others."""
 from __future__ import annotations
 
 import asyncio
+import logging
 import struct
 import time
 from collections import deque
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from aiohttp import WebSocketError, WSMsgType, web
@@ -25,6 +27,7 @@ FRAME = 32          # [bytes] of a frame without values
 FEED_S, FEED_AT_ONCE = 0.05, 1 << 18    # [s] between the packets for a script; [bytes] of them in one text
 PAUSE = 0.005, 0.25     # [s] until the next look, and until that at one that does not read
 PACKET = 200        # [bytes] that one takes besides its own
+SLICE = 0.005       # [s] that browsers are served before the loop does something else
 PIECE = 2048        # [bytes] whose frames are looked at before they are counted
 MESSAGE_TYPES = WSMsgType.TEXT, WSMsgType.BINARY, WSMsgType.PING, WSMsgType.PONG
 
@@ -77,28 +80,87 @@ class Recent:
         return self._n
 
 
+def framed(content: str | bytes) -> bytes:
+    """A message as a WebSocket has it."""
+    first, body = (0x81, content.encode()) if isinstance(content, str) else (0x82, content)
+    size = len(body)
+    return (struct.pack("!BB", first, size) if size < 126 else struct.pack("!BBH", first, 126, size)
+            if size < 1 << 16 else struct.pack("!BBQ", first, 127, size)) + body
+
+
+_shared = lru_cache(16)(framed)     # of texts that go to all
+
+
+class Sender:
+    """Serves the browsers for which something is due, in turn, a slice of time at once. What several get is made once:
+    in `made`, for as long as a turn of all lasts."""
+
+    def __init__(self) -> None:
+        self.made: dict[Any, Any] = {}
+        self._due: deque[Browser] = deque()
+        self._wake = asyncio.Event()
+
+    def add(self, browser: Browser) -> None:
+        self._due.append(browser)
+        self._wake.set()
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+        loop = asyncio.get_running_loop()
+        while True:
+            self._wake.clear()
+            await self._wake.wait()
+            while self._due:
+                end = loop.time() + SLICE
+                for _ in range(len(self._due)):
+                    one = self._due.popleft()
+                    try:
+                        one.turn(loop.time())
+                    except Exception:       # the others are served
+                        logging.getLogger("fledge.control_room").exception("a browser is not served any more")
+                        if one.request.transport:
+                            one.request.transport.abort()
+                    if loop.time() >= end:
+                        await asyncio.sleep(0)
+                        end = loop.time() + SLICE
+                self.made.clear()
+
+
 class Browser:
-    """One WebSocket. It gets a frame of values or texts only when the last one has left."""
+    """One WebSocket. It gets a frame of values or texts only when the last one has left, so that no write has to wait,
+    as one by aiohttp may."""
 
     def __init__(self, server: Server, request: web.Request) -> None:
         self.server, self.request, self.bounds = server, request, server.room.bounds
         self.socket = _Socket(self.bounds)
         self.wanted: dict[str, _Subscription] = {}
         self.skipped = self._told = 0
-        self._texts: deque[str] = deque()
+        self._texts: deque[bytes] = deque()     # framed
         self.waiting_texts = 0  #: [bytes] of them
         self._asked = Recent()  # its messages
-        self._wake = asyncio.Event()
+        self._pause, self._queued = PAUSE[0], False
+        self._timer: asyncio.TimerHandle | None = None
         self._feeds: dict[str, _PacketFeed] = {}
 
     def put(self, text: str) -> None:
-        if self.bounds.over("texts of a socket", self.waiting_texts + len(text)) or self._texts and self.server.crowded:
+        frame = _shared(text)
+        if self.bounds.over("texts of a socket", self.waiting_texts + len(frame)) or self._texts and self.server.crowded:
             self.skipped += len(self._texts)    # it has to ask again for what these lists have
             self._texts.clear()
             self.waiting_texts = 0
-        self._texts.append(text)
-        self.waiting_texts += len(text)
-        self._wake.set()
+        self._texts.append(frame)
+        self.waiting_texts += len(frame)
+        if not self._timer or self._pause == PAUSE[0]:      # else it does not read, and is looked at later
+            self.wake()
+
+    def wake(self) -> None:
+        """Let it be served at once."""
+        if self._timer:
+            self._timer.cancel()
+            self._timer = None
+        if not self._queued:
+            self._queued = True
+            self.server.sender.add(self)
 
     @property
     def waiting(self) -> int:
@@ -117,7 +179,6 @@ class Browser:
             return self.socket
         bound_socket(transport, self.bounds["unread"])
         self.server.browsers.add(self)
-        sender = asyncio.create_task(self._send(transport))
         try:
             async for message in self.socket:
                 if message.type in MESSAGE_TYPES and self.bounds.over("messages", self._asked.count(1)):
@@ -134,7 +195,8 @@ class Browser:
                 await asyncio.sleep(0)      # others are served between two messages
         finally:
             self.server.browsers.discard(self)
-            sender.cancel()
+            if self._timer:
+                self._timer.cancel()
             for one in self._feeds.values():
                 one.craft.sinks.remove(one.take)
         return self.socket
@@ -153,7 +215,7 @@ class Browser:
                              '{"unsubscribe": ...} or {"subscribe_packets": ...}')
         row, does = asked
         does(self, self.server.seen(self.request, name, row) if row.craft else name, wish)
-        self._wake.set()
+        self.wake()
 
     @message("unsubscribe", USER, craft="")
     def _unsubscribe(self, name: str, _: Any) -> None:
@@ -180,63 +242,58 @@ class Browser:
         packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
         self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
 
-    async def _send(self, transport: asyncio.Transport) -> None:
-        loop, pause = asyncio.get_running_loop(), PAUSE[0]
-        while not self.socket.closed:
-            now = loop.time()
-            due = min([one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()],
-                      default=now + 1)
-            if not self._texts or transport.get_write_buffer_size():
-                self._wake.clear()
-                try:
-                    await asyncio.wait_for(self._wake.wait(), min(max(due - now, pause), 1))
-                except asyncio.TimeoutError:
-                    pass
-            free = not transport.get_write_buffer_size()
-            pause = PAUSE[0] if free else min(2 * pause, PAUSE[1])     # one that does not read costs little
-            try:
-                await self._values(loop.time(), transport)
-                if free and self.skipped != self._told:
-                    self._told = self.skipped
-                    self._texts.appendleft(text := dumps({"kind": "skipped", "count": self.skipped}))
-                    self.waiting_texts += len(text)
-                for feed in list(self._feeds.values()):     # more may come meanwhile
-                    if loop.time() >= feed.due and not transport.get_write_buffer_size():
-                        await self.socket.send_str(feed.text())
-                        feed.due = loop.time() + FEED_S * (not feed.waiting)
-                while self._texts and not transport.get_write_buffer_size():
-                    text = self._texts.popleft()
-                    self.waiting_texts -= len(text)
-                    await self.socket.send_str(text)
-            except ConnectionError:
-                return
+    def turn(self, now: float) -> None:
+        """Write what is due, and set the time of the next turn."""
+        transport, self._queued = self.request.transport, False
+        if not transport or transport.is_closing() or self.socket.closed or self not in self.server.browsers:
+            return
+        free = not transport.get_write_buffer_size()
+        self._pause = PAUSE[0] if free else min(2 * self._pause, PAUSE[1])     # one that does not read costs little
+        self._values(now, transport)
+        if free and self.skipped != self._told:
+            self._told = self.skipped
+            self._texts.appendleft(frame := framed(dumps({"kind": "skipped", "count": self.skipped})))
+            self.waiting_texts += len(frame)
+        for feed in list(self._feeds.values()):
+            if now >= feed.due and not transport.get_write_buffer_size():
+                transport.write(framed(feed.text()))
+                feed.due = now + FEED_S * (not feed.waiting)
+        while self._texts and not transport.get_write_buffer_size():
+            self.waiting_texts -= len(frame := self._texts.popleft())
+            transport.write(frame)
+        due = [one.due for one in self.wanted.values()] + [one.due for one in self._feeds.values()]
+        if due or self._texts:
+            wait = 0 if self._texts else min(due) - now
+            self._timer = asyncio.get_running_loop().call_later(max(wait, self._pause), self.wake)
 
-    async def _values(self, now: float, transport: asyncio.Transport) -> None:
+    def _values(self, now: float, transport: asyncio.Transport) -> None:
+        made = self.server.sender.made
+        key: tuple[Any, ...]
         for name, one in list(self.wanted.items()):
             if now < one.due:
                 continue
-            one.due = max(one.due + one.period, now)
+            # Those of one rate are due together, and get the same frame.
+            one.due = one.period * ((now / one.period + 0.1) // 1 + 1)
             if self.server.room.crafts.get(name) is not one.craft:
                 self.wanted.pop(name, None)
                 continue
             if one.truth and not transport.get_write_buffer_size():
-                one.number, texts = one.craft.feed.since(one.number)
-                for text in texts:
-                    await self.socket.send_str(dumps(text))
+                key = one.craft.feed, one.number
+                if key not in made:
+                    number, texts = one.craft.feed.since(one.number)
+                    made[key] = number, b"".join(framed(dumps(text)) for text in texts)
+                one.number, frame = made[key]
+                transport.write(frame)
             monitor = one.craft.monitor
             if monitor is not one.monitor:      # another database: all anew
                 one.monitor, one.version = monitor, 0
-            if monitor.version == one.version:
-                continue
             if transport.get_write_buffer_size():
-                self.skipped += 1
+                self.skipped += monitor.version != one.version
                 continue
-            one.version, frame = monitor.changes(one.version, one.slots)
-            if len(frame) == FRAME:     # other slots have changed
-                continue
-            made = bytearray(frame)
-            struct.pack_into("<I", made, 4, one.craft.index)
-            await self.socket.send_bytes(made)
+            if (key := (one.craft, monitor, one.version, one.slots)) not in made:
+                made[key] = one.frame()
+            one.version, frame = made[key]
+            transport.write(frame)
 
 
 MESSAGES = {row.path: (row, does) for row, does in rows(Browser)}
@@ -279,3 +336,14 @@ class _Subscription:
         self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
         self.monitor: Any = None
         self.version, self.number, self.due = 0, 0, 0.0
+
+    def frame(self) -> tuple[int, bytes]:
+        """(version, the frame of what has come since the last one), empty if other slots have changed."""
+        if self.monitor.version == self.version:
+            return self.version, b""
+        version, frame = self.monitor.changes(self.version, self.slots)
+        if len(frame) == FRAME:
+            return version, b""
+        made = bytearray(frame)
+        struct.pack_into("<I", made, 4, self.craft.index)
+        return version, framed(bytes(made))

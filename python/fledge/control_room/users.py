@@ -33,6 +33,7 @@ import hmac
 import logging
 import os
 import secrets
+import socket
 import ssl
 from base64 import urlsafe_b64decode, urlsafe_b64encode
 from binascii import Error as NotBase64
@@ -73,6 +74,7 @@ QUEUE = 8                           # logins that wait for their password to be 
 SESSIONS = 16                       # of one user; the oldest ends
 LOGGED = 2000                       # bytes of a body whose content the log gets, and of a stranger's
 HEADERS_MOST = 128                  # of a request
+ACCEPTED, WAITING = 8, 1024         # connections, requests that are taken in a turn of the loop; connections that wait
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
                                "media-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'self'; "
@@ -322,6 +324,7 @@ class Guard:
         self._counts: Counter[str] = Counter()          # connections of each address
         self._counted = 0.0                             # when they may be counted again
         self._bodies = 0                                # [bytes] of those that are held
+        self._gate = asyncio.Semaphore(ACCEPTED)
         self._runner: web.AppRunner | None = None
         self._sweeper: asyncio.Task[None] | None = None
         self.bounds.uses("connections", lambda: len(self._there()))
@@ -376,6 +379,8 @@ class Guard:
         if times := self._times_of.get(request.transport):
             times.asked = monotonic()
         request["user"], request["bytes"] = None, 0
+        async with self._gate:      # of a crowd that comes at once, a few in each turn of the loop
+            await asyncio.sleep(0)
         try:
             return await self._admitted(request, handler)
         except web.HTTPException as error:
@@ -674,11 +679,14 @@ class Guard:
         self._tls = self.access.tls()
         try:
             server = await asyncio.get_running_loop().create_server(
-                lambda: _Door(self, runner, self._tls), self.access.host, self.access.port)
+                lambda: _Door(self, runner, self._tls), self.access.host, self.access.port, backlog=ACCEPTED)
         except OSError as error:
             await runner.cleanup()
             raise SetupError(f"{self.access.host}, port {self.access.port}: {error.strerror or error}") from None
         listener.append(server)
+        for one in server.sockets:      # of asyncio, the backlog is also how many are accepted at once; more may wait
+            with socket.fromfd(one.fileno(), one.family, one.type) as same:
+                same.listen(WAITING)
         self._sweeper = asyncio.create_task(self._sweep())
         self.addresses = [one.getsockname() for one in server.sockets]
         return runner

@@ -21,7 +21,7 @@ from fledge.control_room.bounds import LoopWatch, memory, raise_descriptors
 from fledge.control_room.commanding import ArgumentError, Hazardous
 from fledge.control_room.displays import displays
 from fledge.control_room.journal import JournalError
-from fledge.control_room.live import Browser
+from fledge.control_room.live import Browser, Sender
 from fledge.control_room.questions import Questions
 from fledge.control_room.room import Room
 from fledge.control_room.settings import read, stamp
@@ -44,6 +44,7 @@ class Server:
         self.guard = Guard(room.settings.access, self._log, check=self._check, bounds=room.bounds)
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
+        self.sender = Sender()
         self.crowded = False    #: all together, browsers and scripts take too little of what waits for them
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -77,7 +78,8 @@ class Server:
     async def _begin(self, _: web.Application) -> None:
         self._loop = asyncio.get_running_loop()
         self.room.listeners.append(self._hear)
-        self._tasks = [asyncio.ensure_future(one) for one in (self._follow(), self.watch.run(), self._crowd())]
+        self._tasks = [asyncio.ensure_future(one) for one in (
+            self._follow(), self.watch.run(), self._crowd(), self.sender.run())]
 
     async def _end(self, _: web.Application) -> None:
         if self._hear not in self.room.listeners:   # it has ended
@@ -98,7 +100,8 @@ class Server:
             await asyncio.sleep(0.2)
 
     def _slow(self, late: float) -> None:
-        text = f"the server's loop was blocked for {1000 * late:.0f} ms"
+        text = (f"the server's loop was blocked for {1000 * late:.0f} ms; it computed for "
+                f"{1000 * self.watch.computed:.0f} ms at most, else it waited for a processor")
         _log.warning(text)
         asyncio.get_running_loop().run_in_executor(None, self.room.tell, "", "warning", "server", text)
 
@@ -665,7 +668,8 @@ class Server:
 
     @route("GET", "/api/server", "administer")
     async def server(self, _: web.Request) -> web.StreamResponse:
-        loop = {"longest_ms": 1000 * self.watch.longest, "recent_ms": 1000 * self.watch.recent}
+        loop = {"longest_ms": 1000 * self.watch.longest, "recent_ms": 1000 * self.watch.recent,
+                "computed_ms": 1000 * self.watch.computed}
         held = {"browsers": len(self.browsers), "limits": self.bounds.told(), "loop": loop}
         return await self._told(lambda: held | {
             "version": __version__, "up_s": time.monotonic() - self._began, "cpu_s": time.process_time(), **memory(),

@@ -32,7 +32,8 @@ export async function open({root, api, can, every}) {
         fact("Version", found.version);
         fact("Up", `${span(found.up_s)}, ${(100 * found.cpu_s / found.up_s).toFixed(0)} % of a core since`);
         fact("Loop's longest block",
-            `${ms(found.loop.recent_ms)} in the last minute, ${ms(found.loop.longest_ms)} since the start`);
+            `${ms(found.loop.recent_ms)} in the last minute (it computed for ${ms(found.loop.computed_ms)} at most, ` +
+            `else it waited for a processor), ${ms(found.loop.longest_ms)} since the start`);
         fact("Memory", `${size(found.memory)}, ${found.threads} threads`);
         fact("Browsers and scripts", String(found.browsers));
         fact("Descriptors", `${found.descriptors} of ${found.descriptors_most}`);
