@@ -54,6 +54,13 @@ class Transfers:
         self._files()
         if not name:
             raise SetupError("give the file's name on board, as in files?name=plan.bin")
+        bounds, size = self.craft.room.bounds, len(data)
+        for bound, over in (("files of a spacecraft", self.bytes + size > bounds["files of a spacecraft"]),
+                            ("disk that stays free", shutil.disk_usage(self.folder).free - size
+                             < bounds["disk that stays free"])):
+            if over:
+                raise SetupError(f"{name} cannot be kept here to be sent: {bounds.refuses(bound)}")
+        self.bytes += size      # until it is measured again
         local = self.folder / f".up-{time.time_ns()}"
         try:
             local.write_bytes(data)

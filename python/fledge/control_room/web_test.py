@@ -212,6 +212,11 @@ async def test_files_and_tables_of_flight(tmp_path):
         with patch.object(Path, "write_bytes", side_effect=OSError(28, "No space left on device")):
             refused = await c.post(f"{craft}/files?name=x", data=b"x", status=400)
         assert refused["error"] == "x cannot be kept here to be sent: No space left on device"
+        for bound, figure in (("files of a spacecraft", 1000), ("disk that stays free", 1 << 62)):
+            most, c.room.bounds[bound] = c.room.bounds[bound], figure
+            refused = await c.post(f"{craft}/files?name=x", data=bytes(1001), status=400)
+            assert refused["error"].startswith(f"x cannot be kept here to be sent: {c.room.bounds.says(bound)}")
+            c.room.bounds[bound] = most
         for path, status in (("files/..%2fjournal.sqlite", 404), ("files/none", 404)):
             await c.get(f"{craft}/{path}", status)
         await c.post(f"{craft}/fetch", {"name": "none"})
