@@ -405,6 +405,8 @@ class Guard:
     async def _admitted(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if len(request.headers) > HEADERS_MOST:     # newer versions of aiohttp refuse them earlier
             raise Refusal(400, f"a request has at most {HEADERS_MOST} headers")
+        if request._message.url.is_absolute():      # whose scheme and host would count as those of the connection
+            raise Refusal(400, "a request names a path, without a scheme and a host before it")
         if request.headers.get("Content-Encoding", "identity") != "identity":
             raise Refusal(415, "the body of a request comes as it is, without a Content-Encoding")
         try:
