@@ -38,9 +38,16 @@ std::string listen(zmq::socket_t &socket, const std::string &address, const char
 
 Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *authenticator)
     : config_(std::move(config)), authenticator_(authenticator), frontend_(context, zmq::socket_type::xsub),
-      backend_(context, zmq::socket_type::xpub), complete_(context, zmq::socket_type::xpub), ring_(config_.room)
+      backend_(context, zmq::socket_type::xpub), ring_(config_.room)
 {
-    for (zmq::socket_t *socket : {&frontend_, &backend_, &complete_}) {
+    std::vector<zmq::socket_t *> sockets = {&frontend_, &backend_};
+    for (const auto &[program, observers] : config_.observers) {
+        for (unsigned n = 0; n < observers; n++) {
+            complete_.emplace_back(program, zmq::socket_t(context, zmq::socket_type::xpub));
+            sockets.push_back(&complete_.back().socket);
+        }
+    }
+    for (zmq::socket_t *socket : sockets) {
         set_up(*socket, config_.limits);
         if (!config_.any_user) {
             refuse_other_users(*socket);
@@ -49,22 +56,26 @@ Broker::Broker(zmq::context_t &context, BrokerConfig config, Authenticator *auth
             authenticator_->guard(*socket);
         }
     }
-    for (zmq::socket_t *socket : {&backend_, &complete_}) {
+    for (zmq::socket_t *socket : std::span(sockets).subspan(1)) {
         socket->set(zmq::sockopt::maxmsgsize, longest_subscription); // it receives only subscriptions
         socket->set(zmq::sockopt::sndhwm, config_.waiting);
         socket->set(zmq::sockopt::xpub_verbose, true);
     }
-    complete_.set(zmq::sockopt::xpub_nodrop, true);
     frontend_address_ = listen(frontend_, config_.frontend, "what asynchronous programs publish");
     backend_address_ = listen(backend_, config_.backend, "observers");
-    complete_address_ = config_.complete.empty() ? "" : listen(complete_, config_.complete, "complete observers");
+    for (Complete &one : complete_) {
+        one.socket.set(zmq::sockopt::xpub_nodrop, true);
+        const std::string number = config_.complete.starts_with("tcp://") ? "" : "-" + std::to_string(given_++);
+        one.address = listen(one.socket, config_.complete + number, "complete observers");
+    }
     frontend_.send(zmq::buffer("\1", 1), zmq::send_flags::none); // subscribe to all topics of all programs
     thread_ = std::thread([this] { serve(); });
 }
 
 Broker::~Broker()
 {
-    for (int n = 0; (end_is_late_ || !late_.empty()) && (n < 200 || !config_.complete.empty()); n++) {
+    ends_ = true;
+    for (int n = 0; (end_is_late_ || !late_.empty()) && (n < 200 || !complete_.empty()); n++) {
         std::this_thread::sleep_for(shortest);
         send_late();
     }
@@ -132,14 +143,14 @@ void Broker::put_now_or_later(const std::string &topic, const std::string &node,
 {
     const auto same = [&](const auto &late) { return late.first == topic; };
     const auto older = std::find_if(late_.begin(), late_.end(), same);
-    if (older == late_.end() && (late_.empty() || config_.complete.empty()) && put(Kind::record, topic, node, record)) {
+    if (older == late_.end() && (late_.empty() || complete_.empty()) && put(Kind::record, topic, node, record)) {
         return;
     }
     if (sizeof(Head) + topic.size() + node.size() + record.payload.size() > ring_.largest()) {
         dropped_.fetch_add(1, std::memory_order_relaxed); // it is too large for the ring
         return;
     }
-    if (older == late_.end() || !config_.complete.empty()) {
+    if (older == late_.end() || !complete_.empty()) {
         late_.emplace_back(topic, Published{record, node});
         return;
     }
@@ -207,22 +218,58 @@ BrokerCounts Broker::counts() const
     return {published_, dropped_, received_, refused_};
 }
 
+const std::string &Broker::backend(const std::string &program)
+{
+    std::optional<std::size_t> shared;
+    for (std::size_t n = 1; n <= complete_.size(); n++) {
+        const std::size_t at = (given_ + n) % complete_.size();
+        if (complete_[at].program != program) {
+            continue;
+        }
+        if (!complete_[at].taken) {
+            given_ = at;
+            return complete_[at].address;
+        }
+        shared = shared.value_or(at);
+    }
+    given_ = shared.value_or(given_);
+    return shared ? complete_[*shared].address : backend_address_;
+}
+
+std::size_t Broker::came(const std::string &program) const
+{
+    std::size_t n = 0;
+    for (const Complete &one : complete_) {
+        n += one.program == program ? one.came.load(std::memory_order_relaxed) : 0;
+    }
+    return n;
+}
+
 // ---- on the broker's thread
 
 void Broker::serve()
 {
-    if (config_.complete.empty()) { // the run has priority
+    if (complete_.empty()) { // the run has priority
         setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), background);
     }
-    zmq::pollitem_t items[] = {{frontend_.handle(), 0, ZMQ_POLLIN, 0},
-                               {backend_.handle(), 0, ZMQ_POLLIN, 0},
-                               {complete_.handle(), 0, ZMQ_POLLIN, 0}};
+    std::vector<zmq::pollitem_t> items{{frontend_.handle(), 0, ZMQ_POLLIN, 0}, {backend_.handle(), 0, ZMQ_POLLIN, 0}};
+    for (Complete &one : complete_) {
+        items.push_back({one.socket.handle(), 0, ZMQ_POLLIN, 0});
+    }
     std::optional<std::chrono::steady_clock::time_point> stopped_at;
     for (auto pause = shortest;;) {
         try {
             const bool stop = stop_; // read before the ring, so that no entry is missed
-            receive_subscriptions(false);
-            receive_subscriptions(true);
+            if (ends_ && config_.patience == 0ms) {
+                config_.patience = config_.last_patience;
+                for (Complete &one : complete_) {
+                    one.stuck.clear(); // its time begins now
+                }
+            }
+            receive_subscriptions(backend_, nullptr);
+            for (Complete &one : complete_) {
+                receive_subscriptions(one.socket, &one);
+            }
             bool busy = receive_messages();
             busy = drain() || busy;
             const bool waits = shown_, delivered = !waits && send_end();
@@ -230,7 +277,7 @@ void Broker::serve()
             if (stop && (!stopped_at || waits)) {
                 stopped_at = now;
             }
-            const auto most = config_.complete.empty() || config_.patience == 0ms ? end_timeout : config_.patience;
+            const auto most = complete_.empty() ? end_timeout : config_.patience;
             if (!busy && stop && !waits && (delivered || now - *stopped_at >= most)) {
                 return;
             }
@@ -270,21 +317,28 @@ bool Broker::drain()
     return n > 0;
 }
 
-bool Broker::send_to_complete()
+bool Broker::send_to(Complete &one)
 {
-    return complete_.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
-           complete_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    const bool sent = one.socket.send(zmq::buffer(topic_), zmq::send_flags::sndmore | zmq::send_flags::dontwait) &&
+                      one.socket.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
+    const auto takes_it = [&](const auto &its) { return its.first == &one && topic_.starts_with(its.second); };
+    if (sent && !one.stuck.empty() && std::any_of(subscribed_.begin(), subscribed_.end(), takes_it)) {
+        one.stuck.clear();
+    }
+    return sent;
 }
 
 /// Show complete observers the newest message of the topics of which they may miss some.
 void Broker::show_newest()
 {
     seen_newest_ = std::chrono::steady_clock::now();
-    for (auto it = newer_.begin(); it != newer_.end(); it = newer_.erase(it)) {
-        encode({0, last_[*it].published}, frame_);
-        topic_ = *it;
-        if (!send_to_complete()) {
-            break; // later
+    for (Complete &one : complete_) {
+        for (auto it = one.newer.begin(); it != one.newer.end(); it = one.newer.erase(it)) {
+            encode({0, last_[*it].published}, frame_);
+            topic_ = *it;
+            if (!send_to(one)) {
+                break; // later
+            }
         }
     }
     topic_.clear();
@@ -293,28 +347,35 @@ void Broker::show_newest()
 /// Whether all complete observers have the message that was sent to the others.
 bool Broker::deliver()
 {
-    if (topic_.empty() || config_.complete.empty()) {
-        return true;
+    bool all = true;
+    for (Complete &one : complete_) {
+        one.has = topic_.empty() || one.has || send_to(one) || gave_up(one);
+        all = all && one.has;
     }
-    if (send_to_complete()) {
-        stuck_ = stuck_ == topic_ ? "" : stuck_;
+    if (all) {
         topic_.clear();
-        return true;
     }
+    return all;
+}
+
+/// Whether the observer, which does not take the message, has lost it.
+bool Broker::gave_up(Complete &one)
+{
     const auto now = std::chrono::steady_clock::now();
-    if (stuck_.empty()) {
-        stuck_ = topic_;
-        stuck_since_ = now;
+    if (one.stuck.empty()) {
+        one.stuck = topic_;
+        one.stuck_since = now;
     }
-    if (config_.patience == 0ms || now - stuck_since_ < config_.patience) {
+    if (config_.patience == 0ms || now - one.stuck_since < config_.patience) {
         return false;
     }
-    complete_.set(zmq::sockopt::xpub_nodrop, false);
-    (void)send_to_complete(); // to the others; libzmq drops for it until it takes some
-    complete_.set(zmq::sockopt::xpub_nodrop, true);
-    report("a program that is to hear everything has taken no message of " + stuck_ + " for " +
+    const std::string stuck = one.stuck;
+    one.socket.set(zmq::sockopt::xpub_nodrop, false);
+    (void)send_to(one); // to others of this backend; libzmq drops for it until it takes some
+    one.socket.set(zmq::sockopt::xpub_nodrop, true);
+    one.stuck = stuck;
+    report("a program that is to hear everything, of " + one.program + ", has taken no message of " + stuck + " for " +
            std::to_string(config_.patience / 1ms) + " ms; the run goes on, and it misses messages");
-    topic_.clear();
     return true;
 }
 
@@ -341,7 +402,9 @@ void Broker::publish(std::span<const std::byte> entry)
         send(topic, last.published);
         if (!config_.heard.empty() && !config_.heard.contains(topic)) {
             topic_.clear();
-            newer_.insert(topic);
+            for (Complete &one : complete_) {
+                one.newer.insert(topic);
+            }
         }
     }
 }
@@ -350,6 +413,9 @@ void Broker::send(const std::string &topic, const Message &message)
 {
     encode({0, message}, frame_);
     topic_ = topic;
+    for (Complete &one : complete_) {
+        one.has = false;
+    }
     // libzmq drops the whole message for observers whose queue is full.
     (void)backend_.send(zmq::buffer(topic), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
     (void)backend_.send(zmq::buffer(frame_), zmq::send_flags::dontwait);
@@ -358,7 +424,8 @@ void Broker::send(const std::string &topic, const Message &message)
 /// Whether all observers have received the end of the run.
 bool Broker::send_end()
 {
-    if (finish_ && (subscribed_.contains({false, finish_topic}) || subscribed_.contains({true, finish_topic}))) {
+    const auto hears_end = [](const auto &one) { return one.second == finish_topic; };
+    if (finish_ && std::any_of(subscribed_.begin(), subscribed_.end(), hears_end)) {
         send(finish_topic, *finish_);
         (void)deliver();
         return false;
@@ -376,9 +443,8 @@ bool Broker::subscribed(const std::string &topic, Last &last)
     return last.subscribed;
 }
 
-void Broker::receive_subscriptions(bool complete)
+void Broker::receive_subscriptions(zmq::socket_t &socket, Complete *complete)
 {
-    zmq::socket_t &socket = complete ? complete_ : backend_;
     zmq::message_t message;
     for (int n = 0; n < most_messages && !shown_ && socket.recv(message, zmq::recv_flags::dontwait); n++) {
         const std::string_view text = message.to_string_view();
@@ -387,6 +453,10 @@ void Broker::receive_subscriptions(bool complete)
             continue;
         }
         const std::string prefix(text.substr(1));
+        if (complete && prefix == ready_topic) {
+            complete->came += text[0] == 1;
+            complete->taken = text[0] == 1;
+        }
         if (text[0] == 0) {
             subscribed_.erase({complete, prefix});
             subscriptions_++;
@@ -395,11 +465,10 @@ void Broker::receive_subscriptions(bool complete)
         if (subscribed_.emplace(complete, prefix).second) {
             subscriptions_++;
         }
-        came_ += complete && prefix == ready_topic;
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
             send(it->first, it->second.published);
             if (complete) {
-                (void)send_to_complete(); // one that has waiting messages needs it not
+                (void)send_to(*complete); // one that has waiting messages needs it not
             }
             topic_.clear();
         }

@@ -9,8 +9,8 @@
 // - If an observer does not keep up, libzmq drops the messages beyond `waiting`. The observer notices the gap by
 //   Record::count, which counts from 1 since the last Start.
 //
-// Complete observers, which the configuration names, miss no message of the topics that they are to hear: they have a
-// backend of their own, which drops none of these, and shows of each other topic the newest message, up to 50 times a
+// Complete observers, which the configuration names, miss no message of the topics that they are to hear: each has a
+// backend of its own, which drops none of these, and shows of each other topic the newest message, up to 50 times a
 // second. While one of them takes no more, the ring fills, and holds() lets the Router wait. One that takes nothing for
 // `patience` misses messages, as others do, until it takes some again; one that is gone is not waited for.
 //
@@ -34,6 +34,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace fledge::cosim {
@@ -45,9 +46,12 @@ struct BrokerConfig {
     Limits limits = {};
     bool any_user = false; ///< over "ipc://"; else only programs of this user can connect
     Ns after = -1;         ///< of what was written until then, observers see only the last message of each topic
-    std::string complete;  ///< the address of the backend of complete observers; "": there are none
-    std::set<std::string> heard = {};           ///< topics that they are to hear; empty: all
-    std::chrono::milliseconds patience{60'000}; ///< 0: for ever
+    std::map<std::string, unsigned> observers = {};  ///< complete ones, so many of each of these programs
+    std::string complete;                            ///< the address of their backends, which end with "-" and a number
+                                                     ///< but over TCP
+    std::set<std::string> heard = {};                ///< topics that they are to hear; empty: all
+    std::chrono::milliseconds patience{60'000};      ///< 0: for ever,
+    std::chrono::milliseconds last_patience{10'000}; ///< but so long after the end
 };
 
 struct BrokerCounts {
@@ -72,7 +76,6 @@ public:
 
     const std::string &frontend() const { return frontend_address_; }
     const std::string &backend() const { return backend_address_; }
-    const std::string &complete() const { return complete_address_; } ///< "": none
 
     // On the Router's thread.
 
@@ -84,9 +87,11 @@ public:
     void send_late();
 
     /// Whether the run has to wait, because complete observers do not keep up.
-    bool holds() const { return !config_.complete.empty() && (!late_.empty() || ring_.fill() > 0.5); }
-    /// How many complete observers have subscribed since the beginning.
-    std::size_t came() const { return came_.load(std::memory_order_relaxed); }
+    bool holds() const { return !complete_.empty() && (!late_.empty() || ring_.fill() > 0.5); }
+    /// The backend for the next observer of this program: of a complete one, if possible one that no other uses.
+    const std::string &backend(const std::string &program);
+    /// How many complete observers of this program have subscribed since the beginning.
+    std::size_t came(const std::string &program) const;
 
     bool received() const { return received_any_.load(std::memory_order_relaxed); }
     /// The messages of asynchronous programs since the last call, in order.
@@ -111,6 +116,22 @@ private:
         bool subscribed = true; ///< an observer subscribes to it; valid while looked == subscriptions_
         std::uint64_t looked = 0;
     };
+    /// The backend of one complete observer. More than one share it, and its patience, if more come than are expected.
+    struct Complete {
+        Complete(std::string its_program, zmq::socket_t its_socket)
+            : program(std::move(its_program)), socket(std::move(its_socket))
+        {
+        }
+        std::string program;
+        zmq::socket_t socket;
+        std::string address = {};
+        std::atomic<std::size_t> came{0};
+        std::atomic<bool> taken{false};
+        bool has = false;                                       ///< the message of frame_
+        std::set<std::string> newer = {};                       ///< topics whose newest message it may see
+        std::string stuck = {};                                 ///< the topic of a message that it does not take,
+        std::chrono::steady_clock::time_point stuck_since = {}; ///< since then
+    };
 
     void pass_on(const std::string &node, const Record &record);
     void pass_on_past(std::uint32_t channel);
@@ -121,20 +142,22 @@ private:
     bool drain();
     void publish(std::span<const std::byte> entry);
     void send(const std::string &topic, const Message &message);
-    bool send_to_complete();
+    bool send_to(Complete &one);
+    bool gave_up(Complete &one);
     bool deliver();
     void show_newest();
     bool send_end();
     bool subscribed(const std::string &topic, Last &last);
-    void receive_subscriptions(bool complete);
+    void receive_subscriptions(zmq::socket_t &socket, Complete *complete);
     void report(const std::string &text);
     bool receive_messages();
     std::string read(std::span<zmq::message_t, 2> parts, Written &written);
 
     BrokerConfig config_;
     Authenticator *authenticator_;
-    zmq::socket_t frontend_, backend_, complete_;
-    std::string frontend_address_, backend_address_, complete_address_;
+    zmq::socket_t frontend_, backend_;
+    std::deque<Complete> complete_;
+    std::string frontend_address_, backend_address_;
 
     ByteRing ring_; ///< from the Router's thread to the broker's
 
@@ -144,23 +167,20 @@ private:
     std::map<std::uint32_t, std::pair<std::string, Record>> past_; ///< by channel: see BrokerConfig::after
     std::string end_;
     bool end_is_late_ = false;
+    std::size_t given_ = 0; ///< the last of complete_ that backend() has named
 
     // Used by the broker's thread.
-    std::map<std::string, Last> last_;                  ///< by topic
-    std::set<std::pair<bool, std::string>> subscribed_; ///< whether at the complete backend, and prefixes
-    std::optional<Finish> finish_;                      ///< set when the run is over
-    std::uint64_t subscriptions_ = 1;                   ///< counts changes of subscribed_
-    Bytes frame_;                                       ///< of the entry that is sent,
-    std::string topic_;                                 ///< and its topic; "": complete observers have it
-    std::set<std::string> newer_;                       ///< topics whose newest message complete observers may see,
-    std::chrono::steady_clock::time_point seen_newest_; ///< as they did then
+    std::map<std::string, Last> last_;                              ///< by topic
+    std::set<std::pair<const Complete *, std::string>> subscribed_; ///< whose backend (null: backend_), and prefixes
+    std::optional<Finish> finish_;                                  ///< set when the run is over
+    std::uint64_t subscriptions_ = 1;                               ///< counts changes of subscribed_
+    Bytes frame_;                                                   ///< of the entry that is sent,
+    std::string topic_;                                             ///< and its topic; "": complete observers have it
+    std::chrono::steady_clock::time_point seen_newest_; ///< when complete observers saw their `newer` topics
     bool shown_ = false;                                ///< the other observers have the first entry of the ring
-    std::string stuck_; ///< the topic of a message that a complete observer does not take,
-    std::chrono::steady_clock::time_point stuck_since_; ///< since then
 
     // Used by both threads.
-    std::atomic<bool> received_any_{false}, stop_{false};
-    std::atomic<std::size_t> came_{0};
+    std::atomic<bool> received_any_{false}, ends_{false}, stop_{false};
     std::atomic<std::uint64_t> published_{0}, dropped_{0}, received_{0}, refused_{0};
     std::mutex mutex_; ///< of all members below
     std::vector<Written> inbox_;

@@ -490,27 +490,29 @@ TEST(Broker, TheNewestMessageOfEachTopicSurvivesAFullRing)
     EXPECT_EQ(broker.counts().dropped, gaps + 1);
 }
 
-/// A broker whose complete observers hear /a, with room for few messages, and one of these observers.
+/// A broker whose complete observers hear /a, with room for few messages, and one of these observers; with `more`, also
+/// one that takes nothing.
 struct Narrow {
-    explicit Narrow(std::chrono::milliseconds patience)
+    explicit Narrow(std::chrono::milliseconds patience, bool more = false,
+                    std::chrono::milliseconds last_patience = 10s)
     {
         BrokerConfig config;
         config.frontend = "inproc://broker-front";
         config.backend = "inproc://broker-back";
         config.complete = "inproc://broker-complete";
+        config.observers = {{"ground", 1}};
+        if (more) {
+            config.observers["deaf"] = 1;
+        }
         config.heard = {"/a"};
         config.patience = patience;
+        config.last_patience = last_patience;
         config.room = 4096;
         config.waiting = 10;
         broker.emplace(context, config);
-        seen.set(zmq::sockopt::rcvhwm, 10);
-        seen.set(zmq::sockopt::rcvtimeo, 20'000);
-        seen.connect("inproc://broker-complete");
-        for (const char *topic : {"/", "finish", "ready"}) {
-            seen.set(zmq::sockopt::subscribe, topic);
-        }
-        while (!broker->came()) {
-            std::this_thread::sleep_for(1ms);
+        subscribe(seen, "ground");
+        if (more) {
+            subscribe(deaf, "deaf");
         }
         Exchange exchange;
         exchange.topics = {{"/a", {}, "n", word(0)}, {"/b", {}, "n", word(0)}};
@@ -521,12 +523,27 @@ struct Narrow {
         broker->ended("over");
     }
 
-    /// Take all until the end.
-    void take()
+    void subscribe(zmq::socket_t &socket, const std::string &program)
     {
-        for (;; broker->send_late()) {
-            zmq::message_t topic, bytes;
-            ASSERT_TRUE(seen.recv(topic) && seen.recv(bytes));
+        socket.set(zmq::sockopt::rcvhwm, 10);
+        socket.set(zmq::sockopt::rcvtimeo, 20'000);
+        socket.connect(broker->backend(program));
+        for (const char *topic : {"/", "finish", "ready"}) {
+            socket.set(zmq::sockopt::subscribe, topic);
+        }
+        while (!broker->came(program)) {
+            std::this_thread::sleep_for(1ms);
+        }
+    }
+
+    /// Take all until the end, or what is there.
+    void take(zmq::recv_flags flags = zmq::recv_flags::none, bool send_late = true)
+    {
+        for (zmq::message_t topic, bytes; seen.recv(topic, flags);) {
+            ASSERT_TRUE(seen.recv(bytes));
+            if (send_late) {
+                broker->send_late();
+            }
             const Message message = decode({bytes.data<std::byte>(), bytes.size()}).message;
             if (std::holds_alternative<Finish>(message)) {
                 return seen.set(zmq::sockopt::unsubscribe, "finish");
@@ -535,12 +552,22 @@ struct Narrow {
             EXPECT_EQ(word_of(record.payload), record.count);
             counts[topic.to_string()].push_back(record.count);
         }
+        ASSERT_EQ(flags, zmq::recv_flags::dontwait) << "the end is missing";
+    }
+
+    void expect_all()
+    {
+        const auto &heard = counts["/a"];
+        ASSERT_EQ(heard.size(), n + 1); // with the initial value
+        for (std::uint32_t k = 0; k <= n; k++) {
+            EXPECT_EQ(heard[k], k);
+        }
     }
 
     static constexpr std::uint32_t n = 20'000;
     zmq::context_t context;
     std::optional<Broker> broker;
-    zmq::socket_t seen{context, zmq::socket_type::sub};
+    zmq::socket_t seen{context, zmq::socket_type::sub}, deaf{context, zmq::socket_type::sub};
     std::map<std::string, std::vector<std::uint32_t>> counts; ///< of messages, by topic
 };
 
@@ -550,11 +577,7 @@ TEST(Broker, ACompleteObserverMissesNothingHoweverSlowItIs)
     std::this_thread::sleep_for(100ms);
     EXPECT_TRUE(one.broker->holds());
     one.take();
-    const auto &heard = one.counts["/a"];
-    ASSERT_EQ(heard.size(), one.n + 1); // with the initial value
-    for (std::uint32_t k = 0; k <= one.n; k++) {
-        EXPECT_EQ(heard[k], k);
-    }
+    one.expect_all();
     EXPECT_EQ(one.counts["/b"].back(), one.n) << "of other topics, the newest one";
     EXPECT_LT(one.counts["/b"].size(), one.n / 2);
     EXPECT_EQ(one.broker->counts().dropped, 0u);
@@ -577,9 +600,44 @@ TEST(Broker, NothingWaitsForACompleteObserverThatTakesNothing)
                     "has taken no message of /a for 100 ms; the run goes on, and it misses messages")));
 }
 
-/// A run of one node, for which one complete observer is awaited.
+TEST(Broker, ADeafCompleteObserverCostsTheOthersNothing)
+{
+    Narrow one(2s, true);
+    std::vector<std::string> reports;
+    for (; reports.empty(); reports = one.broker->take_reports()) {
+        one.take(zmq::recv_flags::dontwait);
+        one.broker->send_late();
+        std::this_thread::sleep_for(1ms);
+    }
+    EXPECT_THAT(reports, testing::ElementsAre(testing::HasSubstr("of deaf, has taken no message of /a for 2000 ms")));
+    std::this_thread::sleep_for(100ms); // the queue of the other one becomes full
+    EXPECT_TRUE(one.broker->holds());
+    one.take();
+    one.expect_all();
+    EXPECT_THAT(one.broker->take_reports(), testing::Each(testing::HasSubstr("of deaf,")));
+    one.deaf.close(); // the end does not wait for one that is gone
+}
+
+TEST(Broker, WithPatienceForEverTheEndWaitsForWhoTakesMessagesAndNotForADeafOne)
+{
+    for (const bool deaf : {false, true}) {
+        Narrow one(0ms, false, deaf ? 200ms : patience);
+        auto end = in_thread([&] {
+            one.broker.reset();
+            return 0;
+        });
+        if (!deaf) {
+            one.take(zmq::recv_flags::none, false);
+            one.expect_all();
+        }
+        EXPECT_EQ(end.wait_for(patience), std::future_status::ready);
+    }
+}
+
+/// A run of one node, for which one complete observer is awaited; with `more`, also one of another program, until it is
+/// `gone`.
 struct Awaited {
-    explicit Awaited(std::chrono::milliseconds join = patience)
+    explicit Awaited(std::chrono::milliseconds join = patience, bool more = false)
     {
         RouterConfig config;
         config.broker = true;
@@ -588,9 +646,20 @@ struct Awaited {
         auto run_config = config_of({{"a", Policy::abort}}, 100'000);
         run_config.watched = {"/a/n"};
         run_config.asynchronous = {{"ground", {}, 1}};
+        if (more) {
+            run_config.asynchronous.push_back({"other", {}, 1});
+        }
         config.report = [this](const std::string &text) { reports += text; };
         router.emplace(context, run_config, config);
-        run = in_thread([&] { return router->run(); });
+        run = in_thread([&] {
+            return router->run([&] {
+                if (gone) {
+                    router->go_without("other");
+                    lifted = true;
+                }
+                return true;
+            });
+        });
         node = in_thread([&] { return serve(context, router->address(), "a", a); });
     }
     ~Awaited()
@@ -609,6 +678,7 @@ struct Awaited {
     }
 
     zmq::context_t context, other;
+    std::atomic<bool> gone = false, lifted = false;
     std::string reports;
     std::optional<Router> router;
     Counter a{"", "/a/n", Latency::same_instant};
@@ -643,6 +713,35 @@ TEST(Broker, ARunGoesOnWithoutACompleteObserverThatIsGoneOrDoesNotCome)
     Awaited one(5000ms);
     one.run.wait();
     EXPECT_EQ(one.reports, "the run goes on without ground, which did not come within 5 s");
+}
+
+TEST(Broker, ARunThatGoesOnWithoutOneProgramStillWaitsForTheOthers)
+{
+    for (const bool came : {false, true}) {
+        Awaited one(patience, true);
+        if (came) {
+            MemberConfig member = one.member();
+            member.node = "other";
+            Observer other(one.other, member);
+            other.subscribe("/a/n");
+            while (!one.router->broker()->came("other")) {
+                std::this_thread::sleep_for(1ms);
+            }
+        }
+        one.gone = true;
+        while (!one.lifted) {
+            std::this_thread::sleep_for(1ms);
+        }
+        std::this_thread::sleep_for(300ms); // in which a run that did not wait would end
+        Observer ground(one.other, one.member());
+        ground.subscribe("/a/n");
+        std::uint32_t next = 0;
+        for (; const auto message = ground.next(patience); next++) {
+            ASSERT_EQ(message->count, next);
+        }
+        EXPECT_EQ(next, 10'001u + 1);
+        EXPECT_EQ(one.reports, "");
+    }
 }
 
 TEST(Broker, OfThePastOfARunObserversSeeTheLastMessages)

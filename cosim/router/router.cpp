@@ -327,7 +327,11 @@ void Router::check_greeting_programs()
 /// Make the broker before the controller, which sends the broker's addresses to the nodes.
 ControllerConfig Router::with_broker(ControllerConfig controller)
 {
-    make_room(context_, controller.nodes.size());
+    std::size_t programs = controller.nodes.size();
+    for (const AsynchronousConfig &program : controller.asynchronous) {
+        programs += program.complete;
+    }
+    make_room(context_, programs);
     if (!config_.keys.empty()) {
         authenticator_ = std::make_unique<Authenticator>(context_, config_.keys);
     }
@@ -344,8 +348,8 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         broker.patience = config_.reply;
         bool all = false;
         for (const AsynchronousConfig &program : controller.asynchronous) {
-            awaited_ += program.complete;
             if (program.complete) {
+                awaited_[program.name] += program.complete;
                 heard_.push_back(program.name);
                 all = all || program.hears.empty();
                 broker.heard.insert(program.hears.begin(), program.hears.end());
@@ -354,7 +358,8 @@ ControllerConfig Router::with_broker(ControllerConfig controller)
         if (all) {
             broker.heard.clear();
         }
-        broker.complete = !awaited_ ? "" : tcp ? any : config_.address + "-complete";
+        broker.observers = awaited_;
+        broker.complete = tcp ? any : config_.address + "-complete";
         check_address(broker.frontend);
         check_address(broker.backend);
         broker_ = std::make_unique<Broker>(context_, broker, authenticator_.get());
@@ -408,8 +413,7 @@ void Router::attach(const Hello &hello)
 
 Message Router::attached(const std::string &program) const
 {
-    const bool complete = std::find(heard_.begin(), heard_.end(), program) != heard_.end();
-    return Attached{broker_->frontend(), complete ? broker_->complete() : broker_->backend(), controller_.channels()};
+    return Attached{broker_->frontend(), broker_->backend(program), controller_.channels()};
 }
 
 /// Whether no node may go on now, because complete observers do not keep up, or are not there yet.
@@ -419,13 +423,18 @@ bool Router::holds(Clock::time_point now)
         return false;
     }
     began_ = began_ == Clock::time_point{} ? now : began_;
-    if (broker_->came() < awaited_) {
+    std::erase_if(awaited_, [&](const auto &one) { return broker_->came(one.first) >= one.second; });
+    if (!awaited_.empty()) {
         if (now - began_ < config_.join) {
             return true;
         }
-        report("the run goes on without " + sim::format_list(heard_) + ", which did not come within " +
+        std::vector<std::string> missing;
+        for (const auto &[program, observers] : awaited_) {
+            missing.push_back(program);
+        }
+        report("the run goes on without " + sim::format_list(missing) + ", which did not come within " +
                sim::format_time(std::chrono::nanoseconds(config_.join).count()));
-        awaited_ = 0;
+        awaited_.clear();
     }
     return broker_->holds();
 }

@@ -18,6 +18,7 @@
 #include <chrono>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -83,8 +84,8 @@ public:
     /// To change the pace, from `poll`; null unless the run is steered.
     Pace *steer() { return config_.steered ? &*pace_ : nullptr; }
     const Pace *steer() const { return config_.steered ? &*pace_ : nullptr; }
-    /// Wait no longer for complete observers that have not come yet.
-    void go_without() { awaited_ = 0; }
+    /// Wait no longer for complete observers of this program that have not come yet.
+    void go_without(const std::string &program) { awaited_.erase(program); }
     /// Null without a broker.
     const Broker *broker() const { return broker_.get(); }
 
@@ -145,7 +146,7 @@ private:
     std::vector<std::pair<Bytes, std::string>> attaching_; ///< libzmq's and their names of asynchronous programs that
                                                            ///< wait for the matching
     std::vector<std::string> heard_;                       ///< asynchronous programs that miss no message
-    std::size_t awaited_ = 0;                              ///< so many observers of these, before the run begins
+    std::map<std::string, unsigned> awaited_;              ///< so many observers of these, before the run begins
     std::chrono::steady_clock::time_point began_;          ///< the run, which then waits for them
     Controller controller_;
     zmq::socket_t greetings_;

@@ -266,8 +266,8 @@ int main(int argc, char **argv)
             for (std::string line; asked.empty() && !(line = status.heard()).empty();) {
                 if (line.starts_with("stop ")) {
                     asked = line.substr(5);
-                } else if (line == "without") {
-                    router.go_without();
+                } else if (line.starts_with("without ")) {
+                    router.go_without(line.substr(8));
                 } else if (Pace *pace = router.steer()) {
                     steer(*pace, line);
                 }

@@ -485,7 +485,7 @@ class Session:
         if p.asynchronous and (p.on_loss != "restart" or r.started > p.restarts or not (r.process and r.process.code)):
             if p.complete:
                 with contextlib.suppress(OSError):      # the controller has ended, too
-                    self._ours.send(b"without\n")
+                    self._ours.send(f"without {name}\n".encode())
             if r.process and r.process.code:
                 self.view.happens(f"  {name}, an asynchronous program, {r.dead}; the run goes on without it")
             return
