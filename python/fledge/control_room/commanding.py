@@ -120,6 +120,10 @@ class Commanding:
         packet = self.made(name, arguments, confirmed)
         return self.release(user, name, arguments, [packet], form=self._forms[name])
 
+    def hazard_of(self, *names: str) -> str:
+        """Why one of these commands is hazardous; empty: none is."""
+        return next((str(why) for name in names if (form := self._forms.get(name)) and (why := form["hazardous"])), "")
+
     def hazard(self, packet: bytes) -> str:
         """Why a packet that was made elsewhere is hazardous; empty: it is not. It is what a hazardous form makes: it
         has the form's stream, and all that the form fixes behind the primary header but the checksum."""

@@ -128,7 +128,9 @@ class Server:
 
     def found(self):
         """The numbers of the packets in the archive, in its order."""
-        return [int(one) for one in self.get("crafts/craft/history?names=number&points=0")["number"]["value"]]
+        stretches = [(one["first_ns"], one["last_ns"]) for one in self.get("crafts/craft/sessions")]
+        return [int(one) for begin, end in stretches for one in self.get(
+            f"crafts/craft/history?names=number&points=0&from_ns={begin}&to_ns={end}")["number"]["value"]]
 
     def kill(self):
         self.process.kill()

@@ -82,6 +82,8 @@ class Room:
             self.postgres.close()
         for one in self.crafts.values():
             one.close()
+        for name in list(self._unsaved):
+            self.flush(name)
         self.journal.close()
 
     def _postgres(self, table: dict[str, Any]) -> Any:

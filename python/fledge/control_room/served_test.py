@@ -159,10 +159,14 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         assert (await page.post("crafts/plays/stored", step, 409))["hazardous"] == "the loop may oscillate"
         number, = (await page.post("crafts/plays/stored", step | {"confirmed": True}))["ids"]
         await page.row("plays", number)
+        await page.row("plays", (await page.post("crafts/plays/tables/flight.control", {"read": True}))["ids"][0])
+        load = {"values": {"K": 9, "K_I": 0.02}}
+        answer = await page.post("crafts/plays/tables/flight.control", load, 409)
+        assert answer["hazardous"] == "the loop may oscillate"
         flight = page.room.crafts["plays"].simulation.flight
         assert (flight.control.K, flight.control.K_I) == (3, 0.02)
         refused = [one for one in await page.get("log") if one["action"] == "refused"]
-        assert len(refused) == 6 and all("hazardous" in one["text"] for one in refused)
+        assert len(refused) == 7 and all("hazardous" in one["text"] for one in refused)
         reset = (await page.post("crafts/plays/preview", {"name": "flight.reset_flight"}))["hex"]
         nested = (reset[:12] + "0f" + "00" * 17) * 2700 + reset     # stored by one that is stored by one ...
         found = await page.post("crafts/plays/raw", {"hex": nested}, 409)

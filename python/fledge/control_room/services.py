@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge.commands import ALL, LISTS, Action, Block, Code, Field, Stored, encoded, stored, storing, values
+from fledge.control_room.commanding import Hazardous
 from fledge.errors import SetupError, did_you_mean, printable
 from fledge.ground.files import Files, Transfer
 from fledge.ground.links import NoAnswer
@@ -241,8 +242,8 @@ class Tables:
 
         return self.craft.commanding.release(user, "read", {"module": name}, ground.made("read", name), done)
 
-    def write(self, user: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
-        """Change values on board, by stage and commit. Raises SetupError."""
+    def write(self, user: str, name: str, given: dict[str, Any], confirmed: bool) -> dict[str, Any]:
+        """Change values on board, by stage and commit. Raises Hazardous, if the write of one is; SetupError."""
         ground, block = _ground(self.craft), self._block(name)
         if name not in self._read:
             raise SetupError(f"read {name} first: what is not changed stays as it is on board")
@@ -255,6 +256,10 @@ class Tables:
                 whole[fields[key].offset:fields[key].offset + fields[key].size] = encoded(fields[key], value)
             except (TypeError, AttributeError) as error:
                 raise SetupError(f"{name}.{key}: {error}") from None
+        process, _, module = name.partition(".")
+        why = self.craft.commanding.hazard_of(*(f"{process}.write.{module}.{key}" for key in given))
+        if why and not confirmed:
+            raise Hazardous(why)
         return self.craft.commanding.release(user, "load", {"module": name, **given},
                                              ground.made("load", name, bytes(whole)),
                                              lambda _: self._keep(block, bytes(whole)))

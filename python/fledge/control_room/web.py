@@ -45,6 +45,7 @@ class Server:
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
         self.sender = Sender()
+        self._replaying = asyncio.Lock()    # counted, made and added one at a time
         self.crowded = False    #: all together, browsers and scripts take too little of what waits for them
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -510,10 +511,11 @@ class Server:
         session = body.get("session", -1)
         if not -1 <= session < 2**31:
             raise refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
-        if self.bounds.over("replays", 1 + sum(bool(one.replayed) for one in self.room.crafts.values())):
-            raise refusal(409, self.bounds.says("replays"))
-        made = await self._aside(Replay, self.room, source, session, begin, end, body.get("speed", 1.0))
-        self.room.add(made)
+        async with self._replaying:
+            if self.bounds.over("replays", 1 + sum(bool(one.replayed) for one in self.room.crafts.values())):
+                raise refusal(409, self.bounds.says("replays"))
+            made = await self._aside(Replay, self.room, source, session, begin, end, body.get("speed", 1.0))
+            self.room.add(made)
         made.start()
         self.room.publish("crafts", "", {})
         return answer(made.told())
@@ -581,10 +583,10 @@ class Server:
     @route("POST", "/api/crafts/{c}/tables/{name}", "command")
     async def table(self, request: web.Request) -> web.StreamResponse:
         craft, name = self._craft(request), request.match_info["name"]
-        body = await self._body(request, read=bool, values=dict)
+        body = await self._body(request, read=bool, values=dict, confirmed=bool)
         user, given = self._user(request), body.get("values")
         row = await self._asked(craft, lambda: craft.tables.read(user, name) if given is None else
-                                craft.tables.write(user, name, given))
+                                craft.tables.write(user, name, given, body.get("confirmed", False)))
         return answer({"ids": [row["id"]]})
 
     @route("GET", "/api/crafts/{c}/stored", "view")

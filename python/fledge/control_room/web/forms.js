@@ -199,15 +199,15 @@ export function bytesOf({hex, fields = []}) {
 
 /** Post a command to a route, to send or store it; one that is hazardous is asked for once more. The answer, or null if
  *  the person thought better. */
-export async function post(api, craft, route, body) {
-    const path = of(craft, route);
+export async function post(api, craft, route, body, name = body.name) {
+    const path = of(craft, ...[route].flat());
     try {
         return await api.post(path, body);
     } catch (error) {
         const why = error.status === 409 && error.body?.hazardous;
         if (!why) throw error;
         const sure =
-            await ask(`${body.name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
+            await ask(`${name} is hazardous`, `${why}. Send it to ${craft} all the same?`, [], "Send it", true);
         return sure ? await api.post(path, {...body, confirmed: true}) : null;
     }
 }

@@ -3,7 +3,7 @@
 import {of} from "../api.js";
 import {attempt, h, hint, put} from "../dom.js";
 import {bare, clock} from "../format.js";
-import {outcome, tick, STAGES} from "../forms.js";
+import {outcome, post as command, tick, STAGES} from "../forms.js";
 import {offer} from "../transfer.js";
 
 export const title = "Tables", key = "t", role = "command";
@@ -183,7 +183,9 @@ export async function open({root, api, live, keys, craft, selection, select, can
     async function post(what) {
         const one = table;
         await attempt(pane, async () => {
-            const {ids = []} = await api.post(of(craft, "tables", one.name), what);
+            const answer = await command(api, craft, ["tables", one.name], what, `Loading ${one.name}`);
+            if (!answer) return;
+            const {ids = []} = answer;
             waiting = new Map(ids.map((k) => [k, null]));
             put(ticks, what.read ? "asked for \u2026" : "on its way \u2026");
             for (const row of await live.rows(craft, "sent", "sent")) follow(row);
