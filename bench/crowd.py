@@ -101,6 +101,7 @@ def under(server: Server, rows: Rows, name: str, readers: int, deaf: int, rate: 
     rows.add(name, "cores", cores, "cores", note=f"{queries} queries of a day; {os.cpu_count()} cores for all")
     rows.add(name, "lost on their way", 100 * lost, "%", note=f"of {sent / (SECONDS + 5):.0f} packets/s that came")
     rows.add(name, "the loop's longest block, a minute", found["loop"]["recent_ms"], "ms")
+    rows.add(name, "it computed at once, at most", found["loop"]["computed_ms"], "ms", note="without waits for a core")
     rows.add(name, "another request, median", sorted(took)[len(took) // 2], "ms")
     rows.add(name, "another request, longest", max(took), "ms")
     rows.add(name, "memory", memory, "MB", note=f"{frames} frames to readers{''.join('; ' + one for one in problems)}")
