@@ -144,7 +144,8 @@ class Browser:
 
     def put(self, text: str) -> None:
         frame = _shared(text)
-        if self.bounds.over("texts of a socket", self.waiting_texts + len(frame)) or self._texts and self.server.crowded:
+        waits = self.waiting_texts + len(frame)
+        if self.bounds.over("texts of a socket", waits) or self._texts and self.server.crowded:
             self.skipped += len(self._texts)    # it has to ask again for what these lists have
             self._texts.clear()
             self.waiting_texts = 0
