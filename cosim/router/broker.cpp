@@ -468,7 +468,7 @@ void Broker::receive_subscriptions(zmq::socket_t &socket, Complete *complete)
         for (auto it = last_.lower_bound(prefix); it != last_.end() && it->first.starts_with(prefix); ++it) {
             send(it->first, it->second.published);
             if (complete) {
-                (void)send_to(*complete); // one that has waiting messages needs it not
+                (void)send_to(*complete); // a full queue has newer messages than this initial value
             }
             topic_.clear();
         }

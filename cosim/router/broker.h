@@ -12,7 +12,7 @@
 // Complete observers, which the configuration names, miss no message of the topics that they are to hear: each has a
 // backend of its own, which drops none of these, and shows of each other topic the newest message, up to 50 times a
 // second. While one of them takes no more, the ring fills, and holds() lets the Router wait. One that takes nothing for
-// `patience` misses messages, as others do, until it takes some again; one that is gone is not waited for.
+// `patience` misses messages, as others do, until it takes some again. The run does not wait for one that is gone.
 //
 // On the backend a message has two parts: the topic's name, and a frame Published. An initial value has the count 0.
 // A new subscriber gets the last message of each topic at once. The other subscribers of the topic get it again, too,

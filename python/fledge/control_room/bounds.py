@@ -117,6 +117,27 @@ class Bounds:
                  "peak": one.peak, "refused": one.refused, "refusal": self.says(one.name)} for one in self.all.values()]
 
 
+class Recent:
+    """Counts what happened within the last minute. Times are seconds of one monotonic clock."""
+
+    def __init__(self) -> None:
+        self._all: deque[tuple[float, int]] = deque()   # when how many came
+        self._n = 0
+
+    def within(self, now: float) -> int:
+        """The number within the minute before `now`."""
+        while self._all and self._all[0][0] <= now - 60:
+            self._n -= self._all.popleft()[1]
+        return self._n
+
+    def count(self, more: int, now: float) -> int:
+        """Add `more` at `now`; the number within the minute before."""
+        if more:
+            self._all.append((now, more))
+            self._n += more
+        return self.within(now)
+
+
 def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
     """Let the operating system keep little for a connection, and end it when nothing of it is taken for so long [s]."""
     if end := transport.get_extra_info("socket"):

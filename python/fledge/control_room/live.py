@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from aiohttp import WebSocketError, WSMsgType, web
 
 from fledge.control_room.answers import dumps
-from fledge.control_room.bounds import Bounds, bound_socket
+from fledge.control_room.bounds import Bounds, Recent, bound_socket
 from fledge.control_room.routes import USER, loads, message, rows
 from fledge.control_room.spacecraft import Spacecraft
 from fledge.control_room.users import Refusal
@@ -49,7 +49,7 @@ class _Socket(web.WebSocketResponse):
 
         def counted(data: bytes) -> Any:
             found = parse(data)
-            if self.bounds.over("frames", self._frames.count(len(found))):
+            if self.bounds.over("frames", self._frames.count(len(found), time.monotonic())):
                 raise WebSocketError(1008, self.bounds.says("frames"))
             return found
 
@@ -60,24 +60,6 @@ class _Socket(web.WebSocketResponse):
         reader.parse_frame, reader.feed_data = counted, in_pieces
         if early:
             in_pieces(early)
-
-
-class Recent:
-    """How many there were within a minute."""
-
-    def __init__(self) -> None:
-        self._all: deque[tuple[float, int]] = deque()   # when how many came
-        self._n = 0
-
-    def count(self, more: int) -> int:
-        """With these."""
-        now = time.monotonic()
-        while self._all and self._all[0][0] <= now - 60:
-            self._n -= self._all.popleft()[1]
-        if more:
-            self._all.append((now, more))
-        self._n += more
-        return self._n
 
 
 def framed(content: str | bytes) -> bytes:
@@ -182,7 +164,8 @@ class Browser:
         self.server.browsers.add(self)
         try:
             async for message in self.socket:
-                if message.type in MESSAGE_TYPES and self.bounds.over("messages", self._asked.count(1)):
+                if message.type in MESSAGE_TYPES and self.bounds.over(
+                        "messages", self._asked.count(1, time.monotonic())):
                     await self.socket.close(code=1008, message=self.bounds.says("messages").encode())
                     break
                 if message.type == WSMsgType.PING:

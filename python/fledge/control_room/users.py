@@ -37,7 +37,7 @@ import socket
 import ssl
 from base64 import urlsafe_b64decode, urlsafe_b64encode
 from binascii import Error as NotBase64
-from collections import Counter, defaultdict, deque
+from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -55,7 +55,7 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from fledge import __version__
-from fledge.control_room.bounds import Bounds, bound_socket
+from fledge.control_room.bounds import Bounds, Recent, bound_socket
 from fledge.control_room.routes import ANYONE, USER, add_routes, loads, route, row_of
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.address import is_loopback
@@ -320,7 +320,7 @@ class Guard:
         self._failed: list[tuple[float, str, str]] = []     # when, where, and as whom a login has failed or goes on
         self._strangers: Counter[tuple[str, str]] = Counter()   # their refusals
         self._times_of: WeakKeyDictionary[Any, _Times] = WeakKeyDictionary()    # of connections
-        self._rows: dict[tuple[str, str], deque[float]] = defaultdict(deque)    # when a user caused one in the journal
+        self._rows: dict[tuple[str, str], Recent] = defaultdict(Recent)     # those that a user caused in the journal
         self._counts: Counter[str] = Counter()          # connections of each address
         self._counted = 0.0                             # when they may be counted again
         self._bodies = 0                                # [bytes] of those that are held
@@ -509,11 +509,9 @@ class Guard:
     def _row(self, user: str, bound: str) -> bool:
         """Whether a user may cause one more row in the journal now."""
         now, rows = self.clock(), self._rows[user, bound]
-        while rows and rows[0] <= now - 60:
-            rows.popleft()
-        if self.bounds.over(bound, len(rows) + 1):
+        if self.bounds.over(bound, rows.within(now) + 1):
             return False
-        rows.append(now)
+        rows.count(1, now)
         return True
 
     def _refused(self, request: web.Request, status: int, why: str) -> None:
