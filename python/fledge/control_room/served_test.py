@@ -7,12 +7,14 @@ from unittest.mock import patch
 import pytest
 
 from fledge import cli, ground
+from fledge.control_room.spacecraft import Spacecraft
 from fledge.control_room.uplink_test import mission
 from fledge.control_room.users import token
 from fledge.control_room.web_test import console, flown
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.units import N, m, minute, s
+from tests.waiting import wait_for
 
 FILE = """
 folder = "kept"
@@ -68,6 +70,21 @@ async def test_two_scripts_and_an_operator_share_a_spacecraft(folder):
         one, other = await asyncio.gather(asyncio.to_thread(commands), asyncio.to_thread(commands))
         sequences = [sent.reports[0].sequence for sent in one + other]
         assert len(set(sequences)) == 20
+
+
+@flown
+async def test_a_packet_that_comes_before_the_link_is_open_waits_for_it(folder):
+    opened = Spacecraft._open
+
+    def late(craft):
+        wait_for(lambda: not craft._asked.empty() or craft._over.is_set())
+        opened(craft)
+
+    with patch.object(Spacecraft, "_open", late):
+        async with console(folder, FILE) as page:
+            made = await page.post("crafts/nadir_spin/preview", {"name": "flight.noop"})
+            await page.post("crafts/nadir_spin/raw", {"hex": made["hex"]})
+            assert page.room.crafts["nadir_spin"].state == "up"
 
 
 @flown

@@ -315,9 +315,10 @@ class Server:
     async def raw(self, request: web.Request) -> web.StreamResponse:
         """A packet that a script has made; it gets the number that is next."""
         craft = self._craft(request)
-        if craft.ground is None:
+        body = await self._body(request, hex=str, confirmed=bool)
+        ground = await self._asked(craft, lambda: craft.ground)     # in its thread, which opens the link first
+        if ground is None:
             raise refusal(409, f"{craft.name} takes no packets now: {craft.state}")
-        ground, body = craft.ground, await self._body(request, hex=str, confirmed=bool)
         try:
             packet = bytes.fromhex(body.get("hex", ""))
         except ValueError:
