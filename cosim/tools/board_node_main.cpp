@@ -100,26 +100,27 @@ void fill(std::string &value, const char *variable, const char *usual)
     }
 }
 
-/// Flight in a process that this program starts. It ends with this program, which notices its end at once.
-class Launched final : public registers::Backend {
+/// The program of flight, or of its machine. It ends with this program, which notices its end at once.
+class Child {
 public:
-    Launched(std::span<const RegisterBoard *const> boards, std::vector<std::string> command) : file_(boards, "")
+    /// Without a command there is no such program. `inherited`: a descriptor that it gets.
+    Child(std::vector<std::string> command, int inherited)
     {
+        if (command.empty()) {
+            return;
+        }
         int theirs = -1;
-        const auto fill = [](std::string &word, const std::string &place, const auto &value) {
-            if (const auto at = word.find(place); at != word.npos) {
-                word.replace(at, place.size(), value());
-            }
-        };
-        std::vector<char *> arguments;
         for (std::string &word : command) {
-            fill(word, "{registers}", [&] { return "/dev/fd/" + std::to_string(file_.fd()); });
-            fill(word, "{snapshots}", [&] {
+            put(word, "{snapshots}", [&] {
                 const auto [ours, other] = registers::SnapshotLink::make();
                 link_.emplace(ours);
                 theirs = other;
                 return std::to_string(theirs);
             });
+        }
+        std::vector<char *> arguments;
+        arguments.reserve(command.size() + 1);
+        for (std::string &word : command) {
             arguments.push_back(word.data());
         }
         arguments.push_back(nullptr);
@@ -127,7 +128,7 @@ public:
         pid_ = fork();
         if (pid_ == 0) {
             prctl(PR_SET_PDEATHSIG, SIGKILL);
-            if (getppid() != parent || fcntl(file_.fd(), F_SETFD, 0) != 0) {
+            if (getppid() != parent || (inherited >= 0 && fcntl(inherited, F_SETFD, 0) != 0)) {
                 _exit(126);
             }
             execvp(arguments[0], arguments.data());
@@ -139,11 +140,11 @@ public:
             throw registers::Error(std::string("no process can be started: ") + std::strerror(errno));
         }
     }
-    Launched(const Launched &) = delete;
-    Launched &operator=(const Launched &) = delete;
-    ~Launched() override
+    Child(const Child &) = delete;
+    Child &operator=(const Child &) = delete;
+    ~Child()
     {
-        if (!ended() && !wait(2s)) {
+        if (pid_ > 0 && !ended() && !wait(2s)) {
             kill(pid_, SIGTERM);
             if (!wait(5s)) {
                 kill(pid_, SIGKILL);
@@ -152,45 +153,29 @@ public:
         }
     }
 
-    std::span<const RegisterWindow> windows() const override { return file_.windows(); }
-
-    registers::Wait await_done(const RegisterWindow &clock, std::chrono::nanoseconds timeout) override
+    bool ended()
     {
-        const auto end = std::chrono::steady_clock::now() + timeout;
-        for (;;) {
-            const auto left = end - std::chrono::steady_clock::now();
-            const auto wait = file_.await_done(clock, std::min<std::chrono::nanoseconds>(left, 200ms));
-            if (wait != registers::Wait::late) {
-                return wait;
-            }
-            if (ended()) {
-                return registers::Wait::gone;
-            }
-            if (left <= 0ns) {
-                return registers::Wait::late;
-            }
+        ended_ = ended_ || (pid_ > 0 && waitpid(pid_, &status_, WNOHANG) == pid_);
+        return ended_;
+    }
+
+    /// Its exit code; -1 if it has not ended within the timeout, 128 + n after signal n; 0 if there is none.
+    int result(std::chrono::seconds timeout)
+    {
+        return pid_ < 0 ? 0 : !wait(timeout) ? -1 : WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
+    }
+
+    std::optional<registers::SnapshotLink> &snapshots() { return link_; }
+
+    /// Put a value in place of {name}, if the word has it.
+    static void put(std::string &word, const std::string &place, const auto &value)
+    {
+        if (const auto at = word.find(place); at != word.npos) {
+            word.replace(at, place.size(), value());
         }
     }
 
-    bool saves() const override { return link_.has_value(); }
-    std::vector<std::byte> save(std::chrono::nanoseconds timeout) override { return ask({}, timeout); }
-    void restore(std::span<const std::byte> snapshot, std::chrono::nanoseconds timeout) override
-    {
-        ask(snapshot, timeout);
-    }
-
-    /// Flight's exit code; -1 if it has not ended within the timeout, 128 + n after signal n.
-    int result(std::chrono::seconds timeout)
-    {
-        return !wait(timeout) ? -1 : WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
-    }
-
 private:
-    bool ended()
-    {
-        ended_ = ended_ || waitpid(pid_, &status_, WNOHANG) == pid_;
-        return ended_;
-    }
     bool wait(std::chrono::milliseconds timeout)
     {
         for (auto left = timeout; !ended() && left > 0ms; left -= 5ms) {
@@ -199,18 +184,54 @@ private:
         return ended();
     }
 
-    std::vector<std::byte> ask(std::span<const std::byte> request, std::chrono::nanoseconds timeout)
-    {
-        const RegisterWindow &any = windows().front();
-        return link_->ask(
-            request, [&] { any.ring(any.user, 0); }, timeout);
-    }
-
-    registers::SharedFile file_;
     std::optional<registers::SnapshotLink> link_;
     pid_t pid_ = -1;
     int status_ = 0;
     bool ended_ = false;
+};
+
+/// Flight behind a back end, in a child or on a machine that this runs.
+class Launched final : public registers::Backend {
+public:
+    Launched(registers::Backend &backend, Child &child) : backend_(backend), child_(child) {}
+
+    std::span<const RegisterWindow> windows() const override { return backend_.windows(); }
+
+    registers::Wait await_done(const RegisterWindow &clock, std::chrono::nanoseconds timeout) override
+    {
+        const auto end = std::chrono::steady_clock::now() + timeout;
+        for (;;) {
+            const auto left = end - std::chrono::steady_clock::now();
+            const auto wait = backend_.await_done(clock, std::min<std::chrono::nanoseconds>(left, 200ms));
+            if (wait != registers::Wait::late) {
+                return wait;
+            }
+            if (child_.ended()) {
+                return registers::Wait::gone;
+            }
+            if (left <= 0ns) {
+                return registers::Wait::late;
+            }
+        }
+    }
+
+    bool saves() const override { return child_.snapshots().has_value(); }
+    std::vector<std::byte> save(std::chrono::nanoseconds timeout) override { return ask({}, timeout); }
+    void restore(std::span<const std::byte> snapshot, std::chrono::nanoseconds timeout) override
+    {
+        ask(snapshot, timeout);
+    }
+
+private:
+    std::vector<std::byte> ask(std::span<const std::byte> request, std::chrono::nanoseconds timeout)
+    {
+        const RegisterWindow &any = windows().front();
+        return child_.snapshots()->ask(
+            request, [&] { any.ring(any.user, 0); }, timeout);
+    }
+
+    registers::Backend &backend_;
+    Child &child_;
 };
 
 void read_script(const std::string &path, cosim::BoardNode &node)
@@ -369,18 +390,17 @@ int main(int argc, char **argv)
         fill(o.delegate.node, "FLEDGE_NODE", "flight");
         fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");
         const std::span boards(mission.io->boards, mission.io->n_boards);
-        std::string reason;
-        if (o.command.empty()) {
-            registers::SharedFile file(boards, o.registers);
-            reason = serve(o, mission, file);
-        } else {
-            Launched flight(boards, o.command);
-            reason = serve(o, mission, flight);
-            const int result = flight.result(10s);
-            if (reason.empty() && result != 0) {
-                reason = result < 0 ? "flight did not end with the run"
-                                    : "flight ended with exit code " + std::to_string(result);
-            }
+        registers::SharedFile file(boards, o.registers);
+        for (std::string &word : o.command) {
+            Child::put(word, "{registers}", [&] { return "/dev/fd/" + std::to_string(file.fd()); });
+        }
+        Child child(o.command, file.fd());
+        Launched flight(file, child);
+        std::string reason = serve(o, mission, flight);
+        const int result = child.result(10s);
+        if (reason.empty() && result != 0) {
+            reason = result < 0 ? "flight did not end with the run"
+                                : "flight ended with exit code " + std::to_string(result);
         }
         if (!reason.empty()) {
             std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// A serial port against a pseudo terminal: what passes, what is refused, and a device that vanishes.
+#include "registers/serial_port.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "registers/outside.h"
+
+namespace serial_port_test {
+
+using namespace fledge::registers;
+using namespace std::chrono_literals;
+
+/// What the constructor says about a device.
+std::string refusal(const std::string &path, std::uint32_t baud = 115200)
+{
+    try {
+        const SerialPort port(path, baud);
+    } catch (const Error &error) {
+        return error.what();
+    }
+    return "";
+}
+
+/// All bytes that come until there are n.
+std::vector<std::byte> receive(SerialPort &port, std::size_t n)
+{
+    std::vector<std::byte> all(n);
+    std::size_t got = 0;
+    while (got < n && port.is_open()) {
+        got += port.receive(std::span(all).subspan(got), 10s);
+    }
+    all.resize(got);
+    return all;
+}
+
+TEST(SerialPort, EveryByteValuePassesAsItIsBothWays)
+{
+    SerialPort one;
+    SerialPort other(one.path(), 115200);
+    std::vector<std::byte> all(256);
+    for (std::size_t i = 0; i < all.size(); i++) {
+        all[i] = static_cast<std::byte>(i);
+    }
+    EXPECT_EQ(one.send(all), all.size());
+    EXPECT_EQ(receive(other, all.size()), all);
+    EXPECT_EQ(other.send(all), all.size());
+    EXPECT_EQ(receive(one, all.size()), all);
+}
+
+TEST(SerialPort, WhatIsNoSerialDeviceIsRefusedWithTheReason)
+{
+    EXPECT_NE(refusal("/dev/no_such_device").find("there is no device /dev/no_such_device"), std::string::npos);
+    EXPECT_NE(refusal("/dev/null").find("/dev/null is no serial device"), std::string::npos);
+    EXPECT_NE(refusal("/").find("/ cannot be opened"), std::string::npos);
+}
+
+TEST(SerialPort, ADeviceThatAnotherProgramHoldsIsRefusedByItsName)
+{
+    std::array<int, 2> ready{}, end{};
+    ASSERT_EQ(pipe(ready.data()), 0);
+    ASSERT_EQ(pipe(end.data()), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+        close(end[1]);
+        const SerialPort held;
+        char byte = 1;
+        const auto n = static_cast<ssize_t>(held.path().size());
+        _exit(write(ready[1], held.path().data(), held.path().size()) == n && read(end[0], &byte, 1) == 0 ? 0 : 1);
+    }
+    std::string path(100, '\0'), name;
+    path.resize(static_cast<std::size_t>(std::max<ssize_t>(read(ready[0], path.data(), path.size()), 0)));
+    std::getline(std::ifstream("/proc/" + std::to_string(child) + "/comm"), name);
+    EXPECT_EQ(refusal(path),
+              path + " is held by " + name + " (process " + std::to_string(child) + "): end that program first");
+    close(end[1]);
+    int status = -1;
+    waitpid(child, &status, 0);
+    EXPECT_EQ(status, 0);
+
+    const SerialPort mine;
+    const std::optional<SerialPort> first(std::in_place, mine.path(), 9600U);
+    EXPECT_NE(refusal(mine.path()).find("is held by "), std::string::npos);
+}
+
+TEST(SerialPort, WithoutTheRightToADeviceItsGroupIsNamed)
+{
+    const SerialPort pty;
+    std::array<int, 2> said{};
+    ASSERT_EQ(pipe(said.data()), 0);
+    std::filesystem::permissions(pty.path(), std::filesystem::perms::none);
+    const pid_t child = fork();
+    if (child == 0) {
+        if (getuid() == 0 && setuid(65534) != 0) {
+            _exit(1);
+        }
+        const std::string text = refusal(pty.path());
+        _exit(write(said[1], text.data(), text.size()) == static_cast<ssize_t>(text.size()) ? 0 : 1);
+    }
+    close(said[1]);
+    std::string text(1000, '\0');
+    text.resize(static_cast<std::size_t>(std::max<ssize_t>(read(said[0], text.data(), text.size()), 0)));
+    waitpid(child, nullptr, 0);
+    EXPECT_NE(text.find("you have no right to open " + pty.path() + ", which is of the group "), std::string::npos)
+        << text;
+    EXPECT_NE(text.find("run `sudo usermod -aG "), std::string::npos) << text;
+}
+
+TEST(SerialPort, ADeviceThatVanishesIsNoticedAndFoundAgain)
+{
+    const auto link = std::filesystem::temp_directory_path() / ("serial_port_" + std::to_string(getpid()));
+    std::optional<SerialPort> board(std::in_place);
+    std::filesystem::create_symlink(board->path(), link);
+    SerialPort port(link, 115200);
+    board.reset();
+    std::array<std::byte, 16> room{};
+    EXPECT_EQ(port.receive(room, 10s), 0U);
+    EXPECT_FALSE(port.is_open());
+    EXPECT_EQ(port.send(room), 0U);
+    std::filesystem::remove(link);
+    EXPECT_FALSE(port.reopen());
+    board.emplace();
+    std::filesystem::create_symlink(board->path(), link);
+    EXPECT_TRUE(port.reopen());
+    EXPECT_EQ(board->send(room), room.size());
+    EXPECT_EQ(receive(port, room.size()).size(), room.size());
+    std::filesystem::remove(link);
+}
+
+} // namespace serial_port_test
