@@ -39,7 +39,7 @@ RULES = {
     "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
     "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
     "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "
-                      "and byte orders", [*FLIGHT, "flight/exec", "introspect"]),
+                      "and byte orders", [*FLIGHT, "flight/exec", "record", "introspect"]),
     "introspect": Rule("Python", "the reader of headers, and the emitters", []),
     "targets": Rule("C99, Python", "what hosts an exported mission (`mission.h`), and a folder for each target, whose "
                     "Python is a part of `fledge`",
