@@ -10,6 +10,8 @@
  * damaged; behind bytes that are no frame it looks for the next sync. The sender also repeats what was not acknowledged
  * for some time.
  *
+ * The outside asks for an acknowledgement when it has heard nothing for 250 ms.
+ *
  * A session begins with the HELLO of the outside, which repeats it until the board has answered by a WELCOME. A board
  * without a session answers each frame of another one by a WELCOME of session 0: so the outside learns that the board
  * has started anew. Neither end keeps anything of an earlier session.
@@ -126,6 +128,7 @@ typedef struct LineEnd {
     LineHello hello;     ///< outside: of this end; board: of the session
     LineWelcome welcome; ///< board: of this end; outside: of the session
     int64_t heard;       ///< [ns] when the last whole frame of this session came
+    int64_t probed;      ///< [ns] when the outside asked last whether the board is there
     int64_t greeted;     ///< [ns] when the last HELLO or WELCOME was sent
     LineCounts counts;
 
@@ -161,8 +164,9 @@ void line_greet(LineEnd *e, const LineHello *hello, LineTake take, void *user, i
 /** The board's end: wait for the greeting. welcome->session and ->version are set here. */
 void line_await(LineEnd *e, const LineWelcome *welcome, LineTake take, void *user, int64_t now);
 
-/** Bytes that have come. Each message goes to `take`, at once. HELLO: the session is a new one, and the window is empty;
- *  WELCOME: each that comes in an open session, and before that the first one of this session. */
+/** Bytes that have come. Each message goes to `take`, at once, which calls neither line_input nor line_output. HELLO: the
+ *  session is a new one, the window is empty; WELCOME: each that comes in an open session, and before that the first one
+ *  of this session. */
 void line_input(LineEnd *e, const void *bytes, size_t n, int64_t now);
 
 /** The next frame that is to be sent now, valid until the next call; NULL: there is none. */
