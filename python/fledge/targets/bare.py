@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The class of boards that fly behind a serial line, without an operating system or in a task of one: the mission's C,
+the C of targets/bare, and the board's own few functions (targets/bare/port.h) are one program.
+
+A board is a folder with a class that declares its compiler and its sources; targets/cortex_m7 is one. Its `emulator` is
+the command of a machine that runs the program, with the line as its serial port.
+"""
+from __future__ import annotations
+
+from pathlib import Path
+
+from fledge.targets import build
+from fledge.targets.target import Target
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from fledge.targets.job import Part
+
+# The sources of a program besides the mission's and the board's.
+FLIGHT = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/bare/main.c",
+          "targets/bare/recorder.c", "targets/bare/say.c", "targets/bare/fault.c", "targets/bare/line_board.c",
+          "record/mcap.c", "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
+          "registers/message.c", "registers/line.c"]
+
+
+class Bare(Target):
+    """A board behind a serial line."""
+
+    cpu_of = "emulated"
+    parts = ("loop",)
+    compiler = ""                       # its gcc, "arm-none-eabi-gcc"; its `size` is called alike
+    machine: tuple[str, ...] = ()       # the flags that select its processor
+    library: tuple[str, ...] = ("--specs=picolibc.specs",)      # those that select its C library
+    script: Path | None = None          # the linker's
+    start = True                        # whether its sources begin the program, and not the C library
+    sources: tuple[Path, ...] = ()      # the board's own: port.h's five functions, and how it starts
+    link: tuple[str, ...] = ()          # further flags of the linker
+    # The command of a machine that runs a program: {program} stands for it, and {line} for the serial line.
+    emulator: tuple[str, ...] = ()
+
+    def program(self, folder: Path, name: str, sources: list[Path], includes: list[Path],
+                flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
+        """Build a program of C for the board, with its own sources."""
+        script: list[str | Path] = ["-T", self.script] if self.script else []
+        return build.program(folder, name, [*sources, *self.sources], [*includes, build.ROOT], self.compiler,
+                             [*self.library, "-g", f'-DTARGET="{self.name}"', *flags],
+                             [*self.library, *["-nostartfiles"] * self.start, "-static", *script, *self.link, *link],
+                             machine=self.machine)
+
+    def build(self, part: Part) -> Path:
+        return self.program(part.folder / self.name, part.mission.name,
+                            [*part.sources(), *(build.ROOT / path for path in FLIGHT)], part.includes())
+
+    def command(self, built: Path, record: str) -> list[str]:
+        return [word.format(program=built.resolve(), line="{line}") for word in self.emulator]
+
+    def sizes(self, built: Path) -> tuple[int, int]:
+        return build.sizes(built, self.compiler.removesuffix("gcc") + "size")
