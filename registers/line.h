@@ -70,13 +70,13 @@ typedef struct LineHello {
     uint32_t session; ///< any number but 0, another one for each session
     uint32_t flags;   ///< LINE_RECORDS | LINE_GO_ON
     uint32_t baud;    ///< of the line [bits/s], by which both ends know how long frames take; 0: 115200
-    uint64_t hash;    ///< of the mission's tables (mission_hash.h), as the outside has them
+    uint64_t hash;    ///< of what both ends must agree on, as the outside has it
 } LineHello;
 
 typedef struct LineWelcome {
     uint32_t version;
     uint32_t session; ///< 0: the board waits for a hello
-    uint32_t boot;    ///< a number that another board, or the same one after a reset, does not have
+    uint32_t boot;    ///< a number that another board, or this one after a reset, does not have; 0: not greeted yet
     uint32_t starts;  ///< of the program since power-on, if the board knows: 1, 2 ...
     uint64_t hash;
     uint8_t build[LINE_BUILD]; ///< all 0: the board does not know
@@ -164,9 +164,9 @@ void line_greet(LineEnd *e, const LineHello *hello, LineTake take, void *user, i
 /** The board's end: wait for the greeting. welcome->session and ->version are set here. */
 void line_await(LineEnd *e, const LineWelcome *welcome, LineTake take, void *user, int64_t now);
 
-/** Bytes that have come. Each message goes to `take`, at once, which calls neither line_input nor line_output. HELLO: the
- *  session is a new one, the window is empty; WELCOME: each that comes in an open session, and before that the first one
- *  of this session. */
+/** Bytes that have come. Each message goes to `take`, at once, which calls neither line_input nor line_output. HELLO:
+ *  the session is a new one, and the window is empty; WELCOME: each that comes in an open session, and before that the
+ *  first one of this session. */
 void line_input(LineEnd *e, const void *bytes, size_t n, int64_t now);
 
 /** The next frame that is to be sent now, valid until the next call; NULL: there is none. */

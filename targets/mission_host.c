@@ -190,3 +190,46 @@ McapStatus mission_record_close(MissionRecord *r)
     r->open = 0u;
     return mcap_close(&r->writer);
 }
+
+/* ---- the hash: FNV-1a */
+
+static uint64_t add_number(uint64_t hash, uint64_t v)
+{
+    for (int shift = 0; shift < 64; shift += 8) {
+        hash = (hash ^ (v >> shift & 0xFFu)) * UINT64_C(0x100000001B3);
+    }
+    return hash;
+}
+
+static uint64_t add_text(uint64_t hash, const char *text)
+{
+    while (*text != '\0') {
+        hash = (hash ^ (uint8_t)*text++) * UINT64_C(0x100000001B3);
+    }
+    return add_number(hash, 0u);
+}
+
+uint64_t mission_host_hash(const MissionHost *host)
+{
+    const MissionIo *io = host->io;
+    uint64_t hash = add_text(UINT64_C(0xCBF29CE484222325), host->name);
+    for (uint32_t i = 0u; i < io->n_messages; i++) {
+        const MissionMessage *m = &io->messages[i];
+        const MissionTopic *topic = &host->topics[i];
+        hash = add_text(add_text(add_text(hash, m->path), m->type), host->definitions[topic->definition].text);
+        hash = add_number(hash, m->size | (uint64_t)m->direction << 32 | (uint64_t)topic->latency << 40);
+    }
+    for (uint32_t i = 0u; i < host->n_rates; i++) {
+        hash = add_number(add_number(hash, (uint64_t)host->rates[i].period), (uint64_t)host->rates[i].offset);
+    }
+    for (uint32_t i = 0u; i < io->n_boards; i++) {
+        hash = add_number(hash, io->boards[i]->hash);
+    }
+    for (uint32_t i = 0u; i < io->n_lanes; i++) {
+        const MissionLane *row = &io->lanes[i];
+        hash = add_number(hash, row->message | (uint64_t)row->board << 16 | (uint64_t)row->lane << 32 |
+                                    (uint64_t)row->field << 48);
+        hash = add_number(hash, row->type != NULL ? 1u : 2u);
+    }
+    return hash;
+}

@@ -99,6 +99,10 @@ extern const MissionHost fledge_mission;
  *  work of this tick. */
 void mission_host_exchange(const MissionHost *host, const RegisterWindow *w, int64_t t, MissionIoCounts *counts);
 
+/** A hash of what the outside and flight must agree on, although each has its own program: names, types and layouts of
+ *  all messages, rates, boards, and what passes where. */
+uint64_t mission_host_hash(const MissionHost *host);
+
 /** Records every output of flight at every tick, and what its executive does, as MCAP, without a heap. */
 typedef struct MissionRecord {
     McapWriter writer;
