@@ -440,8 +440,8 @@ def parser() -> argparse.ArgumentParser:
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
 
-    from fledge.cli import (check, compare, control_room, export, falsify, faults, flips, fly, ground, keys, montecarlo,
-                            node, packets, profile, prompt, replay, rewind, up, verify, versions)
+    from fledge.cli import (check, compare, control_room, export, falsify, faults, flips, fly, ground, keys, load,
+                            montecarlo, node, packets, profile, prompt, replay, rewind, up, verify, versions)
 
     node.add_parameters(one)
     check.add(command)
@@ -452,6 +452,7 @@ def parser() -> argparse.ArgumentParser:
     versions.add(command)
     export.add(command)
     fly.add(command)
+    load.add(command)
     flips.add(command)
     profile.add(command)
     verify.add(command)

@@ -12,6 +12,7 @@ the package fledge.targets.leon3, whose __init__.py has its class. Here is what 
     flight.py     a flight of a job on its targets; flown.py: its results
     playback.py   a target's flight in the place of flight
     table.py      the table that `fledge fly` prints
+    probe.py      a program into a board, by openocd; remote.py: onto another computer, by ssh
 
 Until a flight begins, the standard library alone is imported: the launcher asks the classes what to install, and Fledge
 may not be built yet.
@@ -113,6 +114,11 @@ class Targets(Mapping[str, Target]):
         return list(dict.fromkeys([*(native[one] for one in missing if one in native), *(
             name for file in files if file.is_file()
             for name in re.findall(r"^[^#|\s]+", file.read_text(encoding="utf-8"), re.M))]))
+
+
+def boards() -> dict[str, Path]:
+    """Name -> file of all boards that openocd can load (probe.py); one of a project takes the place of another."""
+    return {path.stem.replace("_", "-"): path for place in PLACES for path in sorted(place.glob("*/boards/*.toml"))}
 
 
 TARGETS = Targets(PLACES)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`fledge load BOARD ELF`: a program into a board, by openocd; `fledge load ssh:HOST MISSION`: the program of a mission
+onto another computer with Linux, such as a Raspberry Pi.
+
+Exit codes: 0 it is loaded; 1 the board, the probe or the host failed; 2 the command line, the file or the mission is
+wrong, and nothing was sent; 130 Ctrl-C.
+"""
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from fledge.cli.node import add_parameters, given_parameters
+from fledge.errors import Failure
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    import argparse
+
+BY_SSH = "ssh:"
+
+
+def add(command: Callable) -> None:
+    """Add the subcommand, by the function of cli.parser() that adds one."""
+    from fledge.targets import boards
+
+    one = command("load", load, "load a program into a board by openocd, or by ssh",
+                  "load nucleo-h743zi build/my_sat.elf\n         ./fledge load ssh:pi@raspberrypi nadir_spin")
+    one.add_argument("board", metavar="BOARD", help=f"{', '.join(boards())}: by openocd; ssh:HOST or ssh:USER@HOST: by "
+                     "ssh")
+    one.add_argument("what", metavar="ELF|MISSION", help="of a board: the linked program; of ssh: a mission, whose "
+                     "program is built for that machine")
+    one.add_argument("scenario", nargs="?", help="of a mission: whose set-up counts; default: its first")
+    one.add_argument("--dry-run", action="store_true", help="check the program, and only print the command of openocd")
+    one.add_argument("--probe", metavar="SERIAL", default="", help="the serial number of the debug probe, where there "
+                     "are several")
+    one.add_argument("--process", metavar="NAME", help="of a mission: the flight process; default: the only one")
+    one.add_argument("--to", metavar="DIR", help="the folder on that machine; default: fledge/MISSION in the user's "
+                     "home")
+    one.add_argument("--ssh", metavar="COMMAND", default="", help="how ssh is called, as in 'ssh -p 2222 -i my_key'; "
+                     "default: ssh")
+    add_parameters(one)
+    one.set_defaults(needs=lambda options: ["ssh", "aarch64"] if options.board.startswith(BY_SSH) else ["load"])
+
+
+def load(options: argparse.Namespace) -> int:
+    if options.board.startswith(BY_SSH):
+        return _by_ssh(options)
+    from fledge import elf
+    from fledge.cli.console import say, size_of
+    from fledge.targets import probe
+
+    for name in ("scenario", "process", "to", "ssh", "parameters"):
+        if getattr(options, name):
+            raise Failure(f"load: {'--' * (name != 'scenario')}{'set' if name == 'parameters' else name} is for "
+                          f"ssh:HOST; {options.board} takes a linked program")
+    board, program = probe.board(options.board), elf.read(options.what)
+    board.check(program)
+    command = board.command(program, options.probe)
+    say(f"{program.path} ({size_of(program.path)}), {program.processor}, build id {program.build_id or 'none'}, into "
+        f"{board.name}: {board.about}")
+    say(f"  {shlex.join(command)}")
+    if not options.dry_run:
+        probe.run(command, str(program.path))
+        say("  loaded, and started")
+    return 0
+
+
+def _by_ssh(options):
+    from fledge.cli.console import say, size_of
+    from fledge.targets import TARGETS, Job, remote
+
+    for name in ("probe", "dry_run"):
+        if getattr(options, name):
+            raise Failure(f"load: --{name.replace('_', '-')} is for a board that openocd loads; found {options.board}")
+    host, ssh = options.board.removeprefix(BY_SSH), options.ssh or remote.SSH
+    target, = TARGETS.ready([remote.target_for(host, ssh)], "load")
+    job = Job(options.what, options.scenario, 1.0, parameters=given_parameters(options))
+    if options.process is None and len(job.parts) > 1:
+        raise Failure(f"load: {job.title} has the flight processes {', '.join(one.process for one in job.parts)}; name "
+                      "one by --process")
+    part = job.part(options.process) if options.process else job.parts[0]
+    target.check(part)
+    built = target.build(part)
+    place = remote.copy(built, host, ssh, options.to or f"fledge/{job.title}")
+    say(f"{job.title}, {part.process}, for {target.name}: {built} ({size_of(built)}) is {place} on {host}")
+    say(f"  by its clock  {shlex.join([*shlex.split(ssh), host, f'{shlex.quote(place)} --clock --for 60'])}")
+    return 0
