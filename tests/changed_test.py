@@ -76,7 +76,7 @@ def test_a_mission_reaches_its_own_tests_and_those_that_name_it():
     ("python/fledge/units.py", set(), {"python/fledge/units_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/series.py", set(), {"python/fledge/archive/archive_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/units_test.py", set(), {"python/fledge/units_test.py"}, "python/fledge/errors_test.py"),
-    ("targets/leon3/main.c", set(), {"targets/leon3/leon3_test.py"}, "targets/linux/linux_test.py"),
+    ("targets/leon3/flight.c", set(), {"targets/leon3/leon3_test.py"}, "targets/linux/linux_test.py"),
     ("cosim/bindings/python/fledge_node.py", set(), {"cosim/bindings/python/fledge_node_test.py"},
      "python/fledge/units_test.py"),
     ("flight/CMakeLists.txt", set(), {"tests/collection_test.py"}, "tests/links_test.py"),

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The functions that the pocket needs from a machine. port_posix.c implements them for POSIX. The port of a bare board
- * needs a stack for each task and a switch between them; no function needs preemption. */
+/* The functions that the pocket needs from a machine. port_posix.c implements them for POSIX, targets/bare/tasks.c
+ * for a board without an operating system: it needs a stack for each task and a switch between them; no function needs
+ * preemption. */
 #ifndef TARGETS_CFS_PORT_H
 #define TARGETS_CFS_PORT_H
 

@@ -2,7 +2,7 @@
 """A LEON3 board without an operating system, on the project's emulator.
 
     board.py      programs for a board; traps.S, devices.c, board.c, runtime.c, system.c: its support;
-                  main.c: flight on it
+                  flight.c: its registers and record, for targets/bare/main.c
     toolchain.py  Debian's SPARC compiler, and newlib, the C library, which is built once
 """
 from __future__ import annotations

@@ -50,14 +50,14 @@ void leon3_on_interrupt(uint32_t level, void (*handler)(void))
     }
 }
 
-static void wake(void) {} /* leon3_idle returns, and its caller looks */
+static void wake(void) {} /* bare_idle returns, and its caller looks */
 
-void leon3_idle(void)
+void bare_idle(void)
 {
     if (watched) {
         leon3_store(watchdog + TIMER_CONTROL, TIMER_ENABLE | TIMER_LOAD);
     }
-    (void)leon3_now(); /* often enough to see each turn of the counter */
+    (void)bare_now(); /* often enough to see each turn of the counter */
     if (leon3.timers != 0u) {
         __asm__ volatile("wr %%g0, %%asr19" : : : "memory");
     }
@@ -86,11 +86,11 @@ static void start_timers(void)
     watchdog = n > 2u ? beat + 0x10u * (n - 1u) : 0u; /* the last one */
 }
 
-void leon3_watch(void)
+void bare_watch(void)
 {
     watched = watchdog != 0u;
     if (watched) {
-        leon3_store(watchdog + TIMER_RELOAD, LEON3_PATIENCE_S * 1000000u);
+        leon3_store(watchdog + TIMER_RELOAD, BARE_PATIENCE_S * 1000000u);
     }
 }
 
@@ -102,7 +102,7 @@ void leon3_stop(int status)
     leon3_halt(status);
 }
 
-int64_t leon3_now(void)
+int64_t bare_now(void)
 {
     const uint32_t count = leon3.timers != 0u ? leon3_load(leon3.timers + TIMER_FIRST + 0x10u) : counted;
     elapsed += counted - count; /* it counts down */
@@ -125,22 +125,22 @@ void leon3_reset(void)
 
 static void say_row(const char *name, const uint32_t *values)
 {
-    leon3_say(name);
+    bare_say(name);
     for (int i = 0; i < 8; i++) {
-        leon3_say(" ");
-        leon3_say_hex(values[i]);
+        bare_say(" ");
+        bare_say_hex(values[i]);
     }
-    leon3_say("\n");
+    bare_say("\n");
 }
 
 void leon3_report_fault(const Leon3Fault *f)
 {
     leon3_console_off = 0;
-    leon3_say("trap 0x");
-    leon3_say_hex(f->tbr >> 4 & 0xFFu);
-    leon3_say(" at 0x");
-    leon3_say_hex(f->pc);
-    leon3_say(": the program stops\nnpc psr wim y fsr");
+    bare_say("trap 0x");
+    bare_say_hex(f->tbr >> 4 & 0xFFu);
+    bare_say(" at 0x");
+    bare_say_hex(f->pc);
+    bare_say(": the program stops\nnpc psr wim y fsr");
     const uint32_t state[8] = {f->npc, f->psr, f->wim, f->y, f->fsr, 0u, 0u, 0u};
     say_row("", state);
     say_row("g", f->g);
@@ -182,7 +182,7 @@ uint32_t leon3_data_size(void)
     return (uint32_t)((uintptr_t)leon3_bss_end - (uintptr_t)leon3_data);
 }
 
-Leon3Context leon3_context(void *stack, size_t size, void (*entry)(uint32_t), uint32_t argument)
+BareContext bare_context(void *stack, size_t size, void (*entry)(uint32_t), uint32_t argument)
 {
     extern void leon3_begin(void);
     uint32_t *frame = (uint32_t *)(((uintptr_t)stack + size - 96u) & ~(uintptr_t)7);
@@ -191,7 +191,7 @@ Leon3Context leon3_context(void *stack, size_t size, void (*entry)(uint32_t), ui
     }
     frame[0] = (uint32_t)(uintptr_t)entry; /* %l0 */
     frame[1] = argument;                   /* %l1 */
-    const Leon3Context made = {(uint32_t)(uintptr_t)frame, (uint32_t)(uintptr_t)leon3_begin - 8u};
+    const BareContext made = {(uint32_t)(uintptr_t)frame, (uint32_t)(uintptr_t)leon3_begin - 8u};
     return made;
 }
 
@@ -203,7 +203,7 @@ void leon3_run(void)
     leon3_find_devices();
     __asm__ volatile("rd %%asr17, %0" : "=r"(configuration));
     if ((configuration & 0x1Fu) + 1u != LEON3_WINDOWS) {
-        leon3_say("this processor has another number of register windows than 8\n");
+        bare_say("this processor has another number of register windows than 8\n");
         leon3_stop(1);
     }
     start_timers();

@@ -11,12 +11,13 @@ from fledge.targets.leon3 import toolchain
 
 FOLDER = build.ROOT / "targets/leon3"
 BOARD = build.ROOT / "emulator/boards/leon3.toml"       # Leon3.board
-SUPPORT = [FOLDER / name for name in ("traps.S", "devices.c", "board.c", "runtime.c", "system.c")]
+SAY = build.ROOT / "targets/bare/say.c"
+SUPPORT = [*(FOLDER / name for name in ("traps.S", "devices.c", "board.c", "runtime.c", "system.c")), SAY]
 # Flight on it, besides the mission's sources.
 FLIGHT = [*(build.ROOT / path for path in (
     "targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",
-    "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c")),
-    FOLDER / "main.c", FOLDER / "recorder.c"]
+    "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
+    "targets/bare/main.c", "targets/bare/recorder.c", "targets/leon3/flight.c"))]
 
 
 def read_board(path: Path) -> dict[str, Any]:
@@ -37,4 +38,5 @@ def program(folder: Path, name: str, sources: Sequence[Path], includes: Sequence
     linked = toolchain.link(FOLDER / "leon3.ld", LEON3_RAM=described["ram"]["base"],
                             LEON3_RAM_SIZE=described["ram"]["size"], LEON3_CLOCK=described["clock"])
     return build.program(folder, name, [*SUPPORT, *sources], [*includes, build.ROOT], toolchain.COMPILER,
-                         [*toolchain.headers(), "-g", *flags], linked, machine=toolchain.MACHINE, archives=archives)
+                         [*toolchain.headers(), "-g", '-DTARGET="leon3"', *flags], linked, machine=toolchain.MACHINE,
+                         archives=archives)

@@ -121,7 +121,7 @@ void leon3_send(uint32_t device, const void *bytes, size_t n)
     }
 }
 
-void leon3_say(const char *text)
+void bare_say(const char *text)
 {
     size_t n = 0;
     while (text[n] != '\0') {
@@ -130,34 +130,4 @@ void leon3_say(const char *text)
     if (!leon3_console_off) {
         leon3_send(leon3.console, text, n);
     }
-}
-
-static void say_in(uint32_t value, uint32_t base, int digits)
-{
-    char text[11];
-    char *p = text + sizeof text;
-    *--p = '\0';
-    do {
-        *--p = "0123456789abcdef"[value % base];
-        value /= base;
-    } while (value != 0u || p > text + sizeof text - 1 - digits);
-    leon3_say(p);
-}
-
-void leon3_say_number(uint32_t value)
-{
-    say_in(value, 10u, 1);
-}
-
-void leon3_say_hex(uint32_t value)
-{
-    say_in(value, 16u, 8);
-}
-
-void leon3_say_figure(const char *key, uint32_t value)
-{
-    leon3_say(key);
-    leon3_say(" ");
-    leon3_say_number(value);
-    leon3_say("\n");
 }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A LEON3 board without an operating system: its devices, as plug and play shows them, interrupts, time, contexts.
  * traps.S has the trap table and the start, devices.c plug and play and the console, board.c all else of the board,
- * runtime.c what the compiler calls, system.c what the C library calls. A program has a function main; no function here
- * uses the heap. */
+ * flight.c its registers and record, runtime.c what the compiler calls, system.c what the C library calls. Sleep, time,
+ * watchdog and console are those of targets/bare/bare.h. A program has a function main; no function here uses the
+ * heap. */
 #ifndef TARGETS_LEON3_LEON3_H
 #define TARGETS_LEON3_LEON3_H
 
@@ -11,8 +12,8 @@
 #define LEON3_FAULT_STACK 2048 /* [bytes] of the report of a trap */
 
 #ifndef __ASSEMBLER__
-#include <stddef.h>
-#include <stdint.h>
+#include "targets/bare/bare.h"
+#include "targets/bare/context.h"
 
 /** The addresses of devices; 0: the board has none. */
 typedef struct Leon3Devices {
@@ -66,24 +67,9 @@ void leon3_on_interrupt(uint32_t level, void (*handler)(void));
 /** Called by traps.S. */
 void leon3_interrupt(uint32_t level);
 
-/** Sleep until an interrupt: of a tick, of a handler, or of the timer, which comes often enough to look for ticks. */
-void leon3_idle(void);
-/** From its first call on, leon3_idle keeps the watchdog quiet: it resets the board LEON3_PATIENCE_S after the last
- *  call. The watchdog is the last timer of at least three. */
-void leon3_watch(void);
-#define LEON3_PATIENCE_S 10
-
-/** [ns] since the start; to a microsecond. */
-int64_t leon3_now(void);
-
 /** Send bytes through an APBUART, or as a packet through the SpaceWire link. */
 void leon3_send(uint32_t device, const void *bytes, size_t n);
-/** Text and numbers on the console. It is silent while leon3_console_off: if it shares its UART with a record. */
-void leon3_say(const char *text);
-void leon3_say_number(uint32_t value);
-void leon3_say_hex(uint32_t value);
-/** A line of a key and a value. */
-void leon3_say_figure(const char *key, uint32_t value);
+/** The console is silent while this is not 0: if it shares its UART with a record. */
 extern int leon3_console_off;
 
 /** [bytes] Of the stack: used so far, and its size. Of the program: what a ROM would hold (code, constants and initial
@@ -93,16 +79,5 @@ uint32_t leon3_stack_size(void);
 uint32_t leon3_program_size(void);
 uint32_t leon3_data_size(void);
 uint32_t leon3_ram_used(void);
-
-/** A thread of execution that waits. */
-typedef struct Leon3Context {
-    uint32_t sp, pc;
-} Leon3Context;
-
-/** A context that begins with entry(argument), which does not return. */
-Leon3Context leon3_context(void *stack, size_t size, void (*entry)(uint32_t), uint32_t argument);
-/** Store the running context, and go on with another one. Interrupts stay as they are. */
-void leon3_switch(Leon3Context *from, const Leon3Context *to);
-
 #endif
 #endif

@@ -121,7 +121,7 @@ int _kill(int process, int number)
 
 int _gettimeofday(struct timeval *t, void *zone)
 {
-    const int64_t now = leon3_now();
+    const int64_t now = bare_now();
     (void)zone;
     t->tv_sec = (time_t)(now / 1000000000);
     t->tv_usec = (suseconds_t)(now % 1000000000 / 1000);
@@ -130,7 +130,7 @@ int _gettimeofday(struct timeval *t, void *zone)
 
 clock_t _times(struct tms *t)
 {
-    t->tms_utime = (clock_t)(leon3_now() / (1000000000 / CLOCKS_PER_SEC));
+    t->tms_utime = (clock_t)(bare_now() / (1000000000 / CLOCKS_PER_SEC));
     t->tms_stime = t->tms_cutime = t->tms_cstime = 0;
     return t->tms_utime;
 }

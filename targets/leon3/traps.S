@@ -271,9 +271,9 @@ unexpected:
         call    leon3_report_fault
         mov     %g1, %o0
 
-/* void leon3_switch(Leon3Context *from, const Leon3Context *to): go on where `to` was left. */
-        .global leon3_switch
-leon3_switch:
+/* void bare_switch(BareContext *from, const BareContext *to): go on where `to` was left. */
+        .global bare_switch
+bare_switch:
         rd      %psr, %g1
         or      %g1, ALL_LEVELS, %g2
         wr      %g2, %psr               ! an interrupt would spill a window of one stack to the other

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The app of the core Flight System on a LEON3 board, with the pocket cFE.
 
-    app.py        the app, its tables and its files as one program
-    port.c, cfs.c tasks and files of the pocket cFE on the board, and its main program
+    app.py        the app, its tables and its files as one program, with tasks and files of targets/bare
+    cfs.c         its registers and its record, and the main program
 """
 from __future__ import annotations
 

@@ -3,11 +3,11 @@
  * `fledge export cfs` wrote; this file has its registers, and sends its outputs as a record through the last UART. The
  * compiler includes the header of the app's names in front. */
 #include "targets/leon3_cfs/cfs.h"
+#include "targets/bare/recorder.h"
+#include "targets/bare/tasks.h"
 #include "targets/cfs/pocket.h"
 #include "targets/cfs/watch.h"
 #include "targets/leon3/leon3.h"
-#include "targets/leon3/recorder.h"
-#include "targets/leon3/windows.h"
 
 extern const PocketApp fledge_apps[];
 extern const uint32 fledge_apps_n;
@@ -23,14 +23,14 @@ void FSW_Detach(bool keep);
 bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
 {
     (void)stop;
-    leon3_place_windows(fledge_mission.io, windows);
-    leon3_hear_boards(fledge_mission.io);
+    bare_begin(&fledge_mission, windows);
     return true;
 }
 
 bool FSW_WaitForRegisters(int32 milliseconds)
 {
-    port_wait_for_tick(leon3_now() + (int64)milliseconds * 1000000);
+    (void)milliseconds;
+    port_wait_for_tick();
     return true;
 }
 
@@ -51,8 +51,8 @@ void fledge_watch(const void *mission, CommandState *commands, MissionStart *sta
         recorder_take(&host, t, "leon3-cfs");
     } else if (t == -1) {
         const int result = recorder_end(counts);
-        leon3_say_figure("task_stack_bytes", port_stack_used());
-        leon3_say_figure("events_errors", pocket_counts().errors);
+        bare_say_figure("task_stack_bytes", port_stack_used());
+        bare_say_figure("events_errors", pocket_counts().errors);
         leon3_stop(result);
     }
 }
@@ -60,7 +60,7 @@ void fledge_watch(const void *mission, CommandState *commands, MissionStart *sta
 int main(void)
 {
     host = fledge_mission;
-    leon3_watch();
+    bare_watch();
     recorder_resume();
     pocket_boot("", fledge_apps, fledge_apps_n);
     pocket_quiet(true);
@@ -68,12 +68,12 @@ int main(void)
         port_add_file(leon3_files[i].path, leon3_files[i].bytes, leon3_files[i].size);
     }
     if (pocket_run_script("/cf/cfe_es_startup.scr") < 0 || !pocket_operational(10000)) {
-        leon3_say("the app did not start\n");
+        bare_say("the app did not start\n");
         return 1;
     }
     while (pocket_running() > 0u) {
         OS_TaskDelay(1000);
     }
-    leon3_say("the app has ended before the run\n");
+    bare_say("the app has ended before the run\n");
     return 1;
 }

@@ -17,11 +17,4 @@ typedef struct Leon3File {
 extern const Leon3File leon3_files[];
 extern const uint32 leon3_files_n;
 
-/** Its bytes must stay. */
-void port_add_file(const char *path, const uint8 *bytes, size_t n);
-/** The running task waits until the outside starts a tick, at the latest until a time. */
-void port_wait_for_tick(int64 until_ns);
-/** [bytes] The largest of all tasks' stacks, so far. */
-uint32 port_stack_used(void);
-
 #endif

@@ -70,22 +70,22 @@ void leon3_begin_flight(void)
     }
     leon3_find_devices();
     if (leon3.registers == 0u || leon3.registers_line == 0u) {
-        leon3_say("the board has no register space with an interrupt of a tick, so nothing gives flight its time\n");
+        bare_say("the board has no register space with an interrupt of a tick, so nothing gives flight its time\n");
         leon3_stop(1);
     }
     leon3_expect(
         rtems_interrupt_handler_install(leon3.registers_line, "tick", RTEMS_INTERRUPT_UNIQUE, tick_has_come, NULL));
 }
 
-void leon3_idle(void)
+void bare_idle(void)
 {
     if (watched) {
-        bsp_watchdog_reload(0, LEON3_PATIENCE_S * 1000000u);
+        bsp_watchdog_reload(0, BARE_PATIENCE_S * 1000000u);
     }
     leon3_wait_for(TICK, RTEMS_MILLISECONDS_TO_TICKS(100));
 }
 
-void leon3_watch(void)
+void bare_watch(void)
 {
     watched = 1;
 }
@@ -96,7 +96,7 @@ void leon3_stop(int status)
     exit(status);
 }
 
-int64_t leon3_now(void)
+int64_t bare_now(void)
 {
     return (int64_t)rtems_clock_get_uptime_nanoseconds();
 }

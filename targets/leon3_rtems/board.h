@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The board of targets/leon3/leon3.h under RTEMS. Flight is the thread that waits in leon3_idle. */
+/* The board of targets/leon3/leon3.h under RTEMS. Flight is the thread that waits in bare_idle. */
 #ifndef TARGETS_LEON3_RTEMS_BOARD_H
 #define TARGETS_LEON3_RTEMS_BOARD_H
 

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The registers of the app `fsw` under NASA's core Flight Executive, with OSAL's port to RTEMS, and its record. */
+#include "targets/bare/recorder.h"
 #include "targets/cfs/watch.h"
-#include "targets/leon3/recorder.h"
-#include "targets/leon3/windows.h"
 #include "targets/leon3_rtems/board.h"
 
 #include <fsw_app.h>
@@ -13,16 +12,16 @@ bool FSW_Attach(RegisterWindow *windows, const uint32 *stop)
 {
     (void)stop;
     leon3_begin_flight();
-    leon3_watch();
+    bare_watch();
     recorder_resume();
-    leon3_place_windows(fledge_mission.io, windows);
+    bare_begin(&fledge_mission, windows);
     return true;
 }
 
 bool FSW_WaitForRegisters(int32 milliseconds)
 {
     (void)milliseconds;
-    leon3_idle();
+    bare_idle();
     return true;
 }
 

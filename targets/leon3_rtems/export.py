@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fledge.export.read import Mission
 
 HERE = Path(__file__).resolve().parent
-RUNNER = [*board.FLIGHT, board.FOLDER / "devices.c", HERE / "board.c", HERE / "rtems.c"]
+RUNNER = [*board.FLIGHT, board.SAY, board.FOLDER / "devices.c", HERE / "board.c", HERE / "rtems.c"]
 
 
 def write(mission: Mission, folder: Path | str, files: Sequence[Path | str] = (), outputs: Sequence[str] | str = (),

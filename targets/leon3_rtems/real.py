@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from fledge.targets.job import Part
 
 HERE = Path(__file__).resolve().parent
-OWN = ["targets/leon3/devices.c", "targets/leon3/recorder.c",
+OWN = ["targets/bare/say.c", "targets/bare/recorder.c", "targets/leon3/devices.c", "targets/leon3/flight.c",
        "targets/leon3_rtems/board.c", "targets/leon3_rtems/cfe.c"]
-HEADERS = ["targets/leon3/leon3.h", "targets/leon3/recorder.h", "targets/leon3/windows.h",
+HEADERS = ["targets/bare/bare.h", "targets/bare/context.h", "targets/bare/recorder.h", "targets/leon3/leon3.h",
            "targets/leon3_rtems/board.h", "targets/cfs/watch.h", "registers/plug_and_play.h"]
 DEFINITIONS = "leon3_defs"
 SYSTEM = f"""\

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A mission as an application of RTEMS on a LEON3 board: a thread for each task of flight, and what starts them and
- * targets/leon3/main.c.
+ * targets/bare/main.c.
  *
  * The thread of flight waits for the interrupt of a tick, and has the highest priority. It lets the tasks that are due
  * run, one after the other, in the order of the mission: so flight computes the same bits as everywhere. Their
  * priorities are rate-monotonic, below it: they count beside the threads of an application around flight. */
 #include "targets/leon3_rtems/board.h"
-#include "targets/mission_host.h"
 
 #ifndef FLIGHT_PRIORITY
 #define FLIGHT_PRIORITY 10 /* of flight; its tasks follow */
@@ -17,8 +16,6 @@
 
 #define RUN RTEMS_EVENT_1  /* to a task */
 #define DONE RTEMS_EVENT_2 /* to flight: the task has run */
-
-int main(void);
 
 static rtems_id flight;
 static struct {
@@ -68,7 +65,7 @@ static rtems_task begin(rtems_task_argument unused)
         leon3_expect(rtems_task_start(tasks[i].id, run_task, i));
     }
     leon3_begin_flight();
-    leon3_stop(main());
+    leon3_stop(fledge_fly());
 }
 
 #define CONFIGURE_APPLICATION_NEEDS_CLOCK_DRIVER

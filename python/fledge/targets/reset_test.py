@@ -202,7 +202,7 @@ def test_flight_that_hangs_is_brought_back_by_a_watchdog(on_board, watchdog):
     sim.run(1 * s)
     assert objects.memory(sim.flight.drive.drive) == drive and sim.world.craft.state.omega_BN_B.tolist() != rate
     sim.run(24 * s)
-    # 10 s after the last call of leon3_idle, in the tick at 80 s; or 6 s after the heartbeat of that tick came.
+    # 10 s after the last call of bare_idle, in the tick at 80 s; or 6 s after the heartbeat of that tick came.
     missed = on_board.missed
     assert (on_board.core.resets, on_board.core.watchdog_resets) == (2, 1 if own else 0)
     assert missed == (19 if own else 12)

@@ -92,12 +92,12 @@ def test_main_and_child_task_race_nowhere(tmp_path):
 
 @pytest.mark.long("builds for a board")
 def test_on_a_board_without_an_operating_system(tmp_path):
-    """Registers are memory, tasks take turns, there are no files: the same source, and the same bits."""
+    """Registers are memory, tasks take turns, files are in memory: the same source, and the same bits."""
     sim = fledge.load("nadir_spin")
     mission = export.read(sim)
     app = cfs.App("fsw")
     cfs.write(mission, app, tmp_path / "fsw", (), outputs="all")
-    flags = [*linked.FLAGS, *linked.EXACT, "-O1", *linked.included()]
+    flags = [*linked.FLAGS, *linked.EXACT, "-O1", "-DTASK_STACK=65536", *linked.included()]
     objects = linked.compiled(app, tmp_path / "fsw", tmp_path / "o", options=["-O1"])
     flown_, _ = flown_by(mission, (), "all")
     write_files(flown_ | {"apps.c": around.app_list([app])}, tmp_path / "outside")
@@ -105,9 +105,9 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     registers = [ROOT / "registers" / f"{name}.c" for name in ("lane", "field", "clock", "message")]
     ours = sorted((tmp_path / "outside").glob("*.c"))
     subprocess.run(list(map(str, ["gcc", *flags, f"-Dfledge_io={mission.name}_io", "-I", tmp_path / "outside", *pocket,
-                                  *ours, *registers, ROOT / "targets/mission_io.c", HERE / "bare.c", HERE /
-                                  "port_bare.c", *objects, fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])),
-                   check=True)
+                                  *ours, *registers, ROOT / "targets/mission_io.c", HERE / "bare.c",
+                                  ROOT / "targets/bare/tasks.c", ROOT / "targets/bare/files.c", *objects,
+                                  fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])), check=True)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], 0.5)
     sim.run(120.0)

@@ -128,15 +128,15 @@ static void check_leaps(void)
     }
 }
 
-static Leon3Context first, second;
+static BareContext first, second;
 static uint64_t stack[1024];
 static uint32_t turns;
 
-static __attribute__((noinline)) void hop(uint32_t n, const Leon3Context *to, Leon3Context *from)
+static __attribute__((noinline)) void hop(uint32_t n, const BareContext *to, BareContext *from)
 {
     volatile uint32_t here = n;
     if (n == 0u) {
-        leon3_switch(from, to);
+        bare_switch(from, to);
     } else {
         hop(n - 1u, to, from);
     }
@@ -154,7 +154,7 @@ static void other(uint32_t argument)
 
 static void check_contexts(void)
 {
-    second = leon3_context(stack, sizeof stack, other, 99u);
+    second = bare_context(stack, sizeof stack, other, 99u);
     for (uint32_t i = 0u; i < 50u; i++) {
         hop((i * 7u) % 13u, &second, &first);
     }
@@ -246,10 +246,10 @@ static void check_resets(void)
     if (kept.starts == 1u) {
         leon3_reset();
     }
-    leon3_watch();
-    leon3_idle();
+    bare_watch();
+    bare_idle();
     while (kept.starts == 2u) {
-        __asm__ volatile("wr %g0, %asr19"); /* awake ten times a second, and never in leon3_idle */
+        __asm__ volatile("wr %g0, %asr19"); /* awake ten times a second, and never in bare_idle */
     }
 }
 #endif
@@ -266,8 +266,8 @@ int main(void)
     check_contexts();
     check_long_numbers();
     check_library();
-    const int64_t begin = leon3_now();
-    while (leon3_now() < begin + 2000000) {
+    const int64_t begin = bare_now();
+    while (bare_now() < begin + 2000000) {
     }
     CHECK(leon3_stack_used() > 400u && leon3_stack_used() < leon3_stack_size());
     printf("checked\n");

@@ -1,10 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The record of a mission's outputs, sent through the last UART. It outlives a reset of the board: the program that
- * starts again goes on with it. */
-#ifndef TARGETS_LEON3_RECORDER_H
-#define TARGETS_LEON3_RECORDER_H
+/* The record of a mission's outputs, which the board sends. It outlives a reset of the board: the program that starts
+ * again goes on with it. */
+#ifndef TARGETS_BARE_RECORDER_H
+#define TARGETS_BARE_RECORDER_H
 
 #include "targets/mission_host.h"
+
+enum { RECORDER_SCHEMAS = 64, RECORDER_CHANNELS = 192 };
+
+/** What outlives a reset of the board. */
+typedef struct RecorderKept {
+    uint32_t begun; ///< a mark: the rest is of the program before a reset
+    uint32_t busy;  ///< 1: some bytes of a record are sent
+    uint32_t taken;
+    McapStatus status;
+    MissionRecord record;
+    McapSchema schemas[RECORDER_SCHEMAS];
+    McapChannel channels[RECORDER_CHANNELS];
+} RecorderKept;
 
 /** At the start of the program: go on with the record of the program before a reset, if there was one. */
 void recorder_resume(void);

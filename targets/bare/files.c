@@ -1,160 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The port of the pocket cFE to a board without an operating system. Each task has a stack, and another task runs only
- * when one waits; when all wait, the processor sleeps until an interrupt. Files below /cf and /ram are in memory; apps
- * are linked with the program. */
-#include "targets/leon3_cfs/cfs.h"
-
+/* Files of the pocket cFE on a board: those below /cf and /ram are in memory, and there are no folders. */
+#include "targets/bare/tasks.h"
 #include "targets/cfs/config.h"
 #include "targets/cfs/port.h"
-#include "targets/leon3/leon3.h"
 
 #include "osapi.h"
 
 #include <string.h>
 
-enum { STACK = 24576, FILES = 96, WRITTEN = 16, OPEN = POCKET_FILES, PATH = 64, LARGEST = 8192 };
-
-/* ---- tasks */
-
-static struct {
-    Leon3Context context;
-    void (*entry)(uint32);
-    volatile int used;
-    volatile int blocked;
-    int64 until;
-} tasks[POCKET_TASKS];
-static uint64_t stacks[POCKET_TASKS][STACK / 8];
-static uint32 running;
-static uint32 waits_for_tick; /* the task; 0: none, for task 0 never does */
-
-static void tick_has_come(void)
-{
-    tasks[waits_for_tick].blocked = 0;
-}
-
-void port_start(const char *root)
-{
-    (void)root;
-    tasks[0].used = 1;
-    if (leon3.registers_line != 0u) {
-        leon3_on_interrupt(leon3.registers_line, tick_has_come);
-    }
-}
-
-void port_lock(void) {}
-
-void port_unlock(void) {}
-
-static void begin(uint32_t slot)
-{
-    tasks[slot].entry(slot);
-    port_task_end();
-}
-
-int port_task_start(uint32 slot, void (*entry)(uint32 slot), void *stack, size_t stack_size, uint32 priority)
-{
-    (void)priority;
-    if (stack == NULL) {
-        stack = stacks[slot];
-        if (stack_size > sizeof stacks[slot]) {
-            return 1;
-        }
-        stack_size = sizeof stacks[slot];
-    }
-    for (size_t i = 0; i < stack_size / 4u; i++) {
-        ((uint32_t *)stack)[i] = LEON3_PAINT;
-    }
-    tasks[slot].context = leon3_context(stack, stack_size, begin, slot);
-    tasks[slot].entry = entry;
-    tasks[slot].blocked = 0;
-    tasks[slot].used = 1;
-    return 0;
-}
-
-/* The next task that can go on, in turn. */
-static uint32 next(void)
-{
-    for (;;) {
-        const int64 now = port_now();
-        for (uint32 k = 1; k <= POCKET_TASKS; k++) {
-            const uint32 i = (running + k) % POCKET_TASKS;
-            if (tasks[i].used && (!tasks[i].blocked || (tasks[i].until >= 0 && tasks[i].until <= now))) {
-                return i;
-            }
-        }
-        leon3_idle();
-    }
-}
-
-static void give_way(void)
-{
-    const uint32 from = running;
-    running = next();
-    tasks[running].blocked = 0;
-    if (running != from) {
-        leon3_switch(&tasks[from].context, &tasks[running].context);
-    }
-}
-
-void port_task_end(void)
-{
-    tasks[running].used = 0;
-    give_way();
-}
-
-uint32 port_task_self(void)
-{
-    return running;
-}
-
-void port_block(int64 until_ns)
-{
-    tasks[running].until = until_ns;
-    tasks[running].blocked = 1;
-    give_way();
-}
-
-void port_unblock(uint32 slot)
-{
-    tasks[slot].blocked = 0;
-}
-
-void port_wait_for_tick(int64 until_ns)
-{
-    waits_for_tick = running;
-    /* Without an interrupt, look again after the other tasks. */
-    port_block(leon3.registers_line != 0u ? until_ns : 0);
-    waits_for_tick = 0u;
-}
-
-uint32 port_stack_used(void)
-{
-    uint32 most = 0u;
-    for (uint32 i = 0u; i < POCKET_TASKS; i++) {
-        uint32 n = 0u;
-        while (n < STACK / 4u && ((const uint32_t *)stacks[i])[n] == LEON3_PAINT) {
-            n++;
-        }
-        most = tasks[i].entry != NULL && STACK - 4u * n > most ? STACK - 4u * n : most;
-    }
-    return most;
-}
-
-/* ---- time and the console */
-
-int64 port_now(void)
-{
-    return leon3_now();
-}
-
-void port_console(const char *text, size_t n)
-{
-    if (!leon3_console_off) {
-        leon3_send(leon3.console, text, n);
-    }
-}
-
-/* ---- files */
+enum { FILES = 96, WRITTEN = 16, OPEN = POCKET_FILES, PATH = 64, LARGEST = 8192 };
 
 static struct {
     char path[PATH]; ///< "": there is none
@@ -355,19 +209,4 @@ int32 port_folder_close(int32 folder)
 {
     (void)folder;
     return -1;
-}
-
-/* ---- apps are linked */
-
-void *port_load(const char *name, const char *entry_name, void (**entry)(void))
-{
-    (void)name;
-    (void)entry_name;
-    *entry = NULL;
-    return NULL;
-}
-
-void port_unload(void *code)
-{
-    (void)code;
 }

@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "targets/bare/recorder.h"
+
+#include "targets/bare/bare.h"
+
+#include <string.h>
+
+enum { BEGUN = 0x4d434150 };
+
+static RecorderKept *kept;
+
+static int send_record(void *user, const void *bytes, size_t n)
+{
+    (void)user;
+    bare_record(bytes, n);
+    return 0;
+}
+
+void recorder_resume(void)
+{
+    kept = bare_keep(sizeof *kept);
+    if (kept->begun != BEGUN) {
+        memset(kept, 0, sizeof *kept);
+    }
+    bare_recording(kept->begun == BEGUN);
+    if (kept->busy != 0u) {
+        kept->status = MCAP_WRITE_FAILED;
+    }
+}
+
+void recorder_begin(const MissionHost *host, const char *target)
+{
+    memset(kept, 0, sizeof *kept);
+    bare_recording(1);
+    kept->begun = BEGUN;
+    kept->status = MCAP_FULL;
+    if (host->n_schemas <= RECORDER_SCHEMAS && host->n_channels <= RECORDER_CHANNELS) {
+        MissionHost here = *host;
+        here.schemas = kept->schemas;
+        here.channels = kept->channels;
+        kept->status = mission_record_open(&kept->record, &here, send_record, NULL, target);
+    }
+}
+
+void recorder_take(const MissionHost *host, int64_t t, const char *target)
+{
+    if (kept->begun != BEGUN) {
+        recorder_begin(host, target);
+    }
+    if (kept->status == MCAP_OK) {
+        kept->busy = 1u;
+        kept->status = mission_record_take(&kept->record, host, t);
+        bare_record_flush();
+        kept->busy = 0u;
+    }
+    kept->taken++;
+}
+
+int recorder_end(const MissionIoCounts *counts)
+{
+    if (kept->begun == BEGUN && kept->status == MCAP_OK) {
+        kept->status = mission_record_close(&kept->record);
+    }
+    bare_recording(0);
+    bare_say_figure("recorded", kept->taken);
+    bare_say_figure("refused", counts->refused);
+    bare_say_figure("corrupt", counts->corrupt);
+    bare_say_figure("saturated", counts->saturated);
+    bare_say_figure("skipped", counts->skipped);
+    bare_say_figures();
+    if (kept->status != MCAP_OK) {
+        bare_say("the record failed: ");
+        bare_say(kept->busy != 0u ? "the board was reset while it was sent" : mcap_status_text(kept->status));
+        bare_say("\n");
+    }
+    return kept->status == MCAP_OK ? 0 : 1;
+}
