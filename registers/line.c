@@ -133,6 +133,7 @@ static void begin(LineEnd *e, LineTake take, void *user, int is_board, uint32_t 
 void line_greet(LineEnd *e, const LineHello *hello, LineTake take, void *user, int64_t now)
 {
     begin(e, take, user, 0, hello->session, now);
+    e->welcome.boot = 0u;
     e->hello = *hello;
     e->hello.version = LINE_VERSION;
 }
@@ -197,7 +198,7 @@ static size_t write_frame(const LineEnd *e, uint8_t *frame, LineKind kind, uint3
     frame[5] = (uint8_t)flags;
     put16(frame + 6, sequence);
     put16(frame + 8, e->expected);
-    put32(frame + 10, e->session);
+    put32(frame + 10, e->session ^ e->welcome.boot);
     put32(frame + 14, tick);
     put32(frame + LINE_HEAD + n, mcap_crc_update(&e->crc, 0u, frame, LINE_HEAD + n));
     return LINE_HEAD + n + 4u;
@@ -243,7 +244,7 @@ const uint8_t *line_output(LineEnd *e, int64_t now, size_t *n)
     if (is_silent(e, now)) {
         parse(e, 1, now);
     }
-    if (e->greet && now - e->greeted >= (e->is_board && e->open ? 0 : GREET_NS)) {
+    if (e->greet && now - e->greeted >= GREET_NS) {
         e->greeted = now;
         if (e->is_board) {
             e->greet = 0;
@@ -311,7 +312,7 @@ int64_t line_wake(const LineEnd *e, int64_t now)
         wake = sooner(wake, e->came + SILENCE_NS, now);
     }
     if (e->greet) {
-        wake = sooner(wake, e->is_board && e->open ? now : e->greeted + GREET_NS, now);
+        wake = sooner(wake, e->greeted + GREET_NS, now);
     }
     if (e->open) {
         if (e->unsent != e->next || e->owe_now || e->owed >= OWED_MAX || e->missing) {
@@ -376,12 +377,13 @@ static void take_next(LineEnd *e, const LineMessage *m, uint16_t sequence, int64
     e->take(e->user, m);
 }
 
-static void take_hello(LineEnd *e, LineMessage *m)
+static void take_hello(LineEnd *e, LineMessage *m, int64_t now)
 {
     if (!e->is_board || !read_hello(&m->hello, m->bytes, m->n) || m->hello.session == e->past) {
         return;
     }
     e->greet = 1;
+    e->greeted = now - GREET_NS;
     if (e->open && m->hello.session == e->session) {
         return; /* the answer was lost */
     }
@@ -424,14 +426,13 @@ static void take_frame(LineEnd *e, const uint8_t *frame, uint32_t n, int64_t now
     memset(&m, 0, sizeof m);
     m.kind = (LineKind)frame[4];
     m.flags = frame[5];
-    m.session = get32(frame + 10);
     m.tick = get32(frame + 14);
     m.bytes = frame + LINE_HEAD;
     m.n = n;
     e->counts.frames_taken++;
     if (m.kind == LINE_HELLO) {
         e->heard = now;
-        take_hello(e, &m);
+        take_hello(e, &m, now);
         return;
     }
     if (m.kind == LINE_WELCOME) {
@@ -447,9 +448,9 @@ static void take_frame(LineEnd *e, const uint8_t *frame, uint32_t n, int64_t now
         }
         return;
     }
-    if (!e->open || m.session != e->session) {
+    if (!e->open || get32(frame + 10) != (e->session ^ e->welcome.boot)) {
         e->counts.foreign++;
-        e->greet |= e->is_board && !e->open;
+        e->greet |= e->is_board;
         return;
     }
     e->heard = now;

@@ -12,9 +12,10 @@
  *
  * The outside asks for an acknowledgement when it has heard nothing for 250 ms.
  *
- * A session begins with the HELLO of the outside, which repeats it until the board has answered by a WELCOME. A board
- * without a session answers each frame of another one by a WELCOME of session 0: so the outside learns that the board
- * has started anew. Neither end keeps anything of an earlier session.
+ * A session begins with the HELLO of the outside, which repeats it until the board has answered by a WELCOME. In
+ * frames, `session` is its number XOR that of the board's start, so none passes between ends that do not know of each
+ * other. A board answers such a frame by a WELCOME, of session 0 if it was not greeted since its start: so the outside
+ * learns that the board has started anew. Neither end keeps anything of an earlier session.
  *
  * Nothing here does I/O or needs a heap. Each end gives the bytes that come to line_input, sends the frames that
  * line_output gives, and does both many times a second, or at the time that line_wake tells. Of one end all calls come
@@ -88,7 +89,6 @@ typedef struct LineWelcome {
 typedef struct LineMessage {
     LineKind kind;
     uint32_t flags;
-    uint32_t session;
     uint32_t tick;
     const uint8_t *bytes; ///< valid until the function returns
     uint32_t n;
