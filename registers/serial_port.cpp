@@ -195,12 +195,12 @@ bool SerialPort::reopen()
     return is_open();
 }
 
-std::size_t SerialPort::receive(std::span<std::byte> room, std::chrono::nanoseconds timeout)
+std::size_t SerialPort::receive(std::span<std::byte> room, std::chrono::nanoseconds timeout, bool until_room)
 {
     const auto left = std::max<std::int64_t>(timeout.count(), 0);
     const timespec t{left / 1'000'000'000, left % 1'000'000'000};
-    pollfd one{fd_, POLLIN, 0};
-    if (fd_ < 0 || ppoll(&one, 1, &t, nullptr) <= 0) {
+    pollfd one{fd_, static_cast<short>(until_room ? POLLIN | POLLOUT : POLLIN), 0};
+    if (fd_ < 0 || ppoll(&one, 1, &t, nullptr) <= 0 || one.revents == POLLOUT) {
         return 0;
     }
     const ssize_t n = read(fd_, room.data(), room.size());

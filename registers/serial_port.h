@@ -24,9 +24,9 @@ public:
     std::uint32_t baud() const { return baud_; } ///< 0: a pseudo terminal, which has none
     bool is_open() const { return fd_ >= 0; }
 
-    /// The bytes that have come; waits for the first one so long. After a failure, of which the device has vanished,
-    /// is_open() is false.
-    std::size_t receive(std::span<std::byte> room, std::chrono::nanoseconds timeout);
+    /// The bytes that have come; waits for the first one so long, or until send() has room. Once the device has
+    /// vanished, is_open() is false.
+    std::size_t receive(std::span<std::byte> room, std::chrono::nanoseconds timeout, bool until_room = false);
     /// Takes the bytes that it has room for, at least none.
     std::size_t send(std::span<const std::byte> bytes);
     /// After the device has vanished: whether it is there again.

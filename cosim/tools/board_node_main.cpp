@@ -3,6 +3,7 @@
 #include "cosim/node/board_node.h"
 #include "options/options.h"
 #include "record/file_sink.h"
+#include "registers/line_backend.h"
 #include "registers/snapshot_link.h"
 
 #include <charconv>
@@ -26,7 +27,7 @@ using namespace fledge;
 using namespace std::chrono_literals;
 
 struct Settings {
-    std::string tables, registers, script, telemetry;
+    std::string tables, registers, line, line_record, script, telemetry;
     const MissionHost *mission = nullptr; ///< of the tables
     std::vector<std::string> command;
     bool by_radio = false;
@@ -59,6 +60,10 @@ Settings parse(int argc, char **argv)
         "Behind --, a command that starts flight; it ends with this program, and {registers} in its arguments is "
         "the register file. A command "
         "with {snapshots} makes snapshots of its computer: that is a socket (registers/snapshot_link.h).\n\n"
+        "A line is DEVICE?baud=921600&reset=end&cut=0&pace=0&build=HEX: the rate; whether a reset of the board ends "
+        "the run, or flight begins within it (reset=go-on); how long the line may be cut or silent [s]; the pace of "
+        "the run, to tell how late answers are; and the build id of the board's program. With pty as its DEVICE it is "
+        "a pseudo terminal, whose path is {line} in the arguments of the command.\n\n"
         "example: fledge_board_node --tables nadir_spin.so -- ./nadir_spin --record flight.mcap {registers}");
     const auto text = [&](const char *name, std::string &to, const char *help) {
         return options.text(name, to, "", help);
@@ -70,6 +75,8 @@ Settings parse(int argc, char **argv)
     text("--tables", o.tables, "the mission and its boards as data: a shared object, as ./fledge fly builds it")
         .required();
     text("--registers", o.registers, "the register file to be made; flight attaches to it by itself");
+    text("--line", o.line, "the serial line of a board");
+    text("--line-record", o.line_record, "a file for the record of flight that comes through the line").needs("--line");
     text("--script", o.script,
          "commands: lines of a time [ns] and the bytes of a packet in hexadecimal; flight gets\n"
          "each before its first instant after that time");
@@ -82,8 +89,8 @@ Settings parse(int argc, char **argv)
     time("--patience", patience, "for the controller, and for flight, to be there; default 60");
     time("--reply", reply, "for flight to answer a tick; default 60");
     options.parse(static_cast<int>(command - argv), argv);
-    if (o.registers.empty() == o.command.empty()) {
-        options.refuse("either --registers or a command is needed");
+    if (o.line.empty() ? o.registers.empty() == o.command.empty() : !o.registers.empty()) {
+        options.refuse("either --registers, or --line, or a command is needed");
     }
     o.delegate.connect_timeout = std::chrono::milliseconds(static_cast<long>(patience * 1e3));
     o.reply = std::chrono::milliseconds(static_cast<long>(reply * 1e3));
@@ -378,6 +385,51 @@ std::string serve(const Settings &o, const MissionHost &mission, registers::Back
     return reason;
 }
 
+using Boards = std::span<const RegisterBoard *const>;
+
+/// The reason of an early end, also if the child's exit code tells it.
+std::string end(Child &child, std::string reason)
+{
+    const int result = child.result(10s);
+    if (reason.empty() && result != 0) {
+        reason =
+            result < 0 ? "flight did not end with the run" : "flight ended with exit code " + std::to_string(result);
+    }
+    return reason;
+}
+
+std::string fly_registers(Settings &o, Boards boards)
+{
+    registers::SharedFile file(boards, o.registers);
+    for (std::string &word : o.command) {
+        Child::put(word, "{registers}", [&] { return "/dev/fd/" + std::to_string(file.fd()); });
+    }
+    Child child(o.command, file.fd());
+    Launched flight(file, child);
+    return end(child, serve(o, *o.mission, flight));
+}
+
+std::string fly_line(Settings &o, Boards boards)
+{
+    registers::LineBackend line(boards, {o.mission->name, mission_host_hash(o.mission)},
+                                registers::LineSettings::read(o.line), o.line_record);
+    for (std::string &word : o.command) {
+        Child::put(word, "{line}", [&] { return line.path(); });
+    }
+    Child child(o.command, -1);
+    Launched flight(line, child);
+    const auto lives = [&] { return !child.ended(); };
+    line.greet(o.delegate.connect_timeout, lives);
+    std::string reason = serve(o, *o.mission, flight);
+    if (reason.empty()) {
+        if (const int status = line.end(10s, lives); status != 0) {
+            reason = "flight on the board ended with status " + std::to_string(status);
+        }
+        line.print();
+    }
+    return end(child, reason);
+}
+
 } // namespace
 
 int main(int argc, char **argv)
@@ -390,18 +442,7 @@ int main(int argc, char **argv)
         fill(o.delegate.node, "FLEDGE_NODE", "flight");
         fill(o.delegate.address, "FLEDGE_ADDRESS", "tcp://127.0.0.1:7000");
         const std::span boards(mission.io->boards, mission.io->n_boards);
-        registers::SharedFile file(boards, o.registers);
-        for (std::string &word : o.command) {
-            Child::put(word, "{registers}", [&] { return "/dev/fd/" + std::to_string(file.fd()); });
-        }
-        Child child(o.command, file.fd());
-        Launched flight(file, child);
-        std::string reason = serve(o, mission, flight);
-        const int result = child.result(10s);
-        if (reason.empty() && result != 0) {
-            reason = result < 0 ? "flight did not end with the run"
-                                : "flight ended with exit code " + std::to_string(result);
-        }
+        const std::string reason = o.line.empty() ? fly_registers(o, boards) : fly_line(o, boards);
         if (!reason.empty()) {
             std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());
             return 1;
