@@ -482,7 +482,8 @@ int LineBackend::end(std::chrono::nanoseconds timeout, const std::function<bool(
 void LineBackend::print() const
 {
     const LineCounts &c = line_->counts;
-    std::printf("ticks %" PRIu64 "\ncpu_ns %" PRId64 "\nline_longest_ns %" PRId64 "\n", ticks_, spent_, longest_);
+    std::printf("ticks %" PRIu64 "\ncpu_ns %.0f\nline_longest_ns %" PRId64 "\n", ticks_,
+                static_cast<double>(spent_) / static_cast<double>(std::max<std::uint64_t>(ticks_, 1)), longest_);
     std::printf("line_bytes_sent %" PRIu64 "\nline_bytes_taken %" PRIu64 "\nline_frames_sent %u\nline_frames_taken %u\n"
                 "line_resent %u\nline_damaged %u\nline_resets %u\nline_cuts %u\n",
                 c.bytes_sent, c.bytes_taken, c.frames_sent, c.frames_taken, c.resent, c.damaged, resets_, cuts_);

@@ -151,7 +151,7 @@ public:
     Child &operator=(const Child &) = delete;
     ~Child()
     {
-        if (pid_ > 0 && !ended() && !wait(2s)) {
+        if (pid_ > 0 && !ended() && (stopped_ || !wait(2s))) {
             kill(pid_, SIGTERM);
             if (!wait(5s)) {
                 kill(pid_, SIGKILL);
@@ -165,6 +165,9 @@ public:
         ended_ = ended_ || (pid_ > 0 && waitpid(pid_, &status_, WNOHANG) == pid_);
         return ended_;
     }
+
+    /// It need not end by itself.
+    void stop() { stopped_ = true; }
 
     /// Its exit code; -1 if it has not ended within the timeout, 128 + n after signal n; 0 if there is none.
     int result(std::chrono::seconds timeout)
@@ -194,7 +197,7 @@ private:
     std::optional<registers::SnapshotLink> link_;
     pid_t pid_ = -1;
     int status_ = 0;
-    bool ended_ = false;
+    bool ended_ = false, stopped_ = false;
 };
 
 /// Flight behind a back end, in a child or on a machine that this runs.
@@ -426,6 +429,8 @@ std::string fly_line(Settings &o, Boards boards)
             reason = "flight on the board ended with status " + std::to_string(status);
         }
         line.print();
+        child.stop(); // a board waits for the next run
+        return reason;
     }
     return end(child, reason);
 }
