@@ -5,6 +5,7 @@
 #include "registers/line.h"
 #include "targets/bare/bare.h"
 #include "targets/bare/fault.h"
+#include "targets/bare/memory.h"
 #include "targets/bare/port.h"
 
 #include <string.h>
@@ -42,6 +43,8 @@ static uint32_t ended;     /* the session whose run has ended, as counted by `gr
 static uint32_t flying;    /* the session whose run flight is in */
 static int has_flown;      /* flight has answered since the start of the program */
 static uint32_t shouts;
+
+size_t bare_kept;
 
 /* Defined by a linker script that keeps the note of the build id (--build-id). */
 extern const uint8_t fledge_build_note[] __attribute__((weak));
@@ -149,7 +152,8 @@ static void take(void *user, const LineMessage *m)
 
 void *bare_keep(size_t size)
 {
-    kept = board_keep(sizeof *kept + size);
+    bare_kept = sizeof *kept + size;
+    kept = board_keep(bare_kept);
     if (kept == NULL) {
         stop("this board cannot keep as many bytes as the record needs through a reset\n");
     }

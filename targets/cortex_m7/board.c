@@ -39,7 +39,7 @@ enum { WATCHDOG = 0x40008000, WATCHDOG_LOAD = 0x0, WATCHDOG_CONTROL = 0x8, WATCH
 enum { MPU_ON = 5 }; /* all else as without it */
 enum { NO_ACCESS = 0 << 24, READ_ONLY = 6 << 24, NO_CODE = 1 << 28, SHARED_MEMORY = 7 << 16, REGION_ON = 1 };
 
-enum { RING = 2048 }; /* bytes that have come: more than the other end sends before it awaits an answer */
+enum { RING = 8192 }; /* bytes that have come: more than the other end sends before it awaits an answer */
 static volatile uint8_t ring[RING];
 static volatile uint32_t come, taken;
 
@@ -55,7 +55,7 @@ void cortex_m7_receive(void)
         const uint8_t byte = (uint8_t)cortex_m7_load(UART + UART_DATA);
         if (come - taken < RING) { /* else it is lost: the other end sends it again */
             ring[come % RING] = byte;
-            come++;
+            come = come + 1u;
         }
     }
 }
@@ -82,7 +82,7 @@ size_t board_receive(void *bytes, size_t room)
     __asm__ volatile("cpsie i\n\tisb" ::: "memory");
     while (n < room && taken != come) {
         p[n++] = ring[taken % RING];
-        taken++;
+        taken = taken + 1u;
     }
     return n;
 }
@@ -103,7 +103,7 @@ int64_t board_time(void)
 void board_watch(void)
 {
     cortex_m7_store(WATCHDOG_LOCK, WATCHDOG_KEY);
-    cortex_m7_store(WATCHDOG + WATCHDOG_LOAD, CORTEX_M7_PATIENCE_S * HZ);
+    cortex_m7_store(WATCHDOG + WATCHDOG_LOAD, HZ / 1000u * BOARD_PATIENCE_MS);
     cortex_m7_store(WATCHDOG + WATCHDOG_CONTROL, WATCHDOG_BOTH);
     cortex_m7_store(WATCHDOG_LOCK, 0u);
 }
@@ -112,7 +112,7 @@ void board_watch(void)
 
 void *board_keep(size_t size)
 {
-    return size <= (size_t)((uintptr_t)cortex_m7_guard - (uintptr_t)cortex_m7_free) ? cortex_m7_free : NULL;
+    return size <= (size_t)((uintptr_t)board_guard - (uintptr_t)board_kept) ? board_kept : NULL;
 }
 
 /* Each region has 2^bits bytes, and lies at a multiple of that. */
@@ -126,10 +126,10 @@ static void protect(uint32_t region, uintptr_t base, uint32_t bits, uint32_t att
 /* A higher region goes before a lower one. */
 static void protect_memory(void)
 {
-    protect(0u, 0u, 22u, READ_ONLY);                                   /* code and constants */
-    protect(1u, 0u, 10u, NO_ACCESS | NO_CODE);                         /* where null pointers point to */
-    protect(2u, 0x20000000u, 22u, 3u << 24 | NO_CODE);                 /* what changes is no code */
-    protect(3u, (uintptr_t)cortex_m7_guard, 10u, NO_ACCESS | NO_CODE); /* below the stack */
+    protect(0u, 0u, 22u, READ_ONLY);                               /* code and constants */
+    protect(1u, 0u, 10u, NO_ACCESS | NO_CODE);                     /* where null pointers point to */
+    protect(2u, 0x20000000u, 22u, 3u << 24 | NO_CODE);             /* what changes is no code */
+    protect(3u, (uintptr_t)board_guard, 10u, NO_ACCESS | NO_CODE); /* below the stack */
     cortex_m7_store(MPU_CONTROL, MPU_ON);
     __asm__ volatile("dsb\n\tisb" ::: "memory");
 }

@@ -5,11 +5,14 @@
 #ifndef TARGETS_CORTEX_M7_CORTEX_M7_H
 #define TARGETS_CORTEX_M7_CORTEX_M7_H
 
+#include "targets/bare/memory.h"
+
 #include <stddef.h>
 #include <stdint.h>
 
-#define CORTEX_M7_PAINT 0x5ac3a53cu /* of a stack that was never used */
-#define CORTEX_M7_PATIENCE_S 10u    /* the watchdog's */
+#ifndef BOARD_PATIENCE_MS
+#define BOARD_PATIENCE_MS 10000u /* the watchdog's */
+#endif
 
 static inline uint32_t cortex_m7_load(uintptr_t address)
 {
@@ -21,15 +24,12 @@ static inline void cortex_m7_store(uintptr_t address, uint32_t value)
     *(volatile uint32_t *)address = value;
 }
 
-/* Symbols of the linker script. */
-extern uint32_t cortex_m7_code[], cortex_m7_code_end[], cortex_m7_data_load[], cortex_m7_data[], cortex_m7_data_end[],
-    cortex_m7_bss_end[], cortex_m7_free[], cortex_m7_guard[], cortex_m7_stack[], cortex_m7_stack_end[],
-    cortex_m7_handlers_end[];
+extern uint8_t cortex_m7_handlers_end[]; ///< of the linker script: the stack of all handlers
 
 /** Start the clock, the UART of the line and the memory protection: start.c calls it. */
 void cortex_m7_begin(void);
 /** Start anew, as after power-on, but with the memory as it is. */
-void cortex_m7_reset(void) __attribute__((noreturn));
+void board_reset(void) __attribute__((noreturn));
 
 /* Handlers of exceptions, in the table of start.c. */
 void cortex_m7_fault(void);

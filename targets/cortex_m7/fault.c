@@ -5,10 +5,9 @@
 #define FAULTS 0xE000ED28u /* what they were */
 #define FAULT_ADDRESS 0xE000ED34u
 #define MPU_CONTROL 0xE000ED94u
-#define WATCHDOG_CONTROL 0x40008008u
 #define EXCEPTION 0x1FFu /* of xPSR */
 
-enum { NMI = 2, FRAME = 8 };
+enum { NMI = 2 };
 
 void cortex_m7_report(const uint32_t *stack, const uint32_t *others);
 
@@ -55,11 +54,13 @@ static const char *what_of(uint32_t exception, uint32_t faults)
 }
 
 /* The lowest word above `p` that looks like where a function returns to. */
-static uint32_t return_above(const uint32_t *p)
+static uint32_t return_above(uintptr_t p)
 {
-    for (p = p < cortex_m7_stack ? cortex_m7_stack : p; p < cortex_m7_stack_end; p++) {
-        if ((*p & 1u) != 0u && *p >= 0x400u && *p < (uint32_t)(uintptr_t)cortex_m7_code_end) {
-            return *p & ~1u;
+    const uintptr_t code = (uintptr_t)board_code, end = (uintptr_t)board_code_end;
+    for (p = p < (uintptr_t)board_stack ? (uintptr_t)board_stack : p; p < (uintptr_t)board_stack_end; p += 4u) {
+        const uint32_t word = cortex_m7_load(p);
+        if ((word & 1u) != 0u && word > code && word < end) {
+            return word & ~1u;
         }
     }
     return 0u;
@@ -92,8 +93,8 @@ void cortex_m7_report(const uint32_t *stack, const uint32_t *others)
         fault.pc = stack[6];
         fault.caller = stack[5] & ~(uintptr_t)1;
     } else { /* nothing was: where it was called from is still on the stack */
-        fault.pc = return_above(stack);
+        fault.pc = return_above((uintptr_t)stack);
     }
     bare_fault(&fault);
-    cortex_m7_reset();
+    board_reset();
 }

@@ -31,28 +31,41 @@ class Bare(Target):
     compiler = ""                       # its gcc, "arm-none-eabi-gcc"; its `size` is called alike
     machine: tuple[str, ...] = ()       # the flags that select its processor
     library: tuple[str, ...] = ("--specs=picolibc.specs",)      # those that select its C library
-    script: Path | None = None          # the linker's
+    scripts: tuple[Path, ...] = ()      # the linker's, one after the other; none: that of the C library
     start = True                        # whether its sources begin the program, and not the C library
     sources: tuple[Path, ...] = ()      # the board's own: port.h's five functions, and how it starts
-    link: tuple[str, ...] = ()          # further flags of the linker
+    flags: tuple[str, ...] = ()         # further flags of the compiler
+    link: tuple[str, ...] = ()          # and of the linker
+    line = "pty?baud=921600"            # of its node: fledge_board_node's --line
     # The command of a machine that runs a program: {program} stands for it, and {line} for the serial line.
     emulator: tuple[str, ...] = ()
 
     def program(self, folder: Path, name: str, sources: list[Path], includes: list[Path],
                 flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
         """Build a program of C for the board, with its own sources."""
-        script: list[str | Path] = ["-T", self.script] if self.script else []
+        scripts: list[str | Path] = [word for one in self.scripts for word in ("-T", one)]
         return build.program(folder, name, [*sources, *self.sources], [*includes, build.ROOT], self.compiler,
-                             [*self.library, "-g", f'-DTARGET="{self.name}"', *flags],
-                             [*self.library, *["-nostartfiles"] * self.start, "-static", *script, *self.link, *link],
+                             [*self.library, "-g", f'-DTARGET="{self.name}"', *self.flags, *flags],
+                             [*self.library, *["-nostartfiles"] * self.start, "-static", "-Wl,--build-id",
+                              *scripts, *self.link, *link],
                              machine=self.machine)
 
     def build(self, part: Part) -> Path:
+        from registers.checked_toml import parse, text_of
+
+        # Twice the boards' memory: there is a shadow of it (registers/line.h).
+        room = sum(2 * -(-parse(text_of(path), path)[0]["size"] // 8) * 8 for path in part.board_files())
         return self.program(part.folder / self.name, part.mission.name,
-                            [*part.sources(), *(build.ROOT / path for path in FLIGHT)], part.includes())
+                            [*part.sources(), *(build.ROOT / path for path in FLIGHT)], part.includes(),
+                            (f"-DFLEDGE_LINE_BYTES={room}",))
 
     def command(self, built: Path, record: str) -> list[str]:
         return [word.format(program=built.resolve(), line="{line}") for word in self.emulator]
+
+    def node_options(self, built: Path, record: str) -> list[str]:
+        from fledge import elf
+
+        return ["--line", f"{self.line}&build={elf.read(built).build_id}", "--line-record", record]
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, self.compiler.removesuffix("gcc") + "size")

@@ -27,17 +27,18 @@ CONTROLLER = "the controller"     # no process has this name
 _numbers = itertools.count()
 
 
-def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any], timeout: float = 60.0
-          ) -> dict[str, dict[str, str]]:
+def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any], timeout: float = 60.0,
+          pace: float = 0.0) -> dict[str, dict[str, str]]:
     """Fly a job to its end, its flight processes by these `programs`, each a command, with the `options` of
-    `meeting`; the others by their Python. Returns the figures that each program printed, key -> text, by process.
+    `meeting`; the others by their Python; pace: simulated seconds per second. Returns the figures that each program
+    printed, key -> text, by process.
 
     The output of the programs goes into job.folder / NAME.log. Raises Failure with its end if the run ends early.
     """
     nodes = [*job.others, *programs]
     commands = {CONTROLLER: [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration),
                              "--seed", job.seed, *(word for one in nodes for word in ("--node", one)), "--join",
-                             timeout, "--reply", timeout, *(["--record", job.exchange(name)] if job.boards else [])],
+                             timeout, "--reply", timeout, *(["--pace", pace] if pace else []), *(["--record", job.exchange(name)] if job.boards else [])],
                 **{one: python_node(job, one, options) for one in job.others}, **programs}
     return _run(job, name, commands)
 
@@ -64,9 +65,10 @@ def board_node(part: Part, options: list[Any], target: list[str], name: str) -> 
 
 
 def join(part: Part, target: list[str], name: str, address: str, simulation: str, node: str,
-         keys: Path | str | None = None) -> dict[str, str]:
-    """Fly a part for a run whose controller and other nodes are elsewhere, the controller at `address`."""
-    options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node]
+         keys: Path | str | None = None, further: Sequence[str] = ()) -> dict[str, str]:
+    """Fly a part for a run whose controller and other nodes are elsewhere, the controller at `address`; further: options
+    of the node."""
+    options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node, *further]
     if keys:
         options += ["--keys", Path(keys).resolve()]
     options += ["--by-radio"] * part.by_radio
@@ -92,6 +94,8 @@ def _run(job, name, commands):
             if how_far:
                 bar.reaches(how_far.now())
             results = {which: program.poll() for which, program in programs.items()}
+            for line in (line for program in programs.values() for line in program.told()):
+                print(f"  {line}", file=sys.stderr)
             if None not in results.values():
                 break
             if ends is None and any(code is not None for code in results.values()):
@@ -152,6 +156,8 @@ class Program:
     def __init__(self, name: str, command: Sequence[object], log: TextIO, folder: Path | None,
                  descriptors: Sequence[int] = ()) -> None:
         self.name = name
+        self.device = _device(command)
+        self.shown = 0              # [bytes] of its output, by told()
         self.out = open(f"{log.name}.{name}", "w+", encoding="utf-8", errors="replace")
         Path(self.out.name).unlink()
         self.log = log
@@ -182,8 +188,26 @@ class Program:
     def poll(self) -> int | None:
         return self.process.poll()
 
+    def told(self) -> list[str]:
+        """What it has said since the last call about its board's serial line: "/dev/ttyACM0: ..."."""
+        if not self.device:
+            return []
+        text = os.pread(self.out.fileno(), 1 << 20, self.shown)     # its own place in the file stays
+        text = text[:text.rfind(b"\n") + 1]
+        self.shown += len(text)
+        lines = text.decode("utf-8", "replace").splitlines()
+        return [line for line in lines if line.startswith(f"{self.device}: ")]
+
     def figures(self) -> dict[str, str]:
         """The lines of a key and a value in its output."""
         self.out.seek(0)
         pairs = (line.split(maxsplit=1) for line in self.out)
         return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
+
+
+def _device(command):
+    """The device of the serial line that the node of a board has; "" without, or if it is a pseudo terminal of its
+    own."""
+    words = list(map(str, command))
+    line = words[words.index("--line") + 1] if "--line" in words else ""
+    return line.partition("?")[0].removeprefix("pty")

@@ -81,6 +81,10 @@ class Target:
         cpu_ns; what a script of its own did has keys that begin with "script."."""
         raise NotImplementedError
 
+    def node_options(self, built: Path, record: str) -> list[str]:
+        """Further options of the node of its board; one of a board behind a line writes the record."""
+        return []
+
     def sizes(self, built: Path) -> tuple[int | None, int | None]:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
@@ -94,7 +98,8 @@ class Target:
         from fledge.targets import flown, loop
 
         built, record = self.built(part), flown.new_record(part.folder, self.name)
-        return (loop.board_node(part, [*options, "--node", part.process, "--reply", timeout],
+        return (loop.board_node(part, [*options, "--node", part.process, "--reply", timeout,
+                                       *self.node_options(built, record.name)],
                                 self.command(built, record.name), self.name),
                 lambda figures: self.flown(built, record, figures))
 
@@ -104,8 +109,9 @@ class Target:
         from fledge.targets import flown, loop
 
         built, record = self.build(part), flown.new_record(part.folder, self.name, part=False)
-        return self.flown(built, record, loop.join(part, self.command(built, record.name), self.name, address,
-                                                   simulation, node, keys))
+        return self.flown(built, record, loop.join(
+            part, self.command(built, record.name), self.name, address, simulation, node, keys,
+            self.node_options(built, record.name)))
 
     def flown(self, built: Path, record: Path, figures: dict[str, str]) -> Flown:
         """The results of a flight, of what its programs printed."""
