@@ -4,6 +4,8 @@
 #include "targets/bare/bare.h"
 #include "targets/bare/recorder.h"
 
+#include <string.h>
+
 static RegisterWindow windows[MISSION_BOARDS_MAX];
 static MissionIoCounts counts;
 
@@ -40,6 +42,7 @@ static int fail(const char *text)
 int fledge_fly(void)
 {
     Tick tick;
+    memset(&counts, 0, sizeof counts);
     recorder_resume();
     if (fledge_mission.io->n_boards > MISSION_BOARDS_MAX) {
         bare_recording(0);

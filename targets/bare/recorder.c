@@ -18,7 +18,7 @@ static int send_record(void *user, const void *bytes, size_t n)
 
 void recorder_resume(void)
 {
-    kept = bare_keep(sizeof *kept);
+    kept = kept != NULL ? kept : bare_keep(sizeof *kept);
     if (kept->begun != BEGUN) {
         memset(kept, 0, sizeof *kept);
     }

@@ -56,9 +56,12 @@ static void board_interrupts(void *level)
 
 void leon3_on_interrupt(uint32_t level, void (*handler)(void))
 {
+    const int is_first = of_level[level] == NULL; /* an app that starts again is not */
     of_level[level] = handler;
-    leon3_expect(rtems_interrupt_handler_install(level, "board", RTEMS_INTERRUPT_UNIQUE, board_interrupts,
-                                                 (void *)(uintptr_t)level));
+    if (is_first) {
+        leon3_expect(rtems_interrupt_handler_install(level, "board", RTEMS_INTERRUPT_UNIQUE, board_interrupts,
+                                                     (void *)(uintptr_t)level));
+    }
 }
 
 void leon3_begin_flight(void)
