@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 APP = cfs.App("fsw", order="big")
 LEFT_OUT = {"fsw_attach.c", "shared_file.c", "watch.c", "file_sink.c"}      # what cfs.c has in place of them
-BOARD = ["targets/bare/tasks.c", "targets/bare/files.c", "targets/bare/recorder.c", "targets/leon3/flight.c",
-         "targets/leon3_cfs/cfs.c"]
+BOARD = [ROOT / path for path in ("targets/bare/tasks.c", "targets/bare/files.c", "targets/bare/recorder.c",
+                                  "targets/leon3/flight.c", "targets/leon3_cfs/cfs.c")]
 
 
 def program(part: Part, folder: Path, machine: Path) -> Path:
@@ -33,7 +33,7 @@ def program(part: Part, folder: Path, machine: Path) -> Path:
     own = [file for file in (app / "fsw/src").rglob("*.c") if file.name not in LEFT_OUT]
     pocket = [file for file in around.pocket_sources() if file.name not in ("host.c", "port_posix.c")]
     return board.program(folder, part.mission.name,
-                         [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, *(ROOT / path for path in BOARD)],
+                         [*sorted(own), folder / "apps.c", folder / "files.c", *pocket, *BOARD],
                          [app, folder / "inc", app / "fsw/inc", app / "fsw/src", ROOT / "targets/cfs/inc"],
                          ["-DPOCKET_TASKS=8u", "-include", f"{APP.name}_names.h"], machine)
 
