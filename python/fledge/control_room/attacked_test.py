@@ -319,7 +319,7 @@ def content(draw, depth=0):
 async def fuzzed(folder):
     draw, begun, asked, sent = random.Random(SEED), time.monotonic(), 0, 0
     routes = [one for one in ROWS if one.path != "/api/live"]
-    async with console(folder, FILES) as page:
+    async with console(folder, FILES, 1.0) as page:      # of spacecraft that stand still
         for bound in ("changes of a user", "messages"):
             page.room.bounds[bound] = 1e9
         live = await page.client.ws_connect("/api/live")
@@ -350,7 +350,7 @@ async def fuzzed(folder):
                 await live.send_str("{" if asked % 100 == 0 else "")
                 sent += 1
             while asked % 100 == 0:     # the answers come in order, this one last
-                message = await live.receive(60)
+                message = await live.receive(PATIENCE)
                 if message.type in (WSMsgType.CLOSE, WSMsgType.CLOSED):
                     assert live.close_code in (1008, 1009), (live.close_code, message)  # too many, or too large
                     live = await page.client.ws_connect("/api/live")
@@ -366,5 +366,4 @@ async def fuzzed(folder):
 
 
 def test_fuzzed_routes_and_messages_are_answered_with_words(tmp_path):
-    with patch("fledge.control_room.web.PATIENCE", 1.0):    # of spacecraft that stand still
-        asyncio.run(fuzzed(tmp_path))
+    asyncio.run(fuzzed(tmp_path))

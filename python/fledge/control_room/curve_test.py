@@ -66,7 +66,7 @@ def test_live_plots_have_the_points_of_the_archive(tmp_path):
             browser.wait_for(f"{plot}?.data[0].length > 3")
             begun = craft.now / 1e9
             browser.wait_for(f"{plot}.data[0].at(-1) > {begun + 6 * speed}")
-            craft.call(lambda craft=craft: craft.run.command("pause")).result(30)
+            craft.call(lambda craft=craft: craft.run.command("pause")).result(PATIENCE)
             end = craft.now / 1e9
             browser.wait_for(f"{plot}.data[0].at(-1) >= {end} - 0.5")
             t, value, *_ = craft.series([name], 0, 2**62, 0, -1)[name]

@@ -541,8 +541,10 @@ class Spacecraft:
         long when somebody sets the server's clock."""
         if self.clock != "utc" or self.replayed:
             return
-        now = time.time_ns()
-        zero = now - time.monotonic_ns()
+        begin = now = 0
+        while not now or time.monotonic_ns() - begin > BACK // 10:      # the machine stood still between the two
+            begin, now = time.monotonic_ns(), time.time_ns()
+        zero = now - begin
         if self._zero is None:
             self._zero = zero
         if abs(step := zero - self._zero) > BACK:

@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import random
+import re
 import socket
 import ssl
 import subprocess
@@ -24,6 +25,7 @@ from fledge.control_room.settings import read
 from fledge.control_room.users import HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
 from fledge.errors import SetupError
 from fledge.ground.served import Served
+from tests.waiting import PATIENCE
 
 CASES = int(os.environ.get("FLEDGE_CASES", 300))
 CHEAP = (16, 8, 1)      # of scrypt
@@ -110,7 +112,7 @@ def served(tmp_path, table=USERS):
             async with Server(table, tmp_path) as server:
                 await does(server)
 
-        asyncio.run(asyncio.wait_for(run(), 300))
+        asyncio.run(asyncio.wait_for(run(), PATIENCE))
 
     return decorate
 
@@ -158,7 +160,7 @@ def test_a_session_begins_and_ends(tmp_path):
             live = await other.ws_connect(f"{server.url}/api/live", headers=thief)
             await server.ask("POST", "/api/logout", 403)
             await server.ask("POST", "/api/logout", headers=csrf)
-            assert (await asyncio.wait_for(live.receive(), 60)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+            assert (await asyncio.wait_for(live.receive(), PATIENCE)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
             async with other.get(f"{server.url}/api/crafts", headers=thief) as answer:
                 assert answer.status == 401
             with pytest.raises(WSServerHandshakeError, match="401"):
@@ -193,9 +195,12 @@ def test_a_session_ends_by_itself(tmp_path):
 
     @served(tmp_path, {**USERS, "session_h": 3 / 3600})
     async def _(server):
-        await server.login("ada", "correct horse")
-        live = await server.client.ws_connect(f"{server.url}/api/live")
-        assert (await live.receive(60)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+        live = None
+        while not live:
+            await server.login("ada", "correct horse")
+            with suppress(WSServerHandshakeError):      # its time was over already
+                live = await server.client.ws_connect(f"{server.url}/api/live")
+        assert (await live.receive(PATIENCE)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
         await server.ask("GET", "/api/crafts", 401)
         assert ("ada", "session ended", {"why": "its time was over"}) in server.log
 
@@ -265,15 +270,14 @@ def test_no_body_is_decompressed(path, tmp_path):
     async def _(server):
         bomb = zlib.compress(bytes(1 << 20))
         method = "POST" if path.endswith("login") else "GET"
-        taken, loop = [], asyncio.get_running_loop()
+        taken = []
         whole = StreamReader.feed_data
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr(StreamReader, "feed_data", lambda *given: taken.append(len(given[1])) or whole(*given))
-            began = loop.time()
             async with server.client.request(method, server.url + path, data=bomb, headers={
                     "Content-Encoding": "deflate"}) as answer:
                 assert answer.status == 415 and "Content-Encoding" in await answer.text()
-        assert max(taken) <= len(bomb) and loop.time() - began < 30
+        assert max(taken) <= len(bomb)
 
 
 @pytest.mark.parametrize("ends", ["logout", "removed", "token"])
@@ -294,7 +298,7 @@ def test_a_request_whose_body_comes_after_its_session_is_not_done(ends, tmp_path
         else:
             server.guard.take(Access.read({"port": 0, "user": USERS["user"][1:]}, tmp_path))
         writer.write(b"}")
-        assert (await asyncio.wait_for(reader.readline(), 60)).split()[1] == b"401"
+        assert (await asyncio.wait_for(reader.readline(), PATIENCE)).split()[1] == b"401"
         assert not server.received
         writer.close()
 
@@ -344,7 +348,7 @@ def test_every_socket_that_opens_ends_with_its_session(upgrade, tmp_path):
         status, reader, writer = await open_it(cookies)
         assert status == b"101"
         await server.ask("POST", "/api/logout", headers=csrf)
-        await asyncio.wait_for(reader.read(), 60)       # it ends
+        await asyncio.wait_for(reader.read(), PATIENCE)       # it ends
         writer.close()
 
 
@@ -376,14 +380,14 @@ def test_who_is_changed_in_the_file_is_out(tmp_path):
                 clients["night"] = await stack.enter_async_context(ClientSession(headers=bearer))
                 sockets["night"] = await clients["night"].ws_connect(f"{server.url}/api/live")
                 assert take(change) is False
-                assert (await sockets[gone].receive(60)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+                assert (await sockets[gone].receive(PATIENCE)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
                 assert server.log[-1][0] == gone and server.log[-1][2]["why"].startswith(why), server.log
                 for name, client in clients.items():
                     async with client.get(f"{server.url}/api/crafts") as answer:
                         assert answer.status == (401 if name == gone and not why.startswith("its name") else 200)
                     if name != gone:
                         await sockets[name].send_str("1")
-                        assert await sockets[name].receive_json(timeout=60) == {"heard": 1}
+                        assert await sockets[name].receive_json(timeout=PATIENCE) == {"heard": 1}
                 take(lambda users: None)
         more = {"port": 0, **USERS, "host": "::1"}
         assert server.guard.take(Access.read(more, tmp_path)) and server.guard.access.host == "127.0.0.1"
@@ -392,7 +396,7 @@ def test_who_is_changed_in_the_file_is_out(tmp_path):
     async def _(server):        # open to this machine until it has users
         live = await server.client.ws_connect(f"{server.url}/api/live")
         server.guard.take(Access.read(USERS, tmp_path))
-        assert (await live.receive(10)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
+        assert (await live.receive(PATIENCE)).type in (WSMsgType.CLOSED, WSMsgType.CLOSE)
         await server.ask("GET", "/api/crafts", 401)
 
 
@@ -443,22 +447,30 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
     @served(tmp_path, {**USERS, **files})
     async def _(server):
         trust = {"ssl": ssl.create_default_context(cafile=tmp_path / "server.pem")}
-        server.guard.bounds["connections of an address"], server.guard.bounds["first request"] = 20, 6
+        bounds = server.guard.bounds
+        bounds["connections of an address"], bounds["first request"] = 20, PATIENCE
         opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(40)]
         opened[0][1].write(b"\x16\x03\x01\x02\x00\x01")       # the begin of a handshake
-        ended = await asyncio.gather(*[asyncio.wait_for(reader.read(), 60) for reader, _ in opened[20:]],
+        ended = await asyncio.gather(*[asyncio.wait_for(reader.read(), PATIENCE) for reader, _ in opened[20:]],
                                      return_exceptions=True)
         assert all(one == b"" or isinstance(one, ConnectionError) for one in ended)
         assert len(server.guard.doors) == 20
         with pytest.raises(ClientError):
             await server.client.get(f"{server.url}/api/session", **trust)
-        await asyncio.gather(*[asyncio.wait_for(reader.read(), 60) for reader, _ in opened[:20]],
-                             return_exceptions=True)
-        assert not server.guard.doors
-        async with server.client.get(f"{server.url}/api/session", **trust) as answer:
-            assert answer.status == 200
         for _, writer in opened:
             writer.close()
+        while server.guard.doors:
+            await asyncio.sleep(0.01)
+        bounds["first request"] = 0.2
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"\x16\x03\x01\x02\x00\x01")
+        with suppress(ConnectionError):
+            assert await reader.read() == b""       # it ends
+        writer.close()
+        assert not server.guard.doors
+        bounds["first request"] = PATIENCE
+        async with server.client.get(f"{server.url}/api/session", **trust) as answer:
+            assert answer.status == 200
 
 
 def test_a_renewed_certificate_counts_at_once(tmp_path):
@@ -665,14 +677,14 @@ def test_fuzzed_requests_and_messages(tmp_path):
                 if draw.randrange(8) == 0:
                     live._writer.transport.write(data)      # no frames at all
                     live._writer.transport.write_eof()
-                    await live.receive(60)
+                    await live.receive(PATIENCE)
                     await live.close()
                 elif draw.randrange(2):
                     await live.send_bytes(data)
-                    await live.receive(60)
+                    await live.receive(PATIENCE)
                 else:
                     await live.send_str(data.decode(errors="replace"))
-                    await live.receive(60)
+                    await live.receive(PATIENCE)
             except ConnectionError:
                 await live.close()
         await server.ask("GET", "/api/crafts")
@@ -719,10 +731,7 @@ class Program:
     """`fledge ground serve` of a file with users, which others of this machine may read by the umask, if they may."""
 
     def __init__(self, folder, users=USERS, mode=0o600):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
-        self.url, self.file = f"http://127.0.0.1:{self.port}", folder / "ground.toml"
+        self.file = folder / "ground.toml"
         (folder / "craft.xml").write_text(DATABASE)
         self.write(users, mode)
         self.process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", "ground", "serve", self.file],
@@ -730,7 +739,8 @@ class Program:
         self.said = []
         for line in self.process.stdout:
             self.said.append(line)
-            if "http" in line:
+            if found := re.search(r"http://[\w.:]+", line):
+                self.url = found[0]
                 break
 
     def write(self, users, mode=0o600, more=""):
@@ -738,7 +748,7 @@ class Program:
         tables = "".join(f"[[{kind}]]\n" + "".join(f"{key} = {json.dumps(one[key])}\n" for key in one)
                          for kind in users for one in users[kind])
         new = self.file.with_suffix(".new")
-        new.write_text(f'port = {self.port}\nfolder = "out/of/it"\n{more}\n{craft}{tables}')
+        new.write_text(f'port = 0\nfolder = "out/of/it"\n{more}\n{craft}{tables}')
         new.chmod(mode)
         new.replace(self.file)
 
@@ -773,7 +783,7 @@ def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
             async with ada.get("/api/crafts") as answer:
                 assert answer.status == 200
             program.write({**USERS, "user": USERS["user"][1:]}, more="idle_min = 5")
-            while (await live.receive(60)).type not in (WSMsgType.CLOSED, WSMsgType.CLOSE):
+            while (await live.receive(PATIENCE)).type not in (WSMsgType.CLOSED, WSMsgType.CLOSE):
                 pass
             async with ada.get("/api/crafts") as answer:
                 assert answer.status == 401
@@ -788,7 +798,7 @@ def test_a_server_follows_its_file_and_keeps_what_it_writes(tmp_path):
             assert sources.count(("critical", "users")) == 2 and sources.count(("info", "users")) == 2
 
     try:
-        asyncio.run(asyncio.wait_for(run(), 500))
+        asyncio.run(asyncio.wait_for(run(), PATIENCE))
     finally:
         assert program.end() == 0, program.said
 

@@ -6,7 +6,7 @@ import socket
 import struct
 import subprocess
 import sys
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 from shutil import copytree
 from threading import Event
@@ -72,18 +72,18 @@ class Console:
 
 
 @asynccontextmanager
-async def console(folder, text):
-    """A browser at a server of a file."""
+async def console(folder, text, patience=PATIENCE):
+    """A browser at a server of a file. patience: [s] of the server with the thread of a spacecraft."""
     (folder / "ground.toml").write_text(text)
     room = Room(read(folder / "ground.toml"))
-    try:
+    with ExitStack() as stack:
+        stack.callback(room.close)
+        stack.enter_context(patch.object(web, "PATIENCE", patience))
         server = Server(room)
         async with TestClient(TestServer(server.app)) as client:
             room.start()
             csrf = (await (await client.get("/api/session")).json())["csrf"]
             yield Console(client, server, csrf)
-    finally:
-        room.close()
 
 
 def flown(test):
@@ -434,20 +434,24 @@ async def sending(port, packets):
     over = asyncio.Event()
 
     async def serve(_, writer):
+        server.close()
         writer.write(b"".join(packets))
         await writer.drain()
         over.set()
         writer.close()
 
-    server = await asyncio.start_server(serve, "127.0.0.1", port)
-    async with server:
-        await asyncio.wait_for(over.wait(), PATIENCE)
+    server = await asyncio.start_server(serve, "127.0.0.1", port, start_serving=False)
+    await server.start_serving()
+    await asyncio.wait_for(over.wait(), PATIENCE)
 
 
-def free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
+def free_port(kept=[]):
+    """A port of TCP that refuses connections until somebody serves there; it stays this process's."""
+    one = socket.socket()
+    kept.append(one)
+    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    one.bind(("127.0.0.1", 0))
+    return one.getsockname()[1]
 
 
 @pytest.mark.long("waits for a link to return")
@@ -483,7 +487,7 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
         assert (await c.get("crafts/sat/history?names=double&points=0"))["double"]["value"][-1] == 3 * 0xC000 + 600
         assert (await c.get("crafts/sat/history?names=voltage&points=0"))["voltage"]["value"] == list(range(1, 201))
         texts = [one["text"] for one in await c.get("crafts/sat/events")]
-        assert sum("the link is up" in one for one in texts) == 2 and any("the other end of the link is gone" in one
+        assert sum("the link is up" in one for one in texts) >= 2 and any("the other end of the link is gone" in one
                                                                           for one in texts)
 
 
@@ -534,12 +538,11 @@ async def test_what_was_refused_as_too_late_is_not_done_later(tmp_path):
     async with console(tmp_path, NADIR) as c:
         craft, goes_on = c.room.crafts["nadir_spin"], Event()
         await c.verified("nadir_spin", "flight.noop", {})
-        before, web.PATIENCE = web.PATIENCE, 0.1
         try:
-            craft.call(goes_on.wait)
-            refused = await c.post("crafts/nadir_spin/send", {"name": "flight.noop"}, 409)
+            with patch.object(web, "PATIENCE", 0.1):
+                craft.call(goes_on.wait)
+                refused = await c.post("crafts/nadir_spin/send", {"name": "flight.noop"}, 409)
         finally:
-            web.PATIENCE = before
             goes_on.set()
         assert "did not answer" in refused["error"]
         await c.verified("nadir_spin", "flight.noop", {})
@@ -564,7 +567,7 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
                 async with client.ws_connect("/api/live") as live:
                     await live.send_json({"subscribe": {"craft": "nadir_spin", "slots": "all", "hz": 60}})
                     times = []
-                    while len(times) < 20:
+                    while len(times) < 20 or times[-1] < 200 * 10**9:
                         message = await live.receive(PATIENCE)
                         if message.type == WSMsgType.BINARY:
                             times.append(struct.unpack_from("<q", message.data, 16)[0])
