@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A program on the machine of a bare target, whose line is the standard input and output here."""
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+from types import TracebackType
+
+from fledge.targets import build
+from fledge.targets.bare import Bare
+
+CONSOLE = [build.ROOT / "targets/bare/testing/console.c", build.ROOT / "targets/bare/fault.c"]
+
+
+class Machine:
+    """Runs until its program ends it; leaving the context ends it, too."""
+
+    def __init__(self, target: Bare, program: Path, *options: str) -> None:
+        command = [word.format(line="stdio", program=program) for word in target.emulator]
+        self.process = subprocess.Popen([*command, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.text = ""
+
+    def __enter__(self) -> Machine:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+    def until(self, pattern: str) -> re.Match[str]:
+        """What the program says next that fits; later calls search behind it."""
+        while not (found := re.search(pattern, self.text, re.MULTILINE)):
+            assert self.process.stdout is not None
+            more = self.process.stdout.read1(65536)
+            assert more, f"it ended, and said no '{pattern}':\n{self.text}"
+            self.text += more.decode(errors="replace").replace("\r", "")
+        self.text = self.text[found.end():]
+        return found
+
+    def say(self, text: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(text.encode())
+        self.process.stdin.flush()
