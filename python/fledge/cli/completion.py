@@ -91,15 +91,19 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
         return _runs()
     if name == "on":
         return _targets(word)
+    if name == "board" and not action.option_strings:
+        from fledge.targets import boards
+
+        return boards()
     return cli.benches() if name == "bench" else ()
 
 
 def _targets(word: str) -> list[str]:
     """The targets behind what a list of them has already."""
-    from fledge.targets import TARGETS      # of the project, too, if one was named
+    from fledge.targets import TARGETS, serial      # of the project, too, if one was named
 
     done = word[:max(word.rfind(","), word.rfind("=")) + 1]
-    return [done + target for target in TARGETS]
+    return [done + target for target in [*TARGETS, *(serial.BEGIN + one for one in serial.devices())]]
 
 
 def _runs() -> Iterable[str]:

@@ -12,8 +12,9 @@ import os
 import re
 import sys
 
+from fledge.cli.arguments import number
 from fledge.cli.node import add_parameters, given_parameters
-from fledge.targets import TARGETS
+from fledge.targets import TARGETS, serial
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -38,7 +39,14 @@ def add(command: Callable) -> None:
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
                      "desktop,linux. The desktop always flies, because the others are compared with it. "
                      "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
-                     "the desktop's code")
+                     "the desktop's code. serial:DEVICE: a board at a serial line, as in serial:/dev/ttyACM0?baud=921600&"
+                     "reset=go-on&cut=10")
+    line = one.add_argument_group("on a board at a serial line (serial:DEVICE)")
+    line.add_argument("--elf", action="append", default=[], metavar="FILE", help="the program that the board has, "
+                      "which is checked; default: any of this mission. PROCESS=FILE: of that flight process")
+    line.add_argument("--baud", type=int, metavar="N", help="of the line; default: 921600")
+    line.add_argument("--pace", type=number(), default=0.0, metavar="X", help="X simulated seconds per second, with a "
+                      "histogram of how late flight answered; default: the world waits for the board")
     one.add_argument("--for", dest="duration", metavar="DURATION", help="fly only so long (90s, 10min, 2h)")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
     one.add_argument("--board", nargs="+", action="extend", default=[], metavar="FILE", help="boards that the messages "
@@ -69,7 +77,13 @@ def add(command: Callable) -> None:
     one.add_argument("--keys", metavar="PATH", help="of this node, for --join (fledge keys); default: FLEDGE_KEYS")
     one.add_argument("--out", metavar="DIR", help="for the records and the programs; default: runs/MISSION/fly")
     add_parameters(one)
-    one.set_defaults(needs=lambda options: TARGETS.known([*(chosen := _chosen(options.on))[0], *chosen[1].values()]))
+    one.set_defaults(needs=_needed)
+
+
+def _needed(options):
+    names, apart = _chosen(options.on)
+    chosen = [*names, *apart.values()]
+    return [*TARGETS.known(chosen), *["build loop"] * any(map(serial.is_line, chosen))]
 
 
 def fly(options: argparse.Namespace) -> int:
@@ -79,6 +93,8 @@ def fly(options: argparse.Namespace) -> int:
     from fledge.targets import Job
 
     names, apart = _chosen(options.on)
+    lines = _at_lines(options, names, apart)
+    names, apart = [serial.name_of(one) for one in names], {one: serial.name_of(apart[one]) for one in apart}
     chosen = [*names, *apart.values()]
     if options.rtems:
         from fledge.targets.leon3_rtems import NAMED_BY
@@ -86,8 +102,9 @@ def fly(options: argparse.Namespace) -> int:
         if "leon3-rtems" not in chosen:
             raise Failure("fly: --rtems is for --on leon3-rtems")
         os.environ[NAMED_BY] = options.rtems
-    targets, lacking = _ready(["desktop", *chosen])
-    targets |= _with_tools(options, chosen)
+    ours = [one for one in chosen if one not in lines]
+    targets, lacking = _ready(["desktop", *ours])
+    targets |= lines | _with_tools(options, ours)
     targets |= _in_tree(options.cfs, targets) if options.cfs else {}
     duration = flight_time(options)
     settled = parse_duration(options.settled, "--settled") if options.settled else 0.0
@@ -102,7 +119,7 @@ def fly(options: argparse.Namespace) -> int:
     bounds: list[tuple[str, float, float, str]] = []
 
     def check(job: Job) -> None:
-        for process in apart:
+        for process in [*apart, *filter(None, _by_process(options.elf))]:
             job.part(process)
         others.extend((one, targets[name]) for name in names if name != "desktop" for one in job.parts)
         others.extend((job.part(process), targets[name]) for process, name in apart.items() if name != "desktop")
@@ -114,7 +131,7 @@ def fly(options: argparse.Namespace) -> int:
         print(f"  {name}: {why}", file=sys.stderr)
     try:
         job = Job(options.mission, options.scenario, duration or (1.0 if part else None), options.seed,
-                  _boards(options.board), options.out, options.free, given_parameters(options), before=check,
+                  _by_process(options.board), options.out, options.free, given_parameters(options), before=check,
                   judged=True)
     except Failure as error:
         if error.code == 1:     # the scenario fails on the desktop
@@ -194,6 +211,28 @@ def _ready(names):
     return found, lacking
 
 
+def _at_lines(options, names, apart):
+    """The boards at serial lines that --on names, by their names."""
+    from fledge.errors import Failure
+
+    words = [(process, word) for process, word in [*(("", one) for one in names), *apart.items()]
+             if serial.is_line(word)]
+    for option in ("elf", "baud", "pace"):
+        if getattr(options, option) and not words:
+            raise Failure(f"fly: --{option} is for a board at a serial line, as in --on {serial.EXAMPLE}")
+    elves, found = _by_process(options.elf), {}
+    if more := [process for process, files in elves.items() if len(files) > 1]:
+        raise Failure(f"fly: --elf names {len(elves[more[0]])} programs{f' of {more[0]}' * bool(more[0])}; give one, "
+                      "or PROCESS=FILE of each flight process")
+    for process, word in words:
+        elf, = elves.get(process) or elves.get("", [None])
+        one = serial.Serial(word, elf, options.baud, options.pace)
+        if one.name in found:
+            raise Failure(f"fly: --on names {one.device} twice; a board flies one process")
+        found[one.name] = one
+    return found
+
+
 def _with_tools(options, chosen):
     """The one target on a LEON3, with what a developer wants of it."""
     from fledge.errors import Failure
@@ -229,7 +268,9 @@ def _chosen(text):
     names: list[str] = []
     apart: dict[str, str] = {}
     for word in filter(None, map(str.strip, text.split(","))):
-        process, equals, name = word.rpartition("=")
+        before, line, after = word.partition(serial.BEGIN)      # behind which there may be a =
+        process, equals, name = before.rpartition("=") if line else word.rpartition("=")
+        name += line + after
         if not equals:
             names.append(name)
         elif process in apart:
@@ -241,7 +282,7 @@ def _chosen(text):
     return names, apart
 
 
-def _boards(words):
+def _by_process(words):
     """Process -> its files and folders, of the words FILE and PROCESS=FILE."""
     found: dict[str, list[str]] = {}
     for word in words:
@@ -286,7 +327,8 @@ def _fly(options, job, runs, bounds, lacking):
             if on and "desktop" not in records:
                 raise Failure("there is no flight of the desktop to compare with")
             desktop_target: Any = TARGETS["desktop"]
-            flown = fly(job, on, name, PATIENCE if options.gdb else 60.0) if on else desktop_target.fly(job)
+            timeout = PATIENCE if options.gdb else 60.0
+            flown = fly(job, on, name, timeout, options.pace) if on else desktop_target.fly(job)
             records[name] = {}
             for part in job.parts:
                 path = flown[part.process].record
@@ -331,7 +373,7 @@ def _fly(options, job, runs, bounds, lacking):
             if problem:
                 wrong[name].append(f"{part.process} {problem}" if len(job.parts) > 1 else problem)
             rows.append((title, one, bits[name, part], text))
-    for line in [*table.lines(rows), *table.scripts(rows)]:
+    for line in [*table.lines(rows), *table.scripts(rows), *table.serial_lines(rows)]:
         say("  " + line)
     if archives:
         say(f"  records  {', '.join(map(str, archives))}")
@@ -437,6 +479,8 @@ def _join(job, part, target, address, keys):
     flown = target.join(part, address, simulation, node, keys)
     say(f"  flown    {flown.steps} steps, {table.cpu(flown.cpu)} each{', ' + flown.cpu_of if flown.cpu_of else ''}\n"
         f"  record   {flown.record}")
+    for line in table.serial_lines([(target.name, flown, "", "")]):
+        say(f"  {line}")
     return 0
 
 

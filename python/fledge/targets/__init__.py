@@ -12,6 +12,7 @@ the package fledge.targets.leon3, whose __init__.py has its class. Here is what 
     flight.py     a flight of a job on its targets; flown.py: its results
     playback.py   a target's flight in the place of flight
     table.py      the table that `fledge fly` prints
+    serial.py     a board at a serial line
     probe.py      a program into a board, by openocd; remote.py: onto another computer, by ssh
 
 Until a flight begins, the standard library alone is imported: the launcher asks the classes what to install, and Fledge

@@ -25,6 +25,7 @@ class Flown:
     heap: tuple[int, int, int] | None = None    # [bytes] of a script: used at the start, at the end, at most
     script: tuple[str, ...] = ()                # what its own updates did, a line each
     reports: Sequence[Report] = ()              # of its commands, where no telemetry has them
+    line: Mapping[str, int] | None = None       # figures of the serial line to its board (serial.py)
 
 
 def results(record: Path, figures: Mapping[str, str], cpu_of: str, code: int | None, memory: int | None) -> Flown:

@@ -38,7 +38,8 @@ def close(job: Job, programs: dict[str, list[Any]], name: str, options: list[Any
     nodes = [*job.others, *programs]
     commands = {CONTROLLER: [build.native("fledge_controller", "cosim"), *options, "--until", repr(job.duration),
                              "--seed", job.seed, *(word for one in nodes for word in ("--node", one)), "--join",
-                             timeout, "--reply", timeout, *(["--pace", pace] if pace else []), *(["--record", job.exchange(name)] if job.boards else [])],
+                             timeout, "--reply", timeout, *(["--pace", pace] if pace else []),
+                             *(["--record", job.exchange(name)] if job.boards else [])],
                 **{one: python_node(job, one, options) for one in job.others}, **programs}
     return _run(job, name, commands)
 
@@ -66,8 +67,8 @@ def board_node(part: Part, options: list[Any], target: list[str], name: str) -> 
 
 def join(part: Part, target: list[str], name: str, address: str, simulation: str, node: str,
          keys: Path | str | None = None, further: Sequence[str] = ()) -> dict[str, str]:
-    """Fly a part for a run whose controller and other nodes are elsewhere, the controller at `address`; further: options
-    of the node."""
+    """Fly a part for a run whose controller and other nodes are elsewhere, the controller at `address`. further:
+    options of the node."""
     options: list[Any] = ["--address", address, "--simulation", simulation, "--node", node, *further]
     if keys:
         options += ["--keys", Path(keys).resolve()]
@@ -76,7 +77,7 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
 
 
 def _run(job, name, commands):
-    """Run programs until all have ended. When the first has ended, the others have 20 s."""
+    """Run programs until all have ended. When the first has ended, the others have 20 s, or 2 s."""
     log = job.folder.resolve() / f"{name}.log"
     folders = {part.process: part.folder.resolve() for part in job.parts}
     with contextlib.ExitStack() as stack:
@@ -99,7 +100,9 @@ def _run(job, name, commands):
             if None not in results.values():
                 break
             if ends is None and any(code is not None for code in results.values()):
-                ends = time.monotonic() + 20.0
+                # What is wrong with a board at a line is known: nobody needs to wait for the others' reasons.
+                at_line = any(code and programs[which].device for which, code in results.items())
+                ends = time.monotonic() + (2.0 if at_line else 20.0)
             time.sleep(0.01)
         figures = {which: program.figures() for which, program in programs.items()}
     if any(code != 0 for code in results.values()):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from fledge.columns import columns
+from fledge.targets import serial
 
 if TYPE_CHECKING:
     from fledge.targets.flown import Flown
@@ -35,6 +36,19 @@ def scripts(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
             found.append(f"heap     {name}: {size(start)} after the start, at most {size(most)}; "
                          + (f"flat for {flown.steps} steps" if start == end else f"IT GREW to {size(end)}"))
         found += [f"script   {name}: {line}" for line in (flown.script if flown else ())]
+    return found
+
+
+def serial_lines(rows: Iterable[tuple[str, Flown | None, str, str]]) -> list[str]:
+    """Lines about the serial lines to boards, and a histogram of how late flight answered by the clock."""
+    found = []
+    for name, flown, _, _ in rows:
+        if flown and flown.line:
+            found.append(f"line     {name}: {serial.summary(flown.line, flown.steps)}")
+            if late := serial.lateness(flown.line):
+                found.append(f"late     {name}: {flown.line.get('missed', 0)} of {sum(n for _, n in late)} steps were "
+                             "answered when the next was due")
+                found += [f"         {line}" for line in serial.late_lines(late)]
     return found
 
 

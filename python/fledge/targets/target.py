@@ -93,6 +93,11 @@ class Target:
         """What a user may do about a flight that ended early with this log; "" if that is not known."""
         return ""
 
+    def reason(self, log: str) -> str:
+        """Why a flight ended early with this log, with the remedy, if that is known so well that nothing else counts;
+        else ""."""
+        return ""
+
     def prepared(self, part: Part, options: list[Any], timeout: float) -> tuple[list[Any], Callable[..., Flown]]:
         """(the command of its node in a run, a function from the figures that this prints to a Flown)."""
         from fledge.targets import flown, loop

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board at a serial line of this machine, whose program it has already (`fledge load`). A target without a folder: it
+is named by its line, serial:DEVICE or serial:DEVICE?baud=921600&reset=go-on&cut=10."""
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from fledge.errors import Failure, did_you_mean
+from fledge.targets.target import Target
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from fledge.targets.flown import Flown
+    from fledge.targets.job import Part
+
+BEGIN = "serial:"
+EXAMPLE = "serial:/dev/ttyACM0?baud=921600"
+BAUDS = range(300, 20_000_001)      # [bits/s]
+RESETS = ("end", "go-on")
+
+
+def is_line(word: str | None) -> bool:
+    """Whether a word names a board at a serial line, and no target of a folder."""
+    return word is not None and word.startswith(BEGIN)
+
+
+def name_of(word: str) -> str:
+    """What files and tables call a target: its name; of a line by its device, "serial-ttyACM0"."""
+    if not is_line(word):
+        return word
+    device = word.removeprefix(BEGIN).removeprefix("//").partition("?")[0]
+    return "serial-" + re.sub(r"[^\w.-]", "-", device.removeprefix("/dev/").strip("/"))
+
+
+def read(word: str) -> tuple[str, dict[str, str]]:
+    """(device, options) of a line: baud [bits/s]; reset: whether a board's reset ends the run, "end", or flight begins
+    within it, "go-on"; cut: how long [s] the line may be cut. Raises Failure."""
+    device, _, query = word.removeprefix(BEGIN).removeprefix("//").partition("?")
+    if not is_line(word) or not device.startswith("/") or not device.strip("/"):
+        raise Failure(f"{word}: expected serial:DEVICE, as in {EXAMPLE}")
+    options = {}
+    for pair in filter(None, query.split("&")):
+        name, _, value = pair.partition("=")
+        if name not in _VALUES:
+            raise Failure(f"{word}: a serial line has no '{name}'{did_you_mean(name, _VALUES)} it has "
+                          f"{', '.join(_VALUES)}")
+        right, what = _VALUES[name]
+        if not right(value):
+            raise Failure(f"{word}: {name} is {what}; found '{value}'")
+        options[name] = value
+    return device, options
+
+
+def _is_seconds(text):
+    return re.fullmatch(r"\d+(\.\d+)?", text) and float(text) <= 1e6
+
+
+_VALUES = {
+    "baud": (lambda text: text.isascii() and text.isdigit() and len(text) < 9 and int(text) in BAUDS,
+             f"bits per second, from {BAUDS[0]} to {BAUDS[-1]}"),
+    "reset": (RESETS.__contains__, " or ".join(RESETS)),
+    "cut": (_is_seconds, "a number of seconds"),
+}
+
+
+def devices() -> list[str]:
+    """The serial devices of this machine that a board may be, those with a name of their own first."""
+    return [str(path) for pattern in ("serial/by-id/*", "ttyACM*", "ttyUSB*") for path in sorted(
+        Path("/dev").glob(pattern))]
+
+
+class Serial(Target):
+    """A board at a line. elf: the program that it has, if that is to be checked. pace: simulated seconds per second; 0:
+    the world waits for the board."""
+
+    about = "a board at a serial line"
+    cpu_of = "line too"
+
+    def __init__(self, word: str, elf: Path | str | None = None, baud: int | None = None, pace: float = 0.0) -> None:
+        self.device, self.options = read(word)
+        if baud is not None:
+            read(f"{BEGIN}{self.device}?baud={baud}")
+            self.options["baud"] = str(baud)
+        self.name = name_of(word)
+        self.elf, self.pace = Path(elf) if elf else None, pace
+        self.process = ""       # that flies there
+        self.build_id = ""
+
+    def check(self, part: Part) -> None:
+        super().check(part)
+        if self.process not in ("", part.process):
+            raise Failure(f"{BEGIN}{self.device}: one board flies one process; name it, as in "
+                          f"{part.process}={BEGIN}{self.device}")
+        self.process = part.process
+        if self.elf:
+            self._check_program(part, self.elf)
+        if not os.path.exists(self.device):
+            raise Failure(f"there is no device {self.device}: is the board connected, and switched on? There "
+                          f"{'are ' + ', '.join(found) if (found := devices()) else 'is no serial device'}")
+
+    def _check_program(self, part, file):
+        from fledge import elf
+
+        program = elf.read(file)
+        if program.kind != elf.EXECUTABLE:
+            raise Failure(f"{file} is no linked program; name the one that was loaded into the board")
+        if not program.build_id:
+            raise Failure(f"{file} has no build id, by which the board's program is known; link it with "
+                          "-Wl,--build-id, and load it again")
+        if part.mission.name.encode() + b"\0" not in file.read_bytes():
+            raise Failure(f"{file} ({program.processor}) is the program of another mission: it has no "
+                          f"{part.mission.name}; build the board's program of {part.mission.title}, and load it")
+        self.build_id = program.build_id
+
+    def build(self, part: Part) -> Path:
+        self.check(part)
+        return self.elf or Path(self.device)
+
+    def command(self, built: Path, record: str) -> list[str]:
+        return []
+
+    def node_options(self, built: Path, record: str) -> list[str]:
+        options = {**self.options, **({"pace": f"{self.pace:g}"} if self.pace else {}),
+                   **({"build": self.build_id} if self.build_id else {})}
+        query = "&".join(f"{name}={value}" for name, value in options.items())
+        return ["--line", f"{self.device}?{query}" if query else self.device, "--line-record", record]
+
+    def reason(self, log: str) -> str:
+        """What its node says of the line or the board."""
+        found = re.findall(rf"^{re.escape(self.process)}: fledge_board_node: (.*{re.escape(self.device)}\b.*)$", log,
+                           re.MULTILINE)
+        return found[-1] if found else ""
+
+    def flown(self, built: Path, record: Path, figures: dict[str, str]) -> Flown:
+        found = super().flown(built, record, figures)
+        found.code, found.memory = (int(figures[key]) if key in figures else None
+                                    for key in ("program_bytes", "data_bytes"))
+        found.line = {key.removeprefix("line_"): int(text) for key, text in figures.items()
+                      if key.startswith("line_")}
+        return found
+
+
+def summary(line: Mapping[str, int], ticks: int) -> str:
+    """What a line carried and lost in a flight."""
+    per = max(ticks, 1)
+    faults = [f"{line.get(key, 0)} {what}" for key, what in (
+        ("resent", "frames sent again"), ("damaged", "damaged"), ("cuts", "cuts"), ("resets", "resets"))]
+    return (f"{line.get('bytes_sent', 0) / per:.0f} bytes a step to the board, {line.get('bytes_taken', 0) / per:.0f} "
+            f"back; the longest answer took {line.get('longest_ns', 0) / 1e6:.3g} ms; {', '.join(faults)}")
+
+
+def lateness(line: Mapping[str, int]) -> list[tuple[str, int]]:
+    """(by how much, how many answers) of a paced flight, the earliest first; none of one that was not."""
+    found = [re.fullmatch(r"late_(under|over)_(\d+)_ms", key) for key in line]
+    bins = sorted(((int(one[2]), one[1] == "over", line[one[0]]) for one in found if one))
+    return [(f"{'over' if over else 'under'} {ms} ms", n) for ms, over, n in bins]
+
+
+def late_lines(bins: list[tuple[str, int]]) -> Iterable[str]:
+    """The histogram as lines of text."""
+    most = max((n for _, n in bins), default=0) or 1
+    for what, n in bins:
+        yield f"{what:>13}  {n:8}  {'#' * -(-n * 40 // most)}".rstrip()
