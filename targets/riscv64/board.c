@@ -24,8 +24,8 @@ enum { FINISHER = 0x00100000, FINISH_FAIL = 0x3333, FINISH_PASS = 0x5555, FINISH
 
 enum { TIMER_INTERRUPT = 1 << 7, DEVICE_INTERRUPT = 1 << 11, INTERRUPTS_ON = 8 };
 
-/* An interrupt of the timer ends any sleep, and counts the patience of the watchdog: so a machine that stands still loses
- * no patience. */
+/* An interrupt of the timer ends any sleep, and counts the patience of the watchdog: a machine that stands still loses
+ * none. */
 enum { BEAT_NS = 5000000 };
 #ifndef BOARD_PATIENCE_MS
 #define BOARD_PATIENCE_MS 10000

@@ -70,8 +70,8 @@ vectors:
         j       board_interrupt         # 11: a device
         .option pop
 
-/* Of a watchdog that has expired, too. The stack may be what is wrong: the registers go into memory of their own, and so
- * does the report. */
+/* Of a watchdog that has expired, too. The stack may be what is wrong: the registers go into memory of their own, and
+ * so does the report. */
 exception:
         .global board_exception_entry
 board_exception_entry:
