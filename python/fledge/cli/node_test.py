@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -108,9 +107,9 @@ def test_a_program_that_comes_after_the_end_adds_no_lines():
         wait_for(lambda: len(group.members()) >= 5, group.process)
         first, *_, late = sorted(pid for pid in group.members() if pid != group.process.pid)
         os.kill(late, signal.SIGSTOP)
-        time.sleep(0.5)
+        wait_for(lambda: Path(f"/proc/{late}/stat").read_text().rpartition(")")[2].split()[0] == "T")
         os.kill(first, signal.SIGKILL)
-        time.sleep(0.5)
+        wait_for(lambda: set(group.members()) == {group.process.pid, late})
         os.kill(late, signal.SIGCONT)
         assert group.process.wait() == 1
         said = group.process.stdout.read()

@@ -101,7 +101,7 @@ def test_a_run_leaves_nothing_whichever_process_is_killed(mark, tmp_path):
     for phase, victim in chosen():
         out, code = cycle(tmp_path, mark, phase, victim, rng)
         if victim == "up" and code != -signal.SIGKILL:
-            assert phase == "starting", (phase, code)
+            assert phase in ("starting", "ending"), (phase, code)      # it was not there yet, or not any more
         elif victim in ("controller", "its guard", "mass", "spring", "guard") and phase == "running":
             assert code == 1, out
             assert "was killed by SIGKILL" in out, out
@@ -216,11 +216,11 @@ def test_restarts_come_to_an_end(mark, tmp_path):
 
 @pytest.mark.long("waits for a limit of time")
 def test_one_that_hangs_is_started_again(mark, tmp_path):
-    file = write_pair(tmp_path, simulation=f"hung-{os.getpid()}", spring='on_loss = "restart"\nreply = 0.5\n'
+    file = write_pair(tmp_path, simulation=f"hung-{os.getpid()}", spring='on_loss = "restart"\nreply = 3\n'
                       'env = { HANGS_AT = "1" }')
     out, _ = (process := start(file, mark)).communicate()
     assert process.returncode == 0, out
-    assert "it did not answer within 0.5 s" in out and "it is started again (1 of 3)" in out
+    assert "it did not answer within 3 s" in out and "it is started again (1 of 3)" in out
 
 
 class Terminal:

@@ -473,7 +473,7 @@ print("paused at", paused(0.6), flush=True)
 hand.go()
 time.sleep(60)
 """)
-    steered = write_pair(tmp_path, simulation="paced", top="pace = 2.0")
+    steered = write_pair(tmp_path, simulation="paced", top="pace = 0.001")      # until the hand is there
     steered.write_text(steered.read_text() + f"""
 [[asynchronous]]
 name = "hand"
