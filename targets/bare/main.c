@@ -64,6 +64,7 @@ int fledge_fly(void)
     while (!register_clock_stopped(clock)) {
         if (register_clock_due(clock, &tick)) {
             mission_host_exchange(&fledge_mission, windows, tick.t, &counts);
+            recorder_answer(tick.t);
             register_clock_finish(clock);
             ticks++;
             if (tick.t < 0) {

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-enum { BEGUN = 0x4d434150 };
+enum { BEGUN = 0x4d434150, NONE = -1 };
 
 static RecorderKept *kept;
 
@@ -16,11 +16,17 @@ static int send_record(void *user, const void *bytes, size_t n)
     return 0;
 }
 
+static void forget(void)
+{
+    memset(kept, 0, sizeof *kept);
+    kept->answered = NONE;
+}
+
 void recorder_resume(void)
 {
     kept = kept != NULL ? kept : bare_keep(sizeof *kept);
     if (kept->begun != BEGUN) {
-        memset(kept, 0, sizeof *kept);
+        forget();
     }
     bare_recording(kept->begun == BEGUN);
     if (kept->busy != 0u) {
@@ -30,15 +36,37 @@ void recorder_resume(void)
 
 void recorder_begin(const MissionHost *host, const char *target)
 {
-    memset(kept, 0, sizeof *kept);
+    forget();
     bare_recording(1);
     kept->begun = BEGUN;
     kept->status = MCAP_FULL;
+    kept->busy = 1u;
     if (host->n_schemas <= RECORDER_SCHEMAS && host->n_channels <= RECORDER_CHANNELS) {
         MissionHost here = *host;
         here.schemas = kept->schemas;
         here.channels = kept->channels;
         kept->status = mission_record_open(&kept->record, &here, send_record, NULL, target);
+        bare_record_flush();
+    }
+    kept->busy = 0u;
+}
+
+/* Whether a reset came between the answer to a tick and its record, if flight is now at t. */
+static void look_for_gap(int64_t t)
+{
+    if (kept->answered != NONE && kept->answered != t) {
+        kept->busy = 1u;
+        kept->status = kept->status == MCAP_OK ? MCAP_WRITE_FAILED : kept->status;
+    }
+}
+
+void recorder_answer(int64_t t)
+{
+    if (t < 0) {
+        kept->begun = 0u; /* a record of this run is yet to begin */
+    } else if (kept->begun == BEGUN) {
+        look_for_gap(t);
+        kept->answered = t;
     }
 }
 
@@ -53,13 +81,19 @@ void recorder_take(const MissionHost *host, int64_t t, const char *target)
         bare_record_flush();
         kept->busy = 0u;
     }
+    kept->answered = NONE;
     kept->taken++;
 }
 
 int recorder_end(const MissionIoCounts *counts)
 {
-    if (kept->begun == BEGUN && kept->status == MCAP_OK) {
+    look_for_gap(NONE);
+    if (kept->begun == BEGUN && kept->status == MCAP_OK && kept->closed == 0u) {
+        kept->busy = 1u;
         kept->status = mission_record_close(&kept->record);
+        bare_record_flush();
+        kept->busy = 0u;
+        kept->closed = 1u;
     }
     bare_recording(0);
     bare_say_figure("recorded", kept->taken);
