@@ -4,20 +4,39 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
 from fledge.targets import build
 from fledge.targets.bare import Bare
 
+# Without an operating system: what a program prints, and how its end ends the machine, too.
 CONSOLE = [build.ROOT / "targets/bare/testing/console.c", build.ROOT / "targets/bare/fault.c"]
+
+ENDS = {"cortex-m7": build.ROOT / "targets/cortex_m7/testing/semihosting.c"}
+
+
+def program(target: Bare, folder: Path, name: str, sources: Sequence[Path], *flags: str) -> Path:
+    """Build a program that prints through its board's line."""
+    ends = [ENDS[target.name]] if target.name in ENDS else []
+    return target.program(folder, name, [*sources, *ends, *CONSOLE], [], flags, ("-lm",))
+
+
+def printed(target: Bare, program: Path) -> str:
+    """What it prints until its end, which must be a good one."""
+    with Machine(target, program) as machine:
+        text = machine.process.communicate()[0].decode().replace("\r", "")
+        assert machine.process.returncode == 0, text
+    return text
 
 
 class Machine:
     """Runs until its program ends it; leaving the context ends it, too."""
 
-    def __init__(self, target: Bare, program: Path, *options: str) -> None:
+    def __init__(self, target: Bare, program: Path) -> None:
         command = [word.format(line="stdio", program=program) for word in target.emulator]
+        options = ["-semihosting"] if target.name in ENDS else []
         self.process = subprocess.Popen([*command, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.text = ""
 

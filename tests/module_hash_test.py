@@ -6,8 +6,9 @@ import subprocess
 import pytest
 
 from fledge.targets import TARGETS, build
+from fledge.targets.bare import Bare
 from fledge.targets.leon3 import board
-from tests import leon3_programs
+from tests import bare_machine, leon3_programs
 
 INPUTS = 1000       # of each module: SETS * ROUNDS of module_hash.c
 
@@ -36,6 +37,8 @@ def run_on(name, folder, *flags):
     target.prepare()
     if name == "leon3":
         return hashes(leon3_programs.on_emulator(board.program(folder, "hash", sources(), []), "translator"))
+    if isinstance(target, Bare):
+        return hashes(bare_machine.printed(target, bare_machine.program(target, folder, "hash", sources())))
     return run(folder, "-fno-pie", *flags, compiler=target.compiler, runner=target.runner, link=target.link)
 
 
@@ -50,8 +53,8 @@ def test_most_modules_put_out_something_else_at_most_inputs(expected):
     assert sum(n > INPUTS / 5 for _, n in expected.values()) > 0.7 * len(expected)
 
 
-@pytest.mark.parametrize("target", ["linux", "aarch64", "leon3", pytest.param("sparc64", marks=pytest.mark.long(
-    "compiles all of flight once more"))])
+@pytest.mark.parametrize("target", ["linux", "aarch64", "leon3", *(pytest.param(one, marks=pytest.mark.long(
+    "compiles all of flight once more")) for one in ("sparc64", "cortex-m7", "riscv64"))])
 def test_each_module_computes_the_same_bits_there(target, expected, tmp_path):
     assert run_on(target, tmp_path) == expected
 
