@@ -13,5 +13,6 @@ class Process(Bare):
     library = ()
     start = False
     sources = (build.ROOT / "targets/bare/testing/process.c",)
+    scripts = (build.ROOT / "targets/bare/testing/process.ld",)
     emulator = ("{program}", "{line}")
     needs = (compiler,)

@@ -86,8 +86,9 @@ RULES = {
 # these are. A part may import itself and the rows below it; the command line is on top of all.
 PARTS = [
     ("units elements errors files columns display interruption programs", "what all others need"),
-    ("progress folders frames mean_elements elf", "a progress bar; the folders of a project and of missions; the "
-     "frames of a link; two-line elements and OMMs; what an ELF file says of itself"),
+    ("progress folders frames mean_elements elf serial_line", "a progress bar; the folders of a project and of "
+     "missions; the frames of a link; two-line elements and OMMs; what an ELF file says of itself; serial lines to "
+     "boards"),
     ("series", "recorded fields by name"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),

@@ -100,10 +100,11 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
 
 def _targets(word: str) -> list[str]:
     """The targets behind what a list of them has already."""
-    from fledge.targets import TARGETS, serial      # of the project, too, if one was named
+    from fledge import serial_line
+    from fledge.targets import TARGETS      # of the project, too, if one was named
 
     done = word[:max(word.rfind(","), word.rfind("=")) + 1]
-    return [done + target for target in [*TARGETS, *(serial.BEGIN + one for one in serial.devices())]]
+    return [done + target for target in [*TARGETS, *(serial_line.BEGIN + one for one in serial_line.devices())]]
 
 
 def _runs() -> Iterable[str]:

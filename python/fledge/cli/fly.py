@@ -12,9 +12,10 @@ import os
 import re
 import sys
 
+from fledge import serial_line
 from fledge.cli.arguments import number
 from fledge.cli.node import add_parameters, given_parameters
-from fledge.targets import TARGETS, serial
+from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -39,8 +40,8 @@ def add(command: Callable) -> None:
     one.add_argument("--on", default="desktop,linux", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: "
                      "desktop,linux. The desktop always flies, because the others are compared with it. "
                      "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
-                     "the desktop's code. serial:DEVICE: a board at a serial line, as in serial:/dev/ttyACM0?baud=921600&"
-                     "reset=go-on&cut=10")
+                     "the desktop's code. serial:DEVICE: a board at a serial line, as in "
+                     "serial:/dev/ttyACM0?baud=921600&reset=go-on&cut=10")
     line = one.add_argument_group("on a board at a serial line (serial:DEVICE)")
     line.add_argument("--elf", action="append", default=[], metavar="FILE", help="the program that the board has, "
                       "which is checked; default: any of this mission. PROCESS=FILE: of that flight process")
@@ -83,7 +84,7 @@ def add(command: Callable) -> None:
 def _needed(options):
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
-    return [*TARGETS.known(chosen), *["build loop"] * any(map(serial.is_line, chosen))]
+    return [*TARGETS.known(chosen), *["build loop"] * any(map(serial_line.is_line, chosen))]
 
 
 def fly(options: argparse.Namespace) -> int:
@@ -94,7 +95,7 @@ def fly(options: argparse.Namespace) -> int:
 
     names, apart = _chosen(options.on)
     lines = _at_lines(options, names, apart)
-    names, apart = [serial.name_of(one) for one in names], {one: serial.name_of(apart[one]) for one in apart}
+    names, apart = [serial_line.name_of(one) for one in names], {one: serial_line.name_of(apart[one]) for one in apart}
     chosen = [*names, *apart.values()]
     if options.rtems:
         from fledge.targets.leon3_rtems import NAMED_BY
@@ -214,19 +215,20 @@ def _ready(names):
 def _at_lines(options, names, apart):
     """The boards at serial lines that --on names, by their names."""
     from fledge.errors import Failure
+    from fledge.targets.serial import Serial
 
     words = [(process, word) for process, word in [*(("", one) for one in names), *apart.items()]
-             if serial.is_line(word)]
+             if serial_line.is_line(word)]
     for option in ("elf", "baud", "pace"):
         if getattr(options, option) and not words:
-            raise Failure(f"fly: --{option} is for a board at a serial line, as in --on {serial.EXAMPLE}")
+            raise Failure(f"fly: --{option} is for a board at a serial line, as in --on {serial_line.EXAMPLE}")
     elves, found = _by_process(options.elf), {}
     if more := [process for process, files in elves.items() if len(files) > 1]:
         raise Failure(f"fly: --elf names {len(elves[more[0]])} programs{f' of {more[0]}' * bool(more[0])}; give one, "
                       "or PROCESS=FILE of each flight process")
     for process, word in words:
         elf, = elves.get(process) or elves.get("", [None])
-        one = serial.Serial(word, elf, options.baud, options.pace)
+        one = Serial(word, elf, options.baud, options.pace)
         if one.name in found:
             raise Failure(f"fly: --on names {one.device} twice; a board flies one process")
         found[one.name] = one
@@ -268,7 +270,7 @@ def _chosen(text):
     names: list[str] = []
     apart: dict[str, str] = {}
     for word in filter(None, map(str.strip, text.split(","))):
-        before, line, after = word.partition(serial.BEGIN)      # behind which there may be a =
+        before, line, after = word.partition(serial_line.BEGIN)      # behind which there may be a =
         process, equals, name = before.rpartition("=") if line else word.rpartition("=")
         name += line + after
         if not equals:

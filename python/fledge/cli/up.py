@@ -99,12 +99,13 @@ def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
     from fledge.cosim.up.rewind import RewindError, noted, past_of
     from fledge.cosim.up.session import Session, StartError
     from fledge.targets import TARGETS
+    from fledge.serial_line import is_line
 
     built = build_folder() / "cosim"
     for program in ("fledge_controller", "fledge_guard"):
         if not (built / program).exists():
             raise Failure(f"{program} is not built; ./fledge setup builds it")
-    TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host}, "up")
+    TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host and not is_line(p.target)}, "up")
     say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s" + (
         f"; warning: without keys, any program that reaches {plan.listening()} reads all messages and may take any "
         "part (fledge help keys)" if plan.beyond and not plan.keys else ""))

@@ -3,8 +3,10 @@
 import contextlib
 import os
 import pty
+import re
 import select
 import shutil
+import signal
 import socket
 import subprocess
 import threading
@@ -16,7 +18,8 @@ from fledge import cli, elf
 from fledge.archive import Archive
 from fledge.archive.compare import compare, digest
 from fledge.errors import Failure
-from fledge.targets import Job, serial
+from fledge.serial_line import name_of
+from fledge.targets import Job
 from tests.board_process import Process
 from tests.waiting import wait_for
 
@@ -93,7 +96,7 @@ def test_a_board_at_a_line_flies_the_desktops_bits(board, cables, tmp_path, capf
     cable = cables(board)
     code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", board, "--for", "20s", "--out",
                      tmp_path)
-    name = serial.name_of(f"serial:{cable.device}")
+    name = name_of(f"serial:{cable.device}")
     assert code == 0 and f"passed   desktop, {name}" in said, said
     with Archive(tmp_path / "desktop.mcap") as desktop, Archive(tmp_path / f"{name}.mcap") as flown:
         topics = [topic for topic in desktop.topics if topic in flown.topics]
@@ -108,4 +111,138 @@ def test_by_the_clock_each_step_is_in_the_histogram_of_lateness(board, cables, t
                      "--out", tmp_path)
     assert code == 0, said
     bins = [line.split() for line in said.splitlines() if line.split()[:1] in (["under"], ["over"])]
-    assert sum(int(one[3]) for one in bins) == 21 and f"of 21 steps were answered" in said
+    assert [one[:3] for one in bins[:2]] == [["under", "1", "ms"], ["under", "2", "ms"]]
+    assert sum(int(one[3]) for one in bins) == 21 and "of 21 steps were answered when the next was due" in said
+
+
+# --- what is wrong is one line with its remedy -------------------------------------------------------
+
+def refused(capfd, tmp_path, *words):
+    """Why a board did not fly: the line about it."""
+    code, said = fly(capfd, "nadir_spin", *words, "--for", "2s", "--out", tmp_path)
+    lines = [line for line in said.splitlines() if re.match(r"  serial-\S*: |fledge: ", line)]
+    assert code in (1, 2) and len(lines) == 1, said
+    return lines[0]
+
+
+def test_an_elf_that_is_not_the_boards_program_is_refused_before_the_line_is_opened(board, cables, tmp_path, capfd):
+    on = ("--on", f"serial:{cables().device}", "--elf")
+    (tmp_path / "a.bin").write_bytes(b":020000040800F2")
+    assert "a.bin is no ELF file; name the program" in refused(capfd, tmp_path, *on, tmp_path / "a.bin")
+    assert "no such file or directory" in refused(capfd, tmp_path, *on, tmp_path / "none.elf")
+    shutil.copy(f"{board}.o", tmp_path / "board.o")
+    assert "board.o is no linked program" in refused(capfd, tmp_path, *on, tmp_path / "board.o")
+    other = board.read_bytes().replace(b"nadir_spin\0", b"radir_spin\0")
+    (tmp_path / "other.elf").write_bytes(other)
+    assert "is the program of another mission: it has no nadir_spin" in refused(capfd, tmp_path, *on,
+                                                                               tmp_path / "other.elf")
+    stripped = board.read_bytes().replace(b"GNU\0" + bytes.fromhex(elf.read(board).build_id), b"NOT\0" + bytes(20))
+    (tmp_path / "stripped.elf").write_bytes(stripped)
+    assert "has no build id" in refused(capfd, tmp_path, *on, tmp_path / "stripped.elf")
+
+
+def test_a_board_with_another_program_than_the_elf_is_refused(board, cables, tmp_path, capfd):
+    own = bytes.fromhex(elf.read(board).build_id)
+    (tmp_path / "newer.elf").write_bytes(board.read_bytes().replace(own, own[::-1]))
+    said = refused(capfd, tmp_path, "--on", f"serial:{cables(board).device}", "--elf", tmp_path / "newer.elf")
+    assert f"its build is {own.hex()}, not {own[::-1].hex()}; load it again" in said
+
+
+def test_a_board_with_another_mission_is_refused(cables, tmp_path, capfd):
+    cable = cables(built("sun_safe", tmp_path / "board"))
+    assert "flies sun_safe, not nadir_spin" in refused(capfd, tmp_path, "--on", f"serial:{cable.device}")
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["--on", "serial:ttyACM0"], "serial:ttyACM0: expected serial:DEVICE, as in serial:/dev/ttyACM0?baud=921600"),
+    (["--on", "serial:///dev/none?reset=goon"], "reset is end or go-on; found 'goon'"),
+    (["--on", "serial:/dev/none?cuts=3"], "has no 'cuts'; did you mean 'cut'?"),
+    (["--on", "serial:/dev/none?baud=9e9"], "baud is bits per second, from 300 to 20000000; found '9e9'"),
+    (["--on", "serial:/dev/none", "--baud", "12"], "baud is bits per second"),
+    (["--on", "serial:/dev/none,flight=serial:/dev/none"], "--on names /dev/none twice"),
+    (["--on", "serial:/dev/none", "--elf", "a", "--elf", "b"], "--elf names 2 programs; give one, or PROCESS=FILE"),
+    (["--on", "serial:/dev/none", "--elf", "fligt=a"], "has no flight process 'fligt'"),
+    (["--on", "linux", "--pace", "1"], "--pace is for a board at a serial line"),
+    (["--on", "linux", "--elf", "a.elf"], "--elf is for a board at a serial line"),
+    (["--on", "serial:/dev/none"], "there is no device /dev/none: is the board connected"),
+])
+def test_wrong_words_are_refused(words, reason, tmp_path, capfd):
+    assert reason in refused(capfd, tmp_path, *words)
+
+
+def test_a_device_that_another_program_holds_is_named_with_the_program(board, cables, tmp_path, capfd):
+    cable = cables(board)
+    with open(cable.device, "rb", buffering=0):
+        said = refused(capfd, tmp_path, "--on", f"serial:{cable.device}")
+    assert f"{cable.device} is held by " in said and f"(process {os.getpid()}): end that program first" in said
+
+
+def test_a_board_that_is_reset_ends_the_run_and_is_named(board, cables, tmp_path, capfd):
+    cable = cables(board)
+
+    def reset():
+        wait_for(lambda: cable.carried > 20_000 or not cable.open)
+        cable.process.send_signal(signal.SIGUSR1)
+
+    thread = threading.Thread(target=reset)
+    thread.start()
+    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}?reset=end", "--out", tmp_path)
+    thread.join()
+    assert code == 1 and re.search(r"^  serial-\S*: /dev/\S*: the board was reset in the tick at .* s, which ends the "
+                                   r"run \(reset=end\)", said, re.MULTILINE), said
+
+
+# --- several programs ------------------------------------------------------------------------------
+
+def up_file(tmp_path, target, more=""):
+    (tmp_path / "desk.toml").write_text(f"""\
+until = 10
+[[node]]
+name = "world"
+mission = "nadir_spin"
+process = "world"
+[[node]]
+name = "flight"
+mission = "nadir_spin"
+target = "{target}"
+{more}
+""")
+    return tmp_path / "desk.toml"
+
+
+def test_a_node_of_a_run_is_a_board_at_a_line(board, cables, tmp_path, capfd):
+    """The form of the address with an authority, which is empty, is the same."""
+    cable = cables(board)
+    file = up_file(tmp_path, f"serial://{cable.device}?baud=921600&reset=go-on&cut=60", f'elf = "{board}"')
+    code = cli.main(["up", str(file), "--pace", "10", "--out", str(tmp_path / "run")])
+    said = capfd.readouterr()
+    assert code == 0, said
+    log = (tmp_path / "run/log/flight.log").read_text()
+    assert " bytes a step to the board" in log and "of 21 steps were answered when the next was due" in log, log
+    with Archive(tmp_path / f"run/flight/{name_of('serial:' + cable.device)}.mcap") as flown:
+        assert any(topic.startswith("/flight/") for topic in flown.topics)
+
+
+@pytest.mark.parametrize("target, more, complaints", [
+    ("serial:///dev/none?baud=921600", "", ["desk.toml:9: the board is connected; there is no device /dev/none"]),
+    ("serial:/dev/null?bauds=9", "", ["desk.toml:9: a serial line is serial:DEVICE?baud=N", "did you mean 'baud'?"]),
+    ("serial:/dev/null", 'elf = "none.elf"', ["desk.toml:10: `elf` is the program that the board has", "none.elf"]),
+    ("linux", 'elf = "none.elf"', ["desk.toml:10: `elf` is of a target at a serial line; flight has \"linux\""]),
+])
+def test_a_wrong_line_in_the_file_of_a_run_is_refused_by_its_line(target, more, complaints, tmp_path, capfd):
+    assert cli.main(["up", str(up_file(tmp_path, target, more)), "--check"]) == 2
+    error = capfd.readouterr().err
+    assert all(one in error for one in complaints), error
+
+
+def test_a_board_flies_one_process(tmp_path, capfd):
+    file = up_file(tmp_path, "serial:/dev/null", """\
+[[node]]
+name = "other"
+mission = "nadir_spin"
+process = "flight"
+prefix = "b"
+target = "serial:///dev/null"
+""")
+    assert cli.main(["up", str(file), "--check"]) == 2
+    assert "desk.toml:15: a board flies one process; flight flies on /dev/null, too" in capfd.readouterr().err

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
+from fledge import serial_line
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of
 from registers.location import line_of
 
@@ -30,7 +31,7 @@ SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ServerAliveInterval=5", "{host}")
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _TAKEN = ("controller", "all", "exchange")      # by Fledge's own logs and records
-_OF_MISSION = ("process", "scenario", "free", "parameters", "target", "board")
+_OF_MISSION = ("process", "scenario", "free", "parameters", "target", "board", "elf")
 
 
 class SimError(Exception):
@@ -55,6 +56,7 @@ class Program:
     parameters: dict = _key("table", dict)
     target: str | None = _key("text", of="node")        # flies the process, as `fledge fly --on` does
     board: list[str] = _key("words", list, of="node")   # files of the target's boards, or folders
+    elf: str | None = _key("text", of="node")           # the program of a target at a serial line
     command: list[str] | None = _key("words")           # None: a process of a mission, or started by hand
     by_hand: bool = _key("flag", False)
     directory: str = _key("text", ".")                  # on the host if there is one
@@ -199,6 +201,7 @@ class _Reader(Tables):
         self.targets = targets
         self.folder, self.stem = path.resolve().parent, path.stem
         self.names: dict[str, tuple] = {}
+        self.devices: dict[str, str] = {}           # of serial lines -> the node
         self.written: dict[str, list[str]] = {}     # the topics that a process of a mission writes, by program
 
     def plan(self, data: dict) -> Plan:
@@ -481,7 +484,7 @@ class _Reader(Tables):
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(processes)}")
             return
         writes, reads, p.flies = processes[process]
-        if p.target or p.board:
+        if p.target or p.board or p.elf:
             self.target(path, p)
             writes, reads = [*writes, f"/{process}/telemetry"], [*reads, f"/{process}/commands"]
         self.written[p.name] = writes
@@ -501,16 +504,22 @@ class _Reader(Tables):
 
     def target(self, path: tuple, p: Program) -> None:
         names = [name for name in self.targets if name != "desktop"]
+        p.elf = p.elf and str(self.folder / p.elf)
+        if p.elf and not serial_line.is_line(p.target):
+            self.refuse((*path, "elf"), "`elf` is of a target at a serial line", f"{p.name} has {shown(p.target)}",
+                        f"leave it out, or write target = {shown(serial_line.EXAMPLE)}")
         p.board = [str(self.folder / file) for file in p.board]
         if not p.target:
             self.refuse((*path, "board"), "`board` is of a `target`", f"{p.name} has none", 'write target = "linux"')
+        elif not p.flies:
+            self.refuse((*path, "target"), "a target flies a flight process", f"{p.process} is none", "leave it out")
+        elif serial_line.is_line(p.target):
+            self.at_line(path, p)
         elif p.target not in names:
             near = difflib.get_close_matches(p.target, names, 1)
             self.refuse((*path, "target"), "the target is one of Fledge or of this project",
                         f"there is no `{p.target}`",
                         f"did you mean `{near[0]}`?" if near else f"choose {', '.join(names)}")
-        elif not p.flies:
-            self.refuse((*path, "target"), "a target flies a flight process", f"{p.process} is none", "leave it out")
         elif missing := self.targets[p.target].missing():
             self.refuse((*path, "target"), "the target is installed", f"{p.target} needs {', '.join(missing)}",
                         f"./fledge setup --on {p.target}")
@@ -518,6 +527,30 @@ class _Reader(Tables):
             if not Path(file).is_file() and not [*Path(file).glob("*.toml")]:
                 self.refuse((*path, "board"), "the files of boards are there, or folders with files *.toml",
                             f"there is no {file}", "it is relative to the file's folder")
+
+    def at_line(self, path: tuple, p: Program) -> None:
+        """Check a target that is a board at a serial line."""
+        from fledge import elf
+        from fledge.errors import Failure
+        try:
+            device, _ = serial_line.read(str(p.target))
+        except Failure as error:
+            self.refuse((*path, "target"), "a serial line is serial:DEVICE?baud=N&reset=end|go-on&cut=SECONDS",
+                        str(error), f"write for example {shown(serial_line.EXAMPLE)}")
+            return
+        other = self.devices.setdefault(device, p.name)
+        if other != p.name:
+            self.refuse((*path, "target"), "a board flies one process", f"{other} flies on {device}, too",
+                        "connect one more")
+        elif not os.path.exists(device):
+            self.refuse((*path, "target"), "the board is connected", f"there is no device {device}",
+                        f"choose {', '.join(serial_line.devices()) or 'another one; there is no serial device here'}")
+        if p.elf:
+            try:
+                elf.read(p.elf)
+            except Failure as error:
+                self.refuse((*path, "elf"), "`elf` is the program that the board has", str(error),
+                            "it is relative to the file's folder")
 
     # ---- values
 

@@ -20,6 +20,7 @@ from typing import Any
 from fledge.archive import ArchiveError
 from fledge.cosim.replay import Exchange
 from fledge.cosim.up.description import Plan, Program
+from fledge.serial_line import name_of
 
 NOTE, FOLDER = "run.json", "snapshots"
 _FIRST = b"fledge snapshots 1\n"
@@ -60,7 +61,7 @@ def _records(run: Path, p: Program) -> list[Path]:
         return []
     names = [f"{p.name}.mcap", f"{p.name}-[0-9]*.mcap"]
     if p.target:    # in a folder of its own, and there in one of each process, if the mission has several
-        names = [f"{folder}/{p.target}.{file}" for folder in (p.name, f"{p.name}/{p.process}")
+        names = [f"{folder}/{name_of(p.target)}.{file}" for folder in (p.name, f"{p.name}/{p.process}")
                  for file in ("mcap", "telemetry.txt")]
     return [path for name in names for ending in ("", ".part") for path in run.glob(name + ending)]
 
@@ -68,7 +69,7 @@ def _records(run: Path, p: Program) -> list[Path]:
 def _can_go_on(run: Path, p: Program) -> bool:
     """Whether there is what a program needs besides its snapshot: flight on a board, its files."""
     found = {path.name.removesuffix(".part") for path in _records(run, p)}
-    return not p.target or found == {f"{p.target}.mcap", f"{p.target}.telemetry.txt"}
+    return not p.target or found == {f"{name_of(p.target)}.{file}" for file in ("mcap", "telemetry.txt")}
 
 
 def note(plan: Plan, folder: Path, past: Past | None) -> None:

@@ -25,6 +25,7 @@ from fledge.cosim.up.processes import Process, adopt_strays, end_strays, in_word
 from fledge.cosim.up.table import Lines, Progress, Row
 from fledge.files import make
 from fledge.interruption import handled
+from fledge.serial_line import is_line
 
 _LOOK = 0.1         # [s]
 _FINISH = 12.0      # [s] for the controller to end a run
@@ -370,8 +371,10 @@ class Session:
                  *["--free"] * p.free]
         if p.target:
             boards = [word for file in p.board for word in ("--board", f"{p.process}={file}")]
+            line = [*(["--elf", p.elf] if p.elf else []), *(["--pace", f"{self.plan.pace:g}"] if self.plan.pace and
+                                                            is_line(p.target) else [])]
             return [*fledge, "fly", str(p.mission), *filter(None, [p.scenario]), "--on", f"{p.process}={p.target}",
-                    *given, *boards, "--out", f"{record}/{p.name}", "--join", self._address]
+                    *line, *given, *boards, "--out", f"{record}/{p.name}", "--join", self._address]
         return [*fledge, "node", str(p.mission), str(p.process), *filter(None, [p.scenario]), "--name", p.name, *given,
                 *(["--outputs", f"{record}/{p.name}.mcap"] if self.plan.report and p.flies else
                   ["--record", record] * self.plan.record)]
