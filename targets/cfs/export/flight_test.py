@@ -106,8 +106,8 @@ def test_on_a_board_without_an_operating_system(tmp_path):
     ours = sorted((tmp_path / "outside").glob("*.c"))
     subprocess.run(list(map(str, ["gcc", *flags, f"-Dfledge_io={mission.name}_io", "-I", tmp_path / "outside", *pocket,
                                   *ours, *registers, ROOT / "targets/mission_io.c", HERE / "bare.c",
-                                  ROOT / "targets/bare/tasks.c", ROOT / "targets/bare/files.c", *objects,
-                                  fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])), check=True)
+                                  HERE / "contexts.c", ROOT / "targets/bare/tasks.c", ROOT / "targets/bare/files.c",
+                                  *objects, fly("gcc", "-O2"), "-lm", "-o", tmp_path / "bare"])), check=True)
     inputs, outputs = [m.path for m in mission.inputs], [m.path for m in mission.outputs]
     recorded = Recorded(sim, [*inputs, *outputs], 0.5)
     sim.run(120.0)

@@ -1,21 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* For tests: an app on a board without an operating system, with the tasks of targets/bare. Its registers are memory at
  * the board's base; the outside comes from the standard input, for each tick a time and all that flight reads, and for
- * each tick all that flight puts out goes to the standard output. Time stands still while a task runs. */
+ * each tick all that flight puts out goes to the standard output. */
 #define _DEFAULT_SOURCE
 #include "targets/bare/bare.h"
 #include "registers/clock.h"
-#include "targets/bare/context.h"
-#include "targets/cfs/config.h"
 #include "targets/cfs/pocket.h"
+#include "targets/cfs/testing/contexts.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/mman.h>
-#include <ucontext.h>
 
 #define LONGEST 4096
-#define STEP INT64_C(1000000)         /* [ns] of time, each time the board is idle */
 #define PATIENCE INT64_C(60000000000) /* [ns] without a tick */
 
 extern const MissionIo fledge_io; /* by -D, the mission's */
@@ -26,49 +23,7 @@ static MissionIoCounts counts;
 static int64_t t = -1; /* of the tick that is flown */
 static int started, stopped;
 static uint8_t message[LONGEST];
-static int64_t now, last; /* [ns]; at the last tick */
-
-/* ---- contexts, time and the console */
-
-static ucontext_t contexts[POCKET_TASKS];
-static void (*entries[POCKET_TASKS])(uint32_t);
-
-static void enter(int slot)
-{
-    entries[slot]((uint32_t)slot);
-}
-
-BareContext bare_context(void *stack, size_t size, void (*entry)(uint32_t), uint32_t argument)
-{
-    ucontext_t *c = &contexts[argument];
-    entries[argument] = entry;
-    (void)getcontext(c);
-    c->uc_stack.ss_sp = stack;
-    c->uc_stack.ss_size = size;
-    c->uc_link = NULL;
-    makecontext(c, (void (*)(void))enter, 1, (int)argument);
-    return (BareContext){(uintptr_t)c, 0u};
-}
-
-void bare_switch(BareContext *from, const BareContext *to)
-{
-    if (from->sp == 0u) { /* the first task, which nobody made */
-        from->sp = (uintptr_t)&contexts[0];
-    }
-    (void)swapcontext((ucontext_t *)from->sp, (const ucontext_t *)to->sp);
-}
-
-int64_t bare_now(void)
-{
-    return now;
-}
-
-void bare_say(const char *text)
-{
-    (void)fputs(text, stderr);
-}
-
-/* ---- the outside */
+static int64_t last; /* [ns] of the last tick */
 
 static int read_tick(void)
 {
@@ -98,17 +53,16 @@ static void write_outputs(void)
     }
 }
 
-void bare_idle(void)
+static void outside(void)
 {
-    now += STEP;
     if (window.words == NULL || stopped || !register_clock_is_done(&window)) {
-        if (now - last > PATIENCE) {
+        if (bare_now() - last > PATIENCE) {
             (void)fprintf(stderr, "all tasks wait, for nothing\n");
             exit(3);
         }
         return;
     }
-    last = now;
+    last = bare_now();
     if (started && t >= 0) {
         write_outputs();
     }
@@ -130,6 +84,7 @@ int main(void)
         return 2;
     }
     window = register_window(board, at);
+    contexts_outside = outside;
     pocket_boot("", fledge_apps, 1);
     if (pocket_start_app("fsw", fledge_apps[0].entry_name, "FSW", 55, 16384) != CFE_SUCCESS ||
         !pocket_operational(1000)) {
