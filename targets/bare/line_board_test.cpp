@@ -439,7 +439,7 @@ TEST(LineBoard, AFaultIsShoutedThroughTheLine)
 /// All answers are checked as they come. The record is the expected one, or its fault is named.
 TEST(LineBoard, NothingIsSilentlyWrong)
 {
-    const std::uint32_t cases = number_of("FLEDGE_CASES", 300), seed = number_of("FLEDGE_SEED", 1);
+    const std::uint32_t cases = number_of("FLEDGE_CASES", 200), seed = number_of("FLEDGE_SEED", 1);
     std::uint32_t whole = 0, named = 0, went_on = 0, changed = 0;
     for (std::uint32_t i = 0; i < cases; i++) {
         SCOPED_TRACE("FLEDGE_SEED=" + std::to_string(seed + i));
@@ -474,6 +474,63 @@ TEST(LineBoard, NothingIsSilentlyWrong)
     EXPECT_GT(named, 0u);
     EXPECT_GT(went_on, 0u); // a reset while flight computes or waits costs nothing of the record
     EXPECT_GT(changed, cases / 10);
+}
+
+/// What both ends must agree on, as tables that a test may change.
+struct Tables {
+    std::vector<MissionMessage> messages{{"world.a", "A", 0, 24, MISSION_IN}, {"flight.b", "B", 24, 16, MISSION_OUT}};
+    std::vector<MissionTopic> topics{{"/world/a", 0, MISSION_SAME_INSTANT, 0}, {"/flight/b", 1, 0, 0}};
+    std::vector<MissionDefinition> definitions{{"A", "fledge/msg/A", "float64 x"}, {"B", "fledge/msg/B", "float64 y"}};
+    std::vector<ExecRate> rates{{1000, 0}};
+    std::vector<MissionLane> lanes{{nullptr, 0, 0, 0, 0, 0, FLEDGE_F64}, {nullptr, 1, 1, 0, 0, 0, FLEDGE_F64}};
+    RegisterBoard a = first, b = second;
+    std::string name = "mission";
+
+    std::uint64_t hash() const
+    {
+        const RegisterBoard *const both[] = {&a, &b};
+        MissionIo table{};
+        table.messages = messages.data();
+        table.n_messages = static_cast<std::uint32_t>(messages.size());
+        table.boards = both;
+        table.n_boards = 2;
+        table.lanes = lanes.data();
+        table.n_lanes = static_cast<std::uint32_t>(lanes.size());
+        MissionHost host{};
+        host.name = name.c_str();
+        host.io = &table;
+        host.topics = topics.data();
+        host.definitions = definitions.data();
+        host.rates = rates.data();
+        host.n_rates = static_cast<std::uint16_t>(rates.size());
+        return mission_host_hash(&host);
+    }
+};
+
+TEST(MissionHash, EachThingThatBothEndsMustAgreeOnChangesIt)
+{
+    std::set<std::uint64_t> hashes{Tables().hash()};
+    const auto changed = [&](auto change) {
+        Tables tables;
+        change(tables);
+        return hashes.insert(tables.hash()).second;
+    };
+    EXPECT_TRUE(changed([](Tables &t) { t.name = "missions"; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.messages[0].path = "world.c"; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.messages[0].type = "C"; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.messages[1].size = 20; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.messages[1].direction = MISSION_INSIDE; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.topics[0].latency = MISSION_NEXT_INSTANT; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.definitions[1].text = "float32 y"; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.rates[0].period = 2000; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.rates[0].offset = 5; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.a.hash++; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.b.hash++; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.lanes[0].field = 1; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.lanes[1].board = 0; }));
+    EXPECT_TRUE(changed([](Tables &t) { t.lanes.pop_back(); }));
+    // Where a struct has a message is each program's own.
+    EXPECT_FALSE(changed([](Tables &t) { t.messages[1].offset = 32; }));
 }
 
 } // namespace line_board_test

@@ -3,9 +3,9 @@
  *
  *     board LINE [KEPT]
  *
- * LINE is the path of a terminal, or the number of an inherited descriptor. SIGUSR1 resets the board: the process starts
- * again in itself, and has its kept memory still, but none of the bytes that were on their way to it. KEPT, a file, keeps
- * it longer than the process lives. The board ends when the line does. */
+ * LINE is the path of a terminal, or the number of an inherited descriptor. SIGUSR1 resets the board: the process
+ * starts again in itself, and has its kept memory still, but none of the bytes that were on their way to it. KEPT, a
+ * file, keeps it longer than the process lives. The board ends when the line does. */
 #define _GNU_SOURCE /* memfd_create */
 #include "targets/bare/bare.h"
 #include "targets/bare/port.h"
