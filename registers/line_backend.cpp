@@ -219,7 +219,8 @@ void LineBackend::take(const LineMessage &message)
     case LINE_RECORD: take_record(message); break;
     case LINE_TEXT: take_text({message.bytes, message.n}); break;
     case LINE_SHOUT:
-        std::fprintf(stderr, "%.*s\n", static_cast<int>(message.n), reinterpret_cast<const char *>(message.bytes));
+        shout_.assign(reinterpret_cast<const char *>(message.bytes), message.n);
+        std::fprintf(stderr, "%s\n", shout_.c_str());
         break;
     case LINE_END: status_ = message.n > 0 ? message.bytes[0] : 0; break;
     default: break;
@@ -289,6 +290,9 @@ std::string LineBackend::unheard() const
     if (c.frames_taken == 0) {
         return std::to_string(c.bytes_taken) + " bytes have come" + at +
                ", and no frame of them: does the board have another rate, or do two boards share the line?";
+    }
+    if (!shout_.empty()) {
+        return "the board says: " + shout_.substr(0, shout_.find('\n'));
     }
     return std::to_string(c.frames_taken) + " frames have come" + at + ", " + std::to_string(c.damaged) +
            " others were damaged, and no answer to the greeting: do two boards share the line?";

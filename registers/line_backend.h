@@ -103,6 +103,7 @@ private:
     int status_ = -1;          ///< with which the board ended; -1: it has not
 
     std::string record_, text_;
+    std::string shout_; ///< the board's last one
     FileSink sink_{.fd = -1, .error = 0, .marked = {}, .part = {}};
     bool recording_ = false;
     std::uint32_t recorded_ = 0; ///< [bytes]
