@@ -546,7 +546,7 @@ size_t line_mirror_size(const RegisterBoard *const *boards, uint32_t n)
         }
         size += boards[i]->size / 4u * 4u;
     }
-    return n <= 255u ? size : 0;
+    return n <= LINE_BOARDS ? size : 0;
 }
 
 void line_mirror_begin(LineMirror *m, const RegisterWindow *windows, uint32_t n, void *shadow)
@@ -560,6 +560,8 @@ void line_mirror_begin(LineMirror *m, const RegisterWindow *windows, uint32_t n,
             m->shadow[m->at++] = 0u;
         }
     }
+    m->from = 0u;
+    m->to = m->at;
     m->at = 0u;
 }
 
@@ -587,8 +589,8 @@ uint32_t line_mirror_take(LineMirror *m, uint8_t *payload, int *last)
             uint8_t *head = payload + n;
             uint32_t count = 0u;
             n += RUN_HEAD;
-            head[1] = (uint8_t)m->board;
-            put16(head + 2, m->word);
+            head[1] = (uint8_t)(m->board | m->word >> 16 << 4);
+            put16(head + 2, m->word & 0xFFFFu);
             while (m->word < words_of(w) && differs(m) && count < RUN_MAX && n + 4u <= LINE_PAYLOAD) {
                 const uint32_t v = register_load_bytes(w, m->word * 4u);
                 m->shadow[m->at] = v;
@@ -613,7 +615,8 @@ static int runs(LineMirror *m, const uint8_t *payload, uint32_t n, int store)
         if (n - i < RUN_HEAD) {
             return 0;
         }
-        const uint32_t count = payload[i], board = payload[i + 1u], word = get16(payload + i + 2u);
+        const uint32_t count = payload[i], board = payload[i + 1u] & 0xFu;
+        const uint32_t word = (uint32_t)(payload[i + 1u] >> 4) << 16 | get16(payload + i + 2u);
         i += RUN_HEAD;
         if (count == 0u || count * 4u > n - i || board >= m->n_windows || word + count > words_of(&m->windows[board])) {
             return 0;
@@ -624,6 +627,8 @@ static int runs(LineMirror *m, const uint8_t *payload, uint32_t n, int store)
                 at += words_of(&m->windows[b]);
             }
             memcpy(m->shadow + at, payload + i, (size_t)count * 4u);
+            m->from = at < m->from ? at : m->from;
+            m->to = at + count > m->to ? at + count : m->to;
         }
         i += count * 4u;
     }
@@ -637,10 +642,16 @@ int line_mirror_put(LineMirror *m, const uint8_t *payload, uint32_t n)
 
 void line_mirror_finish(LineMirror *m)
 {
-    const uint32_t *v = m->shadow;
+    uint32_t first = 0u; /* the index of the window's first word */
     for (uint32_t i = 0u; i < m->n_windows; i++) {
-        for (uint32_t k = 0u; k < words_of(&m->windows[i]); k++) {
-            register_store_bytes(&m->windows[i], k * 4u, *v++);
+        const uint32_t n = words_of(&m->windows[i]);
+        const uint32_t from = m->from > first ? m->from - first : 0u;
+        const uint32_t to = m->to > first ? m->to - first : 0u;
+        for (uint32_t k = from; k < to && k < n; k++) {
+            register_store_bytes(&m->windows[i], k * 4u, m->shadow[first + k]);
         }
+        first += n;
     }
+    m->from = first;
+    m->to = 0u;
 }

@@ -39,7 +39,8 @@ enum {
     LINE_PAYLOAD = 512, ///< [bytes] at most
     LINE_FRAME = LINE_HEAD + LINE_PAYLOAD + 4,
     LINE_WINDOW = 8,    ///< frames that an end sends before one of them is acknowledged
-    LINE_BOARD = 65536, ///< words of the largest board that the mirror carries
+    LINE_BOARD = 1 << 20, ///< words of the largest board that the mirror carries
+    LINE_BOARDS = 16,     ///< how many boards
     LINE_NAME = 48,     ///< [bytes] of a name with its 0
     LINE_BUILD = 20     ///< [bytes] of the build id of an ELF
 };
@@ -202,9 +203,10 @@ typedef struct LineMirror {
     uint32_t *shadow;
     uint32_t board, word; ///< where line_mirror_take goes on
     uint32_t at;          ///< the same, as an index of the shadow
+    uint32_t from, to;    ///< the indices between which line_mirror_finish has something to do
 } LineMirror;
 
-/** [bytes] of the shadow; 0 if a board has more than LINE_BOARD words, or there are more than 255 boards. */
+/** [bytes] of the shadow; 0 if a board has more than LINE_BOARD words, or there are more than LINE_BOARDS. */
 size_t line_mirror_size(const RegisterBoard *const *boards, uint32_t n);
 
 /** Begin with a shadow of zeros. The windows' memory stays as it is. */
