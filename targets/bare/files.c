@@ -121,6 +121,12 @@ int32 port_file_write(int32 k, const void *bytes, size_t n)
         return -1;
     }
     const int32 i = opened[k].file - 1;
+    if (n == 0) {
+        return 0;
+    }
+    if (opened[k].at > files[i].size) { /* nothing was written between */
+        memset(files[i].own + files[i].size, 0, opened[k].at - files[i].size);
+    }
     memcpy(files[i].own + opened[k].at, bytes, n);
     opened[k].at += n;
     files[i].size = opened[k].at > files[i].size ? opened[k].at : files[i].size;

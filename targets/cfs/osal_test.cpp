@@ -3,6 +3,8 @@
 #include "targets/cfs/testing/pocket.h"
 
 #include <atomic>
+#include <map>
+#include <random>
 
 namespace osal_test {
 
@@ -135,6 +137,57 @@ TEST_F(Osal, FilesAreBelowTwoFolders)
 #endif
     EXPECT_EQ(OS_remove("/ram/x"), 0);
     EXPECT_EQ(OS_remove("/ram/x"), OS_ERROR);
+}
+
+// Four files, open for a while, at random: they hold what strings hold.
+TEST_F(Osal, FilesHoldWhatAPlainModelDoes)
+{
+    const auto path = [](unsigned i) { return std::string("/ram/") + char('a' + i); };
+    std::mt19937 random(1);
+    std::map<unsigned, std::string> model;
+    for (int round = 0; round < 400; round++) {
+        const unsigned i = random() % 4, to = random() % 4;
+        osal_id_t f;
+        if (const unsigned choice = random() % 8; choice == 0) {
+            EXPECT_EQ(OS_remove(path(i).c_str()) == 0, model.erase(i) == 1);
+            continue;
+        } else if (choice == 1 && i != to) {
+            ASSERT_EQ(OS_rename(path(i).c_str(), path(to).c_str()) == 0, model.count(i) == 1);
+            if (model.count(i) == 1) {
+                model[to] = model[i];
+                model.erase(i);
+            }
+            continue;
+        }
+        const int flags = int(random() % 4);
+        const bool there = model.count(i) == 1 || (flags & OS_FILE_FLAG_CREATE) != 0;
+        ASSERT_EQ(OS_OpenCreate(&f, path(i).c_str(), flags, OS_READ_WRITE) == 0, there) << round;
+        if (!there) {
+            continue;
+        }
+        std::string &content = model[i];
+        content.resize((flags & OS_FILE_FLAG_TRUNCATE) != 0 ? 0 : content.size());
+        for (std::size_t at = 0; random() % 6 != 0;) {
+            char bytes[300];
+            const std::size_t n = random() % sizeof bytes;
+            if (const unsigned step = random() % 3; step == 0) {
+                at = random() % 1000;
+                ASSERT_EQ(OS_lseek(f, std::int32_t(at), OS_SEEK_SET), std::int32_t(at));
+            } else if (step == 1) {
+                std::memset(bytes, 'A' + round % 26, n);
+                ASSERT_EQ(OS_write(f, bytes, n), std::int32_t(n));
+                content.resize(n > 0 ? std::max(content.size(), at + n) : content.size());
+                content.replace(n > 0 ? at : 0, n, bytes, n);
+                at += n;
+            } else {
+                const std::string expected = at < content.size() ? content.substr(at, n) : "";
+                ASSERT_EQ(OS_read(f, bytes, n), std::int32_t(expected.size()));
+                ASSERT_EQ(std::string(bytes, expected.size()), expected) << round;
+                at += expected.size();
+            }
+        }
+        EXPECT_EQ(OS_close(f), 0);
+    }
 }
 
 #ifndef POCKET_BARE // a board has no folders
