@@ -13,6 +13,6 @@ class Process(Bare):
     library = ()
     start = False
     sources = (build.ROOT / "targets/bare/testing/process.c",)
-    scripts = (build.ROOT / "targets/bare/testing/process.ld",)
+    scripts = (build.ROOT / "targets/linux/line.ld",)
     emulator = ("{program}", "{line}")
     needs = (compiler,)

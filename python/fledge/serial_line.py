@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a serial line to a board is written: serial:DEVICE, or serial:DEVICE?baud=921600&reset=go-on&cut=10."""
+"""How a board that is no folder of targets is written: serial:DEVICE, or serial:DEVICE?baud=921600&reset=go-on&cut=10;
+or a computer with Linux, ssh:HOST."""
 from __future__ import annotations
 
 import re
@@ -7,7 +8,7 @@ from pathlib import Path
 
 from fledge.errors import Failure, did_you_mean
 
-BEGIN = "serial:"
+BEGIN, BY_SSH = "serial:", "ssh:"
 EXAMPLE = "serial:/dev/ttyACM0?baud=921600"
 BAUDS = range(300, 20_000_001)      # [bits/s]
 RESETS = ("end", "go-on")
@@ -18,10 +19,15 @@ def is_line(word: str | None) -> bool:
     return word is not None and word.startswith(BEGIN)
 
 
+def is_apart(word: str | None) -> bool:
+    """Whether a word names no target of a folder."""
+    return is_line(word) or word is not None and word.startswith(BY_SSH)
+
+
 def name_of(word: str) -> str:
-    """What files and tables call a target: its name; of a line by its device, "serial-ttyACM0"."""
+    """What files and tables call a target: its name; "serial-ttyACM0" by its device, "ssh-pi-raspberrypi"."""
     if not is_line(word):
-        return word
+        return re.sub(r"[^\w.-]", "-", word)
     device = word.removeprefix(BEGIN).removeprefix("//").partition("?")[0]
     return "serial-" + re.sub(r"[^\w.-]", "-", device.removeprefix("/dev/").strip("/"))
 

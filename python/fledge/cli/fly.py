@@ -41,8 +41,8 @@ def add(command: Callable) -> None:
                      "desktop,linux. The desktop always flies, because the others are compared with it. "
                      "chief=cfs,deputy=leon3: one run, with a target for each of these flight processes; all others on "
                      "the desktop's code. serial:DEVICE: a board at a serial line, as in "
-                     "serial:/dev/ttyACM0?baud=921600&reset=go-on&cut=10")
-    line = one.add_argument_group("on a board at a serial line (serial:DEVICE)")
+                     "serial:/dev/ttyACM0?baud=921600&reset=go-on&cut=10; ssh:HOST: a computer with Linux")
+    line = one.add_argument_group("on a board at a serial line (serial:DEVICE), or a computer with Linux")
     line.add_argument("--elf", action="append", default=[], metavar="FILE", help="the program that the board has, "
                       "which is checked; default: any of this mission. PROCESS=FILE: of that flight process")
     line.add_argument("--baud", type=int, metavar="N", help="of the line; default: 921600")
@@ -66,6 +66,8 @@ def add(command: Callable) -> None:
                      "took; with --for")
     one.add_argument("--report", action="store_true", help="also write the plots and a page about the run on each "
                      "target, as run does")
+    line.add_argument("--ssh", metavar="COMMAND", default="", help="with ssh:HOST: how ssh is called, as in 'ssh -p "
+                      "2222'; default: ssh")
     tools = one.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md)")
     tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
     for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
@@ -84,7 +86,9 @@ def add(command: Callable) -> None:
 def _needed(options):
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
-    return [*TARGETS.known(chosen), *["build loop"] * any(map(serial_line.is_line, chosen))]
+    by_ssh = any(one.startswith(serial_line.BY_SSH) for one in chosen)
+    return [*TARGETS.known(chosen), *["build loop"] * any(map(serial_line.is_apart, chosen)),
+            *["ssh", "aarch64"] * by_ssh]
 
 
 def fly(options: argparse.Namespace) -> int:
@@ -213,16 +217,21 @@ def _ready(names):
 
 
 def _at_lines(options, names, apart):
-    """The boards at serial lines that --on names, by their names."""
+    """The boards at serial lines and computers that --on names, by their names."""
     from fledge.errors import Failure
     from fledge.targets.serial import Serial
+    from fledge.targets.ssh import Ssh
 
     words = [(process, word) for process, word in [*(("", one) for one in names), *apart.items()]
              if serial_line.is_line(word)]
     for option in ("elf", "baud", "pace"):
         if getattr(options, option) and not words:
             raise Failure(f"fly: --{option} is for a board at a serial line, as in --on {serial_line.EXAMPLE}")
-    elves, found = _by_process(options.elf), {}
+    hosts = [word for word in [*names, *apart.values()] if word.startswith(serial_line.BY_SSH)]
+    if options.ssh and not hosts:
+        raise Failure("fly: --ssh is for --on ssh:HOST")
+    elves = _by_process(options.elf)
+    found: dict[str, Any] = {serial_line.name_of(word): Ssh(word, options.ssh) for word in hosts}
     if more := [process for process, files in elves.items() if len(files) > 1]:
         raise Failure(f"fly: --elf names {len(elves[more[0]])} programs{f' of {more[0]}' * bool(more[0])}; give one, "
                       "or PROCESS=FILE of each flight process")

@@ -70,6 +70,7 @@ def load(options: argparse.Namespace) -> int:
 def _by_ssh(options):
     from fledge.cli.console import say, size_of
     from fledge.targets import TARGETS, Job, remote
+    from fledge.targets.ssh import Ssh
 
     for name in ("probe", "dry_run"):
         if getattr(options, name):
@@ -82,8 +83,15 @@ def _by_ssh(options):
                       "one by --process")
     part = job.part(options.process) if options.process else job.parts[0]
     target.check(part)
-    built = target.build(part)
-    place = remote.copy(built, host, ssh, options.to or f"fledge/{job.title}")
+    folder = options.to or f"fledge/{job.title}"
+    built, board = target.build(part), Ssh(options.board, options.ssh)
+    place = remote.copy(built, host, ssh, folder)
+    at_line = remote.copy(board.program_of(part), host, ssh, folder, f"{built.name}-line")
     say(f"{job.title}, {part.process}, for {target.name}: {built} ({size_of(built)}) is {place} on {host}")
     say(f"  by its clock  {shlex.join([*shlex.split(ssh), host, f'{shlex.quote(place)} --clock --for 60'])}")
+    on = f"{part.process}=" * (len(job.parts) > 1)
+    say(f"  in the loop   ./fledge fly {options.what} --on {on}{options.board}"
+        + (f" --ssh {shlex.quote(options.ssh)}" if options.ssh else ""))
+    own = shlex.join([*shlex.split(ssh), host, f"{shlex.quote(at_line)} /dev/serial0"])
+    say(f"  at its serial port  {own}\n                ./fledge fly {options.what} --on {on}serial:DEVICE")
     return 0

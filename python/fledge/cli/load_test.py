@@ -210,14 +210,17 @@ def server(tmp_path):
     fake = tmp_path / "there"
     fake.mkdir()
 
-    def make(machine=""):
+    def make(machine="", home=None):
         if machine:
             (fake / "uname").write_text(f"#!/bin/sh\necho {machine}\n")
             (fake / "uname").chmod(0o755)
         (tmp_path / "sshd_config").write_text(
             f"HostKey {tmp_path}/host\nAuthorizedKeysFile {tmp_path}/user.pub\nStrictModes no\nUsePAM no\n"
             f"PermitRootLogin yes\nPasswordAuthentication no\nKbdInteractiveAuthentication no\nPidFile none\n"
-            f"SetEnv PATH={fake}:/usr/local/bin:/usr/bin:/bin\n")
+            f"SetEnv PATH={fake}:/usr/local/bin:/usr/bin:/bin\n"
+            + (f'ForceCommand cd {home} && eval "$SSH_ORIGINAL_COMMAND"\n' if home else ""))
+        if home:
+            home.mkdir()
         key = (tmp_path / "host.pub").read_text().split()
         (tmp_path / "known").write_text(f"board {key[0]} {key[1]}\n")
         return shlex.join(["ssh", "-F", "none", "-o", f"ProxyCommand={SSHD} -i -f {tmp_path}/sshd_config",
@@ -240,7 +243,7 @@ def test_a_program_is_built_for_a_host_copied_and_flies_there(server, tmp_path, 
     shown = capsys.readouterr().out
     file = there / "nadir_spin"
     assert file.read_bytes() == (tmp_path / "runs/nadir_spin/fly/linux/nadir_spin").read_bytes()
-    assert [one.name for one in there.iterdir()] == ["nadir_spin"]
+    assert sorted(one.name for one in there.iterdir()) == ["nadir_spin", "nadir_spin-line"]
     by_clock = shlex.split(shown.splitlines()[1])
     assert by_clock[-2:] == [f"{getpass.getuser()}@board", f"{shlex.quote(str(file))} --clock --for 60"]
     figures = dict(line.split(maxsplit=1) for line in run_there(
@@ -284,3 +287,12 @@ def test_what_a_host_cannot_keep_is_told(server, tmp_path, monkeypatch, capsys):
     assert cli.main(["load", f"ssh:{getpass.getuser()}@board", "nadir_spin", "--ssh", server(), "--to",
                      str(tmp_path / "taken")]) == 1
     assert "taken" in capsys.readouterr().err
+
+
+def test_a_host_flies_in_the_loop_with_ssh_as_its_line(server, tmp_path, monkeypatch, capsys):
+    """In a folder of the user's home there; without Fledge."""
+    monkeypatch.chdir(tmp_path)
+    host, ssh = f"ssh:{getpass.getuser()}@board", server(home=tmp_path / "home")
+    assert cli.main(["fly", "nadir_spin", "--on", host, "--ssh", ssh, "--for", "10s"]) == 0, capsys.readouterr()
+    assert f"passed   desktop, ssh-{getpass.getuser()}-board" in capsys.readouterr().out
+    assert [one.name for one in (tmp_path / "home/fledge/nadir_spin").iterdir()] == ["nadir_spin-line"]

@@ -30,10 +30,10 @@ def target_for(host: str, ssh: str) -> str:
     return name
 
 
-def copy(program: Path, host: str, ssh: str, folder: str) -> str:
+def copy(program: Path, host: str, ssh: str, folder: str, name: str = "") -> str:
     """Copy a program into a folder of a host, relative to the user's home; returns its path there. It gets its name
     once it is whole, so that one which flies stays as it is."""
-    place = f"{folder.rstrip('/')}/{program.name}"
+    place = f"{folder.rstrip('/')}/{name or program.name}"
     part = shlex.quote(place + ".part")
     said = _there(host, ssh, f"umask 022 && mkdir -p -- {shlex.quote(folder)} && cat > {part} && chmod 755 {part} && "
                   f"cksum < {part} && mv -f -- {part} {shlex.quote(place)}", program)

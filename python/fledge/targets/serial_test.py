@@ -135,7 +135,7 @@ def test_an_elf_that_is_not_the_boards_program_is_refused_before_the_line_is_ope
     other = board.read_bytes().replace(b"nadir_spin\0", b"radir_spin\0")
     (tmp_path / "other.elf").write_bytes(other)
     assert "is the program of another mission: it has no nadir_spin" in refused(capfd, tmp_path, *on,
-                                                                               tmp_path / "other.elf")
+                                                                                tmp_path / "other.elf")
     stripped = board.read_bytes().replace(b"GNU\0" + bytes.fromhex(elf.read(board).build_id), b"NOT\0" + bytes(20))
     (tmp_path / "stripped.elf").write_bytes(stripped)
     assert "has no build id" in refused(capfd, tmp_path, *on, tmp_path / "stripped.elf")
