@@ -16,7 +16,7 @@ class Riscv64(Bare):
     compiler = "riscv64-unknown-elf-gcc"
     machine = ("-march=rv64gc", "-mabi=lp64d", "-mcmodel=medany")
     scripts = (FOLDER / "riscv64.ld",)
-    sources = tuple(FOLDER / name for name in ("start.S", "board.c", "fault.c"))
+    sources = (*(FOLDER / name for name in ("start.S", "board.c", "fault.c")), build.ROOT / "targets/bare/figures.c")
     link = ("-Wl,--no-warn-rwx-segments",)
     # QEMU keeps the last 16 MiB of the memory for itself.
     emulator = ("qemu-system-riscv64", "-M", "virt", "-m", "32M", "-bios", "none", "-display", "none", "-monitor",
