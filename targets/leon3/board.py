@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fledge.targets import build
+from fledge.targets import bare, build
 from fledge.targets.leon3 import toolchain
 
 FOLDER = build.ROOT / "targets/leon3"
@@ -14,10 +14,7 @@ BOARD = build.ROOT / "emulator/boards/leon3.toml"       # Leon3.board
 SAY = build.ROOT / "targets/bare/say.c"
 SUPPORT = [*(FOLDER / name for name in ("traps.S", "devices.c", "board.c", "runtime.c", "system.c")), SAY]
 # Flight on it, besides the mission's sources.
-FLIGHT = [*(build.ROOT / path for path in (
-    "targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "record/mcap.c",
-    "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c", "registers/message.c",
-    "targets/bare/main.c", "targets/bare/recorder.c", "targets/leon3/flight.c"))]
+FLIGHT = [*bare.FLIGHT, FOLDER / "flight.c"]
 
 
 def read_board(path: Path) -> dict[str, Any]:

@@ -16,11 +16,13 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from fledge.targets.job import Part
 
-# The sources of a program besides the mission's and the board's.
-FLIGHT = ["targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/bare/main.c",
-          "targets/bare/recorder.c", "targets/bare/say.c", "targets/bare/fault.c", "targets/bare/line_board.c",
-          "record/mcap.c", "record/mcap_crc.c", "registers/lane.c", "registers/field.c", "registers/clock.c",
-          "registers/message.c", "registers/line.c"]
+# The sources of a program besides the mission's and the board's: of any board, and of one behind a line.
+FLIGHT = [build.ROOT / path for path in (
+    "targets/mission_io.c", "targets/mission_packets.c", "targets/mission_host.c", "targets/bare/main.c",
+    "targets/bare/recorder.c", "record/mcap.c", "record/mcap_crc.c", "registers/lane.c", "registers/field.c",
+    "registers/clock.c", "registers/message.c")]
+LINE = [build.ROOT / path for path in (
+    "targets/bare/line_board.c", "targets/bare/say.c", "targets/bare/fault.c", "registers/line.c")]
 
 
 class Bare(Target):
@@ -56,7 +58,7 @@ class Bare(Target):
         # Twice the boards' memory: there is a shadow of it (registers/line.h).
         room = sum(2 * -(-parse(text_of(path), path)[0]["size"] // 8) * 8 for path in part.board_files())
         return self.program(part.folder / self.name, part.mission.name,
-                            [*part.sources(), *(build.ROOT / path for path in FLIGHT)], part.includes(),
+                            [*part.sources(), *FLIGHT, *LINE], part.includes(),
                             (f"-DFLEDGE_LINE_BYTES={room}",))
 
     def command(self, built: Path, record: str) -> list[str]:
