@@ -388,6 +388,9 @@ def _fly(options, job, runs, bounds, lacking):
         say("  " + line)
     if archives:
         say(f"  records  {', '.join(map(str, archives))}")
+    for name, one, *_ in rows if options.pace else ():
+        if one and one.line:
+            say(f"  plot     {_plot_late(one, f'{whole}, by the clock, on {name}')}")
     for line in told:
         say(f"  {line}")
     if not job.whole and job.scenario != "free":
@@ -410,6 +413,13 @@ def _fly(options, job, runs, bounds, lacking):
         for names, outcomes in same.values():
             show_required(outcomes, ", ".join(names))
     return _verdict({_title(name, runs): problems for name, problems in wrong.items()}, code)
+
+
+def _plot_late(flown, title):
+    from fledge.plot import save
+    from fledge.targets import serial
+
+    return save(serial.plot(flown.line, title), flown.record.parent, f"{flown.record.stem}_late")
 
 
 def _title(name, runs):

@@ -54,11 +54,14 @@ def _needed(options):
     command itself refuses it."""
     import tomllib
 
+    from fledge.serial_line import BY_SSH
     from fledge.targets import TARGETS
 
     try:
         file = tomllib.loads(Path(options.simulation).read_text(encoding="utf-8"))
         targets = TARGETS.known([one["target"] for one in file.get("node", []) if "target" in one])
+        by_ssh = any(str(one.get("target")).startswith(BY_SSH) for one in file.get("node", []))
+        targets += ["ssh", "aarch64"] * by_ssh
         serves = any("serve" in one for one in file.get("asynchronous", []))
     except (OSError, ValueError, TypeError, AttributeError):
         targets, serves = [], False
@@ -99,13 +102,13 @@ def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
     from fledge.cosim.up.rewind import RewindError, noted, past_of
     from fledge.cosim.up.session import Session, StartError
     from fledge.targets import TARGETS
-    from fledge.serial_line import is_line
+    from fledge.serial_line import is_apart
 
     built = build_folder() / "cosim"
     for program in ("fledge_controller", "fledge_guard"):
         if not (built / program).exists():
             raise Failure(f"{program} is not built; ./fledge setup builds it")
-    TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host and not is_line(p.target)}, "up")
+    TARGETS.ready({p.target: None for p in plan.nodes if p.target and not p.host and not is_apart(p.target)}, "up")
     say(f"{plan.simulation}: {_programs(plan)}, {plan.until:g} s" + (
         f"; warning: without keys, any program that reaches {plan.listening()} reads all messages and may take any "
         "part (fledge help keys)" if plan.beyond and not plan.keys else ""))

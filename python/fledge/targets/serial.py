@@ -15,6 +15,8 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from matplotlib.figure import Figure
+
     from fledge.targets.flown import Flown
     from fledge.targets.job import Part
 
@@ -104,6 +106,24 @@ def lateness(line: Mapping[str, int]) -> list[tuple[str, int]]:
     found = [re.fullmatch(r"late_(under|over)_(\d+)_ms", key) for key in line]
     bins = sorted(((int(one[2]), one[1] == "over", line[one[0]]) for one in found if one))
     return [(f"{'over' if over else 'under'} {ms} ms", n) for ms, over, n in bins]
+
+
+def plot(line: Mapping[str, int], title: str) -> Figure:
+    """The histogram."""
+    from matplotlib import style
+    from matplotlib.figure import Figure
+
+    from fledge.plot import STYLE, TITLE
+
+    bins = lateness(line)
+    with style.context(STYLE):
+        figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+        figure.suptitle(title, **TITLE)
+        axes = figure.subplots()
+        axes.bar([what for what, _ in bins], [n for _, n in bins], 0.9, color="C0")
+        axes.set(yscale="log", xlabel="late after the clock", ylabel="steps", ylim=(0.7, None))
+        axes.tick_params("x", labelrotation=30)
+    return figure
 
 
 def late_lines(bins: list[tuple[str, int]]) -> Iterable[str]:

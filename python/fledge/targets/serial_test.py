@@ -113,6 +113,7 @@ def test_by_the_clock_each_step_is_in_the_histogram_of_lateness(board, cables, t
     bins = [line.split() for line in said.splitlines() if line.split()[:1] in (["under"], ["over"])]
     assert [one[:3] for one in bins[:2]] == [["under", "1", "ms"], ["under", "2", "ms"]]
     assert sum(int(one[3]) for one in bins) == 21 and "of 21 steps were answered when the next was due" in said
+    assert (tmp_path / f"{name_of('serial:' + cable.device)}_late.png").stat().st_size > 0
 
 
 # --- what is wrong is one line with its remedy -------------------------------------------------------

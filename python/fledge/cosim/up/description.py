@@ -515,6 +515,8 @@ class _Reader(Tables):
             self.refuse((*path, "target"), "a target flies a flight process", f"{p.process} is none", "leave it out")
         elif serial_line.is_line(p.target):
             self.at_line(path, p)
+        elif serial_line.is_apart(p.target):
+            pass        # what is wrong with a host shows when it is asked
         elif p.target not in names:
             near = difflib.get_close_matches(p.target, names, 1)
             self.refuse((*path, "target"), "the target is one of Fledge or of this project",
