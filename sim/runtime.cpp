@@ -1011,16 +1011,16 @@ bool Runtime::run_until(Ns t, const RunControl &control)
         auto at = Clock::now();
         pace.worst = std::max<Ns>(pace.worst, (at - due) / 1ns);
         pace.overruns += at - due > 1ms;
-        while (at < due) {
+        while (polite(at)) { // also where the run is late
+            if (at >= due) {
+                return true;
+            }
             const auto until = std::min(due, at + 50ms).time_since_epoch();
             const timespec wake{until / 1s, (until % 1s) / 1ns};
             clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
             at = Clock::now();
-            if (!polite(at)) {
-                return false;
-            }
         }
-        return true;
+        return false;
     };
     const auto stopped = [&] {
         reached = time();
