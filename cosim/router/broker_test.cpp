@@ -494,7 +494,7 @@ TEST(Broker, TheNewestMessageOfEachTopicSurvivesAFullRing)
 /// one that takes nothing.
 struct Narrow {
     explicit Narrow(std::chrono::milliseconds patience, bool more = false,
-                    std::chrono::milliseconds last_patience = 10s)
+                    std::chrono::milliseconds last_patience = cosim::patience)
     {
         BrokerConfig config;
         config.frontend = "inproc://broker-front";
@@ -526,7 +526,7 @@ struct Narrow {
     void subscribe(zmq::socket_t &socket, const std::string &program)
     {
         socket.set(zmq::sockopt::rcvhwm, 10);
-        socket.set(zmq::sockopt::rcvtimeo, 20'000);
+        socket.set(zmq::sockopt::rcvtimeo, static_cast<int>(std::chrono::milliseconds(cosim::patience).count()));
         socket.connect(broker->backend(program));
         for (const char *topic : {"/", "finish", "ready"}) {
             socket.set(zmq::sockopt::subscribe, topic);

@@ -222,9 +222,9 @@ TEST(Status, TheTimeToComeBackBeginsWithTheLoss)
     config.nodes[1].on_loss = Policy::restart;
     RouterConfig at;
     at.address = "inproc://status-away";
-    at.join = 2s;
+    at.join = 6s;
     Router router(context, config, at);
-    Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 25ms);
+    Sleeper slow("/quick/n", "/slow/n", Latency::next_instant, 75ms);
     Sleeper first("/slow/n", "/quick/n", Latency::same_instant, 0ms), second = first;
     first.quits_at = 840; // later than `join` after the start
     const auto serve = [&](const char *name, Node &node) {
@@ -233,8 +233,13 @@ TEST(Status, TheTimeToComeBackBeginsWithTheLoss)
     auto a = std::async(std::launch::async, serve, "slow", std::ref(slow));
     auto b = std::async(std::launch::async, [&] {
         EXPECT_THROW(serve("quick", first), std::runtime_error);
-        std::this_thread::sleep_for(300ms); // until it has been missed
-        return serve("quick", second);
+        while (true) {
+            try {
+                return serve("quick", second);
+            } catch (const LinkError &) { // the first one has not been missed yet
+                std::this_thread::sleep_for(10ms);
+            }
+        }
     });
     EXPECT_EQ(router.run(), "");
     EXPECT_EQ(a.get(), "");
