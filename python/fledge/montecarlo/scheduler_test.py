@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from unittest.mock import patch
 
 import pytest
 
@@ -16,7 +17,7 @@ from fledge import cli
 from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE, same
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
 
@@ -39,10 +40,12 @@ def start(program, *arguments, folder, until):
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory):
+    """Of which a campaign waits for the answer, however busy the machine."""
     folder = tmp_path_factory.mktemp("scheduler")
     child, address = start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
                            folder=folder, until=r"Scheduler at:\s+(tcp://[\d.:]+)")
-    yield address
+    with patch("fledge.montecarlo.scheduler.PATIENCE", PATIENCE):
+        yield address
     child.kill()
     child.wait()
 
@@ -155,6 +158,7 @@ def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch, scheduler)
             assert cli.main(["montecarlo", "nadir_spin", "--runs", "2", "--scheduler", address]) == 2
             err = capsys.readouterr().err
             assert f"there is no scheduler at {address} (" in err and err.count("\n") == 1, err
+    monkeypatch.setattr("fledge.montecarlo.scheduler.PATIENCE", 10.0)
     with pytest.raises(fledge.SetupError, match="has no workers: start them with ./fledge exec dask-worker tcp://"):
         Campaign("nadir_spin").fly(2, scheduler=scheduler)
     assert not list(tmp_path.glob("runs/*/*/*/*"))
