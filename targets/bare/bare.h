@@ -45,8 +45,9 @@ void bare_say_number(uint32_t value);
 void bare_say_hex(uint32_t value);
 void bare_say_figure(const char *key, uint32_t value);
 
-/** A record is under way, or not: a console that shares its wire is silent meanwhile. */
-void bare_recording(int on);
+/** A record begins, goes on after a reset, or has ended: a console that shares its wire is silent meanwhile. */
+typedef enum BareRecording { BARE_RECORD_ENDED = 0, BARE_RECORD_GOES_ON = 1, BARE_RECORD_BEGINS = 2 } BareRecording;
+void bare_recording(BareRecording what);
 /** Send bytes of the record. After bare_record_flush a reset of the board loses none of them. */
 void bare_record(const void *bytes, size_t n);
 void bare_record_flush(void);

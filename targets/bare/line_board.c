@@ -17,14 +17,15 @@
 
 #define LONGEST_SILENCE INT64_C(2000000000) /* [ns] of an outside that is asked to acknowledge the end */
 
-enum { KEPT = 0x4c494e45, POSITION = 4, SHOUTS = 3 };
+enum { KEPT = 0x4c494e45, POSITION = 4, SHOUTS = 3, RING = 4096 };
 
-/* What a reset leaves as it is. */
+/* What a reset leaves as it is: bytes of the record until the outside has them. */
 typedef struct Kept {
     uint32_t mark;     /* KEPT: the rest is of the program before the reset */
     uint32_t starts;   /* of the program */
-    uint32_t recorded; /* bytes of the record that the line has got */
-    uint32_t spare;
+    uint32_t recorded; /* bytes of the record so far */
+    uint32_t safe;     /* how many of them the outside has acknowledged */
+    uint8_t ring[RING];
 } Kept;
 
 typedef struct Bytes {
@@ -36,12 +37,17 @@ static LineEnd line;
 static LineMirror mirror;
 static uint64_t memory[FLEDGE_LINE_BYTES / 8];
 static Kept *kept;
-static Bytes text, record; /* what is not in the line's window yet */
+static Bytes text; /* what is not in the line's window yet */
 static const RegisterWindow *clock_window;
-static uint32_t greetings; /* sessions so far */
-static uint32_t ended;     /* the session whose run has ended, as counted by `greetings` */
-static uint32_t flying;    /* the session whose run flight is in */
-static int has_flown;      /* flight has answered since the start of the program */
+static uint32_t greetings;            /* sessions so far */
+static uint32_t ended;                /* the session whose run has ended, as counted by `greetings` */
+static uint32_t flying;               /* the session whose run flight is in */
+static int has_flown;                 /* flight has answered since the start of the program */
+static uint32_t sent;                 /* bytes of the record that are in the line's window, or were */
+static uint32_t sent_by[LINE_WINDOW]; /* the same when each frame of the window was put */
+static uint16_t acknowledged;         /* sequence of the line, at the last look */
+static int has_come;                  /* all words of an exchange are in the shadow */
+static uint16_t answer_end;           /* sequence behind the last answer */
 static uint32_t shouts;
 
 size_t bare_kept;
@@ -60,6 +66,10 @@ static void pump(void)
     }
     n = board_receive(bytes, sizeof bytes);
     line_input(&line, bytes, n, board_time());
+    if (line.base != acknowledged) {
+        acknowledged = line.base;
+        kept->safe = sent_by[(uint16_t)(acknowledged - 1u) % LINE_WINDOW];
+    }
     board_watch();
 }
 
@@ -73,8 +83,12 @@ static int is_over(void)
 static void put(LineKind kind, uint32_t flags, const void *bytes, size_t n)
 {
     const uint32_t tick = register_load(clock_window, clock_window->board->clock + REGISTER_CLOCK_TICK);
-    while (!is_over() && !line_put(&line, kind, flags, tick, bytes, n)) {
+    while (!is_over() && line_room(&line) == 0u) {
         pump();
+    }
+    if (!is_over()) {
+        sent_by[line.next % LINE_WINDOW] = sent;
+        (void)line_put(&line, kind, flags, tick, bytes, n);
     }
 }
 
@@ -86,12 +100,24 @@ static void flush_text(void)
     }
 }
 
-static void flush_record(uint32_t flags)
+/* Send the next bytes of the record: whole frames, or what there is. Returns 0 if there are not so many. */
+static int send_record(int whole)
 {
-    if (record.n > POSITION) {
-        put(LINE_RECORD, flags, record.bytes, record.n);
-        record.n = 0u;
+    uint8_t payload[LINE_PAYLOAD];
+    const uint32_t left = kept->recorded - sent;
+    const uint32_t n = left < LINE_PAYLOAD - POSITION ? left : LINE_PAYLOAD - POSITION;
+    if (n == 0u || (whole && n < LINE_PAYLOAD - POSITION)) {
+        return 0;
     }
+    for (uint32_t i = 0; i < POSITION; i++) {
+        payload[i] = (uint8_t)(sent >> (8u * i));
+    }
+    for (uint32_t i = 0u; i < n; i++) {
+        payload[POSITION + i] = kept->ring[(sent + i) % RING];
+    }
+    sent += n;
+    put(LINE_RECORD, sent == kept->recorded ? LINE_ASK : 0u, payload, POSITION + n);
+    return !is_over();
 }
 
 /* Nothing can be done but to say so. */
@@ -115,9 +141,7 @@ static void take_words(const LineMessage *m)
     if (!line_mirror_put(&mirror, m->bytes, m->n)) {
         stop("the outside has sent words of boards that this program does not have: build it anew\n");
     }
-    if ((m->flags & LINE_LAST) != 0u) {
-        line_mirror_finish(&mirror);
-    }
+    has_come |= (m->flags & LINE_LAST) != 0u;
 }
 
 /* A session begins: both ends know nothing of each other's memory. */
@@ -125,7 +149,7 @@ static void take_hello(const LineMessage *m)
 {
     greetings++;
     if ((m->hello.flags & LINE_GO_ON) == 0u) {
-        kept->recorded = 0u;
+        kept->recorded = kept->safe = 0u;
     } else if (has_flown) {
         stop("the outside goes on with a run as after a reset, but this board was not reset\n");
     }
@@ -134,6 +158,9 @@ static void take_hello(const LineMessage *m)
             ((uint64_t)board_time() ^ m->hello.session ^ (uint64_t)kept->starts << 32) * UINT64_C(0x9E3779B97F4A7C15);
         line.welcome.boot = (uint32_t)(mixed >> 32) | 1u;
     }
+    sent = kept->safe; /* what was on its way is sent again */
+    acknowledged = 0u;
+    has_come = 0;
     line_mirror_begin(&mirror, mirror.windows, mirror.n_windows, mirror.shadow);
     line_mirror_finish(&mirror);
 }
@@ -177,8 +204,9 @@ static void ring(void *user, uint32_t interrupt)
     while (!last && !is_over()) {
         uint8_t payload[LINE_PAYLOAD];
         const uint32_t n = line_mirror_take(&mirror, payload, &last);
-        put(LINE_WORDS, last ? LINE_LAST : 0u, payload, n);
+        put(LINE_WORDS, last ? LINE_LAST | LINE_ASK : 0u, payload, n);
     }
+    answer_end = line.next;
     size_t n;
     for (const uint8_t *frame; (frame = line_output(&line, board_time(), &n)) != NULL;) {
         board_send(frame, n);
@@ -245,14 +273,19 @@ void bare_begin(const MissionHost *mission, RegisterWindow *windows)
         pump();
     }
     flying = greetings;
-    record.n = 0u;
 }
 
+/* A tick begins when all of the record is safe: so a reset while flight computes, or waits, costs nothing of it. */
 void bare_idle(void)
 {
     flush_text();
     flying = greetings;
+    (void)send_record(0);
     pump();
+    if (has_come && kept->safe == kept->recorded) {
+        has_come = 0;
+        line_mirror_finish(&mirror);
+    }
 }
 
 void bare_watch(void)
@@ -278,9 +311,13 @@ void bare_say(const char *words)
     }
 }
 
-void bare_recording(int on)
+/* The line carries text and the record side by side. */
+void bare_recording(BareRecording what)
 {
-    (void)on; /* the line carries text and the record side by side */
+    if (what == BARE_RECORD_BEGINS) {
+        kept->recorded = kept->safe = sent = 0u;
+        memset(sent_by, 0, sizeof sent_by); /* frames that are under way are of no record */
+    }
 }
 
 void bare_record(const void *bytes, size_t n)
@@ -290,31 +327,25 @@ void bare_record(const void *bytes, size_t n)
         return;
     }
     while (n > 0u && !is_over()) {
-        if (record.n == 0u) {
-            for (uint32_t i = 0u; i < POSITION; i++) {
-                record.bytes[i] = (uint8_t)(kept->recorded >> (8u * i));
+        if (kept->recorded - kept->safe == RING) {
+            if (!send_record(1)) {
+                pump();
             }
-            record.n = POSITION;
+            continue;
         }
-        const size_t room = sizeof record.bytes - record.n, part = n < room ? n : room;
-        memcpy(record.bytes + record.n, p, part);
-        record.n += part;
-        kept->recorded += (uint32_t)part;
-        p += part;
-        n -= part;
-        if (record.n == sizeof record.bytes) {
-            flush_record(0u);
-        }
-    }
-    if (is_over()) {
-        record.n = 0u;
+        kept->ring[kept->recorded % RING] = *p++;
+        kept->recorded++;
+        n--;
     }
 }
 
+/* What was recorded is kept, and need not have been sent. But the outside must have the answer to its tick: else flight
+ * would answer it again after a reset, and record it twice. */
 void bare_record_flush(void)
 {
-    flush_record(LINE_ASK);
-    while (!is_over() && !line_is_flushed(&line)) {
+    while (line_room(&line) > 0u && send_record(1)) {
+    }
+    while (!is_over() && (uint16_t)(answer_end - line.base - 1u) < LINE_WINDOW) {
         pump();
     }
 }
@@ -324,7 +355,8 @@ __attribute__((weak)) void bare_say_figures(void) {}
 void bare_end(int status)
 {
     const uint8_t byte = (uint8_t)status;
-    flush_record(0u);
+    while (send_record(0)) {
+    }
     flush_text();
     put(LINE_END, LINE_ASK, &byte, 1u);
     while (!is_over() && !line_is_flushed(&line) && board_time() - line.heard < LONGEST_SILENCE) {

@@ -34,7 +34,7 @@ static int end(int status)
 
 static int fail(const char *text)
 {
-    bare_recording(0);
+    bare_recording(BARE_RECORD_ENDED);
     say_line(text);
     return end(1);
 }
@@ -45,7 +45,7 @@ int fledge_fly(void)
     memset(&counts, 0, sizeof counts);
     recorder_resume();
     if (fledge_mission.io->n_boards > MISSION_BOARDS_MAX) {
-        bare_recording(0);
+        bare_recording(BARE_RECORD_ENDED);
         say_line("the mission has more than 4 register boards");
         return 1;
     }

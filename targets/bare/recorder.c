@@ -28,7 +28,7 @@ void recorder_resume(void)
     if (kept->begun != BEGUN) {
         forget();
     }
-    bare_recording(kept->begun == BEGUN);
+    bare_recording(kept->begun == BEGUN ? BARE_RECORD_GOES_ON : BARE_RECORD_ENDED);
     if (kept->busy != 0u) {
         kept->status = MCAP_WRITE_FAILED;
     }
@@ -37,7 +37,7 @@ void recorder_resume(void)
 void recorder_begin(const MissionHost *host, const char *target)
 {
     forget();
-    bare_recording(1);
+    bare_recording(BARE_RECORD_BEGINS);
     kept->begun = BEGUN;
     kept->status = MCAP_FULL;
     kept->busy = 1u;
@@ -95,7 +95,7 @@ int recorder_end(const MissionIoCounts *counts)
         kept->busy = 0u;
         kept->closed = 1u;
     }
-    bare_recording(0);
+    bare_recording(BARE_RECORD_ENDED);
     bare_say_figure("recorded", kept->taken);
     bare_say_figure("refused", counts->refused);
     bare_say_figure("corrupt", counts->corrupt);

@@ -31,9 +31,9 @@ void bare_begin(const MissionHost *mission, RegisterWindow *windows)
     }
 }
 
-void bare_recording(int on)
+void bare_recording(BareRecording what)
 {
-    leon3_console_off = on && leon3.link == leon3.console;
+    leon3_console_off = what != BARE_RECORD_ENDED && leon3.link == leon3.console;
 }
 
 void bare_record(const void *bytes, size_t n)

@@ -10,9 +10,10 @@ void fresh_line_board(void)
     memset(&mirror, 0, sizeof mirror);
     memset(memory, 0xA5, sizeof memory); /* whatever the RAM holds */
     memset(&text, 0, sizeof text);
-    memset(&record, 0, sizeof record);
+    memset(sent_by, 0, sizeof sent_by);
     kept = NULL;
     clock_window = NULL;
-    greetings = ended = flying = shouts = 0u;
-    has_flown = 0;
+    greetings = ended = flying = sent = shouts = 0u;
+    acknowledged = answer_end = 0u;
+    has_flown = has_come = 0;
 }
