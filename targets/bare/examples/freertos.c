@@ -56,7 +56,7 @@ void board_watch(void)
 
 void *board_keep(size_t size)
 {
-    static uint64_t kept[2048] __attribute__((section(".noinit")));
+    static uint64_t kept[2560] __attribute__((section(".noinit")));
     return size <= sizeof kept ? kept : NULL;
 }
 

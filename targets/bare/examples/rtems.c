@@ -67,7 +67,7 @@ void board_watch(void)
 
 void *board_keep(size_t size)
 {
-    static RTEMS_NOINIT uint64_t kept[2048];
+    static RTEMS_NOINIT uint64_t kept[2560];
     return size <= sizeof kept ? kept : NULL;
 }
 

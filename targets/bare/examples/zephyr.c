@@ -74,7 +74,7 @@ void board_watch(void)
 
 void *board_keep(size_t size)
 {
-    static __noinit uint64_t kept[2048];
+    static __noinit uint64_t kept[2560];
     return size <= sizeof kept ? kept : NULL;
 }
 
