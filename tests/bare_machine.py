@@ -23,9 +23,9 @@ def program(target: Bare, folder: Path, name: str, sources: Sequence[Path], *fla
     return target.program(folder, name, [*sources, *ends, *CONSOLE], [], flags, ("-lm",))
 
 
-def printed(target: Bare, program: Path) -> str:
+def printed(target: Bare, program: Path, *options: str) -> str:
     """What it prints until its end, which must be a good one."""
-    with Machine(target, program) as machine:
+    with Machine(target, program, *options) as machine:
         text = machine.process.communicate()[0].decode().replace("\r", "")
         assert machine.process.returncode == 0, text
     return text
@@ -34,10 +34,10 @@ def printed(target: Bare, program: Path) -> str:
 class Machine:
     """Runs until its program ends it; leaving the context ends it, too."""
 
-    def __init__(self, target: Bare, program: Path) -> None:
+    def __init__(self, target: Bare, program: Path, *options: str) -> None:
         command = [word.format(line="stdio", program=program) for word in target.emulator]
-        options = ["-semihosting"] if target.name in ENDS else []
-        self.process = subprocess.Popen([*command, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        ends = ["-semihosting"] if target.name in ENDS else []
+        self.process = subprocess.Popen([*command, *ends, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self.text = ""
 
     def __enter__(self) -> Machine:

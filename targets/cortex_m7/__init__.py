@@ -13,6 +13,7 @@ FOLDER = build.ROOT / "targets/cortex_m7"
 
 class CortexM7(Bare):
     about = "a board with a Cortex-M7 behind a serial line, under QEMU; no operating system"
+    profiled_by = "line"
     compiler = "arm-none-eabi-gcc"
     # Enumerations are of 32 bits, as on all other targets, not of as few bytes as hold them.
     machine = ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-d16", "-fno-short-enums")

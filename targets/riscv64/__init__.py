@@ -13,6 +13,7 @@ FOLDER = build.ROOT / "targets/riscv64"
 
 class Riscv64(Bare):
     about = "a board with a RISC-V processor of 64 bits behind a serial line, under QEMU; no operating system"
+    profiled_by = "line"
     compiler = "riscv64-unknown-elf-gcc"
     machine = ("-march=rv64gc", "-mabi=lp64d", "-mcmodel=medany")
     scripts = (FOLDER / "riscv64.ld",)

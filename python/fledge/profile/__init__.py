@@ -5,6 +5,7 @@
     measure.py    what is measured of a target, and what of it must not grow
     process.py    a process on this machine, by Valgrind, with the inputs of the closed loop
     board.py      a LEON3 board, by the emulator, in the closed loop
+    line.py       a board behind a serial line, by QEMU's count, in the closed loop
     desktop.py    the same mission under CPython, by Valgrind
     valgrind.py   runs Callgrind and Massif, and reads what they write
     code.py       code by its parts, from the map of the linker

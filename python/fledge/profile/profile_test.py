@@ -8,9 +8,11 @@ import shutil
 import pytest
 
 from fledge import cli
-from fledge.profile import Profile, code, process, run, valgrind
+from fledge.profile import Profile, code, line, process, run, valgrind
 from fledge.targets import TARGETS, build
+from fledge.targets.bare import Bare
 from fledge.targets.linux import RUNNER, Linux
+from tests import bare_machine
 from tests.circles import long_after
 
 needs_valgrind = pytest.mark.skipif(
@@ -45,6 +47,38 @@ def test_a_short_flight_is_profiled(tmp_path, capsys, target):
     for shown in (f"{one['per_cycle']:,.0f}", f"{one['init_instructions']:,}", f"{one['loop_stack']:,} B"):
         assert shown in page and shown in said
     assert page.count("data:image/png;base64,") >= 2 and "http" not in page
+
+
+BARE = [name for name, one in TARGETS.items() if isinstance(one, Bare) and one.emulator]
+
+
+@pytest.mark.long("builds and flies on a board")
+@pytest.mark.parametrize("target", BARE)
+def test_a_board_behind_a_line_is_profiled(tmp_path, capsys, target):
+    if TARGETS[target].missing():
+        pytest.skip(f"{target} is not there")
+    assert cli.main(["profile", "inertial_spin", "--free", "--for", "15s", "--on", target, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    one, = json.loads((tmp_path / "profile.json").read_text())["targets"]
+    assert one["cycles"] == 31 and one["same"] is True and one["problems"] == []
+    assert 1000 < one["per_cycle"] < one["init_instructions"] and one["loop_heap"] == one["allocations"] == 0
+    assert 200 < one["loop_stack"] < 65536 and {"modules", "tables and scripts"} <= set(one["code"])
+    assert f"{one['per_cycle']:,.0f}" in said
+
+
+@pytest.mark.parametrize("name, loop", [("cortex-m7", "subs %0, %0, #1"), ("riscv64", "addi %0, %0, -1")])
+def test_an_instruction_is_a_nanosecond_of_a_board(tmp_path, name, loop):
+    """What the processor does in a loop of two instructions, whose number is known."""
+    target, again = TARGETS[name], "bne 1b" if name == "cortex-m7" else "bnez %0, 1b"
+    if target.missing():
+        pytest.skip(f"{name} is not there")
+    (tmp_path / "loop.c").write_text(
+        '#include "targets/bare/port.h"\n#include <stdio.h>\nint main(void)\n{\n    unsigned long n = 1000000;\n'
+        '    const int64_t begin = board_time();\n'
+        f'    __asm__ volatile("1: {loop}\\n\\t{again}" : "+r"(n) : : "cc");\n'
+        '    printf("%ld\\n", (long)(board_time() - begin));\n    return 0;\n}\n')
+    program = bare_machine.program(target, tmp_path, "loop", [tmp_path / "loop.c"])
+    assert int(bare_machine.printed(target, program, *line.COUNTED)) == pytest.approx(2_000_000, abs=2000)
 
 
 class Planted(Linux):

@@ -8,12 +8,13 @@ from typing import Any
 from fledge.activity import modes
 from fledge.archive import Archive
 from fledge.errors import Failure
-from fledge.profile import board, desktop, process as processes
+from fledge.profile import board, desktop, line, process as processes
 from fledge.profile.measure import Profile
 from fledge.targets import TARGETS, Job
 from fledge.targets.desktop import Desktop
 
-METHODS = {"process": processes.measure, "board": board.measure, "desktop": desktop.measure}     # Target.profiled_by
+METHODS = {"process": processes.measure, "board": board.measure, "line": line.measure,
+           "desktop": desktop.measure}      # Target.profiled_by
 
 
 def profile(job: Job, names: Sequence[str], process: str | None = None,
