@@ -45,6 +45,8 @@ static volatile uint32_t come, taken;
 
 static uint32_t counted; /* of the timer, at the last look */
 static uint64_t elapsed; /* counts */
+static volatile uint32_t beats;
+static uint32_t fed; /* the beat, plus 1, in which the watchdog was */
 
 /* ---- the line */
 
@@ -89,7 +91,11 @@ size_t board_receive(void *bytes, size_t room)
 
 /* ---- time and watchdog */
 
-void cortex_m7_beat(void) {} /* it ends board_receive's sleep */
+/* It ends board_receive's sleep. */
+void cortex_m7_beat(void)
+{
+    beats = beats + 1u;
+}
 
 int64_t board_time(void)
 {
@@ -99,9 +105,14 @@ int64_t board_time(void)
     return (int64_t)elapsed * (1000000000 / HZ);
 }
 
-/* The watchdog's first expiry is an exception, which says where the program is, its second one a reset. */
+/* The watchdog's first expiry is an exception, which says where the program is, its second one a reset. It is fed once
+ * a beat. */
 void board_watch(void)
 {
+    if (fed == beats + 1u) {
+        return;
+    }
+    fed = beats + 1u;
     cortex_m7_store(WATCHDOG_LOCK, WATCHDOG_KEY);
     cortex_m7_store(WATCHDOG + WATCHDOG_LOAD, HZ / 1000u * BOARD_PATIENCE_MS);
     cortex_m7_store(WATCHDOG + WATCHDOG_CONTROL, WATCHDOG_BOTH);

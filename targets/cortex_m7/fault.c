@@ -53,13 +53,23 @@ static const char *what_of(uint32_t exception, uint32_t faults)
     return "exception without a handler";
 }
 
-/* The lowest word above `p` that looks like where a function returns to. */
+/* Whether a function may return there: a call stands before it, BL or BLX. */
+static int is_return(uint32_t at)
+{
+    const uintptr_t code = (uintptr_t)board_code;
+    if ((at & 1u) == 0u || at < code + 6u || at >= (uintptr_t)board_code_end) {
+        return 0;
+    }
+    const volatile uint16_t *const next = (const volatile uint16_t *)(uintptr_t)(at - 1u);
+    return (next[-1] & 0xFF87u) == 0x4780u || ((next[-2] & 0xF800u) == 0xF000u && (next[-1] & 0xD000u) == 0xD000u);
+}
+
+/* Where a function returns to, by the lowest word of the stack from `p` on that may tell. */
 static uint32_t return_above(uintptr_t p)
 {
-    const uintptr_t code = (uintptr_t)board_code, end = (uintptr_t)board_code_end;
     for (p = p < (uintptr_t)board_stack ? (uintptr_t)board_stack : p; p < (uintptr_t)board_stack_end; p += 4u) {
         const uint32_t word = cortex_m7_load(p);
-        if ((word & 1u) != 0u && word > code && word < end) {
+        if (is_return(word)) {
             return word & ~1u;
         }
     }

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "targets/cortex_m7/cortex_m7.h"
 
-#include <stdlib.h>
-
 #ifndef CORTEX_M7_LINE
 #define CORTEX_M7_LINE 0 /* the number of the interrupt by which bytes of the line come */
 #endif
@@ -15,9 +13,10 @@ enum { EXCEPTIONS = 16 };
 #define RESET_REQUEST 0x05FA0004u
 
 int main(void);
+void _exit(int status) __attribute__((noreturn));
 void cortex_m7_start(void) __attribute__((noreturn));
 
-/* The stack of handlers, and all exceptions. */
+/* The stack of handlers, and all exceptions; no other interrupt is enabled than the last one. */
 typedef union Vector {
     const void *stack;
     void (*handler)(void);
@@ -29,7 +28,7 @@ extern const Vector cortex_m7_vectors[EXCEPTIONS + CORTEX_M7_LINE + 1];
 __attribute__((section(".vectors"), used)) const Vector cortex_m7_vectors[EXCEPTIONS + CORTEX_M7_LINE + 1] = {
     [0] = {.stack = cortex_m7_handlers_end},
     [1] = {.handler = cortex_m7_start},
-    [2 ... EXCEPTIONS + CORTEX_M7_LINE] = {.handler = cortex_m7_fault},
+    [2 ... EXCEPTIONS - 2] = {.handler = cortex_m7_fault},
     [EXCEPTIONS - 1] = {.handler = cortex_m7_beat},
     [EXCEPTIONS + CORTEX_M7_LINE] = {.handler = cortex_m7_receive}};
 

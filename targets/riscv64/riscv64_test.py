@@ -16,9 +16,9 @@ pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing
 
 @pytest.fixture(scope="module")
 def check(tmp_path_factory):
-    """testing/check.c, with a watchdog of half a second."""
+    """The check of boards, with a watchdog of half a second."""
     return TARGET.program(tmp_path_factory.mktemp("check"), "check", [
-        build.ROOT / "targets/riscv64/testing/check.c", *CONSOLE], [],
+        build.ROOT / "targets/bare/testing/check.c", *CONSOLE], [],
         ("-Werror", "-Wconversion", "-DBOARD_PATIENCE_MS=500"))
 
 

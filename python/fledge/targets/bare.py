@@ -45,7 +45,9 @@ class Bare(Target):
     def program(self, folder: Path, name: str, sources: list[Path], includes: list[Path],
                 flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
         """Build a program of C for the board, with its own sources."""
-        scripts: list[str | Path] = [word for one in self.scripts for word in ("-T", one)]
+        scripts: list[str | Path] = []
+        for one in self.scripts:
+            scripts += ["-T", one]
         return build.program(folder, name, [*sources, *self.sources], [*includes, build.ROOT], self.compiler,
                              [*self.library, "-g", f'-DTARGET="{self.name}"', *self.flags, *flags],
                              [*self.library, *["-nostartfiles"] * self.start, "-static", "-Wl,--build-id",
