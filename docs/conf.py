@@ -53,7 +53,7 @@ CHAPTERS = {
     "Flight and ground": ["Scripts and links <docs/ground>", "Control room <docs/control-room>",
                           f"Who may what <{REFERENCE}/routes>", "Flight services <docs/services>",
                           "Database <docs/database>", "Packets by XTCE <docs/packets>", "The link in C <docs/ccsds>"],
-    "Targets": ["Export <docs/export>", "Targets <docs/targets>",
+    "Targets": ["Export <docs/export>", "Targets <docs/targets>", "Your board <docs/your-board>",
                 "Verification <docs/verification>", "Search for failures <docs/falsification>",
                 "Faults and changes <docs/fault-analysis>",
                 "Profiles <docs/profiling>", "docs/avionics", "LEON3 <docs/leon3>",

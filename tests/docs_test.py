@@ -197,6 +197,13 @@ def test_a_project_has_a_target_of_its_own(tmp_path):
     assert follow("targets.md", Shell(tmp_path)) == 3
 
 
+@pytest.mark.long("follows the page; builds a project, and flies on a board of its own")
+@pytest.mark.skipif(not all(map(shutil.which, ["riscv64-unknown-elf-gcc", "qemu-system-riscv32", "arm-none-eabi-gcc"])),
+                    reason="the compilers and QEMU for RISC-V and Cortex-M are not installed")
+def test_a_board_of_ones_own_flies(tmp_path):
+    assert follow("your-board.md", Shell(tmp_path)) == 7
+
+
 @pytest.mark.long("follows the page; builds and flies under MicroPython")
 def test_a_mission_flies_under_micropython(tmp_path):
     assert follow("micropython.md", Shell(tmp_path)) == 4
