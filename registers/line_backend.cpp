@@ -140,7 +140,7 @@ void LineBackend::greet_anew(bool go_on)
     hello.version = LINE_VERSION;
     hello.flags = (record_.empty() ? 0U : static_cast<std::uint32_t>(LINE_RECORDS)) |
                   (go_on ? static_cast<std::uint32_t>(LINE_GO_ON) : 0U);
-    hello.baud = port_->baud();
+    hello.baud = settings_.baud;
     hello.hash = mission_.hash;
     line_greet(
         line_.get(), &hello,
@@ -467,7 +467,8 @@ int LineBackend::end(std::chrono::nanoseconds timeout, const std::function<bool(
     while (status_ < 0) {
         pump(100ms);
         look_after("the end of the run");
-        if (now_ns() - begun_ > timeout.count() || (status_ < 0 && !lives())) {
+        // The end of a record takes its time on a slow line.
+        if (now_ns() - std::max(line_->heard, begun_) > timeout.count() || (status_ < 0 && !lives())) {
             fail("the board did not tell how its run ended");
         }
     }
