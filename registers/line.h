@@ -38,11 +38,11 @@ enum {
     LINE_HEAD = 18,     ///< [bytes] before the payload
     LINE_PAYLOAD = 512, ///< [bytes] at most
     LINE_FRAME = LINE_HEAD + LINE_PAYLOAD + 4,
-    LINE_WINDOW = 8,    ///< frames that an end sends before one of them is acknowledged
+    LINE_WINDOW = 8,      ///< frames that an end sends before one of them is acknowledged
     LINE_BOARD = 1 << 20, ///< words of the largest board that the mirror carries
     LINE_BOARDS = 16,     ///< how many boards
-    LINE_NAME = 48,     ///< [bytes] of a name with its 0
-    LINE_BUILD = 20     ///< [bytes] of the build id of an ELF
+    LINE_NAME = 48,       ///< [bytes] of a name with its 0
+    LINE_BUILD = 20       ///< [bytes] of the build id of an ELF
 };
 
 typedef enum LineKind {
