@@ -70,7 +70,7 @@ class RealCfs(Cfs):
         write_files({origin.name: str(self.tree)}, origin.parent)
         return copy
 
-    def advice(self, log: str) -> str:
+    def advice(self, log: str, part: Part) -> str:
         if "msg_max" not in log:
             return ""
         return (f"cFE could not make a queue of messages: {QUEUES} says how deep one may be, and its pipes are up to "

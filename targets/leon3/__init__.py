@@ -28,6 +28,7 @@ class Leon3(Target):
     takes_tools = True
     needs: tuple[str, ...] = ("sparc64-linux-gnu-gcc",)
     parts = ("loop", "fledge_leon3")
+    addr2line = "sparc64-linux-gnu-addr2line"
     board = build.ROOT / "emulator/boards/leon3.toml"
 
     def __init__(self, tools: Sequence[str] = ()) -> None:

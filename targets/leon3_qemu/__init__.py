@@ -18,6 +18,7 @@ class Leon3Qemu(Leon3):
     cpu_of = "emulated"
     profiled_by = ""
     takes_tools = False
+    addr2line = ""      # what is built is the board's end
     uses = ("leon3",)
     needs = ("qemu-system-sparc", "gcc")
     guests: type[Leon3] = Leon3     # the target whose program it is

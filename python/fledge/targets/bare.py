@@ -14,6 +14,8 @@ from fledge.targets.target import Target
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from fledge.targets.job import Part
 
 # The sources of a program besides the mission's and the board's: of any board, and of one behind a line.
@@ -42,6 +44,15 @@ class Bare(Target):
     # The command of a machine that runs a program: {program} stands for it, and {line} for the serial line.
     emulator: tuple[str, ...] = ()
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.addr2line = cls.compiler.removesuffix("gcc") + "addr2line"
+
+    takes_gdb = True
+
+    def __init__(self, tools: Sequence[str] = ()) -> None:
+        self.tools = tools      # --gdb [ADDRESS:]PORT
+
     def program(self, folder: Path, name: str, sources: list[Path], includes: list[Path],
                 flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
         """Build a program of C for the board, with its own sources."""
@@ -64,7 +75,9 @@ class Bare(Target):
                             (f"-DFLEDGE_LINE_BYTES={room}",))
 
     def command(self, built: Path, record: str) -> list[str]:
-        return [word.format(program=built.resolve(), line="{line}") for word in self.emulator]
+        address = dict(zip(self.tools[::2], self.tools[1::2])).get("--gdb", "")
+        waits = ["-S", "-gdb", f"tcp:{address if ':' in address else f':{address}'}"] if address else []
+        return [*(word.format(program=built.resolve(), line="{line}") for word in self.emulator), *waits]
 
     def node_options(self, built: Path, record: str) -> list[str]:
         from fledge import elf

@@ -32,6 +32,6 @@ def fly(job: Job, on: Mapping[str, Target], name: str, timeout: float = 60.0, pa
         for target in on.values():
             if reason := target.reason(log):
                 raise Failure(f"{reason}; the whole log is {path}", failure.code) from None
-        advice = next(filter(None, (target.advice(log) for target in on.values())), "")
+        advice = next(filter(None, (target.advice(log, job.part(process)) for process, target in on.items())), "")
         raise Failure(f"{advice}\n{failure}", failure.code) if advice else failure from None
     return {process: flown(figures[process]) for process, (_, flown) in nodes.items()}

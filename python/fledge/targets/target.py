@@ -31,6 +31,8 @@ class Target:
     frames = True                   # whether a mission's SpaceLink frames what passes there
     secures = False                 # whether it has the cipher of a secured one
     takes_tools = False             # whether it is made with the options of a debugger, as Leon3 is
+    takes_gdb = False               # the same of --gdb alone
+    addr2line = ""                  # the program that knows the lines of its programs; "": these tell no addresses
     used: Sequence[Target] = ()     # those that it uses, once fledge.targets.TARGETS has made it
 
     def __init_subclass__(cls) -> None:
@@ -89,9 +91,14 @@ class Target:
         """(bytes of code and constants, bytes of memory), without the C library; None: not known."""
         return None, None
 
-    def advice(self, log: str) -> str:
-        """What a user may do about a flight that ended early with this log; "" if that is not known."""
-        return ""
+    def advice(self, log: str, part: Part) -> str:
+        """What a user may do about a flight that ended early with this log; "" if that is not known. Where its program
+        stopped is."""
+        if not self.addr2line or self not in part.built:
+            return ""
+        from fledge.targets import faults
+
+        return faults.named(log, part.built[self], self.addr2line, part.mission, part.roots)
 
     def reason(self, log: str) -> str:
         """Why a flight ended early with this log, with the remedy, if that is known so well that nothing else counts;
