@@ -68,7 +68,8 @@ def add(command: Callable) -> None:
                      "target, as run does")
     line.add_argument("--ssh", metavar="COMMAND", default="", help="with ssh:HOST: how ssh is called, as in 'ssh -p "
                       "2222'; default: ssh")
-    tools = one.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md)")
+    tools = one.add_argument_group("on one target on the LEON3 emulator (docs/leon3-debugging.md); --gdb on "
+                                   "cortex-m7 and riscv64, too")
     tools.add_argument("--gdb", metavar="[ADDRESS:]PORT", help="wait there for gdb-multiarch")
     for name, what in (("trace", "each instruction, in words"), ("coverage", "the lines and branches that ran, for "
                        "genhtml"), ("profile", "the cost of each function, for callgrind_annotate")):
@@ -245,15 +246,19 @@ def _at_lines(options, names, apart):
 
 
 def _with_tools(options, chosen):
-    """The one target on a LEON3, with what a developer wants of it."""
+    """The one target on a LEON3, or for --gdb on another emulated board, with what a developer wants of it."""
     from fledge.errors import Failure
 
     words = [word for name in ("trace", "coverage", "profile") if getattr(options, name)
              for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
     words += ["--gdb", options.gdb] if options.gdb else []
-    flown = [name for name in chosen if TARGETS[name].takes_tools]
+
+    def takes(target):
+        return target.takes_tools or (words[:1] == ["--gdb"] and target.takes_gdb)
+
+    flown = [name for name in chosen if takes(TARGETS[name])]
     if words and len(flown) != 1:
-        taking = [name for name, one in TARGETS.items() if one.takes_tools]
+        taking = [name for name, one in TARGETS.items() if takes(one)]
         raise Failure(f"fly: {words[0]} is for one of {', '.join(taking)}, as in --on {taking[0]}; found {options.on}")
     made: dict[str, Any] = {name: type(TARGETS[name]) for name in flown}
     return {name: target(words) for name, target in made.items()} if words else {}
