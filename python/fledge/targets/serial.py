@@ -59,9 +59,9 @@ class Serial(Target):
         if not program.build_id:
             raise Failure(f"{file} has no build id, by which the board's program is known; link it with "
                           "-Wl,--build-id, and load it again")
-        if part.mission.name.encode() + b"\0" not in file.read_bytes():
+        if part.mission.folder.encode() + b"\0" not in file.read_bytes():
             raise Failure(f"{file} ({program.processor}) is the program of another mission: it has no "
-                          f"{part.mission.name}; build the board's program of {part.mission.title}, and load it")
+                          f"{part.mission.folder}; build the board's program of {part.mission.title}, and load it")
         self.build_id = program.build_id
 
     def build(self, part: Part) -> Path:

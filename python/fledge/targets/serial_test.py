@@ -193,6 +193,22 @@ def test_a_board_that_is_reset_ends_the_run_and_is_named(board, cables, tmp_path
                                    r"run \(reset=end\)", said, re.MULTILINE), said
 
 
+def test_two_boards_fly_two_processes_of_one_run(cables, tmp_path, capfd):
+    programs = {one: built("formation", tmp_path / one, one) for one in ("chief", "deputy")}
+    lines = {one: cables(programs[one]) for one in programs}
+    on = ",".join(f"{one}=serial:{lines[one].device}" for one in lines)
+    elves = [word for one in programs for word in ("--elf", f"{one}={programs[one]}")]
+    code, said = fly(capfd, "formation", "--on", on, *elves, "--for", "5s", "--out", tmp_path / "fly")
+    assert code == 0 and all(f"line     {one} on serial-" in said for one in lines), said
+    # The program of the other process is another one.
+    for one in lines:
+        lines[one] = cables(programs[one])
+    on = ",".join(f"{one}=serial:{lines[one].device}" for one in lines)
+    swapped = ["--elf", f"chief={programs['deputy']}", "--elf", f"deputy={programs['chief']}"]
+    code, said = fly(capfd, "formation", "--on", on, *swapped, "--for", "5s", "--out", tmp_path / "fly")
+    assert code == 1 and "the board's program of formation is not the given one: its build is " in said, said
+
+
 # --- several programs ------------------------------------------------------------------------------
 
 def up_file(tmp_path, target, more=""):
@@ -222,6 +238,30 @@ def test_a_node_of_a_run_is_a_board_at_a_line(board, cables, tmp_path, capfd):
     assert " bytes a step to the board" in log and "of 21 steps were answered when the next was due" in log, log
     with Archive(tmp_path / f"run/flight/{name_of('serial:' + cable.device)}.mcap") as flown:
         assert any(topic.startswith("/flight/") for topic in flown.topics)
+
+
+def test_a_run_goes_on_after_a_cut_as_its_file_says(board, cables, tmp_path, capfd):
+    cable = cables(board)
+    file = up_file(tmp_path, f"serial:{cable.device}?reset=go-on&cut=600").rename(tmp_path / "on.toml")
+    file.write_text(file.read_text().replace("until = 10", "until = 400"))
+    log = tmp_path / "run/log/flight.log"
+
+    def told(text):
+        return log.exists() and text in log.read_text()
+
+    def hurt():
+        wait_for(lambda: cable.carried > 50_000)
+        cable.cut = True
+        wait_for(lambda: told("has been silent for 1 s in the tick at "))
+        cable.cut = False
+        wait_for(lambda: told("is heard again"))
+
+    thread = threading.Thread(target=hurt)
+    thread.start()
+    code = cli.main(["up", str(file), "--out", str(tmp_path / "run")])
+    thread.join()
+    assert code == 0, (capfd.readouterr(), log.read_text())
+    assert told("1 cuts, 0 resets"), log.read_text()
 
 
 @pytest.mark.parametrize("target, more, complaints", [
