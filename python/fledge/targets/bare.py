@@ -53,11 +53,6 @@ class Bare(Target):
     def __init__(self, tools: Sequence[str] = ()) -> None:
         self.tools = tools      # --gdb [ADDRESS:]PORT
 
-    takes_gdb = True
-
-    def __init__(self, tools: Sequence[str] = ()) -> None:
-        self.tools = tools      # --gdb [ADDRESS:]PORT
-
     def program(self, folder: Path, name: str, sources: list[Path], includes: list[Path],
                 flags: tuple[str, ...] = (), link: tuple[str, ...] = ()) -> Path:
         """Build a program of C for the board, with its own sources."""

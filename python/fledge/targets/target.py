@@ -32,7 +32,6 @@ class Target:
     secures = False                 # whether it has the cipher of a secured one
     takes_tools = False             # whether it is made with the options of a debugger, as Leon3 is
     takes_gdb = False               # the same of --gdb alone
-    takes_gdb = False               # the same of --gdb alone
     addr2line = ""                  # the program that knows the lines of its programs; "": these tell no addresses
     used: Sequence[Target] = ()     # those that it uses, once fledge.targets.TARGETS has made it
 
