@@ -19,13 +19,14 @@ from fledge.archive import Archive
 from fledge.archive.compare import compare, digest
 from fledge.errors import Failure
 from fledge.serial_line import name_of
-from fledge.targets import Job
+from fledge.targets import TARGETS, Job
 from tests.board_process import Process
 from tests.waiting import wait_for
 
 
 class Cable:
-    """A serial device of this machine, `device`, and a board at its end, or none."""
+    """A serial device of this machine, `device`, and a board at its end, or none: a function gives its command with a
+    descriptor, the other end of the cable."""
 
     def __init__(self, board=None):
         self.end, theirs = pty.openpty()
@@ -36,7 +37,7 @@ class Cable:
         self.cut = False        # no byte passes
         self.carried = 0        # [bytes] of both ways
         self.damage = lambda byte: byte     # what becomes of a byte of the board
-        self.process = subprocess.Popen([board, str(other.fileno())], pass_fds=[other.fileno()]) if board else None
+        self.process = subprocess.Popen(board(other.fileno()), pass_fds=[other.fileno()]) if board else None
         other.close()
         self.open = True
         self.thread = threading.Thread(target=self._carry)
@@ -62,14 +63,20 @@ class Cable:
         os.close(self.end)
         self.ours.close()
         if self.process:
+            self.process.terminate()
             self.process.wait()
 
 
 @pytest.fixture
 def cables():
-    """cables(board) makes one."""
+    """cables(program) makes one, to a program of Process, or by a function as Cable has it."""
     made = []
-    yield lambda board=None: made.append(Cable(board)) or made[-1]
+
+    def make(board=None):
+        made.append(Cable((lambda fd: [board, str(fd)]) if isinstance(board, os.PathLike) else board))
+        return made[-1]
+
+    yield make
     for one in made:
         one.close()
 
@@ -103,6 +110,22 @@ def test_a_board_at_a_line_flies_the_desktops_bits(board, cables, tmp_path, capf
         assert topics and not compare(desktop, flown, topics) and digest(desktop, topics) == digest(flown, topics)
     assert f"line     {name}: " in said and " bytes a step to the board" in said and "late " not in said
     assert cable.process.wait() == 0        # flight has ended with the run
+
+
+@pytest.mark.skipif(bool(TARGETS["cortex-m7"].missing()), reason="there is no compiler, or no emulator, of Cortex-M7")
+def test_the_program_of_a_bare_board_flies_at_a_line(cables, tmp_path, capfd):
+    """As on a desk: what QEMU runs is at a serial device, and nothing but its program and its line is known."""
+    target = TARGETS["cortex-m7"]
+    program = target.build(Job("nadir_spin", None, 1.0, folder=tmp_path / "board").parts[0])
+
+    def emulator(fd):
+        words = [word.format(program=program, line="chardev:line") for word in target.emulator]
+        return [words[0], "-chardev", f"socket,id=line,fd={fd}", *words[1:]]
+
+    cable = cables(emulator)
+    code, said = fly(capfd, "nadir_spin", "--on", f"serial:{cable.device}", "--elf", program, "--for", "5s", "--out",
+                     tmp_path / "fly")
+    assert code == 0 and f"build {elf.read(program).build_id}" in said, said
 
 
 def test_by_the_clock_each_step_is_in_the_histogram_of_lateness(board, cables, tmp_path, capfd):
