@@ -29,7 +29,7 @@ from tests.waiting import wait_for
 SIMULATION = """
 simulation = "room"
 until = {until}
-pace = {pace}
+pace = 1
 join = 300
 exchange = true
 [[node]]
@@ -53,7 +53,8 @@ class Busy(Flown):
 
     def __init__(self, folder, until, pace, compilers=2):
         super().__init__(folder, "linux")
-        (folder / "sim.toml").write_text(SIMULATION.format(until=until, pace=pace))
+        (folder / "sim.toml").write_text(SIMULATION.format(until=until))
+        self.pace = pace
         (folder / "busy.cpp").write_text('#include <regex>\nbool is(std::string s) { return std::regex_match(s, '
                                          'std::regex("a*b")); }\n')
         self.compilers = [["sh", "-c", "while :; do g++ -O2 -c busy.cpp -o /dev/null; done"]] * compilers
@@ -80,10 +81,12 @@ class Busy(Flown):
         return json.loads(urlopen(Request(f"{address}api/{path}", body, self.headers)).read())
 
     def begin(self):
+        """Ask for telemetry, and then let the run go on at its pace, so that it has not ended before."""
         self.until(lambda: self.ask("crafts")[0]["link"]["up"])
         for output in OUTPUTS:
             self.ask("crafts/nadir_spin/send", {"name": "flight.telemetry", "arguments": {
                 "output": output, "every": 1}})
+        self.ask("crafts/nadir_spin/run", {"action": "go", "speed": self.pace})
 
     def sent(self):
         """(time, packet) of each in the record of the exchange."""
