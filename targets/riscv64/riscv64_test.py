@@ -121,8 +121,9 @@ def test_gdb_stops_in_flight(name, tmp_path):
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
         words = ["set tcp connect-timeout 500", f"target remote :{port}", "break mrp_feedback_update", "continue",
                  "print m->par.K", "backtrace", "delete", "continue"]
-        said = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *(word for one in words for word in ("-ex", one)),
-                               tmp_path / name / "nadir_spin"], capture_output=True, text=True).stdout
+        asked = [word for one in words for word in ("-ex", one)]
+        said = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *asked, tmp_path / name / "nadir_spin"],
+                              capture_output=True, text=True).stdout
         printed = flight.communicate()[0]
     assert "Breakpoint 1, mrp_feedback_update" in said and "$1 = 2.531" in said and "run_gnc" in said, said
     assert flight.returncode == 0 and f"passed   desktop, {name}" in printed, printed
