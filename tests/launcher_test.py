@@ -551,6 +551,7 @@ def test_the_first_command_runs_after_an_install(launch):
     (["fly", "x", "--on", "linux,leon3"], ["leon3"], []), (["fly", "x", "--on=aarch64"], ["aarch64"], []),
     (["fly", "x", "--on", "a=leon3-qemu,b=leon3-cfs"], ["leon3", "leon3_qemu"], []),
     (["fly", "x", "--on", "leon3-micropython"], ["leon3", "micropython"], []),
+    (["fly", "x", "--on", "a=cortex-m7,b=riscv64"], ["cortex_m7", "riscv64"], []),
     (["fly", "x", "--on", "vax"], [], []), (["fly", "--on", "leon3"], [], []),
     (["profile", "x"], ["profile"], []), (["profile", "x", "--on", "leon3"], ["profile", "leon3"], []),
     (["verify", "x"], [], []), (["verify", "x", "--on", "desktop,leon3"], ["leon3"], []),

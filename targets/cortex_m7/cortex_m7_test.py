@@ -4,9 +4,11 @@ targets have in common is in fly_test.py, which flies this target, too."""
 
 import re
 import subprocess
+import types
 
 import pytest
 
+from fledge.errors import Failure
 from fledge.targets import TARGETS, build
 from tests.bare_machine import Machine, printed, program
 
@@ -72,3 +74,12 @@ def test_the_elementary_functions_have_the_same_bits(tmp_path):
     expected = subprocess.run([here], capture_output=True, text=True, check=True).stdout
     there = program(TARGET, tmp_path / "there", "hash", sources)
     assert printed(TARGET, there) == expected and len(expected.splitlines()) == 11
+
+
+def test_a_processor_without_a_unit_for_double_precision_is_refused(monkeypatch):
+    part = types.SimpleNamespace(frames=None)
+    TARGET.check(part)
+    for machine in (("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"), ("-mcpu=cortex-m3",)):
+        monkeypatch.setattr(TARGET, "machine", ("-mthumb", *machine))
+        with pytest.raises(Failure, match="no unit for double precision, and the compiler's software for it has other"):
+            TARGET.check(part)

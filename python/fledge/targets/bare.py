@@ -65,6 +65,21 @@ class Bare(Target):
                               *scripts, *self.link, *link],
                              machine=self.machine)
 
+    def check(self, part: Part) -> None:
+        import re
+        import subprocess
+
+        from fledge.errors import Failure
+
+        super().check(part)
+        told = subprocess.run([self.compiler, *self.machine, "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True,
+                              text=True, check=True).stdout
+        unit = re.search(r"^#define __ARM_FP (\w+)$", told, re.M)
+        if "#define __ARM_ARCH " in told and not (unit and int(unit[1], 0) & 8):
+            raise Failure(f"{self.name}: {' '.join(self.machine)} has no unit for double precision, and the compiler's "
+                          "software for it has other bits (exp); take a processor with one, as a Cortex-M7 "
+                          "(-mfpu=fpv5-d16)")
+
     def build(self, part: Part) -> Path:
         from registers.checked_toml import parse, text_of
 

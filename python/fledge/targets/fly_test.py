@@ -291,7 +291,7 @@ def test_what_a_scenario_changes_is_commanded_on_every_target(tmp_path, capsys):
     from fledge.targets.job import Job
 
     on = [name for name in ("linux", "aarch64", "sparc64", "cfs", "leon3", "leon3-cfs", "micropython",
-                            "leon3-micropython") if not TARGETS[name].missing()]
+                            "leon3-micropython", "cortex-m7", "riscv64") if not TARGETS[name].missing()]
     mission, out = plays(tmp_path), tmp_path / "out"
     assert cli.main(["fly", str(mission), "all", "--on", ",".join(on), "--out", str(out)]) == 0, capsys.readouterr()
     sim = fledge.load(mission)
@@ -388,7 +388,8 @@ def test_telemetry_is_what_the_record_has(tmp_path):
     from fledge import export
     from fledge.commands import decoded, read_script
 
-    on = [name for name in ("linux", "aarch64", "sparc64", *OTHER_CODE[1:]) if not TARGETS[name].missing()]
+    on = [name for name in ("linux", "aarch64", "sparc64", *OTHER_CODE[1:], "cortex-m7", "riscv64")
+          if not TARGETS[name].missing()]
     out = str(tmp_path / "out")
     assert cli.main(["fly", str(plays(tmp_path)), "downlink", "--on", ",".join(on), "--out", out]) == 0
     mission = export.read(fledge.load(tmp_path / "plays"))
