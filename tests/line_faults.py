@@ -5,8 +5,8 @@ fault.
 
     python3 -m tests.line_faults [--runs 1000] [--seed 1] [--first 0] [--mission nadir_spin] [--duration 5]
 
-The faults of a flight follow from the seed and its number alone; they come at numbers of bytes, not at times. One that
-is neither equal nor named is told with the command that repeats it.
+The faults of a flight follow from the seed, its number, and how many bytes an undisturbed flight needs; they come at
+numbers of bytes, not at times. A flight that is neither equal nor named is told, with the command that repeats it.
 """
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from fledge import cli
 from fledge.cli import node as cli_node
 from fledge.targets import Job, build
 from tests.board_process import Process
+from tests.waiting import PATIENCE
 
 # What fledge_board_node says about a fault; about noise alone it says nothing, for that harms nothing.
 NAMED = {"reset": r"the board was reset in ", "gone": r"the device has vanished in ",
@@ -60,7 +61,7 @@ def plan(seed: int, number: int, sizes: dict[bool, int]) -> Plan:
     kind = rng.choices(["noise", "losses", "cuts", "gone", "reset", "resets", "all", "dead"],
                        [5, 3, 3, 3, 3, 3, 3, 1])[0]
     flips = 10 ** rng.uniform(-6, -4) if kind in ("noise", "all") else 0.0
-    return Plan(f"reset={'end' if kind == 'reset' else 'go-on'}&cut={1.2 if kind == 'dead' else 30}",
+    return Plan(f"reset={'end' if kind == 'reset' else 'go-on'}&cut={1.2 if kind == 'dead' else 300}",
                 record, flips,
                 10 ** rng.uniform(-5, -3) if kind in ("losses", "all") else 0.0,
                 places(1 if kind == "reset" else 3) if kind in ("reset", "resets", "all") else (),
@@ -172,7 +173,7 @@ class Campaign:
             if flown.code != 0 or bool(flown.record) != record or flown.exchange != self.undisturbed[True].exchange:
                 raise SystemExit(f"the undisturbed flight failed:\n{flown.text}")
 
-    def fly(self, faults: Plan, rng: random.Random, name: str, timeout: float = 120.0) -> Flight:
+    def fly(self, faults: Plan, rng: random.Random, name: str, timeout: float = PATIENCE) -> Flight:
         run = f"faults-{os.getpid()}-{name}"
         common = ["--simulation", "faults", "--address", f"ipc://@fledge-{run}"]
         record, exchange, log = (self.folder / f"{run}.{end}" for end in ("mcap", "exchange.mcap", "log"))
