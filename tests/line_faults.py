@@ -154,6 +154,7 @@ class Flight(NamedTuple):
     record: bytes       # of flight
     exchange: bytes     # the record of what flight and the world read of each other
     passed: int         # bytes through the line
+    board: int | None   # exit code of the board's program; None: it still ran
 
 
 class Campaign:
@@ -196,7 +197,7 @@ class Campaign:
             ends = time.monotonic() + timeout
             while node.poll() is None and time.monotonic() < ends:
                 line.pump(board)
-            code = node.poll()
+            code, ended = node.poll(), board.poll()
             line.close()
             if code == 0:
                 controller.wait()   # it writes its record to the end
@@ -206,7 +207,8 @@ class Campaign:
             os.kill(world, signal.SIGKILL)
             os.waitpid(world, 0)
         flown = Flight(code, log.read_text(encoding="utf-8", errors="replace"),
-                      *(path.read_bytes() if path.exists() else b"" for path in (record, exchange)), line.passed)
+                      *(path.read_bytes() if path.exists() else b"" for path in (record, exchange)), line.passed,
+                      ended)
         for path in (record, exchange, log):
             path.unlink(missing_ok=True)
             path.with_name(path.name + ".part").unlink(missing_ok=True)
@@ -230,12 +232,16 @@ class Campaign:
         names = [name for name, text in NAMED.items() if re.search(text, flown.text)]
         if flown.code is None:
             return "WRONG: it did not end"
+        if (flown.board or 0) < 0:
+            return f"WRONG: signal {-flown.board} ended the board's program"
         undisturbed = self.undisturbed[faults.record]
         equal = (flown.record, flown.exchange) == (undisturbed.record, undisturbed.exchange)
         if flown.code == 0 and equal:
             return "equal"
         if not names:
             return f"WRONG: {'other bits' if flown.code == 0 else 'it ended'}, and no fault was named"
+        if not faults.record and RECORD_CUT in flown.text:
+            return "WRONG: it misses a record that nobody takes"
         if not faults.resets and not faults.cut_for_good:
             return "WRONG: it did not get over faults that pass"
         if "begins flight there" in flown.text and "  flown    " in flown.text:

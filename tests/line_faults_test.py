@@ -33,7 +33,7 @@ def test_each_of_many_flights_is_equal_or_names_its_fault(capsys):
 def test_a_difference_without_a_name_is_found():
     """The judge itself: a flight whose bits differ, one that ends without a word, and one that hangs."""
     judge = object.__new__(line_faults.Campaign)
-    good = line_faults.Flight(0, "", b"record", b"exchange", 100)
+    good = line_faults.Flight(0, "", b"record", b"exchange", 100, None)
     judge.undisturbed = {True: good, False: good}
     noise = line_faults.Plan("reset=go-on", flips=1e-5)
     assert judge.verdict(noise, good) == "equal"
@@ -41,6 +41,7 @@ def test_a_difference_without_a_name_is_found():
     assert judge.verdict(noise, good._replace(exchange=b"other")).startswith("WRONG: other bits")
     assert judge.verdict(noise, good._replace(code=1)).startswith("WRONG: it ended")
     assert judge.verdict(noise, good._replace(code=None)).startswith("WRONG: it did not end")
+    assert judge.verdict(noise, good._replace(board=-11)).startswith("WRONG: signal 11")
     silent = good._replace(code=1, text="the board has been silent for 1.2 s in the tick at 1 s")
     assert judge.verdict(noise, silent).startswith("WRONG: it did not get over")
     assert judge.verdict(line_faults.Plan("reset=end", cut_for_good=10), silent) == "ended, named"

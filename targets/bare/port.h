@@ -20,8 +20,9 @@ int64_t board_time(void);
 /** Keep the watchdog quiet. Flight calls it between two ticks and while it waits, many times a second. */
 void board_watch(void);
 
-/** `size` bytes, aligned to 8, that a reset of the board leaves as they are, and that are zero, or anything, after
- *  power-on. Called once, at the start. A board without such memory returns memory that is zero at each start. */
+/** `size` bytes, aligned to 8 and at the same address at each start, for pointers point into them: a reset of the board
+ *  leaves them as they are, after power-on they are zero, or anything. Called once, at the start. A board without such
+ *  memory returns memory that is zero at each start. */
 void *board_keep(size_t size);
 
 #endif
