@@ -48,6 +48,8 @@ void bare_say_figure(const char *key, uint32_t value);
 /** A record begins, goes on after a reset, or has ended: a console that shares its wire is silent meanwhile. */
 typedef enum BareRecording { BARE_RECORD_ENDED = 0, BARE_RECORD_GOES_ON = 1, BARE_RECORD_BEGINS = 2 } BareRecording;
 void bare_recording(BareRecording what);
+/** Whether the outside takes a record; it is known after bare_begin. */
+int bare_records(void);
 /** Send bytes of the record. After bare_record_flush a reset of the board loses none of them. */
 void bare_record(const void *bytes, size_t n);
 void bare_record_flush(void);

@@ -320,12 +320,14 @@ void bare_recording(BareRecording what)
     }
 }
 
+int bare_records(void)
+{
+    return (line.hello.flags & LINE_RECORDS) != 0u;
+}
+
 void bare_record(const void *bytes, size_t n)
 {
     const uint8_t *p = bytes;
-    if ((line.hello.flags & LINE_RECORDS) == 0u) {
-        return;
-    }
     while (n > 0u && !is_over()) {
         if (kept->recorded - kept->safe == RING) {
             if (!send_record(1)) {

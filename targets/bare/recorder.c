@@ -37,6 +37,9 @@ void recorder_resume(void)
 void recorder_begin(const MissionHost *host, const char *target)
 {
     forget();
+    if (!bare_records()) {
+        return;
+    }
     bare_recording(BARE_RECORD_BEGINS);
     kept->begun = BEGUN;
     kept->status = MCAP_FULL;
@@ -62,7 +65,7 @@ static void look_for_gap(int64_t t)
 
 void recorder_answer(int64_t t)
 {
-    if (t < 0) {
+    if (t < 0 || !bare_records()) {
         kept->begun = 0u; /* a record of this run is yet to begin */
     } else if (kept->begun == BEGUN) {
         look_for_gap(t);
@@ -72,6 +75,9 @@ void recorder_answer(int64_t t)
 
 void recorder_take(const MissionHost *host, int64_t t, const char *target)
 {
+    if (!bare_records()) {
+        return;
+    }
     if (kept->begun != BEGUN) {
         recorder_begin(host, target);
     }
@@ -102,10 +108,11 @@ int recorder_end(const MissionIoCounts *counts)
     bare_say_figure("saturated", counts->saturated);
     bare_say_figure("skipped", counts->skipped);
     bare_say_figures();
-    if (kept->status != MCAP_OK) {
+    const int failed = kept->begun == BEGUN && kept->status != MCAP_OK;
+    if (failed) {
         bare_say("the record failed: ");
         bare_say(kept->busy != 0u ? "the board was reset while it was sent" : mcap_status_text(kept->status));
         bare_say("\n");
     }
-    return kept->status == MCAP_OK ? 0 : 1;
+    return failed;
 }

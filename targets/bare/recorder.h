@@ -23,7 +23,7 @@ typedef struct RecorderKept {
 
 /** At the start of the program: go on with the record of the program before a reset, if there was one. */
 void recorder_resume(void);
-/** Begin the record of a run. */
+/** Begin the record of a run, if the outside takes one. */
 void recorder_begin(const MissionHost *host, const char *target);
 /** Before flight answers a tick: so a reset between the answer and the record of the tick is known. */
 void recorder_answer(int64_t t);
