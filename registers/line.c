@@ -221,8 +221,10 @@ static int64_t repeat_after(const LineEnd *e)
     for (uint16_t i = e->base; i != e->furthest; i++) {
         bytes += e->window[i % LINE_WINDOW].n + LINE_FRAME - LINE_PAYLOAD;
     }
-    const int64_t after = (LATENCY_NS + 2 * bytes * 10 * 1000 * MS / baud) << (e->repeats < 4u ? e->repeats : 4u);
-    return after < LONGEST_NS ? after : LONGEST_NS;
+    const int64_t least = LATENCY_NS + 2 * bytes * 10 * 1000 * MS / baud;
+    const int64_t most = least > LONGEST_NS ? least : LONGEST_NS; /* of a slow line */
+    const int64_t after = least << (e->repeats < 4u ? e->repeats : 4u);
+    return after < most ? after : most;
 }
 
 /* How long it is until it asks for a missing frame again: what it asked for may be on its way. */

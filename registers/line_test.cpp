@@ -140,7 +140,7 @@ public:
     void step()
     {
         now++;
-        const auto most = static_cast<std::size_t>(std::max(baud / 10000, 1u));
+        const std::size_t most = baud >= 10000 ? baud / 10000 : now % (10000 / baud) == 0 ? 1 : 0; // [bytes]
         const Bytes to_board = down.come(now, most), to_outside = up.come(now, most);
         line_input(&board, to_board.data(), to_board.size(), now * ms);
         line_input(&outside, to_outside.data(), to_outside.size(), now * ms);
@@ -473,6 +473,22 @@ TEST(Line, ARecordUsesTheLineWell)
     const double best = 100.0 * int{LINE_PAYLOAD} * 10 / 115200 * 1000; // [ms]
     EXPECT_LT(static_cast<double>(link.now - begin), 1.15 * best);
     EXPECT_EQ(link.board.counts.resent, 0u);
+}
+
+TEST(Line, ASlowLineIsGivenItsTime)
+{
+    Link link(11);
+    link.baud = 1200; // a frame takes 4 s
+    link.start_board();
+    link.greet();
+    run_until(link, [&] { return link.is_flushed(); });
+    for (int i = 0; i < LINE_WINDOW; i++) {
+        ASSERT_TRUE(link.put(true, {LINE_RECORD, 0, 0, Bytes(LINE_PAYLOAD, 1)}));
+    }
+    run_until(
+        link, [&] { return link.is_flushed(); }, 60000);
+    EXPECT_EQ(link.board.counts.resent, 0u);
+    link.check_whole();
 }
 
 /// Runs with any faults: what is taken is a prefix of what was put, and all of it once the line is whole.
