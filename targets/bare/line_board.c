@@ -21,7 +21,7 @@ enum { KEPT = 0x4c494e45, POSITION = 4, SHOUTS = 3, RING = 4096 };
 
 /* What a reset leaves as it is: bytes of the record until the outside has them. */
 typedef struct Kept {
-    uint32_t mark;     /* KEPT: the rest is of the program before the reset */
+    uint32_t mark;     /* own_mark(): the rest is of the program before the reset */
     uint32_t starts;   /* of the program */
     uint32_t recorded; /* bytes of the record so far */
     uint32_t safe;     /* how many of them the outside has acknowledged */
@@ -177,6 +177,28 @@ static void take(void *user, const LineMessage *m)
 
 /* ---- the board */
 
+/* The note: sizes of its name and of its content, its type, the name, the content. */
+static void copy_build_id(uint8_t *to)
+{
+    uint32_t sizes[2];
+    if (fledge_build_note != NULL) {
+        memcpy(sizes, fledge_build_note, sizeof sizes);
+        if (sizes[1] == LINE_BUILD) {
+            memcpy(to, fledge_build_note + 12u + sizes[0], LINE_BUILD);
+        }
+    }
+}
+
+/* Of this program, with its kept memory where it is: pointers that another one has left there are of no use. */
+static uint32_t own_mark(void)
+{
+    uint8_t build[LINE_BUILD] = {0};
+    uint32_t begin;
+    copy_build_id(build);
+    memcpy(&begin, build, sizeof begin);
+    return KEPT ^ begin ^ (uint32_t)(uintptr_t)kept;
+}
+
 void *bare_keep(size_t size)
 {
     bare_kept = sizeof *kept + size;
@@ -184,9 +206,9 @@ void *bare_keep(size_t size)
     if (kept == NULL) {
         stop("this board cannot keep as many bytes as the record needs through a reset\n");
     }
-    if (kept->mark != KEPT) {
+    if (kept->mark != own_mark()) {
         memset(kept, 0, sizeof *kept + size);
-        kept->mark = KEPT;
+        kept->mark = own_mark();
     }
     kept->starts++;
     return kept + 1;
@@ -220,18 +242,6 @@ static void copy_name(char *to, const char *from)
         to[i] = from[i];
     }
     to[i] = '\0';
-}
-
-/* The note: sizes of its name and of its content, its type, the name, the content. */
-static void copy_build_id(uint8_t *to)
-{
-    uint32_t sizes[2];
-    if (fledge_build_note != NULL) {
-        memcpy(sizes, fledge_build_note, sizeof sizes);
-        if (sizes[1] == LINE_BUILD) {
-            memcpy(to, fledge_build_note + 12u + sizes[0], LINE_BUILD);
-        }
-    }
 }
 
 static void place_windows(const MissionHost *mission, RegisterWindow *windows)
