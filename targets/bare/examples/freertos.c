@@ -16,7 +16,7 @@
 enum {
     STACK = 16384 / sizeof(StackType_t),
     PRIORITY = 3,
-    BUFFERED = 4096, /* bytes that come while flight computes */
+    BUFFERED = 5120, /* bytes that come while flight computes */
 };
 
 static StreamBufferHandle_t received;

@@ -36,7 +36,7 @@ enum { ORE = 1 << 3, RXFNE = 1 << 5, TXFNF = 1 << 7 };                          
 #define MPU_BASE 0xE000ED9Cu
 #define MPU_ATTRIBUTES 0xE000EDA0u
 
-enum { RING = 4096 };
+enum { RING = 8192 };
 static volatile uint8_t ring[RING];
 static volatile uint32_t come, taken;
 

@@ -17,7 +17,7 @@
 
 enum {
     PATIENCE_US = 2000000,
-    BUFFERED = 4096, /* bytes that come while flight computes */
+    BUFFERED = 5120, /* bytes that come while flight computes */
 };
 
 #define HAS_COME RTEMS_EVENT_0

@@ -19,7 +19,7 @@ enum {
     STACK = 16384,
     PRIORITY = 5,
     PATIENCE_MS = 2000,
-    BUFFERED = 4096, /* bytes that come while flight computes */
+    BUFFERED = 5120, /* bytes that come while flight computes */
 };
 
 static const struct device *const line = DEVICE_DT_GET(DT_CHOSEN(fledge_line));
