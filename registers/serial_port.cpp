@@ -77,8 +77,13 @@ std::string holder(const struct stat &device)
         if (stat(path.c_str(), &s) == 0) {
             const group *owner = getgrgid(s.st_gid);
             const std::string name = owner ? owner->gr_name : std::to_string(s.st_gid);
-            throw Error("you have no right to open " + path + ", which is of the group " + name +
-                        ": run `sudo usermod -aG " + name + " $USER`, and log in again");
+            const std::string no_right = "you have no right to open " + path + ", which is of the group " + name;
+            constexpr mode_t both = S_IRGRP | S_IWGRP;
+            if ((s.st_mode & both) != both || s.st_gid == 0) { // to join it would not help, or give too many rights
+                throw Error(no_right + ": run `sudo chmod a+rw " + path +
+                            "`, which lasts until the device is gone; a rule of udev lasts");
+            }
+            throw Error(no_right + ": run `sudo usermod -aG " + name + " $USER`, and log in again");
         }
         break;
     case EBUSY:
@@ -86,6 +91,7 @@ std::string holder(const struct stat &device)
             refuse_held(path, s);
         }
         break;
+    case EISDIR: throw Error(path + " is a folder, no serial device" + devices());
     default: break;
     }
     throw Error(path + " cannot be opened: " + std::strerror(error));
@@ -162,7 +168,14 @@ void SerialPort::open()
     if (fd_ < 0) {
         refuse_open(path_, errno);
     }
+    const auto vanished = [&](int error) {
+        if (error == EIO || error == ENXIO || error == ENODEV) {
+            throw Error(path_ + " has vanished while it was opened: is its cable out?");
+        }
+    };
+    errno = 0;
     if (fstat(fd_, &s) != 0 || !S_ISCHR(s.st_mode) || !isatty(fd_)) {
+        vanished(errno);
         throw Error(path_ + " is no serial device" + devices());
     }
     // Nobody else may open it from now on; the user root may, but not a program that takes the lock.
@@ -170,6 +183,7 @@ void SerialPort::open()
         refuse_held(path_, s);
     }
     if (const int error = make_raw(fd_, baud_); error != 0) {
+        vanished(error);
         throw Error(path_ + " takes no " + std::to_string(baud_) + " baud: " + std::strerror(error));
     }
     termios2 t{};

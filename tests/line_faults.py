@@ -34,6 +34,7 @@ from tests.waiting import PATIENCE
 # What fledge_board_node says about a fault; about noise alone it says nothing, for that harms nothing.
 NAMED = {"reset": r"the board was reset in ", "gone": r"the device has vanished in ",
          "silent": r"the board has been silent for ", "unheard": r"(nothing has|bytes have|frames have) come"}
+AT_THE_START = "has vanished while it was opened"
 RECORD_CUT = "the board was reset while it was sent"
 
 
@@ -238,6 +239,8 @@ class Campaign:
         equal = (flown.record, flown.exchange) == (undisturbed.record, undisturbed.exchange)
         if flown.code == 0 and equal:
             return "equal"
+        if flown.code != 0 and faults.gone and AT_THE_START in flown.text:
+            return "ended, named"
         if not names:
             return f"WRONG: {'other bits' if flown.code == 0 else 'it ended'}, and no fault was named"
         if not faults.record and RECORD_CUT in flown.text:

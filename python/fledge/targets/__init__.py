@@ -87,6 +87,9 @@ class Targets(Mapping[str, Target]):
         """Raises Failure, which begins with the command, if there is no such target."""
         for name in names:
             if name not in self:
+                if name in ("serial", "ssh"):
+                    raise Failure(f"{command}: {name} needs what it is at: "
+                                  f"{'serial:/dev/ttyACM0' if name == 'serial' else 'ssh:USER@HOST'}")
                 near = did_you_mean(name, self)
                 known = listed(list(self)) if near != ";" else "; ".join(
                     f"{one.name}, {one.about}" for one in self.values())
