@@ -38,13 +38,13 @@ class Ssh(Bare):
     def check(self, part: Part) -> None:
         from fledge.targets import TARGETS, remote
 
-        super().check(part)
         if not self.compiler:
             native = TARGETS[remote.target_for(self.host, self.ssh)]
             if missing := native.missing():
                 raise Failure(f"{self.host} needs {' and '.join(missing)}, not installed here; ./fledge setup --on "
                               f"{native.name}")
             self.compiler = getattr(native, "compiler")
+        super().check(part)
 
     def program_of(self, part: Part) -> Path:
         """Build its program, and leave it here."""
