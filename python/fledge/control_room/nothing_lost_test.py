@@ -19,6 +19,7 @@ from contextlib import contextmanager, suppress
 from http.client import HTTPException
 from threading import Thread
 from types import SimpleNamespace
+from unittest.mock import patch
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -26,7 +27,7 @@ import pytest
 
 from fledge.commands import Stored
 from fledge.control_room import spacecraft
-from fledge.control_room.journal import Journal
+from fledge.control_room.journal import Journal, JournalError
 from fledge.control_room.room import Room
 from fledge.control_room.services import StoredLists
 from fledge.control_room.settings import read
@@ -390,6 +391,25 @@ def test_a_full_disk_keeps_no_request_and_loses_no_alarm(tmp_path, craft):
         craft.send(1)
         server.took(1)
         assert server.found() == list(range(1, 202))
+
+
+def test_each_spacecraft_tells_that_its_journal_was_written_again(tmp_path):
+    """Also if events of the server itself were written before its own."""
+    (tmp_path / "craft.xml").write_text(DATABASE)
+    (tmp_path / "ground.toml").write_text('folder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\n'
+                                          'link = "tcp://127.0.0.1:1"\n')
+    room = Room(read(tmp_path / "ground.toml"))
+    try:
+        with patch.object(room.journal, "save_all", side_effect=JournalError("it cannot be written")):
+            room.tell("craft", "info", "server", "x")
+            room.tell("", "info", "server", "y")
+        room.tell("", "info", "server", "z")
+        room.flush("craft")
+        for name, own in (("craft", ["x"]), ("", ["y", "z"])):
+            assert {one["text"] for one in room.journal.rows("events", name)} == {
+                *own, "it cannot be written", "the journal is written again"}
+    finally:
+        room.close()
 
 
 @pytest.mark.long("waits for a link to return")

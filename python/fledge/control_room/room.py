@@ -31,7 +31,8 @@ class Room:
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
         self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
-        self._left_out, self._failed = 0, False     # events besides; whether that was told
+        self._left_out = 0      # events besides
+        self._failed: set[str] = set()      # of which craft that was told
         self._keeping = RLock()
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of
@@ -119,22 +120,22 @@ class Room:
             self.publish(KINDS[kind], craft, told({"id": None} | one))
 
     def flush(self, craft: str) -> None:
-        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told."""
+        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told, and that it is over."""
         with self._keeping:
-            waiting, failed = self._unsaved.get(craft), self._failed
+            waiting, failed = self._unsaved.get(craft), craft in self._failed
             if not waiting:
                 return
             try:
                 self.journal.save_all([(kind, craft, one) for kind, one in waiting])
             except JournalError as error:
-                self._failed = True
+                self._failed.add(craft)
                 if not failed:
                     event = self.event(craft, "critical", "server", str(error))
                     waiting.append(("events", event))
                     self.publish("event", craft, event | {"id": None})
                 return
             waiting.clear()
-            self._failed = False
+            self._failed.discard(craft)
             left_out, self._left_out = self._left_out, 0
         if failed:
             self.tell(craft, "info", "server", "the journal is written again"
