@@ -120,8 +120,8 @@ class Room:
             self.publish(KINDS[kind], craft, told({"id": None} | one))
 
     def flush(self, craft: str) -> None:
-        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told, and that it
-        is over."""
+        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told, and
+        that it is over."""
         with self._keeping:
             waiting, failed = self._unsaved.get(craft), craft in self._failed
             if not waiting:
