@@ -59,15 +59,12 @@ def wire(baud: int, terminal: str, program: str) -> None:
 def flights(mission: str, runs: int, rows: Rows) -> None:
     from fledge.files import build_folder
     from fledge.targets import Job, build, fly
-    from fledge.targets.bare import Bare
+    from fledge.targets.bare import Process
 
-    class AtRate(Bare):
+    class AtRate(Process):
         cpu_of = "this machine"
         compiler = "gcc"
-        library = ()
-        start = False
-        sources = (build.ROOT / "targets/bare/testing/process.c",)
-        scripts = (build.ROOT / "targets/linux/line.ld",)
+        sources = (build.ROOT / "targets/bare/testing/process.c", *Process.sources)
 
         def __init__(self, baud: int, record: bool) -> None:
             self.baud, self.record, self.figures = baud, record, {}

@@ -7,59 +7,19 @@
  * It flies one run, and ends with it, or with the line. */
 #define _DEFAULT_SOURCE
 #include "targets/bare/bare.h"
-#include "targets/bare/port.h"
+#include "targets/linux/line_io.h"
 
 #include <asm/termbits.h> /* any rate, which <termios.h> does not have */
 #include <errno.h>
 #include <fcntl.h>
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
-#include <time.h>
-#include <unistd.h>
 
-enum { PATIENCE_MS = 5, KEPT_WORDS = 8192 };
+enum { KEPT_WORDS = 8192 };
 
-static int in = STDIN_FILENO, out = STDOUT_FILENO;
 static uint64_t kept[KEPT_WORDS];
-
-void board_send(const void *bytes, size_t n)
-{
-    const char *p = bytes;
-    while (n > 0u) {
-        const ssize_t sent = write(out, p, n);
-        if (sent > 0) {
-            p += sent;
-            n -= (size_t)sent;
-        } else if (errno != EINTR && errno != EAGAIN) {
-            exit(3); /* the line is gone */
-        }
-    }
-}
-
-size_t board_receive(void *bytes, size_t room)
-{
-    struct pollfd ready = {in, POLLIN, 0};
-    if (poll(&ready, 1u, PATIENCE_MS) <= 0) {
-        return 0u;
-    }
-    const ssize_t n = read(in, bytes, room);
-    if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) {
-        exit(3);
-    }
-    return n > 0 ? (size_t)n : 0u;
-}
-
-int64_t board_time(void)
-{
-    struct timespec t = {0, 0};
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
-}
-
-void board_watch(void) {}
 
 /* Each start of the process is a power-on. */
 void *board_keep(size_t size)
@@ -95,8 +55,8 @@ int main(int argc, char **argv)
         return 2;
     }
     if (argc > 1) {
-        in = out = open_serial(argv[1], baud);
-        if (in < 0) {
+        line_in = line_out = open_serial(argv[1], baud);
+        if (line_in < 0) {
             (void)fprintf(stderr, "%s: %s: %s\n", argv[0], argv[1], strerror(errno));
             return 2;
         }

@@ -12,13 +12,12 @@ from pathlib import Path
 
 from fledge.cli.node import add_parameters, given_parameters
 from fledge.errors import Failure
+from fledge.serial_line import BY_SSH
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
     import argparse
-
-BY_SSH = "ssh:"
 
 
 def add(command: Callable) -> None:

@@ -101,3 +101,12 @@ class Bare(Target):
 
     def sizes(self, built: Path) -> tuple[int, int]:
         return build.sizes(built, self.compiler.removesuffix("gcc") + "size")
+
+
+class Process(Bare):
+    """A board that is a process of Linux."""
+
+    library = ()
+    start = False
+    sources: tuple[Path, ...] = (build.ROOT / "targets/linux/line_io.c",)
+    scripts = (build.ROOT / "targets/linux/line.ld",)

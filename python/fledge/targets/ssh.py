@@ -9,7 +9,7 @@ from pathlib import Path
 from fledge.errors import Failure
 from fledge.serial_line import BY_SSH, name_of
 from fledge.targets import build
-from fledge.targets.bare import Bare
+from fledge.targets.bare import Process
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
@@ -19,15 +19,12 @@ if TYPE_CHECKING:
 JOINED = 'line=$1; shift; exec "$@" < "$line" > "$line"'
 
 
-class Ssh(Bare):
+class Ssh(Process):
     """A process of Linux on a host. ssh: how ssh is called."""
 
     about = "a computer with Linux, by ssh"
     cpu_of = "line too"
-    library = ()
-    start = False
-    sources = (build.ROOT / "targets/linux/line.c",)
-    scripts = (build.ROOT / "targets/linux/line.ld",)
+    sources = (build.ROOT / "targets/linux/line.c", *Process.sources)
 
     def __init__(self, word: str, ssh: str = "") -> None:
         from fledge.targets import remote

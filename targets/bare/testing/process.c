@@ -8,24 +8,22 @@
  * file, keeps it longer than the process lives. The board ends when the line does. */
 #define _GNU_SOURCE /* memfd_create */
 #include "targets/bare/bare.h"
-#include "targets/bare/port.h"
+#include "targets/linux/line_io.h"
 
 #include <errno.h>
 #include <fcntl.h>
-#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <termios.h>
-#include <time.h>
 #include <unistd.h>
 
-enum { KEPT_BYTES = 65536, PATIENCE_MS = 5 };
+enum { KEPT_BYTES = 65536 };
 #define KEPT_AT UINT64_C(0x100000000) /* the same at each start, as port.h asks */
 
-static int line, kept;
+static int kept;
 static char *again[4];
 static char line_text[16], kept_text[16];
 
@@ -40,49 +38,10 @@ static void fail(const char *what)
 static void reset(int number)
 {
     (void)number;
-    (void)tcflush(line, TCIFLUSH);
+    (void)tcflush(line_in, TCIFLUSH);
     (void)execv("/proc/self/exe", again);
     _exit(2);
 }
-
-void board_send(const void *bytes, size_t n)
-{
-    const char *p = bytes;
-    while (n > 0u) {
-        const ssize_t sent = write(line, p, n);
-        if (sent > 0) {
-            p += sent;
-            n -= (size_t)sent;
-        } else if (errno != EINTR && errno != EAGAIN) {
-            _exit(3); /* the line is gone */
-        } else {
-            struct pollfd ready = {line, POLLOUT, 0};
-            (void)poll(&ready, 1u, PATIENCE_MS);
-        }
-    }
-}
-
-size_t board_receive(void *bytes, size_t room)
-{
-    struct pollfd ready = {line, POLLIN, 0};
-    if (poll(&ready, 1u, PATIENCE_MS) <= 0) {
-        return 0u;
-    }
-    const ssize_t n = read(line, bytes, room);
-    if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN)) {
-        _exit(3);
-    }
-    return n > 0 ? (size_t)n : 0u;
-}
-
-int64_t board_time(void)
-{
-    struct timespec t = {0, 0};
-    (void)clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
-}
-
-void board_watch(void) {}
 
 void *board_keep(size_t size)
 {
@@ -113,16 +72,16 @@ int main(int argc, char **argv)
         (void)fprintf(stderr, "usage: %s LINE [KEPT]\n", argv[0]);
         return 2;
     }
-    line = open_descriptor(argv[1], 0);
+    line_in = line_out = open_descriptor(argv[1], 0);
     kept = argc == 3 ? open_descriptor(argv[2], O_CREAT) : memfd_create("kept", 0u);
-    if (line < 0 || kept < 0 || ftruncate(kept, KEPT_BYTES) != 0) {
+    if (line_in < 0 || kept < 0 || ftruncate(kept, KEPT_BYTES) != 0) {
         fail(argv[1]);
     }
-    if (tcgetattr(line, &raw) == 0) {
+    if (tcgetattr(line_in, &raw) == 0) {
         cfmakeraw(&raw);
-        (void)tcsetattr(line, TCSANOW, &raw);
+        (void)tcsetattr(line_in, TCSANOW, &raw);
     }
-    (void)snprintf(line_text, sizeof line_text, "%d", line);
+    (void)snprintf(line_text, sizeof line_text, "%d", line_in);
     (void)snprintf(kept_text, sizeof kept_text, "%d", kept);
     again[0] = argv[0];
     again[1] = line_text;
