@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board's support: what a program needs, what protects it, and what a fault says; and flights on it. What all
-targets have in common is in fly_test.py, which flies this target, too."""
-
+"""Flights with resets, large boards, other boards and gdb. Its support is in targets/bare/boards_test.py, what all
+targets have in common in fly_test.py."""
 import re
 import shutil
 import socket
@@ -11,75 +10,10 @@ import sys
 import pytest
 
 from fledge import cli
-from fledge.targets import TARGETS, build
-from tests.bare_machine import CONSOLE, Machine
+from fledge.targets import TARGETS
 
 TARGET = TARGETS["riscv64"]
 pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing()} not installed")
-
-
-@pytest.fixture(scope="module")
-def check(tmp_path_factory):
-    """The check of boards, with a watchdog of half a second."""
-    return TARGET.program(tmp_path_factory.mktemp("check"), "check", [
-        build.ROOT / "targets/bare/testing/check.c", *CONSOLE], [],
-        ("-Werror", "-Wconversion", "-DBOARD_PATIENCE_MS=500"))
-
-
-def function_at(program, address):
-    """The function of an address, inlined ones left out."""
-    done = subprocess.run(["riscv64-unknown-elf-addr2line", "-f", "-e", program, address], capture_output=True,
-                          text=True, check=True)
-    return done.stdout.splitlines()[0]
-
-
-@pytest.mark.parametrize("asked, status", [(".", 0), ("e", 7)])
-def test_the_board_support_does_what_a_program_needs(check, asked, status):
-    """Initial data, registers over interrupts, denormal numbers, errno of the C library, the line in both directions,
-    and the status at the end."""
-    with Machine(TARGET, check) as machine:
-        assert machine.until("^checked\n")
-        assert machine.process.poll() is None
-        machine.say("0123456789" * 100 + asked)
-        assert machine.process.wait() == status
-
-
-@pytest.mark.parametrize("asked, what, where", [
-    ("c", "jump to what is no code", None),
-    ("s", "store to protected memory, or where none is,", "wild_store"),
-    ("p", "store to protected memory, or where none is,", "wild_code"),
-    ("l", "load from protected memory, or where none is,", "wild_load"),
-    ("f", "stack overflow", "deeper"),
-    ("w", "watchdog: the program was not idle for 10 s,", "do_what_is_asked|main")])
-def test_a_fault_says_what_and_where_and_resets_the_board(check, asked, what, where):
-    """Null pointers, code, and the page below the stack are protected. Initial data are fresh after the reset; what is
-    kept, is kept."""
-    with Machine(TARGET, check) as machine:
-        assert machine.until(r"^(.*)\nchecked\n")[1] == "start 1"
-        machine.say(asked)
-        said = machine.until(r"^fault: (.*) at 0x(\w{8,}), called from 0x\w{8,}\n(cause .*)\n")
-        assert said[1] == what and len(re.findall(r"\w+ [0-9a-f]+\b", said[3])) > 15
-        if where:
-            assert re.fullmatch(where, function_at(check, said[2]))
-        else:
-            assert said[2] == "00000010"
-        assert machine.until(r"^(.*)\nchecked\n")[1] == "start 2"
-        machine.say("r")
-        assert machine.until(r"^(.*)\nchecked\n")[1] == "start 3"
-        machine.say(".")
-        assert machine.process.wait() == 0
-
-
-def test_the_elementary_functions_have_the_same_bits(tmp_path):
-    """Hashes over 200,000 arguments of each function."""
-    math = build.ROOT / "flight/math"
-    sources = [math / "elementary_hash.c", *build.math_sources()]
-    here = build.program(tmp_path / "here", "hash", sources, [build.ROOT], link=["-lm"])
-    expected = subprocess.run([here], capture_output=True, text=True, check=True).stdout
-    there = TARGET.program(tmp_path / "there", "hash", [*sources, *CONSOLE], [], link=("-lm",))
-    with Machine(TARGET, there) as machine:
-        assert machine.process.communicate()[0].decode() == expected and len(expected.splitlines()) == 11
-        assert machine.process.returncode == 0
 
 
 @pytest.mark.long("builds and flies two images")

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The support of the boards behind a line: what a program needs, what protects it, and what a fault says. What all
+targets have in common is in fly_test.py, which flies these, too."""
+import re
+import subprocess
+
+import pytest
+
+from fledge.targets import TARGETS, build
+from tests.bare_machine import Machine, printed, program
+
+# What each says of a fault, by what the check is asked to do: the fault, and the function in which it is.
+FAULTS = {
+    "cortex-m7": {
+        "c": ("jump to what is no code", None),
+        "s": ("access to protected memory", "wild_store"),
+        "p": ("access to protected memory", "wild_code"),
+        "l": ("access to where no memory is", "wild_load"),
+        "d": ("division by zero", "wild_quotient"),
+        "f": ("stack overflow", "deeper"),
+        "w": ("watchdog: the program was not idle for 10 s,", "do_what_is_asked|main")},
+    "riscv64": {
+        "c": ("jump to what is no code", None),
+        "s": ("store to protected memory, or where none is,", "wild_store"),
+        "p": ("store to protected memory, or where none is,", "wild_code"),
+        "l": ("load from protected memory, or where none is,", "wild_load"),
+        "f": ("stack overflow", "deeper"),
+        "w": ("watchdog: the program was not idle for 10 s,", "do_what_is_asked|main")}}
+# How they say it: (where, registers).
+SAYS = {"cortex-m7": (r"0x(\w{8})(?:, called from 0x\w{8})?", "number"),
+        "riscv64": (r"0x(\w{8,}), called from 0x\w{8,}", "cause")}
+
+
+@pytest.fixture(scope="module", params=FAULTS)
+def target(request):
+    found = TARGETS[request.param]
+    if found.missing():
+        pytest.skip(f"{found.missing()} not installed")
+    return found
+
+
+@pytest.fixture(scope="module")
+def check(target, tmp_path_factory):
+    """The check of boards, with a watchdog of half a second."""
+    return program(target, tmp_path_factory.mktemp("check"), "check", [
+        build.ROOT / "targets/bare/testing/check.c"], "-Werror", "-Wconversion", "-DBOARD_PATIENCE_MS=500")
+
+
+@pytest.mark.parametrize("asked, status", [(".", 0), ("e", 7)])
+def test_the_board_support_does_what_a_program_needs(target, check, asked, status):
+    """Initial data, registers over interrupts, denormal numbers, errno of the C library, the line in both directions,
+    and the status at the end."""
+    with Machine(target, check) as board:
+        assert board.until("^start 1\nchecked\n")
+        assert board.process.poll() is None
+        board.say("0123456789" * 100 + asked)
+        assert board.process.wait() == status
+
+
+@pytest.mark.parametrize("asked", FAULTS["cortex-m7"])
+def test_a_fault_says_what_and_where_and_resets_the_board(target, check, asked):
+    """Null pointers, code, and what is below the stack are protected. Initial data are fresh after the reset; what is
+    kept, is kept."""
+    if asked not in FAULTS[target.name]:
+        pytest.skip("a division by zero is no fault of this processor")
+    (what, function), (where, registers) = FAULTS[target.name][asked], SAYS[target.name]
+    with Machine(target, check) as board:
+        assert board.until(r"^start 1\nchecked\n")
+        board.say(asked)
+        said = board.until(rf"^fault: (.*) at {where}\n({registers} .*)\n")
+        assert said[1] == what and len(re.findall(r"\w+ [0-9a-f]+\b", said[3])) > 15
+        if function:
+            place = subprocess.run([target.addr2line, "-f", "-e", check, said[2]], capture_output=True, text=True,
+                                   check=True).stdout
+            assert re.fullmatch(function, place.splitlines()[0])
+        else:
+            assert said[2] == "00000010"
+        assert board.until(r"^start 2\nchecked\n")
+        board.say("r")
+        assert board.until(r"^start 3\nchecked\n")
+        board.say(".")
+        assert board.process.wait() == 0
+
+
+def test_the_elementary_functions_have_the_same_bits(target, tmp_path):
+    """Hashes over 200,000 arguments of each function."""
+    math = build.ROOT / "flight/math"
+    sources = [math / "elementary_hash.c", *build.math_sources()]
+    here = build.program(tmp_path / "here", "hash", sources, [build.ROOT], link=["-lm"])
+    expected = subprocess.run([here], capture_output=True, text=True, check=True).stdout
+    there = program(target, tmp_path / "there", "hash", sources)
+    assert printed(target, there) == expected and len(expected.splitlines()) == 11
