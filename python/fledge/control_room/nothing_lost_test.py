@@ -122,13 +122,8 @@ class Server:
             return json.load(answer)
 
     def until(self, path, holds):
-        """Ask again until the answer is as it must be."""
-        end = time.monotonic() + PATIENCE
-        while not holds(found := self.get(path)):
-            assert self.process.poll() is None, self.process.stdout.read()
-            assert time.monotonic() < end, f"waited in vain for {path}, which is {found}; {self.get('crafts')}"
-            time.sleep(0.01)
-        return found
+        return wait_for(lambda: holds(found := self.get(path)) and [found], self.process,
+                        lambda: f"{path} is {self.get(path)}; {self.get('crafts')}")[0]
 
     def took(self, n):
         """Wait until so many packets have come."""
