@@ -418,7 +418,6 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     static const RegisterBoard *boards[1];
     boards[0] = &bench_.board();
     const auto plug = [&] {
-        std::filesystem::remove(device);
         cable_ = std::make_unique<SerialPort>();
         std::filesystem::create_symlink(cable_->path(), device);
     };
@@ -429,6 +428,7 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     greet();
     fly(0, 10);
     ::testing::internal::CaptureStderr();
+    std::filesystem::remove(device);
     board_.reset(); // with it goes the device, as a board's own USB port does
     plug();
     board_ = std::make_unique<Board>(std::move(cable_), bench_.board(), Habits());
@@ -437,20 +437,21 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     EXPECT_SAYS(told, "the device has vanished in the tick at 1 s: is its cable out?");
     EXPECT_SAYS(told, "the device is there again after ");
     EXPECT_SAYS(told, "the board was reset in the tick at 1 s, and begins flight there");
-    EXPECT_SAYS(told, "the board kept nothing over its reset: the record begins anew at 1 s");
+    EXPECT_SAYS(told, "the board kept nothing over its reset: the record begins anew at ");
     EXPECT_EQ(end(), 0);
     EXPECT_EQ(recorded(), expected(10, 10, 11));
 
+    std::filesystem::remove(device);
     plug();
     backend_.emplace(boards, LineBackend::Mission{"probe", HASH}, LineSettings::read(device.string() + "?cut=0.2"),
                      record_.string());
     board_ = std::make_unique<Board>(std::move(cable_), bench_.board(), Habits());
     greet();
     fly(0, 10);
+    std::filesystem::remove(device); // first: another program may have the next terminal of this number
     board_.reset();
     EXPECT_SAYS(thrown([&] { fly(10, 1); }), "the device has vanished in the tick at 1 s, and did not come back within "
                                              "0.2 s");
-    std::filesystem::remove(device);
 }
 
 TEST_F(LineBackendTest, LatenessIsCountedAgainstThePaceAndMissedTicksAreNamed)

@@ -84,18 +84,18 @@ class Line:
         self.plug()
 
     def plug(self) -> None:
+        self.path.unlink(missing_ok=True)   # first: another program may have the next terminal of this number
         if self.master >= 0:
             os.close(self.master)
         self.master, other = os.openpty()
         os.set_blocking(self.master, False)
-        self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(other))
         os.close(other)     # else this program has the device open
 
     def close(self) -> None:
+        self.path.unlink(missing_ok=True)
         os.close(self.master)
         self.ours.close()
-        self.path.unlink(missing_ok=True)
 
     def pump(self, board: subprocess.Popen[bytes]) -> None:
         """Pass what has come, at most 10 ms later."""
