@@ -74,11 +74,12 @@ class Bare(Target):
         super().check(part)
         told = subprocess.run([self.compiler, *self.machine, "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True,
                               text=True, check=True).stdout
-        unit = re.search(r"^#define __ARM_FP (\w+)$", told, re.M)
-        if "#define __ARM_ARCH " in told and not (unit and int(unit[1], 0) & 8):
+        # Of each unit the sizes in bytes (ARM), or the widest in bits (RISC-V).
+        unit = re.search(r"^#define (__ARM_FP|__riscv_flen) (\w+)$", told, re.M)
+        if re.search("^#define __(ARM_ARCH|riscv) ", told, re.M) and not (unit and int(unit[2], 0) & (8 | 64 | 128)):
             raise Failure(f"{self.name}: {' '.join(self.machine)} has no unit for double precision, and the compiler's "
                           "software for it has other bits (exp); take a processor with one, as a Cortex-M7 "
-                          "(-mfpu=fpv5-d16)")
+                          "(-mfpu=fpv5-d16) or an rv64gc")
 
     def build(self, part: Part) -> Path:
         from registers.checked_toml import parse, text_of
