@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The support of the boards behind a line: what a program needs, what protects it, and what a fault says. What all
-targets have in common is in fly_test.py, which flies these, too."""
+"""The support of the boards behind a line: what a program needs, what protects it, what a fault says, and gdb. What
+all targets have in common is in fly_test.py, which flies these, too."""
 import re
+import shutil
+import socket
 import subprocess
+import sys
 
 import pytest
 
+from fledge import cli
 from fledge.targets import TARGETS, build
 from tests.bare_machine import Machine, printed, program
 
@@ -57,12 +61,11 @@ def test_the_board_support_does_what_a_program_needs(target, check, asked, statu
         assert board.process.wait() == status
 
 
-@pytest.mark.parametrize("asked", FAULTS["cortex-m7"])
+@pytest.mark.parametrize("target, asked", [(name, asked) for name, faults in FAULTS.items() for asked in faults],
+                         indirect=["target"], scope="module")
 def test_a_fault_says_what_and_where_and_resets_the_board(target, check, asked):
     """Null pointers, code, and what is below the stack are protected. Initial data are fresh after the reset; what is
     kept, is kept."""
-    if asked not in FAULTS[target.name]:
-        pytest.skip("a division by zero is no fault of this processor")
     (what, function), (where, registers) = FAULTS[target.name][asked], SAYS[target.name]
     with Machine(target, check) as board:
         assert board.until(r"^start 1\nchecked\n")
@@ -90,3 +93,23 @@ def test_the_elementary_functions_have_the_same_bits(target, tmp_path):
     expected = subprocess.run([here], capture_output=True, text=True, check=True).stdout
     there = program(target, tmp_path / "there", "hash", sources)
     assert printed(target, there) == expected and len(expected.splitlines()) == 11
+
+
+@pytest.mark.long("builds and flies an image under gdb")
+@pytest.mark.skipif(not shutil.which("gdb-multiarch"), reason="gdb-multiarch is not installed")
+def test_gdb_stops_in_flight(target, tmp_path):
+    """As docs/debugging.md has it; the flight then goes on to its end."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    arguments = ["fly", "nadir_spin", "--for", "5s", "--on", target.name, "--out", str(tmp_path)]
+    assert cli.main([*arguments, "--build"]) == 0
+    with subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", *arguments, "--gdb", str(port)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
+        words = ["set tcp connect-timeout 500", f"target remote :{port}", "break mrp_feedback_update", "continue",
+                 "print m->par.K", "backtrace", "delete", "continue"]
+        asked = [word for one in words for word in ("-ex", one)]
+        said = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *asked, tmp_path / target.name / "nadir_spin"],
+                              capture_output=True, text=True).stdout
+        printed = flight.communicate()[0]
+    assert "Breakpoint 1, mrp_feedback_update" in said and "$1 = 2.531" in said and "run_gnc" in said, said
+    assert flight.returncode == 0 and f"passed   desktop, {target.name}" in printed, printed

@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which processors are refused; flights with resets, large boards, other boards and gdb. Its support is in
+"""Which processors are refused; flights with resets, large boards and other boards. Its support is in
 targets/bare/boards_test.py, what all targets have in common in fly_test.py."""
 import re
-import shutil
-import socket
-import subprocess
-import sys
 import types
 
 import pytest
@@ -49,26 +45,3 @@ def test_boards_of_different_processors_fly_in_one_run(tmp_path, capsys):
                      str(tmp_path)]) == 0
     rows = [line for line in capsys.readouterr().out.splitlines() if re.search(" on (riscv64|cortex-m7) ", line)]
     assert len(rows) == 2 and all(" none " in row for row in rows)
-
-
-@pytest.mark.long("builds and flies an image under gdb")
-@pytest.mark.skipif(not shutil.which("gdb-multiarch"), reason="gdb-multiarch is not installed")
-@pytest.mark.parametrize("name", ["riscv64", "cortex-m7"])
-def test_gdb_stops_in_flight(name, tmp_path):
-    """As docs/debugging.md has it; the flight then goes on to its end."""
-    if TARGETS[name].missing():
-        pytest.skip(f"{TARGETS[name].missing()} not installed")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    arguments = ["fly", "nadir_spin", "--for", "5s", "--on", name, "--out", str(tmp_path)]
-    assert cli.main([*arguments, "--build"]) == 0
-    with subprocess.Popen([sys.executable, "-P", "-m", "fledge.cli", *arguments, "--gdb", str(port)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as flight:
-        words = ["set tcp connect-timeout 500", f"target remote :{port}", "break mrp_feedback_update", "continue",
-                 "print m->par.K", "backtrace", "delete", "continue"]
-        asked = [word for one in words for word in ("-ex", one)]
-        said = subprocess.run(["gdb-multiarch", "-q", "-nx", "-batch", *asked, tmp_path / name / "nadir_spin"],
-                              capture_output=True, text=True).stdout
-        printed = flight.communicate()[0]
-    assert "Breakpoint 1, mrp_feedback_update" in said and "$1 = 2.531" in said and "run_gnc" in said, said
-    assert flight.returncode == 0 and f"passed   desktop, {name}" in printed, printed
