@@ -43,12 +43,11 @@ class Bare(Target):
     line = "pty?baud=921600"            # of its node: fledge_board_node's --line
     # The command of a machine that runs a program: {program} stands for it, and {line} for the serial line.
     emulator: tuple[str, ...] = ()
+    takes_gdb = True
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.addr2line = cls.compiler.removesuffix("gcc") + "addr2line"
-
-    takes_gdb = True
 
     def __init__(self, tools: Sequence[str] = ()) -> None:
         self.tools = tools      # --gdb [ADDRESS:]PORT
@@ -72,11 +71,12 @@ class Bare(Target):
         from fledge.errors import Failure
 
         super().check(part)
-        told = subprocess.run([self.compiler, *self.machine, "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True,
-                              text=True, check=True).stdout
-        # Of each unit the sizes in bytes (ARM), or the widest in bits (RISC-V).
-        unit = re.search(r"^#define (__ARM_FP|__riscv_flen) (\w+)$", told, re.M)
-        if re.search("^#define __(ARM_ARCH|riscv) ", told, re.M) and not (unit and int(unit[2], 0) & (8 | 64 | 128)):
+        macros = dict(re.findall(r"^#define (\w+) (\w+)$", subprocess.run(
+            [self.compiler, *self.machine, "-dM", "-E", "-x", "c", "/dev/null"], capture_output=True, text=True,
+            check=True).stdout, re.M))
+        # ARM: the sum of the sizes that its unit has, 8 bytes among them; RISC-V: the widest of them in bits.
+        arm, risc_v = (int(macros.get(name, "0"), 0) for name in ("__ARM_FP", "__riscv_flen"))
+        if "__ARM_ARCH" in macros and not arm & 8 or "__riscv" in macros and risc_v < 64:
             raise Failure(f"{self.name}: {' '.join(self.machine)} has no unit for double precision, and the compiler's "
                           "software for it has other bits (exp); take a processor with one, as a Cortex-M7 "
                           "(-mfpu=fpv5-d16) or an rv64gc")

@@ -92,8 +92,8 @@ class Target:
         return None, None
 
     def advice(self, log: str, part: Part) -> str:
-        """What a user may do about a flight that ended early with this log; "" if that is not known. Where its program
-        stopped is."""
+        """What a user may do about a flight that ended early with this log, or where its program stopped; "" if neither
+        is known."""
         if not self.addr2line or self not in part.built:
             return ""
         from fledge.targets import faults
