@@ -437,7 +437,7 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     EXPECT_SAYS(told, "the device has vanished in the tick at 1 s: is its cable out?");
     EXPECT_SAYS(told, "the device is there again after ");
     EXPECT_SAYS(told, "the board was reset in the tick at 1 s, and begins flight there");
-    // The first bytes of the record come behind the answer, and before that of the next tick.
+    // The board sends the first bytes of its record after its answer and before its answer to the next tick.
     EXPECT_TRUE(told.find("the board kept nothing over its reset: the record begins anew at 1 s") != told.npos ||
                 told.find("the board kept nothing over its reset: the record begins anew at 1.1 s") != told.npos)
         << told;

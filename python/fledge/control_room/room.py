@@ -32,7 +32,7 @@ class Room:
         self._numbers = 0
         self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
         self._left_out = 0      # events besides
-        self._failed: set[str] = set()      # spacecraft whose journal fails, as an event has told
+        self._failed: set[str] = set()      # spacecraft for which an event says that the journal fails
         self._keeping = RLock()
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of

@@ -29,7 +29,7 @@ def test_a_fault_is_told_with_its_module_and_line(name, tmp_path):
     told = target.advice(f"world: flown 1 s\n{update}world: interrupted\n", part)
     assert re.fullmatch(r"nadir_spin: .* at 0x\w+: in the module flight\.control, mrp_feedback_update, "
                         r"flight/control/mrp_feedback\.c:\d+", told)
-    # The caller tells which module it is, of a function that several call.
+    # Of a function that several modules call, the caller tells which module it was.
     dumped = subprocess.run([target.addr2line.replace("addr2line", "objdump"), "-d", program], capture_output=True,
                             text=True, check=True).stdout
     call = int(re.search(r"^ *(\w+):.*\b(?:call|bl)\b.*<tracking_error_update>", dumped, re.M)[1], 16)
