@@ -208,8 +208,8 @@ class Campaign:
             os.kill(world, signal.SIGKILL)
             os.waitpid(world, 0)
         flown = Flight(code, log.read_text(encoding="utf-8", errors="replace"),
-                      *(path.read_bytes() if path.exists() else b"" for path in (record, exchange)), line.passed,
-                      ended)
+                       *(path.read_bytes() if path.exists() else b"" for path in (record, exchange)), line.passed,
+                       ended)
         for path in (record, exchange, log):
             path.unlink(missing_ok=True)
             path.with_name(path.name + ".part").unlink(missing_ok=True)

@@ -104,8 +104,8 @@ def connect(w, f, trackers):
         # what flight sees
         w.adc_a.counts    >> f.pyramids.a,
         w.adc_b.counts    >> f.pyramids.b,
-        w.gyro.rate       >> [f.line.gyro, f.vectors.gyro, f.b_dot.gyro, f.damping.gyro]
-                             + ([f.stars.gyro] if trackers else []),
+        w.gyro.rate       >> [f.line.gyro, f.vectors.gyro, f.b_dot.gyro, f.damping.gyro,
+                              *([f.stars.gyro] if trackers else [])],
         w.tam.measured    >> f.window.measured,
         w.gps.orbit       >> [f.orbit.fix, f.ahead.fix],
         w.wheels.speeds   >> [f.sun_law.speeds, f.law.speeds, f.monitor.speeds, f.plan.speeds, f.balance.speeds,

@@ -113,7 +113,7 @@ def test_the_archive_has_every_packet_of_the_record_and_their_values(run, pace, 
     sent, archived = flown.sent(), flown.archived()
     assert len(sent) > 1000 and archived == sent
     history = Database.load(tmp_path / "room/databases/nadir_spin.xml").history(tmp_path / "room/archive",
-                                                                                 "nadir_spin")
+                                                                                "nadir_spin")
     assert [one["gaps"] for one in history.sessions()] == [[]]
     record = Archive(tmp_path / "runs/room/exchange.mcap")
     names = [f"flight.motor.command.{one}" for one in ("head.t", "u[0]", "u[1]", "u[2]")]
