@@ -59,7 +59,7 @@ foreach(folder ccsds flight record registers sim world targets cosim introspect 
 endforeach()
 install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
     REGEX "(_test[.](py|mjs)|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/web)$" EXCLUDE
-    REGEX "(scene|control_room)/testing$" EXCLUDE)
+    REGEX "(scene|ground/server|ground/console)/testing$" EXCLUDE)
 install(FILES python/_core.pyi DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY build/view/ DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL

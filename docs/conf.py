@@ -119,10 +119,10 @@ def write_reference(app):
 
 def routes_page():
     """Who may what in the control room, by the rows from which its server checks that."""
-    from fledge.control_room.live import Browser
-    from fledge.control_room.routes import MESSAGE, rows
-    from fledge.control_room.users import Guard
-    from fledge.control_room.web import Server
+    from fledge.ground.server.live import Browser
+    from fledge.ground.server.routes import MESSAGE, rows
+    from fledge.ground.server.users import Guard
+    from fledge.ground.server.web import Server
 
     crafts = {"": "", "path": "the one that is named", "run": "all that its run flies"}
     found = sorted({(row.method == MESSAGE, row.path.partition(":[")[0], row.method, row)

@@ -46,7 +46,6 @@ CHECKS = {".md": "tests/links_test.py", "CMakeLists.txt": "tests/collection_test
 CASE = re.compile(r"^(TYPED_)?TEST(?:_F|(_P))?\(\s*(\w+)", re.MULTILINE)
 TEMPLATES = "python/fledge/templates/"
 APART = {name.removeprefix("_") for name in EXTENSIONS} - {"core"}     # folders with an extension of their own
-LEVEL = {part: level for level, (parts, _) in enumerate(layers.PARTS) for part in parts.split()}
 
 
 class Failure(Exception):
@@ -122,7 +121,7 @@ def closure(changed: Iterable[str]) -> set[str]:
 def unit(name: str) -> str:
     """What tests import as one: a part of the package, a target, introspect/, or a module elsewhere."""
     parts = name.strip(".").split(".")
-    is_room = parts[:2] == ["fledge", "targets"] and ".".join(parts[1:3]) in ROOMS
+    is_room = parts[0] == "fledge" and ".".join(parts[1:3]) in {*ROOMS, *layers.LEVEL}
     return ".".join(parts[:3 if is_room else 1 if parts[0] == "introspect" else 2])
 
 
@@ -135,9 +134,9 @@ def unit_of(path: str) -> str:
 
 def part_of(path: str) -> str:
     """The part of the package that has a file, or by which alone the file reaches the package, or ""."""
-    folder, names = layers.rule_of(path).split("/")[0], unit_of(path).split(".")
-    part = folder if folder in APART else names[1].removesuffix("_test") if folder == "fledge" and names[1:] else ""
-    return part if part in LEVEL else ""
+    folder, module = layers.rule_of(path).split("/")[0], unit_of(path).removesuffix("_test").partition(".")[2]
+    part = folder if folder in APART else layers.part_of(module) if folder == "fledge" else ""
+    return part if part in layers.LEVEL else ""
 
 
 class Named(NamedTuple):
@@ -223,8 +222,8 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
         elif file.name != "CMakeLists.txt":
             own = own_tests(path)
             if not own and path.startswith("python/"):      # as series has none: the tests of the parts that use it
-                using = {module.split(".")[0] for module, others in library_imports().items()
-                         if any(other.split(".")[0] == part_of(path) for _, other in others)}
+                using = {layers.part_of(module) for module, others in library_imports().items()
+                         if any(layers.part_of(other) == part_of(path) for _, other in others)}
                 own = {test for test in tests() if part_of(test) in using}
             words = {file.parts[1]} if path.startswith("missions/") else \
                 {file.name} - {file.stem} if file.suffix not in CHECKS else set()
@@ -254,7 +253,8 @@ def reach(changed: list[str]) -> set[str]:
         while new := {one for one in layers.RULES if any(layers.may_use(one, other) for other in above)} - above:
             above |= new
         found |= {test for test in tests() if (own := layers.rule_of(test)) in above and not (
-            own == "fledge" and part and part_of(test) != part and LEVEL.get(part_of(test), 99) <= LEVEL[part])}
+            own == "fledge" and part and part_of(test) != part
+            and layers.LEVEL.get(part_of(test), 99) <= layers.LEVEL[part])}
     return found
 
 

@@ -92,7 +92,7 @@ def test_a_file_that_nothing_uses_chooses_only_what_holds_for_every_file():
 
 
 @pytest.mark.parametrize("path, least, never", [
-    ("python/fledge/report/run.py", "python/fledge/control_room/api_test.py", "python/fledge/mission/feed_test.py"),
+    ("python/fledge/report/run.py", "python/fledge/ground/server/api_test.py", "python/fledge/mission/feed_test.py"),
     ("cosim/router/router.cpp", "python/fledge/verify/verify_test.py", "python/fledge/mission/feed_test.py"),
     ("missions/flyby/world.py", "tests/cosim_missions_test.py", "missions/flatsat/flatsat_test.py"),
     ("flight/math/trig.c", "python/fledge/units_test.py", "introspect/units_test.py"),

@@ -193,15 +193,14 @@ def room(module: str) -> str:
 
 def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
     """Complaints about the imports between the parts of python/fledge."""
-    level = {part: i for i, (parts, _) in enumerate(layers.PARTS) for part in parts.split()}
     complaints = []
     for module, found in imports.items():
-        part = module.split(".")[0]
-        if part not in level:
+        part = layers.part_of(module)
+        if part not in layers.LEVEL:
             complaints.append(f"fledge.{module}: the part {part} has no layer; add it to PARTS in tests/layers.py")
             continue
         for line, other in found:
-            there = other.split(".")[0]
+            there = layers.part_of(other)
             if part == there == "targets" and room(module) not in ROOMS and room(other) in ROOMS:
                 complaints.append(f"fledge.{module}:{line}: what targets share may not import fledge.{other}, one of "
                                   "them; ask TARGETS for it by name")
@@ -213,7 +212,7 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
                 if part != "cli":
                     complaints.append(f"fledge.{module}:{line}: {part} may not import fledge as a whole; name the "
                                       "module")
-            elif there != part and level.get(there, len(layers.PARTS)) >= level[part]:
+            elif there != part and layers.LEVEL.get(there, len(layers.PARTS)) >= layers.LEVEL[part]:
                 complaints.append(f"fledge.{module}:{line}: {part} may not import fledge.{other}, which is not "
                                   "below it")
     return complaints

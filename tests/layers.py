@@ -67,7 +67,7 @@ RULES = {
     "emulator/tools": Rule("C++20", "the programs",
                            ["options", "flight/exec", "record", "registers", "targets", "emulator"]),
     "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
-                   "values of telemetry with limits; the archive",
+                   "values of telemetry with limits; files of packets, and captures",
                    ["ccsds", "record"]),
     "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
                    ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator",
@@ -112,9 +112,11 @@ PARTS = [
     ("profile", "what flight costs on a target"),
     ("verify", "all requirements of a mission over scenarios and targets, with a report"),
     ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
-    ("control_room", "the server of the control room, and its page"),
+    ("ground.server ground.console", "the server of the control room, and its pages"),
     ("cli", "the commands of `./fledge`"),
 ]
+
+LEVEL = {part: level for level, (parts, _) in enumerate(PARTS) for part in parts.split()}
 
 # Python packages of other projects, and where each may be imported. They are Debian's.
 THIRD_PARTIES = {
@@ -142,6 +144,12 @@ def rule_of(path: str) -> str:
         if folder in RULES or "/".join([*parts[:length - 1], "*"]) in RULES:
             return folder
     return parts[0]
+
+
+def part_of(module: str) -> str:
+    """The part of python/fledge that has a module: "ground.server" of "ground.server.web"."""
+    names = module.split(".")
+    return whole if (whole := ".".join(names[:2])) in LEVEL else names[0]
 
 
 def uses(folder: str) -> list[str]:

@@ -192,7 +192,7 @@ def _python(text: str) -> int:
 
 def _request(words: list[str]) -> int:
     """curl -X POST localhost:8080/PATH -d TEXT, to a room of the mission whose flight stands."""
-    from fledge.control_room.testing import asked
+    from fledge.ground.server.testing import asked
 
     method, address, text = words[1], words[2], words[words.index("-d") + 1]
     Path("ground.toml").write_text(f'[[craft]]\nmission = "{MISSION}"\n', encoding="utf-8")

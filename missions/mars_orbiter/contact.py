@@ -6,7 +6,7 @@
 from math import hypot
 from pathlib import Path
 
-from fledge.ground.files import Files
+from fledge.ground.scripts.files import Files
 from fledge.units import arcmin, hour, minute, s
 
 from .pointing import elements

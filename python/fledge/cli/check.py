@@ -169,7 +169,7 @@ def _ground(sim):
 
 
 def _control_room(path):
-    from fledge.control_room.settings import read
+    from fledge.ground.server.settings import read
 
     read(path)
     return path.name

@@ -72,9 +72,9 @@ def serve(options: argparse.Namespace) -> int:
     import signal
     from pathlib import Path
 
-    from fledge.control_room import web
-    from fledge.control_room.room import Room
-    from fledge.control_room.settings import read
+    from fledge.ground.server import web
+    from fledge.ground.server.room import Room
+    from fledge.ground.server.settings import read
 
     print(f"fledge: loading the spacecraft of {options.file} ...", file=sys.stderr, flush=True)
     ctypes.CDLL(None).mallopt(M_ARENA_MAX, 1)   # with a heap for each thread, each keeps the size of its largest answer
@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from fledge.cli.runs import RUNS, alone
-    from fledge.ground import script as scripts
+    from fledge.ground.scripts import script as scripts
     from fledge.report import script as page
 
     path = Path(options.script)
@@ -201,7 +201,7 @@ def _ask(question, yes, asked):
 
 
 def password(options: argparse.Namespace) -> int:
-    from fledge.control_room.users import PASSWORD_LEAST, PASSWORD_MOST, hashed
+    from fledge.ground.server.users import PASSWORD_LEAST, PASSWORD_MOST, hashed
 
     if sys.stdin.isatty():
         given = getpass.getpass("password: ")
@@ -219,7 +219,7 @@ def password(options: argparse.Namespace) -> int:
 def token(options: argparse.Namespace) -> int:
     from json import dumps
 
-    from fledge.control_room.users import token as made
+    from fledge.ground.server.users import token as made
 
     word, kept = made()
     say(f"# the token: {word}")

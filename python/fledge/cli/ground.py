@@ -144,7 +144,7 @@ def _move(options, done, begin):
     from fledge.cli.arguments import parse_duration
     from fledge.cli.console import say
     from fledge.errors import Failure
-    from fledge.ground.files import RATE, Files
+    from fledge.ground.scripts.files import RATE, Files
     from fledge.progress import Bar
 
     if not re.fullmatch(r"\d{1,5},\d{1,5}", options.entities):
@@ -182,8 +182,8 @@ def link(options: argparse.Namespace) -> int:
 
     from fledge.cli.console import say
     from fledge.errors import Failure
-    from fledge.ground.address import open_link
-    from fledge.ground.member import Onlooker
+    from fledge.ground.scripts.address import open_link
+    from fledge.ground.scripts.member import Onlooker
     from fledge.interruption import handled
 
     forever = 1 << 62

@@ -19,11 +19,11 @@ from typing import Any
 from fledge.commands import Dictionary
 from fledge.errors import SetupError
 from fledge.frames import FILE
-from fledge.ground.address import open_link
-from fledge.ground.craft import Craft, NotSeen, Sent, accepts, packets
-from fledge.ground.framed import Framed
-from fledge.ground.links import Link, NoAnswer
-from fledge.ground.simulated import Simulated, flight_of
+from fledge.ground.scripts.address import open_link
+from fledge.ground.scripts.craft import Craft, NotSeen, Sent, accepts, packets
+from fledge.ground.scripts.framed import Framed
+from fledge.ground.scripts.links import Link, NoAnswer
+from fledge.ground.scripts.simulated import Simulated, flight_of
 
 __all__ = ["Craft", "Database", "Framed", "Link", "NoAnswer", "NotSeen", "Sent", "connect", "dictionary_of",
            "open_link", "packets", "perform"]
@@ -46,7 +46,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
             kind: type[Craft] = Craft, token: str | None = None) -> Craft:
     """A spacecraft behind a link. One that speaks frames, as its dictionary says, gets them.
 
-    where: a simulation, which runs while the script waits; an address (fledge.ground.address), or a Link
+    where: a simulation, which runs while the script waits; an address (fledge.ground.scripts.address), or a Link
     dictionary: of an address or a Link: what the mission can be commanded; a Dictionary, a file MISSION_packets.json
     of an export, or the name or folder of a mission
     process: the name of the flight process, if the mission has several
@@ -66,7 +66,7 @@ def connect(where: Any, dictionary: Dictionary | Path | str | None = None, seque
         own = Path(mission.folder) / FILE if mission else None
         return kind(Framed(link, found.frames, keys or own, role) if found.frames else link, found, sequence)
     if str(where).startswith(("http://", "https://")):
-        from fledge.ground.served import Served
+        from fledge.ground.scripts.served import Served
 
         served = Served(str(where), token)
         return kind(served, served.dictionary, sequence)
@@ -87,9 +87,9 @@ def perform(sim: Any, path: Path | str, radio: Any = None) -> None:
     """Run a script with steps (docs/ground.md) in a simulation, in which it commands the one process that flies; the
     operator says yes. A relative path is one in the mission's folder. radio: as of connect().
 
-    Raises SetupError if there is no such script, fledge.ground.script.CheckFailed if it does not pass.
+    Raises SetupError if there is no such script, fledge.ground.scripts.script.CheckFailed if it does not pass.
     """
-    from fledge.ground import script as scripts
+    from fledge.ground.scripts import script as scripts
 
     path = Path(sim.mission.folder if sim.mission else "") / path
     function = scripts.load(path)

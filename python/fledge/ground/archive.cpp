@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The archive of a spacecraft's packets for Python: its writer, and what reads it.
-#include "ground/archive/history.h"
-#include "ground/archive/packet_archive.h"
+#include "ground/packets/history.h"
+#include "ground/packets/packet_archive.h"
 #include "ground/loaded.h"
 
 #include <pybind11/numpy.h>

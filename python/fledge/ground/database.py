@@ -68,7 +68,7 @@ class Database:
         return _ground.Monitor(self._read, root)
 
     def archive(self, folder: str | os.PathLike[str], craft: str) -> Any:
-        """What writes the packets of a craft into a folder (ground/archive). Raises SetupError if another program
+        """What writes the packets of a craft into a folder (ground/packets). Raises SetupError if another program
         does."""
         return _ground.PacketArchive(os.fspath(folder), craft, self._read)
 

@@ -5,7 +5,7 @@ console loads the viewer, as viewer.js, only for its 3-D page.
     python3 -m fledge.scene.bundle
 
 npm fetches what web/package-lock.json names, and checks its hashes; esbuild joins it. It is built anew after a change
-of a file in web/ or control_room/web/.
+of a file in web/ or ground/console/web/.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fledge.errors import SetupError
 from fledge.programs import without_preload
 
 WEB = Path(__file__).with_name("web")
-CONSOLE = WEB.parents[1] / "control_room/web"
+CONSOLE = WEB.parents[1] / "ground/console/web"
 MADE = ("view.js", "view.css", "viewer.js", "console.js", "console.css")
 ADVICE = "The 3-D view and interactive plots need Node when Fledge is built: ./fledge setup --view installs it"
 

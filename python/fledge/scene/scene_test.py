@@ -588,7 +588,7 @@ def test_passes_and_radio_are_those_of_the_record(browser, passing, tmp_path):
 @pytest.mark.long("a page that follows a flight")
 @needs_browser
 def test_it_goes_on_while_one_looks_back_and_returns(browser, tmp_path):
-    from fledge.control_room.scene import Feed
+    from fledge.ground.server.scene import Feed
 
     sim = fledge.load("earth_imager")
     feed, number = Feed("imager", sim), 0

@@ -19,7 +19,7 @@ from fledge.cosim.up.testing import set_pace, steered
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce_test import Reader
-from fledge.ground.links import NoAnswer, split
+from fledge.ground.scripts.links import NoAnswer, split
 from fledge.targets import TARGETS
 from tests.circles import long_after
 from tests.waiting import PATIENCE, wait_for
@@ -174,7 +174,7 @@ from random import Random
 import fledge
 from fledge import ground
 from fledge.errors import Failure
-from fledge.ground.files import Files
+from fledge.ground.scripts.files import Files
 from fledge.units import minute, s
 
 with ground.connect(sys.argv[1] if len(sys.argv) > 1 else fledge.load("./plays"), "./plays") as craft:
@@ -255,7 +255,7 @@ import sys
 
 import fledge
 from fledge import ground
-from fledge.ground.links import Link
+from fledge.ground.scripts.links import Link
 from fledge.units import s
 
 

@@ -6,8 +6,8 @@ import fledge
 from fledge import export, ground
 from fledge.commands import Timed
 from fledge.export.run_test import FLIGHT, WORLD
-from fledge.ground.files import Files
-from fledge.ground.links import Link
+from fledge.ground.scripts.files import Files
+from fledge.ground.scripts.links import Link
 from fledge.targets.cfs import export as cfs
 from fledge.targets.cfs.testing import Core, command, linked
 from fledge.units import minute, s

@@ -403,7 +403,7 @@ class _Reader(Tables):
     def link(self, table: dict, path: tuple, p: Program, address: str) -> None:
         """A link by which foreign tools command a flight process; with `writes = []` they only see its telemetry."""
         from fledge.errors import SetupError
-        from fledge.ground.address import link_of
+        from fledge.ground.scripts.address import link_of
 
         try:
             link_of(address)
@@ -434,7 +434,7 @@ class _Reader(Tables):
     @staticmethod
     def carries(table: dict, p: Program, links: list[tuple[str, str | None]]) -> None:
         """The packets of these processes, by a radio or without; without `writes` their commands, too."""
-        from fledge.ground.member import topics_of
+        from fledge.ground.scripts.member import topics_of
 
         topics = [topics_of(process, radio) for process, radio in links]
         p.sees = [down for _, down in topics]

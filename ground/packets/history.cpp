@@ -1,0 +1,753 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/packets/history.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fcntl.h>
+#include <filesystem>
+#include <unistd.h>
+
+namespace fledge::ground {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+std::string metadata(const PacketFile &file, const std::string &name, const std::string &key)
+{
+    for (const auto &[about, pairs] : file.metadata) {
+        if (const auto at = pairs.find(key); about == name && at != pairs.end()) {
+            return at->second;
+        }
+    }
+    return "";
+}
+
+std::int64_t whole(const std::string &text)
+{
+    return std::strtoll(text.c_str(), nullptr, 10);
+}
+
+/// The session that a program writes now; 0: none does.
+std::uint32_t being_written(const std::string &folder)
+{
+    const int fd = open((folder + "/lock").c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    struct flock all {};
+    all.l_type = F_RDLCK;
+    char text[16] = {};
+    const bool locked = fd >= 0 && fcntl(fd, F_OFD_GETLK, &all) == 0 && all.l_type != F_UNLCK;
+    const bool read_it = locked && pread(fd, text, sizeof text - 1, 0) > 0;
+    if (fd >= 0) {
+        ::close(fd);
+    }
+    return read_it ? static_cast<std::uint32_t>(whole(text)) : 0;
+}
+
+} // namespace
+
+History::History(const std::string &folder, std::string craft, const Database &database, const std::string &root)
+    : folder_(folder + "/" + craft), craft_(std::move(craft)), db_(database),
+      root_(root.empty() ? no_id : database.container(root))
+{
+}
+
+/// The files that are there now.
+void History::list()
+{
+    std::map<Key, std::string> found;
+    std::error_code none; // no folder: nothing is archived yet
+    for (const auto &one : fs::directory_iterator(folder_, none)) {
+        const std::string name = one.path().filename();
+        unsigned session = 0;
+        long long t = 0;
+        int end = 0;
+        if (std::sscanf(name.c_str(), "%6u-%lld.mcap%n", &session, &t, &end) != 2 || end == 0) {
+            continue;
+        }
+        // NAME.lost is whole or not as NAME.part was, which is being written again beside it.
+        const std::string suffix = name.substr(static_cast<std::size_t>(end));
+        const int rank = suffix.empty() ? 3 : suffix == ".lost" ? 2 : suffix == ".part" ? 1 : 0;
+        std::string &best = found[{session, t}];
+        if (rank != 0 && (best.empty() || rank == 3 || (rank == 2 && best.ends_with(".part")))) {
+            best = one.path();
+        }
+    }
+    std::erase_if(found, [](const auto &one) { return one.second.empty(); });
+    std::erase_if(files_, [&](const auto &one) {
+        const auto at = found.find(one.first);
+        return at == found.end() || at->second != one.second->path;
+    });
+    names_ = std::move(found);
+}
+
+/// The file with all that is in it now; nullptr: it cannot be read.
+PacketFile *History::file(const Key &key)
+{
+    try {
+        auto &made = files_[key];
+        if (made == nullptr) {
+            made = std::make_unique<PacketFile>(names_.at(key));
+        } else {
+            made->refresh();
+        }
+        if (made->path.ends_with(".mcap")) { // others may lose their name until they are read
+            made->close();
+        }
+        return made.get();
+    } catch (const Refusal &refusal) {
+        files_.erase(key);
+        const std::string why = refusal.what();
+        if (fs::exists(names_.at(key)) && // else it was deleted, or has got its name meanwhile
+            std::none_of(unreadable_.begin(), unreadable_.end(), [&](const auto &one) { return one.why == why; })) {
+            unreadable_.push_back({key.second, key.second, why});
+        }
+        return nullptr;
+    }
+}
+
+/// What to read, in the order of time.
+std::vector<History::Piece> History::pieces(const Query &query)
+{
+    std::vector<Piece> all;
+    for (int attempt = 0; attempt < 3; attempt++) {
+        all.clear();
+        list();
+        bool again = false;
+        std::int64_t until = query.to;
+        for (auto at = names_.rbegin(); at != names_.rend();) { // from the newest session on
+            const std::uint32_t session = at->first.first;
+            const auto end = std::find_if(at, names_.rend(), [&](auto &one) { return one.first.first != session; });
+            std::int64_t next = std::numeric_limits<std::int64_t>::max(), first = until;
+            bool simulated = false;
+            for (; at != end; ++at) {
+                const std::int64_t name = at->first.second;
+                const bool oldest = std::next(at) == end;
+                const bool asked = query.session < 0 || query.session == session;
+                // A file that follows one of the same time has a later one in its name, by some nanoseconds.
+                const bool apart = name - 1'000'000'000 > until || next < query.from;
+                next = name;
+                if (!asked || (apart && !(oldest && query.session < 0))) {
+                    continue;
+                }
+                PacketFile *const one = file(at->first);
+                if (one == nullptr) {
+                    again = again || !fs::exists(at->second);
+                    continue;
+                }
+                first = one->count != 0 ? one->first : first;
+                simulated = oldest && one->first < whole(metadata(*one, "archive", "received")) / 2;
+                if (one->count != 0 && one->first <= until && one->last >= query.from) {
+                    all.push_back({one, query.from, until});
+                } else {
+                    one->close();
+                }
+            }
+            if (query.session < 0) {
+                until = std::min(until, first - 1);
+            }
+            if (query.session < 0 && simulated) {
+                break;
+            }
+        }
+        if (!again) {
+            break;
+        }
+    }
+    std::reverse(all.begin(), all.end());
+    return all;
+}
+
+std::string History::container_of(const PacketFile &file, std::uint16_t channel) const
+{
+    const auto at = file.channels.find(channel);
+    const std::string &topic = at != file.channels.end() ? at->second.topic : "";
+    // "/CRAFT/path"; only what no container fits has no further "/"
+    const std::size_t slash = topic.size() > 1 ? topic.find('/', 1) : std::string::npos;
+    return slash == std::string::npos || topic.find('/', slash + 1) == std::string::npos ? "" : topic.substr(slash);
+}
+
+void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards, const Take &take)
+{
+    if (backwards) {
+        std::reverse(all.begin(), all.end());
+    }
+    struct Copy {
+        Stored one;
+        std::vector<std::uint8_t> bytes;
+    };
+    bool going = true;
+    for (const Piece &piece : all) {
+        PacketFile &file = *piece.file;
+        std::map<std::uint16_t, std::string> containers; ///< of the channels that are wanted
+        for (const auto &[id, channel] : file.channels) {
+            if (const std::string container = container_of(file, id); wanted(container)) {
+                containers[id] = container;
+            }
+        }
+        for (std::size_t i = 0; i < file.chunks.size() && going; i++) {
+            const auto &chunk = file.chunks[backwards ? file.chunks.size() - 1 - i : i];
+            if (chunk.first > piece.to || chunk.last < piece.from ||
+                std::none_of(chunk.channels.begin(), chunk.channels.end(),
+                             [&](std::uint16_t id) { return containers.count(id) != 0; })) {
+                continue;
+            }
+            std::vector<Stored> held;
+            going = file.each(chunk, [&](const Stored &one) {
+                const auto at = containers.find(one.channel);
+                if (at == containers.end() || one.t < piece.from || one.t > piece.to) {
+                    return true;
+                }
+                if (backwards) {
+                    held.push_back(one);
+                    return true;
+                }
+                return take(one, at->second);
+            });
+            for (; !held.empty() && going; held.pop_back()) {
+                going = take(held.back(), containers[held.back().channel]);
+            }
+        }
+        file.close();
+    }
+}
+
+History::Target History::target(const std::string &name, bool numbers) const
+{
+    // The longest name of a parameter that it begins with.
+    std::size_t longest = 0;
+    Id found = no_id;
+    bool twice = false;
+    const auto consider = [&](const std::string &known, Id id) {
+        if (known.size() >= longest && !known.empty() && name.starts_with(known) &&
+            (name.size() == known.size() || name[known.size()] == '.' || name[known.size()] == '[')) {
+            twice = known.size() == longest && found != id;
+            longest = known.size();
+            found = id;
+        }
+    };
+    for (const bool by_name : {false, true}) {
+        for (Id id = 0; id < db_.parameters.size() && (!by_name || found == no_id || twice); id++) {
+            const Parameter &one = db_.parameters[id];
+            if (by_name) {
+                consider(one.name, id);
+                continue;
+            }
+            consider(one.path, id);
+            for (const auto &[space, alias] : one.aliases) {
+                consider(space == "Fledge" ? alias : "", id);
+            }
+        }
+        if (found != no_id && !twice) {
+            break;
+        }
+    }
+    if (found == no_id) {
+        throw Refusal("the database has no parameter " + name);
+    }
+    if (twice) {
+        throw Refusal(name + " is the name of several parameters: give the path of one, as " +
+                      db_.parameters[found].path);
+    }
+    Target made{found, no_id, {}};
+    made.type = db_.parameters[found].type;
+    const Type *type = &db_.types[made.type];
+    for (std::size_t at = longest; at < name.size();) {
+        const bool element = name[at] == '[';
+        const std::size_t end = element ? name.find(']', at) : std::min(name.find_first_of(".[", at + 1), name.size());
+        const std::string step = name.substr(at + 1, end == std::string::npos ? end : end - at - 1);
+        const bool number = !step.empty() && step.size() < 9 && step.find_first_not_of("0123456789") == step.npos;
+        if (element && (end == std::string::npos || !number || type->sort != Type::Sort::array)) {
+            throw Refusal(name + ": " + name.substr(0, at) + " has no element [" + step + "]");
+        }
+        if (element) {
+            made.steps.push_back(static_cast<std::uint32_t>(whole(step)));
+            made.type = type->element;
+            type = &db_.types[made.type];
+            at = end + 1;
+            continue;
+        }
+        const auto member = std::find_if(type->members.begin(), type->members.end(),
+                                         [&](const Member &one) { return one.name == step; });
+        if (member == type->members.end()) {
+            throw Refusal(name + ": " + name.substr(0, at) + " has no member " + step);
+        }
+        made.steps.push_back(static_cast<std::uint32_t>(member - type->members.begin()));
+        made.type = member->type;
+        type = &db_.types[made.type];
+        at = end;
+    }
+    using Sort = Type::Sort;
+    for (const auto &[sort, what] :
+         {std::pair(Sort::text, "a text"), std::pair(Sort::binary, "bytes"),
+          std::pair(Sort::aggregate, "several members"), std::pair(Sort::array, "several elements")}) {
+        const bool bytes = sort == Sort::text || sort == Sort::binary;
+        if (type->sort == sort && (numbers || !bytes)) {
+            throw Refusal(name + (numbers ? " is no number but " : " is no value but ") + what);
+        }
+    }
+    return made;
+}
+
+namespace {
+
+/// Whether packets of a container may have values of parameters.
+bool carries(const Database &db, Id id, const std::set<Id> &parameters, std::vector<signed char> &known)
+{
+    if (id == no_id) {
+        return false;
+    }
+    if (known[id] >= 0) {
+        return known[id] != 0;
+    }
+    known[id] = 0;
+    bool found = carries(db, db.containers[id].base, parameters, known);
+    for (const Entry &entry : db.containers[id].entries) {
+        found = found || entry.what == Entry::What::indirect ||
+                (entry.what == Entry::What::parameter && parameters.count(entry.id) != 0);
+        if (entry.what == Entry::What::container && !found) {
+            found = carries(db, entry.id, parameters, known);
+            std::vector<Id> heirs = db.containers[entry.id].heirs; // which may stand for it
+            for (std::size_t i = 0; i < heirs.size() && !found; i++) {
+                found = carries(db, heirs[i], parameters, known);
+                const auto &more = db.containers[heirs[i]].heirs;
+                heirs.insert(heirs.end(), more.begin(), more.end());
+            }
+        }
+    }
+    known[id] = found ? 1 : 0;
+    return found;
+}
+
+/// The parameters that places, sizes and values depend on; a restriction sees its own packet alone.
+struct References {
+    const Database &db;
+    std::set<Id> found{}, types{}, containers{};
+
+    void add(const Reference &one)
+    {
+        if (one.of == Reference::Of::parameter) {
+            found.insert(one.parameter);
+        }
+    }
+    void add(const Condition &one)
+    {
+        add(one.left), add(one.right);
+        for (const Condition &part : one.parts) {
+            add(part);
+        }
+    }
+    void add(const Quantity &one)
+    {
+        add(one.from);
+        for (const auto &[condition, value] : one.cases) {
+            add(condition);
+        }
+    }
+    void add(const std::vector<Dimension> &all)
+    {
+        for (const Dimension &one : all) {
+            add(one.first), add(one.last);
+        }
+    }
+    void add(const Calibrator &one)
+    {
+        for (const MathStep &step : one.steps) {
+            add(step.value);
+        }
+    }
+    void type(Id id)
+    {
+        if (id == no_id || !types.insert(id).second) {
+            return;
+        }
+        const Type &one = db.types[id];
+        add(one.offset_from), add(one.encoding.size), add(one.encoding.calibrator), add(one.dimensions);
+        for (const auto &[condition, calibrator] : one.encoding.contexts) {
+            add(condition), add(calibrator);
+        }
+        type(one.element);
+        for (const Member &member : one.members) {
+            type(member.type);
+        }
+    }
+    void container(Id id)
+    {
+        if (id == no_id || !containers.insert(id).second) {
+            return;
+        }
+        container(db.containers[id].base);
+        for (const Entry &entry : db.containers[id].entries) {
+            add(entry.offset), add(entry.include), add(entry.count), add(entry.gap), add(entry.selector);
+            add(entry.dimensions);
+            if (entry.what == Entry::What::parameter) {
+                type(db.parameters[entry.id].type);
+            } else if (entry.what == Entry::What::container) {
+                container(entry.id);
+                for (const Id heir : db.containers[entry.id].heirs) {
+                    container(heir);
+                }
+            }
+        }
+    }
+};
+
+} // namespace
+
+std::set<Id> History::carriers(const std::set<Id> &parameters) const
+{
+    std::vector<signed char> known(db_.containers.size(), -1);
+    std::set<Id> found;
+    for (Id id = 0; id < db_.containers.size(); id++) {
+        if (carries(db_, id, parameters, known)) {
+            found.insert(id);
+        }
+    }
+    return found;
+}
+
+namespace {
+
+void at_most(std::uint64_t n, std::uint64_t most, const char *what)
+{
+    if (n > most) {
+        throw Refusal("this query would " + std::string(what) + " more than " + std::to_string(most) +
+                      " values: ask for a shorter time, fewer parameters or fewer points");
+    }
+}
+
+} // namespace
+
+/// The parameters of earlier packets on which the values of a container's packets depend.
+std::set<Id> History::references(Id container) const
+{
+    References all{db_};
+    all.container(container);
+    std::erase_if(all.found, [&](Id parameter) {
+        std::vector<signed char> known(db_.containers.size(), -1);
+        return carries(db_, container, {parameter}, known);
+    });
+    return all.found;
+}
+
+/// First the values on which the first ones' concerns depend; then the times between which there are packets, and each
+/// value of the targets; after all those of a packet, `packet`.
+void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+                     const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
+{
+    std::set<Id> parameters;
+    for (const Target &one : targets) {
+        parameters.insert(one.parameter);
+    }
+    // With the packets that they depend on, from the last ones before the query on.
+    std::set<Id> containers = carriers(parameters);
+    std::map<Id, std::uint32_t> before; ///< how many of their packets
+    for (std::size_t i = 0; i < judges.size(); i++) {
+        References conditions{db_};
+        for (const Alarm &alarm : db_.types[targets[i].type].alarms) {
+            conditions.add(alarm.when);
+        }
+        for (const Id id : conditions.found.empty() ? std::set<Id>() : carriers(conditions.found)) {
+            before.emplace(id, 1);
+            containers.insert(id);
+        }
+        for (const Id id : judges[i].depth() > 1 ? carriers({targets[i].parameter}) : std::set<Id>()) {
+            before[id] = std::max(before[id], judges[i].depth() - 1);
+        }
+    }
+    std::vector<Id> open(containers.begin(), containers.end());
+    while (!open.empty()) {
+        const std::set<Id> needed = references(open.back());
+        open.pop_back();
+        for (const Id id : needed.empty() ? std::set<Id>() : carriers(needed)) {
+            before.emplace(id, 1);
+            if (containers.insert(id).second) {
+                open.push_back(id);
+            }
+        }
+    }
+    std::set<std::string> paths;
+    for (const Id id : containers) {
+        paths.insert(db_.containers[id].path);
+    }
+    const std::string hash = hash_text(db_);
+    const auto wanted_of = [&](const PacketFile &file) -> Wanted {
+        // Of another database, any packet may have them now.
+        const bool same = metadata(file, "archive", "database") == hash;
+        return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
+    };
+    Decoder decoder(db_);
+    std::vector<std::vector<std::size_t>> targets_of(db_.parameters.size());
+    for (std::size_t k = 0; k < targets.size(); k++) {
+        targets_of[targets[k].parameter].push_back(k);
+    }
+    std::uint64_t values = 0;
+    const auto take = [&](const Stored &one, std::uint32_t session, bool earlier) {
+        const Decoded &done = decoder.decode(one.packet, root_);
+        bool any = false;
+        for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
+            const Field &field = done.fields[i];
+            for (const std::size_t k : targets_of[field.parameter]) {
+                std::uint32_t node = field.node;
+                std::size_t left = targets[k].steps.size();
+                for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
+                    node = done.nodes[node].parent;
+                }
+                if (left == 0 && node == 0) {
+                    at_most(++values, most_seen, "read");
+                    value({decoder, done, i, k, one.t, one.received, session, earlier});
+                    any = true;
+                }
+            }
+        }
+        if (any && !earlier) {
+            packet(one);
+        }
+    };
+    const auto session_of = [](const PacketFile &file) {
+        return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
+    };
+    std::vector<Piece> all = pieces(query);
+    if (!before.empty() && !all.empty() && query.from > 0) {
+        const std::uint32_t session = session_of(*all.front().file);
+        std::vector<std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>> last;
+        for (const auto &[id, n] : before) {
+            std::uint32_t left = n;
+            walk(
+                pieces({0, query.from - 1, session}),
+                [&path = db_.containers[id].path](const std::string &container) { return container == path; }, true,
+                [&](const Stored &one, const std::string &) {
+                    last.emplace_back(one.t, one.received, std::vector(one.packet.begin(), one.packet.end()));
+                    return --left != 0;
+                });
+        }
+        std::sort(last.begin(), last.end());
+        for (const auto &[t, received, bytes] : last) {
+            take({t, received, 0, bytes}, session, true);
+        }
+        all = pieces(query); // which may have got other names meanwhile
+    }
+    double n = 0, span = 0;
+    std::int64_t begin = query.to, end = query.from;
+    for (const Piece &piece : all) {
+        const PacketFile &file = *piece.file;
+        const Wanted wanted = wanted_of(file);
+        std::uint64_t of_file = 0;
+        for (const auto &[id, channel] : file.channels) {
+            of_file += wanted(container_of(file, id)) ? channel.count : 0;
+        }
+        const std::int64_t from = std::max(piece.from, file.first), to = std::min(piece.to, file.last);
+        begin = std::min(begin, from);
+        end = std::max(end, to);
+        const double length = static_cast<double>(file.last) - static_cast<double>(file.first);
+        const double part = static_cast<double>(to) - static_cast<double>(from);
+        n += static_cast<double>(of_file) * (length > 0 ? part / length : 1);
+        span += part;
+    }
+    if (n > static_cast<double>(most_decoded)) {
+        char text[400];
+        std::snprintf(
+            text, sizeof text,
+            "this query would decode %.0f packets, of %.3g days; the most is %.0f: ask for a shorter time, as "
+            "%.2g days, or for parameters of rarer packets; long times are for the database of values",
+            n, span / 86400e9, static_cast<double>(most_decoded),
+            span / 86400e9 * static_cast<double>(most_decoded) / n);
+        throw Refusal(text);
+    }
+    range(begin, end);
+    for (const Piece &piece : all) {
+        walk({piece}, wanted_of(*piece.file), false,
+             [&, session = session_of(*piece.file)](const Stored &one, const std::string &) {
+                 take(one, session, false);
+                 return true;
+             });
+    }
+}
+
+std::vector<History::Series> History::series(const std::vector<std::string> &names, Query query, std::size_t points,
+                                             const Settings *limits, bool exact)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Target> targets;
+    std::vector<Judge> judges;
+    std::vector<Series> made(names.size());
+    for (std::size_t i = 0; i < names.size(); i++) {
+        targets.push_back(target(names[i], !exact));
+        made[i].type = targets[i].type;
+        if (limits != nullptr) {
+            const auto set = limits->find(names[i]);
+            judges.emplace_back(db_.types[targets[i].type],
+                                set != limits->end() ? set->second : std::vector<Judge::Setting>());
+        }
+    }
+    std::int64_t from = 0, width = 0; // 0: each value
+    std::vector<std::int64_t> bucket(names.size(), -1);
+    std::uint64_t kept = 0;
+    decode(
+        targets, judges, query,
+        [&](std::int64_t begin, std::int64_t end) {
+            from = begin;
+            width = points != 0 && end > begin ? (end - begin) / static_cast<std::int64_t>(points) + 1 : 0;
+        },
+        [&](const Seen &seen) {
+            const Decoded &packet = seen.packet;
+            const Field &field = packet.fields[seen.field];
+            const std::uint64_t word = packet.values[seen.field], raw = packet.raw[seen.field];
+            const Status status = packet.status[seen.field];
+            const bool bytes = field.value == Kind::text || field.value == Kind::binary;
+            const std::string_view text = bytes ? packet.text(word) : std::string_view();
+            std::uint8_t concern = 0;
+            if (!judges.empty()) {
+                concern = static_cast<std::uint8_t>(judges[seen.target].take(
+                    seen.decoder, {field.value, field.raw, status, raw, word, text}, seen.received, seen.session));
+            }
+            if (seen.before) {
+                return;
+            }
+            const double value = number(field.value, word, field.raw, raw, status);
+            Series &one = made[seen.target];
+            const std::int64_t place = width != 0 ? (seen.t - from) / width : 0;
+            if (width != 0 && place == bucket[seen.target]) {
+                one.t.back() = seen.t;
+                one.value.back() = value;
+                one.low.back() = std::fmin(one.low.back(), value);
+                one.high.back() = std::fmax(one.high.back(), value);
+                one.concern.back() = concern;
+                one.worst.back() = std::max(one.worst.back(), concern);
+            } else {
+                at_most(kept += 1 + (exact ? text.size() / 64 : 0), most_values, "give");
+                bucket[seen.target] = place;
+                one.t.push_back(seen.t);
+                one.value.push_back(value);
+                one.low.push_back(value);
+                one.high.push_back(value);
+                one.concern.push_back(concern);
+                one.worst.push_back(concern);
+            }
+            if (exact) {
+                one.exact.resize(one.t.size());
+                one.exact.back() = {word, raw, status, std::string(text)};
+            }
+        },
+        [](const Stored &) {});
+    return made;
+}
+
+History::Rows History::rows(const std::vector<std::string> &inputs, Query query)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Target> targets;
+    for (const std::string &name : inputs) {
+        targets.push_back(target(name, true));
+    }
+    Rows made;
+    std::vector<double> newest(inputs.size());
+    std::vector<bool> seen(inputs.size());
+    decode(
+        targets, {}, query, [](std::int64_t, std::int64_t) {},
+        [&](const Seen &one) {
+            if (one.before) {
+                return;
+            }
+            const Decoded &packet = one.packet;
+            const Field &field = packet.fields[one.field];
+            newest[one.target] = number(field.value, packet.values[one.field], field.raw, packet.raw[one.field],
+                                        packet.status[one.field]);
+            seen[one.target] = true;
+        },
+        [&](const Stored &one) {
+            if (std::find(seen.begin(), seen.end(), false) == seen.end()) {
+                at_most((made.received.size() + 1) * (1 + inputs.size()), most_seen / 4, "read");
+                made.values.push_back(std::bit_cast<double>(one.t));
+                made.values.insert(made.values.end(), newest.begin(), newest.end());
+                made.received.push_back(one.received);
+            }
+        });
+    return made;
+}
+
+std::vector<History::Packet> History::packets(Query query, const std::string &container, std::size_t limit,
+                                              bool backwards, std::uint64_t most_bytes)
+{
+    const std::lock_guard lock(mutex_);
+    const bool undecoded = container == "undecoded";
+    const auto wanted = [&](const std::string &one) {
+        return container.empty() || (undecoded ? one.empty() : one == container || one.ends_with("/" + container));
+    };
+    std::vector<Packet> made;
+    std::uint64_t bytes = 0;
+    if (limit != 0) {
+        walk(pieces(query), wanted, backwards, [&](const Stored &one, const std::string &of) {
+            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
+            bytes += one.packet.size();
+            return made.size() < limit && bytes < most_bytes;
+        });
+    }
+    return made;
+}
+
+std::vector<History::Packet> History::next(Query query, std::size_t skip, std::size_t limit, std::int64_t span)
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<Packet> made;
+    walk(
+        pieces(query), [](const std::string &) { return true; }, false,
+        [&](const Stored &one, const std::string &of) {
+            if (skip != 0) {
+                skip--;
+                return true;
+            }
+            if (!made.empty() && one.t - made.front().t > span) {
+                return false;
+            }
+            made.push_back({one.t, one.received, of, {one.packet.begin(), one.packet.end()}});
+            return made.size() < limit;
+        });
+    return made;
+}
+
+std::vector<History::Session> History::sessions()
+{
+    const std::lock_guard lock(mutex_);
+    list();
+    unreadable_.clear();
+    const std::uint32_t written = being_written(folder_);
+    std::vector<Session> made;
+    for (const auto &[key, name] : std::map(names_)) {
+        PacketFile *const one = file(key);
+        if (one == nullptr || one->count == 0) {
+            continue;
+        }
+        if (made.empty() || made.back().number != key.first) {
+            const bool follows = !made.empty() && one->first > made.back().last;
+            const Session before = follows ? made.back() : Session();
+            made.push_back({key.first, one->first, one->last, 0, "", {}});
+            if (follows) {
+                made.back().gaps.push_back({before.last, one->first, "restart; the session before: " + before.ended});
+            }
+        }
+        Session &session = made.back();
+        session.last = one->last;
+        session.packets += one->count;
+        const std::string why = metadata(*one, "ended", "why");
+        session.ended = !why.empty() ? why : key.first == written ? "" : "killed";
+        for (const auto &about : one->metadata) {
+            const auto text = [&](const char *which) {
+                const auto at = about.second.find(which);
+                return at != about.second.end() ? at->second : std::string();
+            };
+            if (about.first == "gap") {
+                const std::string packets = text("packets") == "0" ? "" : "; " + text("packets") + " packets";
+                session.gaps.push_back({whole(text("from")), whole(text("to")), text("why") + packets});
+            }
+        }
+        session.gaps.insert(session.gaps.end(), one->missing.begin(), one->missing.end());
+        one->close();
+    }
+    if (!made.empty()) {
+        auto &gaps = made.back().gaps;
+        gaps.insert(gaps.end(), unreadable_.begin(), unreadable_.end());
+    }
+    return made;
+}
+
+} // namespace fledge::ground

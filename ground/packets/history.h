@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is in the archive of a spacecraft: its packets, and the values in them by the decoder that live telemetry has.
+// It reads while a writer writes.
+//
+// A query is of a session, or of -1: of the newest one if its clock is not UTC, as that of a simulation; else of all,
+// where each goes on up to the first packet of the next. Times are the spacecraft's [ns], both ends inclusive. Values
+// are numbers: a boolean is 0 or 1, a label is its raw value, a time has seconds; NaN: there is none.
+#pragma once
+
+#include "ground/packets/packet_file.h"
+#include "ground/monitor/limits.h"
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <set>
+
+namespace fledge::ground {
+
+class History {
+public:
+    struct Session {
+        std::uint32_t number = 0;
+        std::int64_t first = 0, last = 0;
+        std::uint64_t packets = 0;
+        std::string ended; ///< why; "": it goes on
+        std::vector<Missing> gaps;
+    };
+    struct Exact { ///< a value by its kind, as the decoder has it
+        std::uint64_t value, raw;
+        Status status;
+        std::string bytes; ///< of a text or a binary value
+    };
+    struct Series {
+        std::vector<std::int64_t> t;
+        std::vector<double> value, low, high;
+        std::vector<std::uint8_t> concern, worst; ///< of the value, and of the stretch; all 0 without limits
+        std::vector<Exact> exact;                 ///< if it was asked for
+        Id type = no_id;
+    };
+    /// The limits of parameters that were set, by the names of a query; others have those of the database.
+    using Settings = std::map<std::string, std::vector<Judge::Setting>>;
+    struct Packet {
+        std::int64_t t, received;
+        std::string container; ///< its path; "": it was not decoded
+        std::vector<std::uint8_t> bytes;
+    };
+    struct Query {
+        std::int64_t from = 0, to = std::numeric_limits<std::int64_t>::max();
+        std::int64_t session = -1;
+    };
+
+    std::uint64_t most_decoded = 4'000'000; ///< packets, by a query of values
+    std::uint64_t most_seen = 50'000'000;   ///< values in these packets
+    std::uint64_t most_values = 1'000'000;  ///< in its answer; 64 bytes of a text count as one, too
+
+    /// The folder of the archive. root: as of Decoder::decode, "" for none.
+    History(const std::string &folder, std::string craft, const Database &database, const std::string &root);
+
+    const Database &database() const { return db_; }
+    std::vector<Session> sessions();
+
+    /// The values of parameters, or of members and elements: "parameter.member[3]", the parameter by its name in
+    /// Fledge, its path or its name. points: at most so many of each, of equal stretches of time with the last value,
+    /// the lowest and the highest one in each; 0: all values. limits: nullptr judges no values; a value is judged by
+    /// those that were in force when it was received. exact: also texts and bytes, which have no numbers. Throws
+    /// Refusal.
+    std::vector<Series> series(const std::vector<std::string> &names, Query query, std::size_t points,
+                               const Settings *limits = nullptr, bool exact = false);
+
+    /// Rows of the time (its 64 bits) and the newest value of each input, one for each packet that has one of them,
+    /// from the first on at which all were seen.
+    struct Rows {
+        std::vector<double> values;
+        std::vector<std::int64_t> received; ///< of each
+    };
+    Rows rows(const std::vector<std::string> &inputs, Query query);
+
+    /// At most so many packets, of a container (its path or name; "": of all; "undecoded"), from either end; they end
+    /// with the one that reaches `most_bytes`.
+    std::vector<Packet> packets(Query query, const std::string &container, std::size_t limit, bool backwards,
+                                std::uint64_t most_bytes = UINT64_MAX);
+
+    /// The same from the first packet behind `skip` of those at the beginning on, up to `span` [ns] of them.
+    std::vector<Packet> next(Query query, std::size_t skip, std::size_t limit, std::int64_t span);
+
+private:
+    using Key = std::pair<std::uint32_t, std::int64_t>; ///< session, time in the name
+    struct Piece {
+        PacketFile *file;
+        std::int64_t from, to;
+    };
+    struct Target { ///< what a name means
+        Id parameter, type;
+        std::vector<std::uint32_t> steps;
+    };
+    struct Seen { ///< a value in a packet
+        Decoder &decoder;
+        const Decoded &packet;
+        std::size_t field, target;
+        std::int64_t t, received;
+        std::uint32_t session;
+        bool before; ///< the query: it is for those that depend on earlier ones
+    };
+    using Wanted = std::function<bool(const std::string &container)>; ///< by its path; "": not decoded
+    using Take = std::function<bool(const Stored &, const std::string &container)>;
+    using Range = std::function<void(std::int64_t from, std::int64_t to)>;
+    using Value = std::function<void(const Seen &)>;
+
+    void list();
+    PacketFile *file(const Key &key);
+    std::vector<Piece> pieces(const Query &query);
+    void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Take &take);
+    std::string container_of(const PacketFile &file, std::uint16_t channel) const;
+    Target target(const std::string &name, bool numbers) const;
+    std::set<Id> carriers(const std::set<Id> &parameters) const;
+    std::set<Id> references(Id container) const;
+    void decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+                const Range &range, const Value &value, const std::function<void(const Stored &)> &packet);
+
+    const std::string folder_, craft_;
+    const Database &db_;
+    const Id root_;
+    std::mutex mutex_;
+    std::map<Key, std::string> names_;
+    std::map<Key, std::unique_ptr<PacketFile>> files_;
+    std::vector<Missing> unreadable_;
+};
+
+} // namespace fledge::ground

@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files to a spacecraft and from it, by CFDP (ccsds/cfdp.h): PDUs up as commands, down in the telemetry of files.
+
+    craft.put("plan.bin", to="plans/next").completed(within=10 * minute)
+    craft.fetch("science", to="science.bin", within=1 * hour)
+    craft.directory("plans")
+
+Time is that of the link, and passes while the script waits for anything.
+"""
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from enum import IntEnum
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from fledge import _ground
+from fledge.commands import Packets
+from fledge.errors import SetupError, printable
+from fledge.ground.scripts.links import NoAnswer
+from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from fledge.ground.scripts.craft import Craft
+
+GROUND, CRAFT = 1, 2        # entities
+RATE = 4000.0               # [bytes/s] of packets to the spacecraft
+TICK = 50_000_000           # [ns] between looks at timers and at the room of the link
+BURST = 1.0                 # [s] of the rate that may go at once after a pause
+LISTING = 1_000_000         # characters of the names in a directory on board
+
+
+class Message(IntEnum):
+    """CfdpMessageType of ccsds/cfdp_pdu.h."""
+    PROXY_PUT = 0x00
+    PROXY_MODE = 0x04
+    PROXY_PUT_RESPONSE = 0x07
+    PROXY_CANCEL = 0x09
+    ORIGIN = 0x0A
+    LIST = 0x10
+    LISTED = 0x11
+    REMOTE_SUSPEND = 0x30
+    REMOTE_RESUME = 0x38
+
+
+STARTED, ENDED, ABANDONED, MESSAGE = 0, 1, 5, 6     # CfdpTold
+
+CONDITIONS = {
+    1: "it was sent again and again, and not acknowledged", 2: "the other end is too far behind",
+    3: "the other end does not know this class of transmission", 4: "the file store refused it",
+    5: "its checksum is wrong", 6: "its size is wrong", 7: "what is missing was asked for again and again, in vain",
+    8: "the other end has gone silent", 9: "a part of the protocol is not as it must be",
+    10: "parts of it did not arrive", 11: "the other end does not know its checksum", 14: "it was suspended",
+    15: "it was cancelled"}
+REFUSALS = {-1: "there is no such file", -2: "a name has at most 127 bytes, and does not lead out of its folder",
+            -3: "too many files are on their way; wait for one", -4: "the file cannot be read"}
+
+
+class Transfer:
+    """A file on its way, or a request for one."""
+
+    def __init__(self, files: Files, what: str, place: str, local: Path | None, fetches: bool,
+                 progress: Callable[[Transfer], Any] | None) -> None:
+        self.what = what            #: in words
+        self.done = 0               #: [bytes] that were sent once, or received
+        self.size = 0               #: [bytes]; 0: not known
+        self.ended = False
+        self.problem = ""           #: why it failed
+        self.local, self.fetches, self.place = local, fetches, place
+        self.id = self.data = (0, 0)    # of the request, and of the file
+        self.replaces = True        #: a local file of its name; else it gets another name, in `local`
+        self._files, self._progress = files, progress
+
+    def completed(self, within: Any) -> Self:
+        """Wait until the file is there, whole; of class 1 that is sent: until it is sent. within: a duration on the
+        link's clock. Raises NoAnswer with the reason."""
+        def over(_: Any) -> bool:
+            if self.problem:
+                raise NoAnswer(f"{self.what}: {self.problem}")
+            return self.ended
+
+        self._files.craft.wait(over, within, lambda: f"{self.what}: {self.done} of {self.size or '?'} bytes went, "
+                               "and it did not end")
+        return self
+
+    def suspend(self) -> None:
+        """Rest, at both ends, if the other one does what is asked."""
+        self._files.entity.suspend(self.data)
+        self._files.ask(Message.REMOTE_SUSPEND, self.data)
+
+    def resume(self) -> None:
+        """Go on, at both ends."""
+        self._files.ask(Message.REMOTE_RESUME, self.data)
+        self._files.entity.resume(self.data)
+
+    def cancel(self) -> None:
+        """End it without a file; completed() then says so."""
+        entity = self._files.entity
+        entity.cancel(self.data)
+        if self.fetches:
+            self._files.request(entity.message(Message.PROXY_CANCEL) + entity.message(Message.ORIGIN, self.id))
+
+    def moved(self, done: int, size: int) -> None:
+        """Tell how far it is."""
+        if (done, size) != (self.done, self.size):
+            self.done, self.size = done, size
+            if self._progress:
+                self._progress(self)
+
+    def __repr__(self) -> str:
+        return f"<{self.what}: {self.problem or ('complete' if self.ended else f'{self.done} of {self.size} bytes')}>"
+
+
+class Files:
+    """The ground's entity of CFDP: it works while its craft waits.
+
+    folder: where files arrive that flight sends unasked; None: a temporary one
+    rate: [bytes/s] of the packets that go up
+    timeout: a duration, longer than light takes there and back, after which something is sent or asked for again,
+    limit: so many times
+    inactivity: a duration without a word of the other end that ends a file
+    own, peer: numbers of the entities
+    sequence: of the first transaction, larger than those before; None: by the clock of the link
+    """
+
+    def __init__(self, craft: Craft, folder: str | os.PathLike[str] | None = None, rate: float = RATE,
+                 timeout: Any = 10.0, limit: int = 10, inactivity: Any = 600.0, own: int = GROUND, peer: int = CRAFT,
+                 sequence: int | None = None, crc: bool = False) -> None:
+        if not rate > 0 or not 0 < limit < 256:
+            raise SetupError(f"files: the rate is more than 0 bytes/s and the limit 1 to 255; found {rate}, {limit}")
+        self.craft, self.rate, self.peer, self.own = craft, rate, peer, own
+        self.received: list[Path] = []              #: files that flight has sent unasked
+        self.failed: list[tuple[str, str]] = []     #: those of them that did not arrive: the name, and why
+        self._temporary = TemporaryDirectory(prefix="fledge-files-") if folder is None else None
+        self.folder = Path(self._temporary.name if self._temporary else os.fspath(folder or ""))
+        if not self.folder.is_dir():
+            raise SetupError(f"files: there is no folder {self.folder}")
+        self.entity: Any = _ground.Entity(
+            folder=str(self.folder), own=own, peer=peer, timeout=time_ns(timeout, "timeout"), limit=limit, crc=crc,
+            inactivity=time_ns(inactivity, "inactivity"), keeps=True,
+            sequence=craft.link.origin if sequence is None else sequence)
+        self._packets = Packets(craft.dictionary)   # counted apart: no command is missed for a PDU that is lost
+        self._transfers: list[Transfer] = []
+        self._messages: dict[tuple[int, int], list[bytes]] = {}
+        self._places = 0
+        self._credit, self._at = 0.0, craft.link.t
+
+    def put(self, local: str | os.PathLike[str], to: str | None, class1: bool,
+            progress: Callable[[Transfer], Any] | None) -> Transfer:
+        path, to = Path(local), to or Path(local).name
+        if not path.is_file():
+            raise SetupError(f"{path}: there is no such file")
+        one = Transfer(self, f"send {path.name} as {to}", self._place(path.name), None, False, progress)
+        try:
+            os.link(path.resolve(), self.folder / one.place)
+        except OSError:
+            shutil.copyfile(path, self.folder / one.place)
+        one.size = path.stat().st_size
+        return self._begin(one, one.place, to, b"", class1)
+
+    def fetch(self, name: str, to: str | os.PathLike[str] | None, class1: bool,
+              progress: Callable[[Transfer], Any] | None) -> Transfer:
+        local = Path(to if to is not None else Path(name).name)
+        if not local.absolute().parent.is_dir():
+            raise SetupError(f"{local}: there is no folder {local.absolute().parent}")
+        one = Transfer(self, f"fetch {name}", self._place(local.name), local, True, progress)
+        self.entity.expect(one.place)
+        options = self.entity.message(Message.PROXY_PUT, (self.own, 0), name, one.place)
+        return self._begin(one, "", "", options + self.entity.message(Message.PROXY_MODE, value=int(class1)))
+
+    def listing(self, name: str) -> Transfer:
+        """Ask for the names in a directory on board; names() has them when it has ended."""
+        one = Transfer(self, f"list {name or 'the files'}", self._place("list"), None, True, None)
+        self.entity.expect(one.place)
+        return self._begin(one, "", "", self.entity.message(Message.LIST, first=name, second=one.place))
+
+    def names(self, one: Transfer) -> list[str]:
+        """What a listing has brought."""
+        try:
+            with open(self.folder / one.place, encoding="utf-8", errors="surrogateescape") as file:
+                text = file.read(LISTING + 1)
+        except OSError as error:
+            raise NoAnswer(f"{one.what}: {error.strerror}") from None
+        finally:
+            self._forget(one)
+        if len(text) > LISTING:
+            raise NoAnswer(f"{one.what}: what came has more than {LISTING} characters")
+        return sorted(name for name in text.split("\n") if name)
+
+    def directory(self, name: str, within: Any) -> list[str]:
+        return self.names(self.listing(name).completed(within))
+
+    def request(self, options: bytes) -> tuple[int, int]:
+        """Send messages alone; their transaction."""
+        found = self.entity.put("", "", options, False)
+        if isinstance(found, int):
+            raise SetupError(f"files: {REFUSALS[found]}")
+        return found
+
+    def ask(self, what: Message, about: tuple[int, int]) -> None:
+        if about != (0, 0):
+            self.request(self.entity.message(what, about))
+
+    def close(self) -> None:
+        if self._temporary:
+            self._temporary.cleanup()
+
+    # --- for the craft ---
+
+    def work(self) -> int:
+        """Send what the rate allows; when to look again [ns]."""
+        now = self.craft.link.t
+        self.entity.time(now)
+        self._credit = min(self._credit + self.rate * (now - self._at) / 1e9, self.rate * BURST)
+        self._at = now
+        while self._credit >= 0 and (pdu := self.entity.next()):
+            packet = self._packets.pdu(pdu)
+            self._credit -= len(packet)
+            self.craft.link.send(packet)
+        self._hear()
+        return now + TICK if self.entity.busy else 1 << 62
+
+    def take(self, pdu: bytes) -> None:
+        self.entity.time(self.craft.link.t)
+        self.entity.take(pdu)
+        self._hear()
+
+    def absent(self) -> None:
+        """Flight has no service for files."""
+        for one in list(self._transfers):
+            self._end(one, "this flight software has no service for files")
+
+    # --- what the entity tells ---
+
+    def _hear(self) -> None:
+        while told := self.entity.told():
+            if told.what == STARTED:
+                for one in self._transfers:
+                    if one.fetches and one.place == told.to:
+                        one.data = told.id
+            elif told.what == MESSAGE:
+                self._messages.setdefault(told.id, []).append(told.text)
+            elif told.what in (ENDED, ABANDONED):
+                self._ended(told)
+        for one in self._transfers:
+            if found := self.entity.progress(one.data):
+                one.moved(found.done, found.size)
+
+    def _ended(self, told: Any) -> None:
+        problem = CONDITIONS.get(told.condition, f"condition {told.condition}") if told.condition else \
+            "it is not whole" if told.incomplete else ""
+        found = next((one for one in self._transfers if told.id in (one.id, one.data)), None)
+        if found and (problem or told.receiver == found.fetches):
+            self._end(found, problem)
+        elif told.receiver and told.to and not problem and not found:
+            try:
+                self.received.append(self._kept(told.to))
+            except OSError as error:
+                self.failed.append((told.to, f"{error.strerror}; it is in {self.folder}"))
+        elif told.receiver and told.to and not found:
+            self.failed.append((told.to, problem))
+        if told.receiver:
+            self._answered([one for text in self._messages.pop(told.id, [])
+                            if (one := self.entity.read_message(text))])
+
+    def _answered(self, messages: list[tuple[int, tuple[int, int], int]]) -> None:
+        """The messages of a transaction: is one the answer to a request of this ground?"""
+        about = next((about for kind, about, _ in messages if kind == Message.ORIGIN), None)
+        found = next((one for one in self._transfers if one.id == about), None)
+        if found is None:
+            return
+        for kind, _, value in messages:
+            if kind == Message.PROXY_PUT_RESPONSE and value >> 4:
+                self._end(found, f"{CONDITIONS.get(value >> 4, f'condition {value >> 4}')} on board")
+            elif kind == Message.PROXY_PUT_RESPONSE and found.data == (0, 0):
+                self._end(found, "it was sent, and did not arrive")
+            elif kind == Message.LISTED and value:
+                self._end(found, "there is no such directory on board")
+
+    def _begin(self, one: Transfer, source: str, to: str, options: bytes, class1: bool = False) -> Transfer:
+        found = self.entity.put(source, to, options, class1)
+        if isinstance(found, int):
+            self._forget(one)
+            raise SetupError(f"{one.what}: {REFUSALS[found]}")
+        one.id = found
+        if not one.fetches:
+            one.data = found
+        self._transfers.append(one)
+        return one
+
+    def _end(self, one: Transfer, problem: str) -> None:
+        self._transfers.remove(one)
+        arrived = self.folder / one.place
+        if not problem and one.local:
+            try:
+                if one.replaces:
+                    _move(arrived, one.local)
+                else:
+                    one.local = _named(arrived, one.local)
+            except OSError as error:
+                problem = f"{one.local}: {error.strerror}; it is at {arrived}"
+        one.ended, one.problem = not problem, problem
+        if not problem:
+            one.moved(one.size, one.size)
+        if not one.fetches:
+            self._forget(one)
+
+    def _kept(self, name: str) -> Path:
+        """The place of a file that has come under a name of the other end's: one that a person sees as it is, and that
+        a shell takes for no option."""
+        arrived = self.folder / name
+        plain = printable(arrived.name, lines=False)
+        plain = "_" + plain[1:] if plain.startswith("-") else plain
+        if plain == arrived.name:
+            return arrived
+        return _named(arrived, arrived.with_name(plain.encode()[:200].decode(errors="ignore")))
+
+    def _forget(self, one: Transfer) -> None:
+        (self.folder / one.place).unlink(missing_ok=True)
+
+    def _place(self, name: str) -> str:
+        """A name in the folder for a file on its way; hidden, for a file that has arrived may have any other."""
+        self._places += 1
+        return f".way{self._places}-{name.encode()[-80:].decode(errors='ignore')}"
+
+
+def _named(source: Path, to: Path) -> Path:
+    """Give a file its name, or, if another one has that, one with a number; the entity does so, too."""
+    for place in (to if n == 1 else to.with_name(f"{to.stem}.{n}{to.suffix}") for n in count(1)):
+        with suppress(FileExistsError):
+            os.link(source, place)
+            source.unlink()
+            break
+    return place
+
+
+def _move(source: Path, to: Path) -> None:
+    """To another place, whole or not at all, also on another file system."""
+    part = to.with_name(f".{to.name}.part")
+    try:
+        shutil.move(source, part)
+        os.replace(part, to)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Links on loopback and on a pseudo-terminal: what goes in comes out, whole and in order, or is counted."""
+import os
+import random
+import resource
+import socket
+import threading
+
+import pytest
+
+import fledge
+from fledge.commands import Dictionary, Packets
+from fledge.errors import SetupError
+from fledge.ground.scripts import links, open_link
+from fledge.ground.scripts.links import Splitter, split
+from tests.waiting import PATIENCE
+
+SECOND = 10**9
+
+
+def packets(n, seed=1):
+    """Packets of all lengths that flight sends and takes, with any content."""
+    draw = random.Random(seed)
+    made = []
+    for i in range(n):
+        data = draw.randbytes(draw.choice([1, 2, 9, 100, 520]))
+        made.append((0x0880 + draw.randrange(9)).to_bytes(2, "big") + (0xC000 | i).to_bytes(2, "big")
+                    + (len(data) - 1).to_bytes(2, "big") + data)
+    return made
+
+
+def gathered(link, n, seconds=PATIENCE):
+    """The next n packets, or as many as come in time."""
+    found, end = [], link.t + int(seconds * SECOND)
+    while len(found) < n and link.t < end:
+        found += [one.packet for one in link.receive(end)]
+    return found
+
+
+def free(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_udp_carries_both_ways_and_takes_several_packets_in_a_datagram():
+    a, b = free(socket.SOCK_DGRAM), free(socket.SOCK_DGRAM)
+    with open_link(f"udp://127.0.0.1:{a}?listen={b}") as ground, \
+            open_link(f"udp://127.0.0.1:{b}?listen=127.0.0.1:{a}") as craft:
+        sent = packets(40)
+        for one in sent[:20]:
+            ground.send(one)
+        assert gathered(craft, 20) == sent[:20]
+        craft.send(b"".join(sent[20:]) + b"\x08\x80\xc0\0\0\x09cut")
+        assert gathered(ground, 20) == sent[20:]
+        assert ground.skipped == 9 and craft.skipped == 0
+        begin = ground.t
+        assert ground.receive(begin + 30_000_000) == [] and ground.t >= begin + 30_000_000
+
+
+def test_udp_outlives_that_nobody_listens():
+    with open_link(f"udp://127.0.0.1:{free(socket.SOCK_DGRAM)}?listen={free(socket.SOCK_DGRAM)}") as link:
+        for one in packets(5):
+            link.send(one)
+            link.receive(link.t + 1_000_000)
+
+
+def test_a_server_sends_to_all_clients_and_takes_from_each():
+    port = free()
+    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as one, \
+            open_link(f"tcp://localhost:{port}") as two:
+        sent = packets(300)
+        for packet in sent[:100]:
+            one.send(packet)
+        for packet in sent[100:200]:
+            two.send(packet)
+        got = gathered(server, 200)
+        assert [p for p in got if p in sent[:100]] == sent[:100] and sorted(got) == sorted(sent[:200])
+        for packet in sent[200:]:
+            server.send(packet)
+        assert gathered(one, 100) == gathered(two, 100) == sent[200:]
+        two.close()
+        server.receive(server.t + 100_000_000)
+        server.send(sent[0])
+        assert gathered(one, 1) == [sent[0]]
+
+
+def test_a_slow_reader_costs_packets_of_its_own_and_sees_no_half_one(monkeypatch):
+    monkeypatch.setattr(links, "OUTBOX", 1 << 16)
+    monkeypatch.setattr(links, "UNREAD", int(PATIENCE))
+    port = free()
+    with open_link(f"listen://{port}") as server, socket.create_connection(("127.0.0.1", port)) as slow, \
+            open_link(f"tcp://127.0.0.1:{port}") as quick:
+        server.receive(server.t + 100_000_000)
+        sent = [bytes([8, 0x80, 0xC0 | i >> 8 & 0x3F, i & 255, 3, 255]) + bytes(1024) for i in range(16000)]
+        got, stop = [], threading.Event()
+
+        def read():
+            while not stop.is_set():
+                got.extend(one.packet for one in quick.receive(quick.t + SECOND // 10))
+        reader = threading.Thread(target=read)
+        reader.start()
+        for i, one in enumerate(sent):
+            while i > len(got) + 50:    # the quick one keeps up
+                server.receive(server.t + SECOND // 1000)
+            server.send(one)
+        assert server.dropped > 0
+        while len(got) < len(sent):
+            server.receive(server.t + SECOND // 1000)
+        slow.settimeout(2)
+        stream = Splitter()
+        seen = []
+        try:
+            while True:
+                seen += stream.feed(slow.recv(1 << 20))
+                server.receive(server.t)
+        except TimeoutError:
+            pass
+        stop.set()
+        reader.join()
+        assert set(seen) <= set(sent) and seen == sorted(seen) and len(seen) < len(sent) and stream.skipped == 0
+        assert got == sent
+
+
+def test_a_server_has_few_clients_and_cuts_off_who_does_not_read(monkeypatch):
+    monkeypatch.setattr(links, "CLIENTS", 2)
+    monkeypatch.setattr(links, "UNREAD", 3)
+    port = free()
+    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as reader, \
+            socket.create_connection(("127.0.0.1", port)) as deaf, \
+            socket.create_connection(("127.0.0.1", port)) as third:
+        while not server.refused:
+            server.receive(server.t + SECOND // 100)
+        third.settimeout(PATIENCE)
+        assert third.recv(1) == b"" and server.refused == 1 and len(server._streams) == 2
+        sent = packets(1)[0][:6] + bytes(100_000)
+        while len(server._streams) == 2:
+            server.send(sent)
+            while reader.receive(reader.t + SECOND // 100):
+                pass
+            server.receive(server.t + SECOND // 100)
+        assert len(server._streams) == 1 and deaf.fileno() >= 0
+        with socket.create_connection(("127.0.0.1", port)):
+            while len(server._streams) < 2:
+                server.receive(server.t + SECOND // 100)
+
+
+def test_descriptors_beyond_1023_work():
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(max(soft, 1200), hard), hard))
+    held = []
+    try:
+        while not held or held[-1] < 1030:
+            held.append(os.dup(0))
+        a, b = free(socket.SOCK_DGRAM), free(socket.SOCK_DGRAM)
+        port = free()
+        with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as client, \
+                open_link(f"udp://127.0.0.1:{a}?listen={b}") as one, \
+                open_link(f"udp://127.0.0.1:{b}?listen={a}") as two:
+            sent = packets(20)
+            for packet in sent:
+                client.send(packet)
+                one.send(packet)
+            assert gathered(server, 20) == gathered(two, 20) == sent
+    finally:
+        for number in held:
+            os.close(number)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_the_end_of_a_connection_is_an_error_of_a_client_alone():
+    port = free()
+    with open_link(f"listen://{port}") as server:
+        client = open_link(f"tcp://127.0.0.1:{port}")
+        server.receive(server.t + 100_000_000)
+        server.close()
+        with pytest.raises(ConnectionError, match="gone"):
+            client.receive(client.t + SECOND)
+
+
+def test_two_threads_share_a_link():
+    port = free()
+    with open_link(f"listen://{port}") as server, open_link(f"tcp://127.0.0.1:{port}") as client:
+        sent = packets(4000)
+        got = []
+        receiver = threading.Thread(target=lambda: got.extend(gathered(client, len(sent))))
+        echo = threading.Thread(target=lambda: [server.send(one) for one in sent])
+        server.receive(server.t + 100_000_000)
+        receiver.start()
+        echo.start()
+        while receiver.is_alive():
+            server.receive(server.t + 20_000_000)
+        echo.join()
+        assert got == sent
+
+
+def test_a_serial_device_carries_packets():
+    craft, device = os.openpty()
+    path = os.ttyname(device)
+    with open_link(f"serial:{path}?baud=115200") as link:
+        sent = packets(20)
+        os.write(craft, b"\xff\xee" + b"".join(sent))
+        assert gathered(link, 20) == sent and link.skipped == 2
+        for one in sent:
+            link.send(one)
+        stream, got = Splitter(), []
+        while len(got) < len(sent):
+            got += stream.feed(os.read(craft, 4096))
+        assert got == sent
+        os.close(craft)
+        os.close(device)
+        with pytest.raises(ConnectionError, match="gone"):
+            link.receive(link.t + SECOND)
+
+
+def test_a_stream_is_found_again_after_damage():
+    """Bytes are lost and changed in between; packets that lie whole behind the damage come out, none is invented."""
+    dictionary = fledge.load("nadir_spin").flight.commands.dictionary
+    accepts = fledge.ground.scripts.craft.accepts(dictionary)
+    draw = random.Random(7)
+    for _ in range(30):
+        sent = [(dictionary.telemetry + draw.randrange(5)).to_bytes(2, "big") + (0xC000 | i).to_bytes(2, "big")
+                + b"\0\x63" + bytes([i]) * 100 for i in range(60)]
+        whole = b"".join(sent)
+        cut = draw.randrange(1000, 3000)
+        damaged = whole[:cut] + draw.randbytes(5) + whole[cut + draw.randrange(1, 90):]
+        stream, got, at = Splitter(accepts), [], 0
+        while at < len(damaged):
+            n = draw.randrange(1, 200)
+            got += stream.feed(damaged[at:at + n])
+            at += n
+        strange = [one for one in got if one not in sent]
+        assert len(strange) <= 1        # the one that was hit
+        assert got[-20:] == sent[-20:] and len(got) >= 56
+
+
+def test_packets_are_split_by_their_lengths():
+    sent = packets(30)
+    assert split(b"".join(sent)) == (sent, b"")
+    assert split(sent[0] + sent[1][:-1]) == ([sent[0]], sent[1][:-1])
+    assert split(b"\x08") == ([], b"\x08")
+
+
+@pytest.mark.parametrize("address, says", [
+    ("nonsense", "is no address of a link; an address is udp"),
+    ("udp://127.0.0.1:10025", "is no address of a link"),
+    ("udp://127.0.0.1:99999?listen=1", "out of range"),
+    ("udp://127.0.0.1:10025?listen=abc", "a port is a whole number from 1 to 65535; found 'abc'"),
+    ("udp://127.0.0.1:10025?listn=1", "there is no option listn; there is frames, listen"),
+    ("tcp://127.0.0.1", "is no address of a link"),
+    ("tcp://127.0.0.1:1", "Connection refused"),
+    ("listen://", "found ''"),
+    ("serial:/dev/nothing", "/dev/nothing"),
+    ("serial:/dev/null?baud=fast", "baud is a whole number"),
+    ("cosim:", "is no address of a link"),
+])
+def test_what_is_no_address_is_refused(address, says):
+    with pytest.raises(SetupError, match=says.replace("(", r"\(")):
+        open_link(address)
+
+
+def test_a_port_that_is_taken_is_refused():
+    port = free()
+    with open_link(f"listen://{port}"), pytest.raises(SetupError, match="in use"):
+        open_link(f"listen://{port}")
+
+
+def test_commands_are_made_of_names_and_quantities():
+    from fledge.ground import packets as made
+    from fledge.units import N, kg, m
+
+    dictionary = fledge.load("nadir_spin").flight.commands.dictionary
+    assert isinstance(dictionary, Dictionary)
+    assert made(Packets(dictionary), "write", "flight.control", K=3 * N * m) \
+        == Packets(dictionary).write("flight.control", K=3.0)
+    for words, says in [(("wirte", "flight.control"), "did you mean 'write'"), (("mode",), "mode takes mode: missing"),
+                        (("write", "flight.control"), "give parameters")]:
+        with pytest.raises(SetupError, match=says):
+            made(Packets(dictionary), *words)
+    with pytest.raises(SetupError, match="flight.control.K: expected a quantity in N m"):
+        made(Packets(dictionary), "write", "flight.control", K=3 * kg)

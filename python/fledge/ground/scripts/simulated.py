@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The link to a flight process of a simulation in the same program: waiting lets the simulation run."""
+from __future__ import annotations
+
+from typing import Any
+
+from fledge.commands import Timed
+from fledge.errors import SetupError, did_you_mean, listed
+from fledge.ground.scripts.links import Link
+from fledge.mission.process import Flight
+
+
+def flight_of(simulation: Any, name: str | None = None) -> Flight:
+    """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
+    flights = {one.name: one for one in simulation.processes if isinstance(one, Flight)}
+    names = list(flights)
+    if name is None and len(names) == 1:
+        return flights[names[0]]
+    if name is None:
+        raise SetupError(f"{simulation.name} has {len(names)} flight processes; choose one by its name, `process`: "
+                         + listed(names, none="none"))
+    if name not in names:
+        raise SetupError(f"{simulation.name} has no flight process '{name}'{did_you_mean(name, names)} it has "
+                         + listed(names, none="none"))
+    return flights[name]
+
+
+def radio_of(simulation: Any, path: str) -> Any:
+    """The model of a path, "world.radio". Raises SetupError."""
+    radios = [one for one, _ in simulation.kernel.carriers]
+    if path not in radios:
+        raise SetupError(f"{simulation.name} has no radio '{path}'{did_you_mean(path, radios)} it has "
+                         + listed(radios, none="none"))
+    process, name = path.split(".")
+    return simulation.process(process).instances[name]
+
+
+class Simulated(Link):
+    """Time passes while the ground waits. Packets go straight to flight, which gets them before its next instant; or
+    by a radio, a model of the world. By that the ground acts at flight's instants alone, as a node of a co-simulation
+    does."""
+
+    def __init__(self, simulation: Any, process: str | None = None, radio: Any = None) -> None:
+        self.simulation = simulation
+        self.process = flight_of(simulation, process)
+        self._periods = [(task.period, task.offset) for task in self.process.tasks]
+        commands = self.process.commands
+        direct = (commands.send_unit, commands.take_units) if commands.dictionary.frames else (
+            commands.send, commands.take_packets)
+        self._by_radio = radio is not None
+        radio = radio_of(simulation, radio) if isinstance(radio, str) else radio
+        self._send, self._take = commands.by(radio) if self._by_radio else direct
+        self._take()    # they are kept from now on
+
+    @property
+    def t(self) -> int:
+        return max(int(self.simulation.time_ns), 0)
+
+    def send(self, packet: bytes) -> None:
+        self._send(packet)
+
+    def receive(self, until: int) -> list[Timed]:
+        while True:
+            found = self._take()
+            if found or self.simulation.time_ns >= until:
+                return found
+            then = self._next_instant()
+            self.simulation.run(until=(then if self._by_radio else min(until, then)) / 1e9, progress=False)
+
+    def _next_instant(self) -> int:
+        """[ns] of flight's next instant."""
+        now = int(self.simulation.time_ns)
+        return min(offset if now < offset else now + period - (now - offset) % period
+                   for period, offset in self._periods)

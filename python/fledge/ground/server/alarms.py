@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Alarms: one begins when a parameter leaves its limits. It ends when the parameter is within them again and an
+operator has acknowledged it."""
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from fledge.ground.server.spacecraft import Spacecraft
+
+LONGEST = 7 * 86400     # [s] for which an alarm is shelved
+CONCERNS = ("normal", "watch", "warning", "distress", "critical", "severe")
+
+
+class Alarms:
+    """The alarms of a spacecraft, by the parameter's name. The journal has each change of an alarm: begin, worse, end,
+    acknowledged, shelved. The server reads the open ones from it when it starts."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        self._open: dict[str, dict[str, Any]] = {}
+        self._changed: set[str] = set()     # whose level the journal does not have yet
+        for one in craft.room.journal.all("alarms", craft.name, True):
+            if int(one["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
+                one["shelved_until_ns"] = "0"
+            self._open[one["name"]] = one
+        self.anew()
+
+    def anew(self) -> None:
+        """The monitor is a new one: it has no value yet, and notes no state that is normal at first."""
+        self._unknown = set(self._open)
+
+    def look(self) -> None:
+        """Learn the state of alarms that are older than the monitor, by the first value, and keep levels that changed:
+        the journal takes no row for each of the values that go to and fro."""
+        for name in self._unknown & self._open.keys():
+            slot = self.craft.slot_numbers.get(name)
+            if slot is not None and (newest := self.craft.monitor.newest(slot)):
+                self._unknown.discard(name)
+                self.take([(slot, newest[0], self._open[name]["concern"], newest[5])])
+        self._keep([self._open[name] for name in sorted(self._changed & self._open.keys())])
+        self._changed.clear()
+
+    def compare(self) -> None:
+        """Take the states that the monitor has: notes of it may be lost."""
+        for slot, name in enumerate(self.craft.slot_names):
+            newest, before = self.craft.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
+            if newest and newest[5] != before:
+                self.take([(slot, newest[0], before, newest[5])])
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The open alarms. The slot is None if the database no longer has the parameter."""
+        return [self._told(one) for one in list(self._open.values())]      # from any thread
+
+    def take(self, notes: list[tuple[int, int, int, int]]) -> None:
+        """Take changes of limit states: (slot, t, old, new) each."""
+        changed: dict[str, dict[str, Any]] = {}
+        for slot, t, _, new in notes:
+            name = self.craft.slot_names[slot]
+            one = self._open.get(name)
+            if one is None:
+                if not new:
+                    continue
+                one = self._open[name] = {
+                    "name": name, "concern": 0, "worst": 0, "since_ns": str(t), "t_ns": str(t), "count": 0,
+                    "value": None, "text": "", "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
+            one["count"] += new > one["concern"]
+            worse = new > one["worst"]
+            one.update(concern=new, t_ns=str(t), worst=max(new, one["worst"]))
+            if new:
+                newest = self.craft.monitor.newest(slot)
+                one["value"] = value = newest[3] if newest else None
+                one["text"] = f"{value:g}" if isinstance(value, float) else str(value)
+            if worse:
+                one["acknowledged"] = None
+            if worse or self._ends(one, t):
+                changed[name] = one
+            else:
+                self._changed.add(name)
+        self._keep(list(changed.values()))
+
+    def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
+        """Note that a user has seen an alarm. Raises SetupError if there is no such alarm, or it cannot be kept."""
+        return self._request(self._named(name), acknowledged={
+            "user": user, "note": note, "t_ns": str(self.craft.now), "received_ns": str(time.time_ns())})
+
+    def shelve(self, name: str, seconds: float) -> dict[str, Any]:
+        """Do not announce an alarm for some seconds of the server's time; 0: announce it again from now on."""
+        if not 0 <= seconds <= LONGEST:
+            raise SetupError(f"an alarm is shelved for 0 to {LONGEST} s; found {seconds:g}")
+        return self._request(self._named(name), shelved_until_ns=str(time.time_ns() + int(seconds * 1e9))
+                             if seconds else "0")
+
+    def stepped(self, by: int) -> None:
+        """Somebody has set the server's clock [ns]."""
+        for name, one in self._open.items():
+            if one["shelved_until_ns"] != "0":
+                one["shelved_until_ns"] = str(max(0, int(one["shelved_until_ns"]) + by))
+                self._changed.add(name)
+
+    def _request(self, one: dict[str, Any], **changes: Any) -> dict[str, Any]:
+        """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
+        made = one | changes
+        if not made["concern"] and made["acknowledged"]:
+            made["ended_ns"] = str(self.craft.now)
+        self.craft.room.keep("alarms", self.craft.name, made, told=self._told, must=True)
+        one.update(made)
+        self._ends(one, self.craft.now)
+        return self._told(one)
+
+    def _ends(self, one: dict[str, Any], t: int) -> bool:
+        """End an alarm whose two conditions hold; whether it has ended."""
+        if one["concern"] or not one["acknowledged"]:
+            return False
+        one["ended_ns"] = str(t)
+        del self._open[one["name"]]
+        return True
+
+    def _named(self, name: str) -> dict[str, Any]:
+        if name not in self._open:
+            raise SetupError(f"{self.craft.name} has no alarm of {name}")
+        return self._open[name]
+
+    def _told(self, one: dict[str, Any]) -> dict[str, Any]:
+        names = self.craft.slot_numbers
+        return one | {"craft": self.craft.name, "slot": names.get(one["name"]), "level": CONCERNS[one["concern"]],
+                      "worst_level": CONCERNS[one["worst"]]}
+
+    def _keep(self, changed: list[dict[str, Any]]) -> None:
+        self.craft.room.keep("alarms", self.craft.name, *changed, told=self._told)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the server says by HTTP and WebSocket: JSON, CSV, refusals in words."""
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from aiohttp import web
+
+from fledge.ground.server.alarms import CONCERNS
+from fledge.ground.server.users import Refusal
+from fledge.errors import field
+
+PART = 8192     # values of a series that become text at once
+
+
+def dumps(content: Any) -> str:
+    """As JSON, in which a number that is not finite is null."""
+    try:
+        return json.dumps(content, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content))
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def owner(craft: str) -> str:
+    """Whose roles count: those of a replay are of its spacecraft."""
+    return craft.partition("@")[0]
+
+
+def _texts(kind: str, exact: list[Any]) -> list[str | None]:
+    """Values as texts, all digits: of a label its word, bytes in hex, times in seconds."""
+    if kind == "time":
+        return [None if one is None else f"{'-' * (one < 0)}{abs(one) // 10**9}.{abs(one) % 10**9:09}" for one in exact]
+    return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
+
+
+def in_json(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Series by their names, in parts: numbers, integers with all digits; `text` of those that a double or a browser
+    does not hold."""
+    before = "{"
+    for name, series in found.items():
+        yield f"{before}{dumps(name)}: ".encode()
+        before, inner = ", ", "{"
+        for key, column in _columns(*series).items():
+            yield f'{inner}"{key}": ['.encode()
+            inner, between = ", ", ""
+            for at in range(0, len(series[0]), PART):
+                if part := column(slice(at, at + PART)):
+                    yield (between + dumps(part)[1:-1]).encode()
+                    between = ", "
+            yield b"]"
+        yield b"}"
+    yield b"}"
+
+
+def _columns(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
+             exact: tuple[str, list[Any]]) -> dict[str, Callable[[slice], list[Any]]]:
+    """The lists of a series, of which each makes a part."""
+    kind, values = exact
+    made: dict[str, Callable[[slice], list[Any]]] = {
+        "t_ns": lambda part: [str(one) for one in t[part].tolist()], "concern": lambda part: concern[part].tolist(),
+        "worst": lambda part: worst[part].tolist()}
+    if kind in ("text", "binary"):
+        return made | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
+    if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
+        made["text"] = lambda part: _texts(kind, values[part])
+    whole = kind in ("natural", "integer", "boolean")
+    return made | {"value": lambda part: [one if one is None else int(one) for one in values[part]] if whole else
+                   value[part].tolist(),
+                   "low": lambda part: low[part].tolist(), "high": lambda part: high[part].tolist()}
+
+
+def in_csv(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Lines of series: a number as it is, else what `text` is."""
+    yield b"t_ns,name,value,state\n"
+    for name, (t, value, _, _, concern, _, (kind, exact)) in found.items():
+        name = field(name)
+        for at in range(0, len(t), PART):
+            part = slice(at, at + PART)
+            if kind == "real":
+                texts = [repr(one) for one in value[part].tolist()]
+            elif kind == "boolean":
+                texts = ["" if one is None else str(int(one)) for one in exact[part]]
+            else:
+                texts = [one or "" for one in _texts(kind, exact[part])]
+                if kind in ("label", "text"):
+                    texts = [field(one) for one in texts]
+            yield "".join(f"{at},{name},{one},{CONCERNS[state]}\n" for at, one, state in zip(
+                t[part].tolist(), texts, concern[part].tolist())).encode()
+
+
+def in_binary(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+    """Series in the order of their names, each with its arrays (api.yaml)."""
+    yield struct.pack("<II", 0x32484C46, len(found))
+    for t, value, low, high, _, worst, _ in found.values():
+        yield struct.pack("<II", len(t), 0)
+        for one in (t.astype("<i8"), *(one.astype("<f8") for one in (value, low, high)), worst):
+            if len(one):
+                yield one.tobytes()
+        if len(t) % 8:
+            yield bytes(-len(t) % 8)
+
+
+def answer(content: Any) -> web.Response:
+    return web.Response(text=dumps(content), content_type="application/json")
+
+
+def refusal(status: int, why: str, **more: str) -> Refusal:
+    made = Refusal(status, why)
+    made.text = dumps({"error": why} | more)
+    return made

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits that administrators have set instead of the database's. They are in the journal, and a value is judged by
+those that were in force when its packet was received: live, in a replay, in history and in PostgreSQL."""
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from fledge.ground.server.journal import JournalError
+from fledge.errors import SetupError, listed
+
+if TYPE_CHECKING:
+    from fledge.ground.server.spacecraft import Spacecraft
+
+Change = dict[str, Any]     # name, kind, unit, limits (None: the database's again), persistence, time_ns, ...
+Packets = list[tuple[int, int, bytes]]      # t, received, packet
+EVER = 2**63 - 1
+
+
+class InForce:
+    """The limits of a monitor at a time. changes: in their order; more may be appended."""
+
+    def __init__(self, changes: list[Change], monitor: Any) -> None:
+        self.changes, self.monitor = changes, monitor
+        self.newest: dict[str, Change] = {}     #: of each parameter
+        self._next = 0
+        self._known: dict[str, dict[str, Any]] | None = None    # what the monitor has
+
+    @property
+    def until(self) -> int:
+        """When [ns, UTC] the next change is."""
+        return int(self.changes[self._next]["time_ns"]) if self._next < len(self.changes) else EVER
+
+    def at(self, received: int) -> list[Any]:
+        """Go on to a time [ns, UTC]; the monitor's notes."""
+        notes: list[Any] = []
+        while self._next < len(self.changes) and self.until <= received:
+            change = self.changes[self._next]
+            self._next += 1
+            self.newest[change["name"]] = change
+            notes += self.apply(change["name"])
+        return notes
+
+    def apply(self, name: str) -> list[Any]:
+        """Let the newest change of a parameter count in the monitor, if it fits what that has."""
+        change, about = self.newest.get(name), self.about(name)
+        if about is None:
+            return []
+        levels = change["limits"] if change and fits(change, about) else None
+        return list(self.monitor.set_limits(about["slot"], levels, change["persistence"] if change else 1))
+
+    def learn(self, first: int) -> list[Any]:
+        """The monitor has new slots."""
+        if self._known is None:
+            return []
+        more = {one["name"]: one for one in self.monitor.slots(first)}
+        self._known |= more
+        return [note for name in self.newest if name in more for note in self.apply(name)]
+
+    def about(self, name: str) -> dict[str, Any] | None:
+        """What the monitor knew of a parameter before its limits were changed; None: it has no such one."""
+        if self._known is None:
+            self._known = {one["name"]: one for one in self.monitor.slots(0)}
+        return self._known.get(name)
+
+    def parts(self, rows: Packets) -> Iterator[tuple[list[Any], Packets]]:
+        """Packets in pieces of the same limits, each after the notes of the changes before it."""
+        begin = 0
+        while begin < len(rows):
+            notes, until = self.at(rows[begin][1]), self.until
+            end = next((i for i in range(begin, len(rows)) if rows[i][1] >= until), len(rows))
+            yield notes, rows[begin:end]
+            begin = end
+
+
+class SetLimits:
+    """Those of a spacecraft."""
+
+    def __init__(self, craft: Spacecraft) -> None:
+        self.craft = craft
+        #: all changes so far; those of a replay are its spacecraft's
+        self.changes: list[Change] = craft.source.limits.changes if craft.source else craft.room.journal.all(
+            "limits", craft.name)
+        self.in_force = InForce(self.changes, craft.monitor)
+
+    def begin(self) -> None:
+        """Let them count in the spacecraft's monitor, and say which cannot."""
+        self.in_force = InForce(self.changes, self.craft.monitor)
+        if self.craft.source:       # whose packets have their own times
+            return
+        self.in_force.at(EVER)
+        absent = []
+        for name, change in self.in_force.newest.items():
+            about = self.in_force.about(name)
+            if change["limits"] is None:
+                continue
+            if about is None:
+                absent.append(name)
+            elif not fits(change, about):
+                self._tell("warning", f"the limits that {change['user']} set for {name} do not count: it was "
+                           f"{change['kind']} [{change['unit']}], and is {about['kind']} [{about['unit']}] now; set "
+                           "them anew")
+            elif about["limits"] != change["database"]:
+                self._tell("info", f"the database has other limits of {name} than before "
+                           f"({in_words(about['limits'])}); those that {change['user']} set still count: "
+                           f"{in_words(change['limits'], change['persistence'])}")
+        if absent:
+            self._tell("warning", f"the limits that were set for {listed(absent)} wait: the database has no such "
+                       "parameter now")
+
+    def change(self, user: str, slot: int, levels: dict[str, Any] | None, persistence: int) -> None:
+        """Set other limits of a parameter; {}: none, None: those of the database again. They are in the journal when
+        this returns, but those of a replay, which end with it. Raises SetupError."""
+        craft = self.craft
+        before, = craft.monitor.slots(slot, 1)
+        notes = craft.monitor.set_limits(slot, levels, persistence)
+        now, = craft.monitor.slots(slot, 1)
+        change = {
+            "name": before["name"], "kind": before["kind"], "unit": before["unit"],
+            "limits": None if levels is None else now["limits"], "persistence": persistence, "user": user,
+            "old": {"limits": before["limits"], "persistence": before["persistence"]},
+            "database": before["limits"] if before["replaced"] is None else before["replaced"],
+            "time_ns": str(max([time.time_ns(), *(int(one["time_ns"]) for one in self.changes[-1:])])),
+            "t_ns": str(craft.now)}
+        try:
+            craft.room.log(user, "limits", f"{change['name']}: {in_words(before['limits'], before['persistence'])} -> "
+                           f"{in_words(now['limits'], now['persistence'])}"
+                           f"{', as in the database' if levels is None else ''}", craft.name,
+                           also=[] if craft.source else [("limits", change)])
+            if not craft.source:
+                self.changes.append(change)
+                self.in_force.at(EVER)
+        except JournalError:
+            notes += self.in_force.apply(change["name"])
+            raise
+        finally:
+            craft.noted(notes)
+
+    def of(self, name: str) -> list[tuple[int, dict[str, Any] | None, int]]:
+        """When [ns, UTC] which limits of a parameter began to count (None: the database's), and their persistence."""
+        if not self.changes:
+            return []
+        with suppress(SetupError):
+            name = name if name in self.craft.slot_numbers else \
+                self.craft.slot_names[self.craft.monitor.slot(name)]     # of a path
+        return [(int(one["time_ns"]), one["limits"] if fits(one, self.in_force.about(name)) else None,
+                 one["persistence"]) for one in self.changes if one["name"] == name]
+
+    def _tell(self, severity: str, text: str) -> None:
+        self.craft.room.tell(self.craft.name, severity, "limits", text)
+
+
+def fits(change: Change, about: dict[str, Any] | None) -> bool:
+    """Whether a parameter still is what its limits were set for."""
+    return about is not None and (change["kind"], change["unit"]) == (about["kind"], about["unit"])
+
+
+def in_words(levels: dict[str, Any], persistence: int = 1) -> str:
+    """warning -1 to 1, critical open to 2"""
+    parts = [f"{level} {' to '.join('open' if one is None else f'{one:g}' for one in ends)}"
+             for level, ends in levels.items()]
+    return ", ".join(parts + [f"{persistence} in a row"] * (persistence > 1 and bool(parts))) or "none"

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All spacecraft of a server, and the listeners to their events."""
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from threading import RLock
+from typing import Any
+
+from fledge.ground.server.bounds import Bounds
+from fledge.ground.server.journal import Journal, JournalError
+from fledge.ground.server.settings import Settings
+from fledge.ground.server.simulated import Steered
+from fledge.ground.server.spacecraft import Spacecraft
+from fledge.cosim.steering import Steering
+from fledge.errors import SetupError, did_you_mean, listed
+
+UNSAVED = 10_000    # events that wait for a journal that cannot be written
+KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "stored": "stored",
+         "log": "log"}
+
+
+class Room:
+    """The spacecraft of the settings, from start() to close()."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.bounds = Bounds()
+        self.journal = Journal(settings.folder)
+        self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
+        self.crafts: dict[str, Spacecraft] = {}
+        self._numbers = 0
+        self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
+        self._left_out = 0      # events besides
+        self._failed: set[str] = set()      # spacecraft for which an event says that the journal fails
+        self._keeping = RLock()
+        steering = Steering.of_run()
+        #: the run of the co-simulation that this is a part of
+        self.steered: Steered | None = Steered(steering) if steering else None
+        self.postgres: Any = None
+        try:
+            for one in settings.crafts:
+                self.add(Spacecraft(self, one, self._numbers))
+            if "postgres" in settings.more:
+                self.postgres = self._postgres(settings.more["postgres"])
+        except BaseException:
+            self.close()
+            raise
+
+    def add(self, craft: Spacecraft) -> None:
+        if craft.name in self.crafts:
+            raise SetupError(f"there is a spacecraft {craft.name} already")
+        self.crafts[craft.name] = craft
+        self._numbers += 1
+
+    def remove(self, name: str) -> None:
+        if not (craft := self.crafts.pop(name, None)):      # somebody else was first
+            raise SetupError(f"{name} has ended")
+        craft.close()
+        self.publish("crafts", "", {})
+
+    @property
+    def next_index(self) -> int:
+        return self._numbers
+
+    def craft(self, name: str, among: list[str] | None = None) -> Spacecraft:
+        """The spacecraft of a name, of all or among some. Raises SetupError."""
+        among = list(self.crafts) if among is None else among
+        if name not in among:
+            raise SetupError(f"there is no spacecraft '{name[:80]}'{did_you_mean(name, among)} there is "
+                             + listed(among))
+        return self.crafts[name]
+
+    def start(self) -> None:
+        for one in self.crafts.values():
+            one.start()
+        if self.postgres:
+            self.postgres.start()
+
+    def close(self) -> None:
+        """End all in order."""
+        if self.postgres:
+            self.postgres.close()
+        for one in self.crafts.values():
+            one.close()
+        for name in list(self._unsaved):
+            self.flush(name)
+        self.journal.close()
+
+    def _postgres(self, table: dict[str, Any]) -> Any:
+        try:
+            from fledge.ground.server.postgres import Postgres, PostgresSettings
+        except ModuleNotFoundError as error:
+            raise SetupError(f"[postgres] needs Debian's package python3-psycopg ({error})") from None
+        return Postgres(PostgresSettings.read(table), self)
+
+    # --- what happens ---
+
+    def publish(self, kind: str, craft: str, content: dict[str, Any]) -> None:
+        """Tell all browsers."""
+        for one in list(self.listeners):
+            one(content | {"kind": kind, "craft": craft})
+
+    def keep(self, kind: str, craft: str, *objects: dict[str, Any],
+             told: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:
+        """Write objects into the journal, and tell all browsers. What it does not take is told, too, and is written as
+        soon as it can be. must: raise JournalError instead, for a request is refused then."""
+        if must:
+            self.journal.save(kind, craft, *objects)
+        elif objects:
+            with self._keeping:
+                waiting = self._unsaved.setdefault(craft, [])
+                for one in objects:
+                    if kind == "events" and len(waiting) >= UNSAVED:
+                        self._left_out += 1
+                    elif not any(one is other for _, other in waiting):
+                        waiting.append((kind, one))
+            self.flush(craft)
+        for one in objects:
+            self.publish(KINDS[kind], craft, told({"id": None} | one))
+
+    def flush(self, craft: str) -> None:
+        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told, and
+        that it is over."""
+        with self._keeping:
+            waiting, failed = self._unsaved.get(craft), craft in self._failed
+            if not waiting:
+                return
+            try:
+                self.journal.save_all([(kind, craft, one) for kind, one in waiting])
+            except JournalError as error:
+                self._failed.add(craft)
+                if not failed:
+                    event = self.event(craft, "critical", "server", str(error))
+                    waiting.append(("events", event))
+                    self.publish("event", craft, event | {"id": None})
+                return
+            waiting.clear()
+            self._failed.discard(craft)
+            left_out, self._left_out = self._left_out, 0
+        if failed:
+            self.tell(craft, "info", "server", "the journal is written again"
+                      + f"; {left_out} events meanwhile are not in it" * bool(left_out))
+
+    def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> dict[str, Any]:
+        """An event as the journal has it. severity: info, watch, warning, distress, critical, severe."""
+        return {"craft": craft, "t_ns": str(self.crafts[craft].now if t is None and craft in self.crafts else t or 0),
+                "received_ns": str(time.time_ns()), "severity": severity, "source": source, "text": text}
+
+    def tell(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> None:
+        """Keep an event."""
+        self.keep("events", craft, self.event(craft, severity, source, text, t))
+
+    def log(self, user: str, action: str, text: str, craft: str = "", good: bool = True,
+            also: Sequence[tuple[str, dict[str, Any]]] = ()) -> None:
+        """Keep a user's action, and also (kind, object) of it, all or none. Raises JournalError: then the server must
+        not carry it out."""
+        row = {"craft": craft or None, "time_ns": str(time.time_ns()), "user": user, "action": action, "text": text,
+               "good": good}
+        self.journal.save_all([*((kind, craft, one) for kind, one in also), ("log", craft.partition("@")[0], row)])
+        self.publish("log", craft, row)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may what: each HTTP route and each message of the WebSocket has a row, beside its handler. The check, the
+document of OpenAPI and the table of the documents are made from these rows."""
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, TypeVar
+
+from aiohttp import web
+
+from fledge.ground.server.bounds import DEPTH
+from fledge.errors import SetupError
+
+USER, ANYONE = "user", "anyone"     # in the place of a role: each user, and who has not logged in, too
+MESSAGE = "message"                 # in the place of a method: of the WebSocket
+OWN, RUN = "path", "run"            # the role holds for: the spacecraft that is named; all that its run flies
+DIGITS = 40                         # of a number in JSON
+Handler = TypeVar("Handler", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Row:
+    method: str         #: of HTTP, or MESSAGE
+    path: str           #: or the message's key
+    role: str           #: view, command, administer, USER or ANYONE
+    craft: str = ""     #: OWN or RUN; "": no spacecraft is named, and the answer has what the user may see
+    logged: bool = False    #: the operators' log has it before it is done
+    body: str = "body"      #: the limit of its request (bounds.py)
+
+
+def route(method: str, path: str, role: str, craft: str = "", logged: bool | None = None, body: str = "body"
+          ) -> Callable[[Handler], Handler]:
+    """Decorates a handler with its row. craft: by default, that of the path; logged: by default, all but GET."""
+    def decorate(handler: Handler) -> Handler:
+        setattr(handler, "row", Row(method, path, role, craft or (OWN if "{c}" in path else ""),
+                                    method not in ("GET", MESSAGE) if logged is None else logged, body))
+        return handler
+
+    return decorate
+
+
+def message(key: str, role: str, craft: str = OWN) -> Callable[[Handler], Handler]:
+    """Decorates a handler of a message of the WebSocket."""
+    return route(MESSAGE, key, role, craft)
+
+
+def rows(holder: Any) -> Iterator[tuple[Row, Any]]:
+    """The rows of a class or an object, with their handlers, as they stand in its file."""
+    for one in vars(holder if isinstance(holder, type) else type(holder)).values():
+        if hasattr(one, "row"):
+            yield one.row, one if isinstance(holder, type) else getattr(holder, one.__name__)
+
+
+def add_routes(app: web.Application, holder: Any) -> None:
+    """Those of an object's rows."""
+    for row, handler in rows(holder):
+        if row.method == "GET":     # and HEAD
+            app.router.add_get(row.path, handler)
+        elif row.method != MESSAGE:
+            app.router.add_route(row.method, row.path, handler)
+
+
+def row_of(request: web.Request) -> Row | None:
+    """None: there is no such route."""
+    return getattr(request.match_info.handler, "row", None)
+
+
+async def whole(app: web.Application) -> None:
+    """Raises SetupError for a route without a row; an application does not start with it."""
+    for one in app.router.routes():
+        found, path = getattr(one.handler, "row", None), one.resource.canonical if one.resource else ""
+        if not isinstance(found, Row) or one.method not in (found.method, "HEAD" if found.method == "GET" else ""):
+            raise SetupError(f"{one.method} {path} has no row that says who may ask it: give its handler @route")
+
+
+def loads(text: str | bytes) -> Any:
+    """JSON whose texts are Unicode and whose numbers are finite. Raises ValueError with a sentence."""
+    def number(kind: type) -> Callable[[str], Any]:
+        def made(digits: str) -> Any:
+            value = kind(digits) if len(digits) <= DIGITS else float("inf")
+            if not isfinite(value):
+                raise OverflowError(f"a number is finite and has at most {DIGITS} digits; found {digits[:50]}")
+            return value
+        return made
+
+    try:
+        text = text if isinstance(text, str) else text.decode()
+        found = json.loads(text, parse_float=number(float), parse_int=number(int), parse_constant=number(float))
+        if re.search(r"\\ud[89a-f]", text, re.I):      # a half of a pair, or both
+            json.dumps(found, ensure_ascii=False).encode()
+        level, depth = [found], 0
+        while level := [inner for one in level if isinstance(one, (dict, list))
+                        for inner in (one.values() if isinstance(one, dict) else one)]:
+            depth += 1
+            if depth > DEPTH:
+                raise OverflowError(f"JSON has at most {DEPTH} levels")
+        return found
+    except OverflowError as error:
+        raise ValueError(str(error)) from None
+    except UnicodeEncodeError:
+        raise ValueError("a text has the half of a surrogate pair, which is no character") from None
+    except (ValueError, RecursionError):
+        raise ValueError("that is no JSON") from None
+
+
+def described(text: str, known: dict[tuple[str, str], Row]) -> str:
+    """The file of OpenAPI, with who may ask each operation. known: rows by method and path."""
+    made, path = [], ""
+    for line in text.splitlines():
+        made.append(line)
+        if found := re.fullmatch(r"  (/\S+):", line):
+            path = found[1]
+        elif (found := re.fullmatch(r"    (get|put|post|delete):", line)) and (row := known.get(
+                (found[1].upper(), path))):
+            made += [f"      x-role: {row.role}", *[f"      x-craft: {row.craft}"] * bool(row.craft),
+                     f"      x-logged: {str(row.logged).lower()}", *["      security: []"] * (row.role == ANYONE)]
+    return "\n".join([*made, ""])

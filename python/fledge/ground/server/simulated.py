@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A spacecraft that the server itself flies: at a speed, with pauses, steps, and faults that an operator injects."""
+from __future__ import annotations
+
+import re
+from math import inf
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from fledge.errors import SetupError, did_you_mean, listed
+
+if TYPE_CHECKING:
+    from fledge.cosim.steering import Steering
+    from fledge.ground.server.settings import CraftSettings
+
+AHEAD = 200_000_000     # [ns] of wall time that one turn may take
+LEAST = 10_000_000      # [ns] of wall time that one turn flies at least, for a turn costs far more than a short flight
+LATE = 0.5              # [s] behind its speed: what the simulation cannot keep up with is not made good
+
+
+def loaded(settings: CraftSettings) -> Any:
+    """The simulation of a spacecraft, set up as its scenario says. Raises SetupError."""
+    from fledge.mission import load
+    from fledge.mission.scenario import chosen, set_up
+
+    sim = load(settings.mission)
+    if settings.scenario:
+        set_up(sim, chosen(sim, settings.scenario)[1])
+    return sim
+
+
+class Pace:
+    """How far the simulation may go now."""
+
+    def __init__(self, sim: Any, speed: float) -> None:
+        self.sim = sim
+        self.speed = speed
+        self.paused = False
+        self._end: int | None = None    # [ns] of steps
+        self._anchor()
+
+    def repeats(self, heard: float = inf) -> str:
+        """As of Steered: it repeats no other run."""
+        return ""
+
+    def until(self) -> int | None:
+        """[ns] of simulated time up to which to fly; None: stand still for now."""
+        t = max(int(self.sim.time_ns), 0)
+        if self.paused and (self._end is None or t >= self._end):
+            self._end = None
+            self._anchor()
+            return None
+        if self.speed == 0:
+            due = t + 10**9
+        else:
+            behind = monotonic() - self._begun - (t - self._t) / 1e9 / self.speed
+            if behind > LATE:
+                self._anchor()
+            due = self._t + int((monotonic() - self._begun) * 1e9 * self.speed)
+            due = min(due, t + max(int(AHEAD * self.speed), 1)) if due >= t + LEAST * self.speed else t
+        if self._end is not None:
+            due = min(due, self._end)
+        return due if due > t else None
+
+    def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
+        """pause, go or step. Raises SetupError."""
+        _check(action, seconds, speed)
+        if speed is not None:
+            self.speed = speed
+        if action == "step":
+            self._end = max(int(self.sim.time_ns), 0) + round(seconds * 1e9)
+        self.paused = action != "go"
+        if action == "pause":
+            self._end = None
+        self._anchor()
+
+    def told(self, problem: str = "") -> dict[str, Any]:
+        """The state for browsers; faults: their places and values; problem: why the run has ended."""
+        t = max(int(self.sim.time_ns), 0)
+        wall = monotonic() - self._begun
+        real = (t - self._t) / 1e9 / wall if wall > 0 else 0.0
+        standing = self.paused and self._end is None
+        return {"state": "ended" if problem else "paused" if standing else "running", "speed": self.speed,
+                "real_speed": 0.0 if standing or problem else real, "t_ns": str(t), "text": problem}
+
+    def faults(self) -> list[dict[str, Any]]:
+        """The parameters of the world that may be changed."""
+        from fledge.objects import struct
+
+        return [{"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
+                 "value": _plain(getattr(one, field.name))}
+                for process in self.sim.processes if process not in self.sim.flights
+                for name, one in process.instances.items() for field in struct(one).fields
+                if field.group == "par" and not field.spare]
+
+    def inject(self, path: str, value: Any) -> str:
+        """Set a parameter of the simulation, as "world.wheels.friction" or "world.wheels.faults", checked as in a
+        mission; in words, what it was. Raises SetupError."""
+        steps = re.findall(r"\w+|\[\d+\]", path)
+        if "".join(steps) != path.replace(".", "") or len(steps) < 3 or any(
+                one.startswith("_") for one in steps):
+            raise SetupError(f"a fault is of a parameter by its path, as world.wheels.friction; found '{path}'")
+        names = {one.name: one for one in self.sim.processes}
+        if steps[0] not in names:
+            raise SetupError(f"{self.sim.name} has no process '{steps[0]}'{did_you_mean(steps[0], list(names))} it has "
+                             + listed(list(names)))
+        holder: Any = names[steps[0]]
+        if steps[1] not in holder.instances:
+            known = list(holder.instances)
+            raise SetupError(f"{steps[0]} has no part '{steps[1]}'{did_you_mean(steps[1], known)} it has "
+                             + listed(known))
+        holder = holder.instances[steps[1]]
+        try:
+            for step in steps[2:-1]:
+                holder = holder[int(step[1:-1])] if step.startswith("[") else getattr(holder, step)
+            if steps[-1].startswith("["):
+                place = int(steps[-1][1:-1])
+                before = holder[place]
+                holder[place] = value
+            else:
+                before = getattr(holder, steps[-1])
+                setattr(holder, steps[-1], value)
+        except (AttributeError, IndexError, TypeError, ValueError) as error:
+            raise SetupError(f"{path}: {error}") from None
+        return f"{before}"
+
+    def _anchor(self) -> None:
+        self._t, self._begun = max(int(self.sim.time_ns), 0), monotonic()
+
+
+class Steered:
+    """The run of a co-simulation, of which the server is a program."""
+
+    def __init__(self, steering: Steering) -> None:
+        self._steering = steering
+
+    @property
+    def paused(self) -> bool:
+        return bool(self._steering.state.get("paused"))
+
+    def repeats(self, heard: float = inf) -> str:
+        """Where the run goes on from an earlier one, and it has not come there yet or not been heard [s] so far: that,
+        in words."""
+        state = self._steering.state
+        t, past = min(float(state.get("t") or 0.0), heard), float(state.get("past") or 0.0)
+        return f"the run repeats an earlier one until {past:g} s" if 0 < past > t else ""
+
+    @property
+    def past(self) -> float:
+        """[s] Until then, the run repeats an earlier one."""
+        return float(self._steering.state.get("past") or 0.0)
+
+    def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
+        """pause, go, step, or rewind to the instant `seconds`. Raises SetupError."""
+        t = float(self._steering.state.get("t") or 0.0)
+        _check("go" if action == "rewind" else action, seconds, speed)
+        if action == "rewind" and not self._steering.state.get("rewinds"):
+            raise SetupError("the run keeps no record to go back in: write keep_every = 60 into the co-simulation's "
+                             "file")
+        if action == "rewind" and not 0 <= seconds <= t:
+            raise SetupError(f"a run goes back to an instant from 0 s to {t:g} s; found {seconds:g} s")
+        if speed is not None:
+            self._steering.pace(float(speed))
+        if action == "step":
+            self._steering.until(t + seconds)
+        elif action == "rewind":
+            self._steering.rewind(float(seconds))
+        elif action == "pause":
+            self._steering.pause()
+        else:
+            self._steering.go()
+
+    def told(self, problem: str = "") -> dict[str, Any]:
+        """The state for browsers."""
+        state = self._steering.state
+        t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
+        return {"state": "ended" if problem else "paused" if state.get("paused") else "running",
+                "speed": state.get("pace", 0.0), "real_speed": t / wall if wall > 0 else 0.0,
+                "t_ns": str(round(t * 1e9)), "text": problem or self.repeats() or state.get("refused", ""),
+                "rewinds": bool(state.get("rewinds"))}
+
+    def faults(self) -> list[dict[str, Any]]:
+        return []
+
+    def inject(self, path: str, value: Any) -> str:
+        """A co-simulation's faults are those of its own programs. Raises SetupError."""
+        raise SetupError("a co-simulation's parameters are those of its programs: faults can be injected where the "
+                         "server flies the mission itself")
+
+
+def _check(action: str, seconds: float, speed: float | None) -> None:
+    if speed is not None and not 0 <= speed <= 1e6:
+        raise SetupError(f"a speed is from 0 (as fast as possible) to 1e6 times real time; found {speed:g}")
+    if action == "step" and not 0 < seconds <= 1e7:
+        raise SetupError(f"a step is of more than 0 s, up to 1e7 s; found {seconds:g}")
+    if action not in ("pause", "go", "step"):
+        raise SetupError(f"a run can pause, go and step; found '{action}'")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, (int, float, str)) else str(value)
+
+
+def epoch_of(sim: Any) -> int | None:
+    """[ns] since 1970, UTC, of the run's start, if its world stands in a sky."""
+    from datetime import datetime, timezone
+
+    from fledge.world.sky import Sky
+
+    skies = (getattr(one, "sky", None) for process in sim.processes for one in process.instances.values())
+    sky = next((one for one in skies if isinstance(one, Sky)), None)
+    if sky is None:
+        return None
+    date, _, rest = sky.utc().rstrip("Z").partition(".")
+    begin = datetime.fromisoformat(date).replace(tzinfo=timezone.utc)
+    return int(begin.timestamp()) * 10**9 + int(rest.ljust(9, "0")[:9] or 0)
