@@ -221,7 +221,7 @@ def python_tests(changed: list[str], reached: set[str], wide: bool = False) -> s
                       and {path, file.name} & {one.value for one in ast.walk(node) if isinstance(one, ast.Constant)}}
         elif file.name != "CMakeLists.txt":
             own = own_tests(path)
-            if not own and path.startswith("python/"):      # as series has none: the tests of the parts that use it
+            if not own and path.startswith("python/"):      # as elements has none: the tests of the parts that use it
                 using = {layers.part_of(module) for module, others in library_imports().items()
                          if any(layers.part_of(other) == part_of(path) for _, other in others)}
                 own = {test for test in tests() if part_of(test) in using}

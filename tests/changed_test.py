@@ -74,7 +74,7 @@ def test_a_mission_reaches_its_own_tests_and_those_that_name_it():
     ("docs/guide.md", set(), {"tests/docs_test.py::test_the_guide_shows_what_fledge_prints", "tests/links_test.py",
                               "tests/hygiene_test.py"}, "tests/docs_test.py"),
     ("python/fledge/units.py", set(), {"python/fledge/units_test.py", *CHECKS}, "tests/links_test.py"),
-    ("python/fledge/series.py", set(), {"python/fledge/archive/archive_test.py", *CHECKS}, "tests/links_test.py"),
+    ("python/fledge/elements.py", set(), {"python/fledge/emulator/emulator_test.py", *CHECKS}, "tests/links_test.py"),
     ("python/fledge/units_test.py", set(), {"python/fledge/units_test.py"}, "python/fledge/errors_test.py"),
     ("targets/leon3/flight.c", set(), {"targets/leon3/leon3_test.py"}, "targets/linux/linux_test.py"),
     ("cosim/bindings/python/fledge_node.py", set(), {"cosim/bindings/python/fledge_node_test.py"},

@@ -89,22 +89,21 @@ PARTS = [
     ("progress folders frames mean_elements elf serial_line", "a progress bar; the folders of a project and of "
      "missions; the frames of a link; two-line elements and OMMs; what an ELF file says of itself; serial lines to "
      "boards"),
-    ("series", "recorded fields by name"),
+    ("records", "recorded fields by name, of a run in memory or of a file"),
     ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
      "conversions; packets of commands and telemetry"),
-    ("activity", "modes, events, commands and resets of a run, from its record"),
-    ("plot", "figures"),
-    ("flight flight_math linear", "the flight modules by name; the functions of `flight/math`; linear systems and "
-     "their margins"),
+    ("records.activity", "modes, events, commands and resets of a run, from its record"),
+    ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
+    ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
     ("world", "the world's models by name, bodies, orbits, the sky"),
-    ("scan trajectory", "figures of boresights and orbits"),
-    ("mission", "load a mission; processes, simulation, log, wiring, batches"),
+    ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins; reset "
+     "and step of reinforcement learning"),
     ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),
     ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
     ("prototype", "modules and models that are Python classes"),
     ("new", "what `fledge new` writes"),
-    ("learning wiring_picture montecarlo cosim export scene", "reset and step of reinforcement learning; the wiring as "
-     "a graph; campaigns; a mission in several programs; a mission as C, with boards; a run in 3-D"),
+    ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
+     "3-D"),
     ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
     ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
      "folder of `targets`"),

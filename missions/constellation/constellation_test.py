@@ -73,15 +73,15 @@ def test_its_parts_are_named_where_one_is_meant():
 def test_it_can_be_drawn_whatever_their_number(tmp_path):
     import shutil
 
-    from fledge import wiring_picture
     from fledge.mission.wiring import Wiring
+    from fledge.plot.wiring import save
 
     if not shutil.which("dot"):
         pytest.skip("graphviz is not installed")
     for spacecraft in (2, 3, 8):
         wiring = Wiring(fledge.load("constellation", spacecraft=spacecraft))
-        assert wiring_picture.save(
-            wiring, tmp_path / "wiring.svg").read_text().count("one exchange late") >= 2 * spacecraft
+        picture = save(wiring, tmp_path / "wiring.svg").read_text()
+        assert picture.count("one exchange late") >= 2 * spacecraft
         assert "primary    << sat1_flight.beacon.body, one exchange late" in wiring.outline() or spacecraft == 2
 
 

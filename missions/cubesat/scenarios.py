@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from fledge import ground
-from fledge.activity import modes
 from fledge.attitude import angle, mrp_to_dcm, relative
+from fledge.records.activity import modes
 from fledge.units import deg, hour, minute, s
 
 from .vehicle import CAMERA, PANELS

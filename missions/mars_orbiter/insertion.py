@@ -9,9 +9,9 @@ from numpy import arccos, array, pi
 from numpy.linalg import norm
 
 from fledge import Orbit, ground, world
-from fledge.activity import modes
 from fledge.attitude import mrp_to_dcm
 from fledge.commands import Event, decoded
+from fledge.records.activity import modes
 from fledge.units import s
 
 from .plan import PERIOD, Plan, plan

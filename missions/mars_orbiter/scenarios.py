@@ -6,8 +6,8 @@ from numpy import arctan2, array, cross, einsum, pi
 from numpy.linalg import norm
 
 from fledge import ground
-from fledge.activity import modes
 from fledge.attitude import mrp_to_dcm
+from fledge.records.activity import modes
 from fledge.units import minute, s
 
 from .insertion import check_captured, fly

@@ -42,23 +42,23 @@ _LAZY = {
     "flight": ("flight", None),
     "flight_math": ("flight_math", None),
     "ground": ("ground", None),
-    "learning": ("learning", None),
+    "learning": ("mission.learning", None),
     "limit_updates": ("mission.simulation", "limit_updates"),
-    "linear": ("linear", None),
+    "linear": ("mission.linear", None),
     "load": ("mission", "load"),
     "mean_elements": ("mean_elements", None),
     "missions": ("mission", "missions"),
     "montecarlo": ("montecarlo", None),
     "plot": ("plot", None),
     "prototype": ("prototype", None),
-    "scan": ("scan", None),
+    "scan": ("plot.scan", None),
     "scene": ("scene", None),
     "sim": ("mission", None),
     "_core": ("_core", None),
     "_cosim": ("_cosim", None),
     "_emulator": ("_emulator", None),
     "_ground": ("_ground", None),
-    "trajectory": ("trajectory", None),
+    "trajectory": ("plot.trajectory", None),
     "units": ("units", None),
     "view": ("scene", "view"),
     "world": ("world", None),
@@ -67,13 +67,13 @@ __all__ = sorted(n for n in _LAZY if not n.startswith("_"))
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:       # the same for editors
-    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, learning, linear,
-                        mean_elements, mission as sim, montecarlo, plot, prototype, scan, scene, trajectory, units,
-                        world)
+    from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, mean_elements, mission as sim,
+                        montecarlo, plot, prototype, scene, units, world)
     from fledge.archive import Archive, ArchiveError
     from fledge.errors import CompositionError, RunError, SetupError
-    from fledge.mission import MissionError, load, missions
+    from fledge.mission import MissionError, learning, linear, load, missions
     from fledge.mission.simulation import Simulation, limit_updates
+    from fledge.plot import scan, trajectory
     from fledge.scene import view
     from fledge.units import Quantity
     from fledge.world import Orbit

@@ -12,10 +12,10 @@ import pytest
 
 import fledge
 from fledge import objects, scene
-from fledge.activity import happenings, modes
 from fledge.cosim.random_test import build
 from fledge.montecarlo.requirements import Requirement
 from fledge.montecarlo.shares import Series
+from fledge.records.activity import happenings, modes
 from fledge.scene.tracks import SHARE
 from tests.circles import long_after
 

@@ -38,7 +38,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import mission as missions, objects
-from fledge.activity import happenings
 from fledge.errors import CompositionError, RunError, SetupError, did_you_mean, listed, refuse_misspelt
 from fledge.files import shown
 from fledge.mission.checks import has_checks
@@ -47,6 +46,7 @@ from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.log import Log
 from fledge.mission.scenario import chosen
 from fledge.objects.si import enumerator_names, time_ns
+from fledge.records.activity import happenings
 from fledge.requirements import Requirements
 from fledge.requirements.judge import HOLDS
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.archive import ArchiveError
 from fledge.errors import listed
-from fledge.series import part
+from fledge.records.series import part
 
 if TYPE_CHECKING:
     from fledge.archive import Archive

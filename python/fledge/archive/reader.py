@@ -33,7 +33,8 @@ from fledge.archive import mcap
 from fledge.errors import cell, listed, printable
 from fledge.files import Part
 from fledge.archive.rosmsg import Field
-from fledge.series import HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of
+from fledge.records.series import (
+    HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 

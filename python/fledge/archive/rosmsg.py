@@ -24,7 +24,7 @@ from functools import lru_cache
 from math import prod
 from typing import TYPE_CHECKING, Any
 
-from fledge.series import element_names
+from fledge.records.series import element_names
 
 if TYPE_CHECKING:
     import numpy

@@ -182,8 +182,8 @@ def _write_report(report, folder, options, judged, code, problem, record, plots)
 
 def show(options: argparse.Namespace) -> int:
     import fledge
-    from fledge import wiring_picture
     from fledge.mission.wiring import Wiring
+    from fledge.plot.wiring import save
 
     from fledge.cli.node import given_parameters
 
@@ -193,11 +193,11 @@ def show(options: argparse.Namespace) -> int:
               file=sys.stderr)
     wiring = Wiring(sim, options.flight_only)
     if options.out:
-        say(str(wiring_picture.save(wiring, options.out)))
+        say(str(save(wiring, options.out)))
         return 0
     say(wiring.outline())
     if not options.text:
-        say(f"\ndrawn in {wiring_picture.save(wiring, Path('runs') / wiring.name / 'wiring.svg')}")
+        say(f"\ndrawn in {save(wiring, Path('runs') / wiring.name / 'wiring.svg')}")
     return 0
 
 

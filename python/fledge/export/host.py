@@ -9,7 +9,7 @@ from fledge import flight, objects
 from fledge.export.c_source import memory, row, written
 from fledge.export.c_text import string
 from fledge.export.commands import dictionary
-from fledge.series import ACTIVITY, MODE
+from fledge.records.series import ACTIVITY, MODE
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission

@@ -15,7 +15,7 @@ from fledge.errors import SetupError, did_you_mean, listed
 from fledge.mission.log import dtype_of, leaves
 from fledge.objects.si import enumerator, time_ns, to_enumerators, to_si
 from fledge.objects.wires import caller
-from fledge.series import HEAD, HEAD_COLUMNS, Records, element_names, words_of
+from fledge.records.series import HEAD, HEAD_COLUMNS, Records, element_names, words_of
 from fledge.units import s
 
 if TYPE_CHECKING:

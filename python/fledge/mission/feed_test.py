@@ -8,10 +8,11 @@ import pandas
 import pytest
 
 import fledge
-from fledge import SetupError, export, flight as fsw, wiring_picture, world
+from fledge import SetupError, export, flight as fsw, world
 from fledge.archive import Archive
 from fledge.errors import Failure
 from fledge.mission.wiring import Wiring
+from fledge.plot.wiring import dot
 from fledge.targets.job import Job
 from fledge.targets.micropython.export import compose
 from fledge.units import N, deg, m, minute, ms, rad, s
@@ -200,7 +201,7 @@ def test_what_feeds_is_shown_recorded_and_exported(tmp_path):
     words = "by hand, 2 samples from 0 to 60 s"
     assert f"attitude   << {words}\n" in Wiring(sim).outline()
     assert f"<< {words}" in repr(tracking)
-    assert f'"{words}" -> "flight.tracking"' in wiring_picture.dot(Wiring(sim))
+    assert f'"{words}" -> "flight.tracking"' in dot(Wiring(sim))
     mission = export.read(sim)
     assert f"{words} >> flight.tracking.attitude" in export.emit_c(mission)["tracker.h"]
     with pytest.raises(export.ExportError, match=f"flight.tracking.attitude is fed {words}, which the script cannot"):

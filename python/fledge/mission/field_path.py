@@ -12,7 +12,7 @@ from fledge import _core, flight
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.objects.measured import flat_index
-from fledge.series import HEAD
+from fledge.records.series import HEAD
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation

@@ -16,8 +16,8 @@ import numpy as np
 
 from fledge import _core
 from fledge.errors import RunError, SetupError, listed
-from fledge.linear import Linear
 from fledge.mission.field_path import port
+from fledge.mission.linear import Linear
 from fledge.mission.process import Process
 from fledge.mission.state import Number, State, flat
 from fledge.objects.si import time_ns

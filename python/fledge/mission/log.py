@@ -8,7 +8,7 @@
     log.frame()                    # pandas
     log.plot("error.sigma_BR", "command.u")
 
-Names may be as short as they are unique; see fledge.series.
+Names may be as short as they are unique; see fledge.records.series.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, listed, suggesting
-from fledge.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
+from fledge.records.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation

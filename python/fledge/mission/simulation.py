@@ -27,8 +27,8 @@ from fledge.programs import in_debugger
 
 if TYPE_CHECKING:
     from fledge.mission.batch import Batch
-    from fledge.linear import Linear
     from fledge.mission.folder import Mission
+    from fledge.mission.linear import Linear
     from fledge.mission.log import Log
     from fledge.mission.provenance import Revisions
     from fledge.mission.trim import Trim

@@ -12,7 +12,7 @@ from fledge import _core
 from fledge.errors import RunError, SetupError, did_you_mean, listed
 from fledge.mission.field_path import FieldPath, port
 from fledge.mission.wiring import Node, Wiring
-from fledge.series import element_names
+from fledge.records.series import element_names
 
 FLOOR = 1e-2    # the size of a number whose array is zero, for steps of differences
 

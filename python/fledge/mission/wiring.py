@@ -3,7 +3,7 @@
 
     wiring = Wiring(fledge.load("nadir_spin"))
     print(wiring.outline())
-    wiring_picture.save(wiring, "nadir_spin.svg")    # .svg, .png, .pdf or .dot
+    fledge.plot.wiring.save(wiring, "nadir_spin.svg")    # .svg, .png, .pdf or .dot
 """
 
 from __future__ import annotations

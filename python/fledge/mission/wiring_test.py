@@ -12,7 +12,7 @@ from fledge import SetupError, Simulation, cli, flight as fsw, objects, world
 from fledge.objects.testing import kinds
 from fledge.units import s
 from fledge.mission.wiring import Wiring
-from fledge.wiring_picture import dot, render, save
+from fledge.plot.wiring import dot, render, save
 
 graphviz = pytest.mark.skipif(not shutil.which("dot"), reason="graphviz is not installed")
 

@@ -17,9 +17,9 @@ from fledge.errors import SetupError
 from fledge.mission.field_path import FieldPath, port
 from fledge.objects.measured import Measured, unit_after
 from fledge.objects.si import enumerator_names, time_ns
+from fledge.records.series import GOOD, NONE
 from fledge.requirements.formula import Formula, number_text
 from fledge.requirements.judge import STALE, Judged
-from fledge.series import GOOD, NONE
 
 if TYPE_CHECKING:
     import numpy as np

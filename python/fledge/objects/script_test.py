@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import RunError, SetupError, Simulation, cli, flight as fsw, montecarlo, objects, wiring_picture, world
+from fledge import RunError, SetupError, Simulation, cli, flight as fsw, montecarlo, objects, world
 from fledge.mission.wiring import Wiring
 from fledge.objects.script import script
+from fledge.plot.wiring import dot
 from fledge.units import rad, s
 
 
@@ -224,7 +225,7 @@ def test_what_is_python_is_seen():
     assert "  update in Python: turn(), script_test.py, line " in repr(sim.flight.guidance)
     assert "  reset in Python: begin(), script_test.py, line " in repr(sim.flight.guidance)
     wiring = Wiring(sim)
-    assert "InertialPointing; Python: turn()\n" in wiring.outline() and "Python: turn()" in wiring_picture.dot(wiring)
+    assert "InertialPointing; Python: turn()\n" in wiring.outline() and "Python: turn()" in dot(wiring)
 
 
 def test_health_sees_its_numbers():

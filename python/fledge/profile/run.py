@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from fledge.activity import modes
 from fledge.archive import Archive
 from fledge.errors import Failure
 from fledge.profile import board, desktop, line, process as processes
 from fledge.profile.measure import Profile
+from fledge.records.activity import modes
 from fledge.targets import TARGETS, Job
 from fledge.targets.desktop import Desktop
 

@@ -18,14 +18,15 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from fledge import __version__, objects, scene, wiring_picture
-from fledge.activity import happenings
+from fledge import __version__, objects, scene
 from fledge.errors import SetupError
 from fledge.files import Part
 from fledge.mission.log import dtype_of, leaves
 from fledge.mission.provenance import Revisions, added, in_words, members, plain
 from fledge.mission.simulation import Simulation
 from fledge.mission.wiring import Wiring, action_text, event_name
+from fledge.plot.wiring import NAMES, dot, render
+from fledge.records.activity import happenings
 from fledge.report.numbers import duration, number, unit, value
 from fledge.scene import bundle, page
 
@@ -71,7 +72,7 @@ class Report:
         wiring, logs = Wiring(sim), [log for log in sim.records if len(log)]
         first = {log.path: log for log in reversed(logs)}
         try:
-            svg, no_svg = _inline_svg(wiring_picture.render(wiring_picture.dot(wiring, links=True), "svg")), ""
+            svg, no_svg = _inline_svg(render(dot(wiring, links=True), "svg")), ""
         except SetupError as error:
             svg, no_svg = None, str(error)
         view, not_shown = self._view()
@@ -79,7 +80,7 @@ class Report:
             sim=sim, scenario=self._scenario, about=self._about, begun=self._begun, outcome=outcome,
             message=_without_paths(outcome.message, sim.mission), documents=_documents(sim.mission),
             pictures=[(plot.stem, b64encode(plot.read_bytes()).decode()) for plot in outcome.plots or ()],
-            view=view, not_shown=not_shown, wiring=wiring, svg=svg, no_svg=no_svg, colours=wiring_picture.NAMES,
+            view=view, not_shown=not_shown, wiring=wiring, svg=svg, no_svg=no_svg, colours=NAMES,
             schedule=[(title, *_used(titles, rows)) for title, titles, rows in self._schedule(wiring)],
             parameters=[(path, objects.struct(node.instance), self._changes(path, node.instance))
                         for path, node in wiring.nodes.items()],

@@ -18,7 +18,7 @@ from fledge.requirements.judge import Judged, Outcome
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
-    from fledge.series import Records
+    from fledge.records.series import Records
 
 METHODS = ("test", "analysis", "inspection", "demonstration")
 

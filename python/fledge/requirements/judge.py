@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from fledge import _core
 from fledge.errors import SetupError, Stopped
+from fledge.records.series import ACTIVITY, MODE, Records
 from fledge.requirements.formula import Comparison, Formula, Signal, number_text, time_text
-from fledge.series import ACTIVITY, MODE, Records
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation

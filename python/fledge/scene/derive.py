@@ -7,11 +7,11 @@ import math
 import re
 from typing import Any
 
-from fledge.activity import happenings, modes
 from fledge.errors import SetupError
+from fledge.records.activity import happenings, modes
+from fledge.records.series import HEAD, NONE, Records, element_names, stale_after
 from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, RadioLink, Scene, Station
 from fledge.scene.tracks import Motion, Signal, Turning
-from fledge.series import HEAD, NONE, Records, element_names, stale_after
 
 HAPPENINGS = 500    # on the time line
 LONG, WIDE = 4.0, 1.6   # [-] extents of a spacecraft that a cone at it is long, and half wide; half of that to keep out

@@ -30,7 +30,7 @@ from fledge.objects.si import to_number, to_vector
 if TYPE_CHECKING:
     import numpy as np
 
-    from fledge.activity import Happening
+    from fledge.records.activity import Happening
     from fledge.scene.tracks import Motion, Signal, Turning
 
 LENGTH, ANGLE, NUMBER = (1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0, 0, 1), (0,) * 8

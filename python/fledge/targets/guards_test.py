@@ -7,13 +7,13 @@ import pytest
 
 import fledge
 from fledge import cli, export
-from fledge.activity import happenings
 from fledge.archive import Archive
 from fledge.commands import Code, Dictionary, Reason, decoded, read_script
 from fledge.errors import SetupError
 from fledge.export.commands import dictionary
 from fledge.export.packets import commands
 from fledge.export.run_test import FLIGHT
+from fledge.records.activity import happenings
 from fledge.targets import TARGETS
 from fledge.targets.job import Job
 from fledge.targets.services_test import written

@@ -13,13 +13,13 @@ import pytest
 import yaml
 
 from fledge import cli, ground
-from fledge.activity import happenings
 from fledge.archive import Archive
 from fledge.cosim.up.testing import set_pace, steered
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD
 from fledge.export.xtce_test import Reader
 from fledge.ground.scripts.links import NoAnswer, split
+from fledge.records.activity import happenings
 from fledge.targets import TARGETS
 from tests.circles import long_after
 from tests.waiting import PATIENCE, wait_for

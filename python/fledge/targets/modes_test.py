@@ -3,9 +3,9 @@
 
 import fledge
 from fledge import cli
-from fledge.activity import happenings, modes
 from fledge.activity_test import here
 from fledge.archive.compare import compare
+from fledge.records.activity import happenings, modes
 
 __all__ = ["here"]
 

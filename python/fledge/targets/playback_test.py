@@ -8,12 +8,12 @@ import pytest
 
 import fledge
 from fledge import cli
-from fledge.activity import facts, happenings, modes
 from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.commands import Timed
 from fledge.errors import Failure
 from fledge.export.run_test import FLIGHT, WORLD
+from fledge.records.activity import facts, happenings, modes
 from fledge.targets import build
 from fledge.targets.playback import stand_in
 from fledge.targets.linux import Linux

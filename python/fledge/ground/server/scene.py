@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 from fledge import objects
 from fledge.errors import SetupError, listed
 from fledge.mission.log import dtype_of, leaves
+from fledge.records.series import GOOD, HEAD, Records, nested_names, part, stale_after
 from fledge.scene import add_of_mission, facts_of_simulation, page
 from fledge.scene.derive import Derivation, Facts
-from fledge.series import GOOD, HEAD, Records, nested_names, part, stale_after
 
 if TYPE_CHECKING:
     from fledge.scene.scene import Scene

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import fledge
-from fledge import SetupError, objects, series
+from fledge import SetupError, objects
 from fledge.ground.server import scene
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
 from fledge.ground.server.web import serve
+from fledge.records.series import part
 from fledge.scene import bundle, of as scene_of, page
 from fledge.scene.browser import PROGRAM, Browser
 from fledge.scene.testing.node import in_node, needs_node
@@ -219,12 +220,12 @@ def test_messages_by_names_are_those_in_memory():
                 if field.group == "out" and field.type == "struct" and not field.shape:
                     port, message = scene.Port("x", field.struct), objects.memory(getattr(instance, field.name))
                     row = np.frombuffer(message, port.dtype)
-                    exact = {name: series.part(row, name) for name in port.fields}
+                    exact = {name: part(row, name) for name in port.fields}
                     flat = {name: value[0].ravel().tolist() for name, value in exact.items()
                             if value.dtype.kind in "fiu" and all(not shape for _, shape in port.parts[name][:-1])}
                     packed = np.frombuffer(port.packed(flat), port.dtype)
                     for name in flat:
-                        np.testing.assert_array_equal(series.part(packed, name), exact[name])
+                        np.testing.assert_array_equal(part(packed, name), exact[name])
                         seen += 1
     assert seen > 50
 

@@ -36,7 +36,7 @@ from fledge.ground.scripts.craft import Craft, NoAnswer
 from fledge.ground.database import Database
 from fledge.ground.scripts.framed import Framed
 from fledge.ground.scripts.links import Link
-from fledge.series import stale_after
+from fledge.records.series import stale_after
 
 if TYPE_CHECKING:
     from fledge.ground.server.room import Room

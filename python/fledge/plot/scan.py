@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from fledge.series import Records
+    from fledge.records.series import Records
 
 # The colours of curves, in the order in which they are drawn.
 DARK, MAGENTA, LIGHT = "#1b2f6e", "#d0248f", "#62b6e8"

@@ -5,7 +5,7 @@ import pytest
 
 import fledge
 from fledge import SetupError
-from fledge.learning import Box, Env, VectorEnv
+from fledge.mission.learning import Box, Env, VectorEnv
 from fledge.units import minute, s
 
 ERROR, RATE, TORQUE = "flight.tracking.error.sigma_BR", "flight.tracking.error.omega_BR_B", "flight.motor.command.u[:4]"

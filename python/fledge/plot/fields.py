@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fledge.display import shown_by_pyplot
-from fledge.activity import modes
 from fledge.errors import SetupError, suggesting
-from fledge.series import GOOD, NONE, Series
+from fledge.records.series import GOOD, NONE, Series
 
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fledge.series import Records
+    from fledge.records.series import Records
 
 GREEK = ("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi "
          "psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega").split()
@@ -110,8 +109,8 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
          size: tuple[float, float] | None = None) -> Figure:
     """Plot fields against time; returns a matplotlib Figure.
 
-    panels: for each panel the name of a field, or a list of names that share it; a fledge.series.Series of computed
-    values stands for a name, as replace(source.series("error.sigma_BR"), key="off", name="off", values=...)
+    panels: for each panel the name of a field, or a list of names that share it; a fledge.records.series.Series of
+    computed values stands for a name, as replace(source.series("error.sigma_BR"), key="off", name="off", values=...)
     titles: of the panels; default: the port and the meaning of the field
     columns: the number of panels side by side
     units: field name -> unit of the axis, as in {"euler.angles": "deg", "error.omega_BR_B": "deg/s"}
@@ -121,6 +120,8 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
     import matplotlib.style
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
+
+    from fledge.records.activity import modes
 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")

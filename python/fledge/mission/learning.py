@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulations with the reset and step of reinforcement learning, one or many at once:
 
-    from fledge.learning import VectorEnv
+    from fledge.mission.learning import VectorEnv
 
     def reward(before, action, after):
         return -np.sum(after["flight.tracking.error.sigma_BR"]**2, axis=1)

@@ -17,7 +17,7 @@ from fledge.units import nanoseconds
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fledge.series import Records
+    from fledge.records.series import Records
     from fledge.world import Body
 
 COLORS = ("#d0248f", "#1b2f6e", "#3d8b57")

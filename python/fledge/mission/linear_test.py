@@ -11,7 +11,7 @@ from scipy import signal
 from scipy.linalg import expm
 
 from fledge import SetupError
-from fledge.linear import Linear
+from fledge.mission.linear import Linear
 from fledge.units import hour, kg, minute, s
 
 

@@ -12,12 +12,12 @@ import pytest
 
 import fledge
 from fledge import cli
-from fledge.activity import happenings, modes
 from fledge.archive.compare import digest
 from fledge.errors import SetupError
+from fledge.records.activity import happenings, modes
 from fledge.units import minute, s
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FLIGHT = '''
     nav = f.task("nav", every=0.5 * s, run=[f.guidance, f.spin, f.tracking])
     act = f.task("act", every=0.5 * s, run=[f.control, f.motor])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge.commands import Code, Reason
-from fledge.series import ACTIVITY, MODE, Records
+from fledge.records.series import ACTIVITY, MODE, Records
 
 if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
