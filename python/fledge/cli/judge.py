@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 from fledge.cli.console import Plots, say, trace
+from fledge.cli.runs import alone
 from fledge.errors import CompositionError, Failure, SetupError, Stopped
 from fledge.requirements import Outcome, Requirements
 from fledge.requirements.judge import HOLDS, UNKNOWN, VIOLATED, problem_of
@@ -80,12 +81,16 @@ def judge(options: argparse.Namespace, job: Job, target: str, records: dict[str,
 def reported(options: argparse.Namespace, sim: Simulation, scenario: str, where: str, folder: Path,
              **metadata: str) -> tuple[str | None, int, list[Outcome]]:
     """Run a scenario, and write what `fledge run --report` writes into a folder. Returns the same as attempt()."""
+    with alone(folder):
+        return _reported(options, sim, scenario, where, folder, metadata)
+
+
+def _reported(options, sim, scenario, where, folder, metadata):
     import fledge
     from fledge import report as pages
 
     assert sim.mission
     function = sim.mission.scenarios[scenario]
-    folder.mkdir(exist_ok=True)
     plots = sim.plots = Plots(folder)
     report = pages.Report(sim, f"{scenario}, {where}", function)
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=scenario, fledge=fledge.__version__, **metadata,

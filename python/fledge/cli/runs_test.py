@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from argparse import Namespace
 from pathlib import Path
 
 import matplotlib.pyplot
@@ -13,6 +14,7 @@ import pytest
 import fledge
 from fledge import Archive, RunError, cli
 from fledge.archive import mcap
+from fledge.cli.judge import reported
 from fledge.cli.runs import alone, find_run, folder_of
 from fledge.errors import Failure
 from fledge.files import Part, create
@@ -325,6 +327,14 @@ def test_a_folder_is_free_again_when_its_program_ends(here):
     with alone(here / "c" / "d"):
         pass
     assert not (here / "c").exists()        # nothing came of it
+
+
+def test_a_report_of_a_scenario_that_cannot_begin_leaves_no_folder(here, monkeypatch):
+    sim = fledge.load("looker")
+    monkeypatch.setitem(sim.mission.scenarios, "short", lambda sim: 1 / 0)
+    with pytest.raises(Failure, match="looker, short: .*division by zero"):
+        reported(Namespace(debug=False), sim, "short", "on linux", here / "linux_run")
+    assert not (here / "linux_run").exists()
 
 
 @pytest.mark.parametrize("command", [["montecarlo", "nadir_spin", "--runs", "1"], ["up", "nadir_spin", "--until", "1s"],

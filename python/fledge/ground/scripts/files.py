@@ -261,7 +261,7 @@ class Files:
             self._end(found, problem)
         elif told.receiver and told.to and not problem and not found:
             try:
-                self.received.append(self._kept(told.to))
+                self.received.append(self._renamed(told.to))
             except OSError as error:
                 self.failed.append((told.to, f"{error.strerror}; it is in {self.folder}"))
         elif told.receiver and told.to and not found:
@@ -312,12 +312,10 @@ class Files:
         if not one.fetches:
             self._forget(one)
 
-    def _kept(self, name: str) -> Path:
-        """The place of a file that has come under a name of the other end's: one that a person sees as it is, and that
-        a shell takes for no option."""
+    def _renamed(self, name: str) -> Path:
+        """The place of a file that has come under a name of the other end's, which becomes a plain one."""
         arrived = self.folder / name
-        plain = printable(arrived.name, lines=False)
-        plain = "_" + plain[1:] if plain.startswith("-") else plain
+        plain = plain_name(arrived.name)
         if plain == arrived.name:
             return arrived
         return _named(arrived, arrived.with_name(plain.encode()[:200].decode(errors="ignore")))
@@ -329,6 +327,12 @@ class Files:
         """A name in the folder for a file on its way; hidden, for a file that has arrived may have any other."""
         self._places += 1
         return f".way{self._places}-{name.encode()[-80:].decode(errors='ignore')}"
+
+
+def plain_name(name: str) -> str:
+    """A file's name without what a person does not see, and which a shell takes for no option."""
+    plain = printable(name, lines=False)
+    return "_" + plain[1:] if plain.startswith("-") else plain
 
 
 def _named(source: Path, to: Path) -> Path:

@@ -13,7 +13,7 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from fledge.ground.server.simulated import Steered
+from fledge.ground.server.run_control import Steered
 from fledge.ground.console.testing.console import browse, checks
 from fledge.cosim.steering import Steering
 from fledge.errors import SetupError
@@ -23,9 +23,9 @@ from tests.waiting import wait_for
 SCRIPT = Path(__file__).with_suffix(".mjs")
 SIMULATION = """
 simulation = "room"
-until = 36000
-pace = 20
-keep_every = 10
+until = {until}
+pace = {pace}
+{settings}
 join = 300
 [[node]]
 mission = "nadir_spin"
@@ -43,11 +43,12 @@ serve = "room.toml"
 class Flown:
     """A co-simulation that `fledge up` flies meanwhile, with a server at a port."""
 
-    def __init__(self, folder, target, port=0):
+    def __init__(self, folder, target, port=0, until=36000, pace=20, settings="keep_every = 10", server=""):
         if missing := TARGETS[target].missing():
             pytest.skip(f"not here: {', '.join(missing)}")
         self.folder = folder
-        (folder / "sim.toml").write_text(SIMULATION.format(target=target))
+        (folder / "sim.toml").write_text(
+            SIMULATION.format(target=target, until=until, pace=pace, settings=settings) + server)
         (folder / "room.toml").write_text(f'port = {port}\nfolder = "room"\n[[craft]]\nmission = "nadir_spin"\n'
                                           'link = "cosim:flight"\n')
 

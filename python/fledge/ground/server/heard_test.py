@@ -26,24 +26,6 @@ from fledge.ground.database import Database
 from fledge.ground.scripts.links import split
 from tests.waiting import wait_for
 
-SIMULATION = """
-simulation = "room"
-until = {until}
-pace = 1
-join = 300
-exchange = true
-[[node]]
-mission = "nadir_spin"
-process = "world"
-[[node]]
-mission = "nadir_spin"
-process = "flight"
-target = "linux"
-[[asynchronous]]
-name = "ground"
-serve = "room.toml"
-on_loss = "restart"
-"""
 OUTPUTS = ["flight.guidance.reference", "flight.tracking.error", "flight.control.torque", "flight.motor.command"]
 RUNS = int(os.environ.get("FLEDGE_HEARD_RUNS", "1"))
 
@@ -52,8 +34,7 @@ class Busy(Flown):
     """A run with a server, and two compilers beside it."""
 
     def __init__(self, folder, until, pace, compilers=2):
-        super().__init__(folder, "linux")
-        (folder / "sim.toml").write_text(SIMULATION.format(until=until))
+        super().__init__(folder, "linux", 0, until, 1, "exchange = true", 'on_loss = "restart"\n')
         self.pace = pace
         (folder / "busy.cpp").write_text('#include <regex>\nbool is(std::string s) { return std::regex_match(s, '
                                          'std::regex("a*b")); }\n')

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.commands import ALL, LISTS, Action, Block, Code, Field, Stored, encoded, stored, storing, values
 from fledge.ground.server.commanding import Hazardous
-from fledge.errors import SetupError, did_you_mean, printable
-from fledge.ground.scripts.files import Files, Transfer
+from fledge.errors import SetupError, did_you_mean
+from fledge.ground.scripts.files import Files, Transfer, plain_name
 from fledge.ground.scripts.links import NoAnswer
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Transfers:
         self._files()
         if not name:
             raise SetupError("give the file's name on board")
-        local = self.folder / local_name(name)
+        local = self.folder / (plain_name(name.replace("/", "_").lstrip(".")) or "file")
 
         def fetch() -> Transfer:
             one = _ground(self.craft).fetch(name, local)
@@ -206,12 +206,6 @@ class Transfers:
     def _change(self, row: dict[str, Any], **changes: Any) -> None:
         row.update(changes)
         self.craft.room.keep("transfers", self.craft.name, row)
-
-
-def local_name(name: str) -> str:
-    """What a file on board is called here: no path, not hidden, no option."""
-    plain = printable(name.replace("/", "_"), lines=False).lstrip(".")
-    return ("_" + plain[1:] if plain.startswith("-") else plain) or "file"
 
 
 # --- tables ----------------------------------------------------------------------------------------
