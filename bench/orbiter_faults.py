@@ -26,6 +26,7 @@ import numpy as np
 
 import fledge
 from fledge import emulator, ground
+from fledge import flight as fsw
 from fledge.attitude import mrp_to_dcm
 from fledge.columns import columns
 from fledge.targets.build import ROOT
@@ -277,7 +278,7 @@ def fly(craft: Orbiter, run: int, seed: int) -> End:
         ("sun sensors", f.pyramids.status.unused or f.pyramids.status.unresolved > 100),
         ("time", not f.time.time.synchronized), ("power unit", f.power.state.silent or f.power.state.tripped),
         ("thrusters", f.pulses.health.stuck_open or f.pulses.health.stuck_shut),
-        ("attitude", int(f.filter.attitude.head.quality) < 3), ("attitudes differ", f.differ.state.trips),
+        ("attitude", f.filter.attitude.head.quality < fsw.Quality.GOOD), ("attitudes differ", f.differ.state.trips),
         ("boots", f.boot.boot.boots > 1)) if yes and answers]
     mode = _mode(sim) if answers else "no answer"
     good = (mode == "mars" and mars < POINTS) or (mode == "safe" and sun < SAFE)

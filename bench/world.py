@@ -50,7 +50,7 @@ def thrusters(n=4, **tank):
     arms = [[x, y, -0.5] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
     part = world.Thrusters(r_TB_B=[arms[i % 4] for i in range(n)], axes_B=[[0, 0, 1]] * n, F=0.1, **tank)
     part.valves.open[:n] = 1
-    part.valves.head.quality = 3
+    part.valves.head.quality = "GOOD"
     return part
 
 
@@ -63,7 +63,7 @@ def gyros(n=4):
     part = world.ControlMomentGyros(gimbal_axes_B=axes, spin_axes_B=[[-y, x, 0] for x, y, _ in axes], J=0.16, J_g=0.1,
                                     J_s=0.05, J_t=0.12, Omega=20.0, lag=1.0)
     part.rates.rate[:n] = 0.01
-    part.rates.head.quality = 3
+    part.rates.head.quality = "GOOD"
     return part
 
 
@@ -71,7 +71,7 @@ def rods(**earth):
     field = world.Magnetism(**earth or {"body": world.MARS, "dipole_P": [1e12, 2e12, -8e12]})
     part = world.TorqueRods(field=field, axes_B=[[1, 0, 0], [0, 1, 0], [0, 0, 1]], m_max=20.0)
     part.command.dipole[:3] = 5.0
-    part.command.head.quality = 3
+    part.command.head.quality = "GOOD"
     return {"field": field, "rods": part}
 
 

@@ -68,8 +68,10 @@ def _module(declared: Struct | Enumeration, library: Library) -> str:
 
 
 def _enum(e: Enumeration) -> str:
+    rows = zip(e.short_names, e.values)
     return f"\nclass {e.name}(enum.IntEnum):\n" + _doc(e.doc) + "".join(
-        f"    {v.name} = {v.value}\n" + _doc(v.doc) for v in e.values)
+        f"    {short} = {v.value}\n{_doc(v.doc)}" + (f"    {v.name} = {v.value}\n" if v.name != short else "")
+        for short, v in rows)
 
 
 def _struct(s: Struct) -> str:

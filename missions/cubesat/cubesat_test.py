@@ -8,6 +8,7 @@ import pytest
 
 import fledge
 from fledge import cli, ground
+from fledge import flight as fsw
 from fledge.attitude import angle, relative
 from fledge.errors import SetupError
 from fledge.units import T, deg, minute, s
@@ -85,7 +86,7 @@ def test_a_magnetometer_that_is_stuck_leaves_no_wrong_attitude_that_is_good():
     ground.connect(sim).command("mode", "nadir").completed(within=10 * s)
     sim.run(90 * minute)
     off = angle(relative(log["vectors.attitude.sigma_BN"], log["craft.state.sigma_BN"]))
-    good = log["vectors.attitude.head.quality"] == 3
+    good = log["vectors.attitude.head.quality"] == fsw.Quality.GOOD
     assert good[log.time < 1200].mean() > 0.9 and not good[-1], "it never doubts"
     assert np.degrees(off[good].max()) < 3 and sim.mode == "sun"
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fledge import flight as fsw
 from fledge import ground
 from fledge.attitude import angle, mrp_to_dcm, relative
 from fledge.records.activity import modes
@@ -12,7 +13,7 @@ from fledge.units import deg, hour, minute, s
 
 from .vehicle import CAMERA, PANELS
 
-GOOD, TRACKING = 3, 2       # a message's quality; the phase of a slew
+GOOD = fsw.Quality.GOOD
 
 
 def release(sim):
@@ -47,7 +48,7 @@ def imaging(sim):
         f"expected the target of the camera, then the station; found the modes {begins}")
     _points(log, miss, 0.2 if _sees_stars(sim) else 2)
     seen = (log["world.station.contact.visible"] == 1) & (log.time < sim.time)
-    forecast = (log["forecast.state"] == 2) & (log.time < sim.time)
+    forecast = (log["forecast.state"] == fsw.PassState.NOW) & (log.time < sim.time)
     assert seen.sum() > 100 and (seen != forecast).sum() <= 1, "the forecast of the pass is wrong"
 
 
@@ -138,7 +139,7 @@ def _miss(log):
 
 def _points(log, miss, limit):
     """Once a slew has ended, the camera misses [rad] what the mode says by less than a limit [deg], by the truth."""
-    miss, there = np.degrees(miss), log["slew.status.phase"] == TRACKING
+    miss, there = np.degrees(miss), log["slew.status.phase"] == fsw.SlewPhase.TRACKING
     begins = modes(log)["flight"]
     for (begin, name), (end, _) in zip(begins, [*begins[1:], (log.time[-1], "")], strict=True):
         late = (log.time > begin) & (log.time < end) & there

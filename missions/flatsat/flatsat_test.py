@@ -204,4 +204,4 @@ def test_a_converter_that_fails_while_the_computer_is_down(kind, faulty, suspect
     assert f.sun.status.faulty == faulty and f.sun.status.suspects == suspects
     sun = mrp_to_dcm(sim.world.craft.state.sigma_BN) @ np.array(sim.world.css.s_N)
     assert np.linalg.norm(f.sun.heading.s_B - sun) < 0.02
-    assert f.sun.heading.head.quality == (3 if faulty else 2)
+    assert f.sun.heading.head.quality.name == ("GOOD" if faulty else "DEGRADED")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """All avionics at work, the three ways to a reset of the computer, and files that outlive it."""
+from fledge import flight as fsw
 from fledge.units import minute, s
 
 
@@ -31,7 +32,8 @@ def manoeuvre(sim):
 
     # Star tracker and gyros are behind the load that the latch-up trips: the filter says that it is blind, and is back
     # within 3 s.
-    good = (log["attitude.head.quality"] == 3) & ((log.time < 60.5) | (log.time >= 63.5))    # when the computer is up
+    up = (log.time < 60.5) | (log.time >= 63.5)         # the computer
+    good = (log["attitude.head.quality"] == fsw.Quality.GOOD) & up
     assert _attitude_off(log)[good].max() < 5e-4, "the filter's attitude is not that of the truth"
     silent = (log.time >= 181) & (log.time < 190)
     assert not good[silent].any() and not log["stars.state.tracks"][(log.time > 183) & (log.time < 190)].any()

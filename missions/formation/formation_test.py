@@ -10,6 +10,7 @@ import pytest
 
 import fledge
 from fledge import cli
+from fledge import flight as fsw
 from fledge.archive import Archive
 from fledge.archive.compare import compare
 from fledge.attitude import mrp_to_dcm
@@ -69,7 +70,7 @@ def test_without_the_radio_the_deputy_holds_what_it_heard_last():
     before = base.reference.head.t
     base.hold = 0.4         # what the radio brings is older
     sim.run(1 * minute)
-    assert base.reference.head.quality == 2 and base.reference.head.t == before
+    assert base.reference.head.quality.name == "DEGRADED" and base.reference.head.t == before
 
 
 @pytest.mark.long("flies several spacecraft twice")
@@ -96,14 +97,14 @@ def test_a_dead_camera_leaves_the_deputy_what_it_saw_last():
     deputy, camera = sim.process("deputy"), sim.process("deputy_world").camera
     deputy.base.source = "SENSED"
     sim.run(5 * minute)
-    assert deputy.base.reference.head.quality == 3
+    assert deputy.base.reference.head.quality.name == "GOOD"
     camera.faults = [{"kind": "DEAD"}]
     sim.run(1 * minute)
-    assert camera.seen.head.quality == 2 and camera.seen.head.t == 300e9
-    assert deputy.base.reference.head.quality == 2 and deputy.base.reference.head.t < 312e9
+    assert camera.seen.head.quality.name == "DEGRADED" and camera.seen.head.t == 300e9
+    assert deputy.base.reference.head.quality.name == "DEGRADED" and deputy.base.reference.head.t < 312e9
     camera.n_faults = 0
     sim.run(1 * minute)
-    assert deputy.base.reference.head.quality == 3 and deputy.base.reference.head.t == 420e9
+    assert deputy.base.reference.head.quality.name == "GOOD" and deputy.base.reference.head.t == 420e9
 
 
 # --- as programs -----------------------------------------------------------------------------------
@@ -188,7 +189,7 @@ def test_a_lost_and_a_late_deputy_disturb_no_other(tmp_path, capsys):
     # What the others see of the two: nothing of the late one for ten minutes, nothing of the lost one from then on.
     for who, own in (("chief_guidance", 0), ("deputy1", 1), ("deputy3", 4)):
         t, roll = judged.time(f"{who}.roll.state"), judged[f"{who}.roll.state"]
-        written = roll["head"]["quality"] > 0
+        written = roll["head"]["quality"] > fsw.Quality.NONE
         for begin, end, heard, lost in ((5, 600, 0b011, 0), (605, 3301, 0b111, 0), (3302, 6601, 0b101, 0b010)):
             now = roll[(t >= begin) & (t < end) & written]
             if len(now):

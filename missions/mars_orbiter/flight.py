@@ -40,7 +40,7 @@ def computer(f):
     f.stored     = fsw.StoredCommands(**STORED)
     f.burned     = fsw.BurnMemory(slot=BURN_SLOT + 1, silent=3 * s)
     f.monitors   = fsw.Monitors()
-    f.log        = fsw.EventLog(least=2, most=10, window=1 * minute)
+    f.log        = fsw.EventLog(least=fsw.EventSeverity.LOW, most=10, window=1 * minute)
     f.reports    = fsw.Housekeeping()
     f.files      = fsw.Files(entity=2, ground=1, rate=2000, allowed=0b1111, kept=1, boot=1)
     f.connect(
@@ -206,8 +206,8 @@ def modes(f):
     # Where to point is asked for only where the attitude is known; so are the bodies, but for the inertial one.
     attitude = f.watch(f.differ.attitude)
     bodies = [f.watch(one.body).head.quality for one in (f.sun_at, f.mars_at, f.earth_at)]
-    knows = attitude.head.quality == 3
-    seen = (bodies[0] == 3) & (bodies[1] == 3) & (bodies[2] == 3)
+    knows = attitude.head.quality == "GOOD"
+    seen = (bodies[0] == "GOOD") & (bodies[1] == "GOOD") & (bodies[2] == "GOOD")
     f.mode("safe", [safe, act])
     for name, task in guide:
         f.mode(name, [task, point, act] + ([burn] if name == "delta_v" else [law, dump]),
@@ -216,19 +216,19 @@ def modes(f):
 
     # While engines burn, the attitude thrusters are open but for what the torque needs.
     state, mapping = f.watch(f.burn.state), f.watch(f.mapping)
-    f.event("burns", when=state.phase == 2, set=[(mapping.off_pulse, 1)])
-    f.event("ends", when=state.phase > 2, set=[(mapping.off_pulse, 0)])
+    f.event("burns", when=state.phase == "RUNS", set=[(mapping.off_pulse, 1)])
+    f.event("ends", when=state.phase > "RUNS", set=[(mapping.off_pulse, 0)])
 
     # A burn that a reset of the computer has cut off goes on, once its plan and the attitude are back.
     kept, files = f.watch(f.burned.kept), f.watch(f.files.state)
     f.event("resume", when=(kept.phase == "CUT") & (files.booted == 1) & (attitude.head.quality == "GOOD"),
             modes=[f.safe], enter=f.delta_v)
-    f.event("captured", when=state.phase == 3, hold=1 * minute, modes=[f.delta_v], enter=f.sun)
+    f.event("captured", when=state.phase == "COMPLETE", hold=1 * minute, modes=[f.delta_v], enter=f.sun)
 
     # Where an ephemeris ends, the bodies stand still: soon that is no direction to follow.
-    f.event("ephemeris", when=(bodies[0] < 3) | (bodies[1] < 3) | (bodies[2] < 3), hold=2 * minute,
+    f.event("ephemeris", when=(bodies[0] < "GOOD") | (bodies[1] < "GOOD") | (bodies[2] < "GOOD"), hold=2 * minute,
             modes=[f.sun, f.mars, f.two_body], enter="safe")
 
     # Once the ground has armed it: without an attitude, only the Sun is left to point at.
     pointing = [f.sun, f.inertial, f.mars, f.two_body, f.delta_v]
-    f.event("blind", when=attitude.head.quality < 3, hold=2 * minute, modes=pointing, armed=False, enter="safe")
+    f.event("blind", when=attitude.head.quality < "GOOD", hold=2 * minute, modes=pointing, armed=False, enter="safe")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules of the fault protection, the monitors and the reports of housekeeping: data, of which the ground can change
 each by command."""
+from fledge import flight as fsw
+
 from .vehicle import PLACE
 
 S = 10**9       # [ns]
@@ -36,7 +38,7 @@ def preset(sim):
     rule("flight.engines.health.stuck_open", "propulsion b", equals=0)
 
     # What ends in the safe mode: it stands last, so that it has the last word.
-    rule("flight.burn.state.phase", high=3.5, mode="safe", starts=STOP)
+    rule("flight.burn.state.phase", high=fsw.BurnPhase.COMPLETE + 0.5, mode="safe", starts=STOP)
     rule("flight.tracking.error.sigma_BR", measure="norm", high=0.05, hold=1800 * S, mode="safe")
     rule("flight.differ.state.tripped", equals=0, hold=300 * S, mode="safe")
     rule("flight.protection.table.lost", equals=0, mode="safe", limit=1)
@@ -45,7 +47,7 @@ def preset(sim):
         *rules,
         *(p.monitor(k, f"flight.speeds.speeds.Omega[{k}]", low=-400, high=400, hold=10 * S) for k in range(4)),
         p.monitor(4, "flight.time.time.synchronized", equals=1, hold=30 * S),
-        p.monitor(5, "flight.tracking.error.head.quality", equals=3, hold=60 * S),
+        p.monitor(5, "flight.tracking.error.head.quality", equals=fsw.Quality.GOOD, hold=60 * S),
         p.housekeeping(0, ["flight.filter.attitude.sigma_BN", "flight.filter.attitude.omega_BN_B",
                            "flight.speeds.speeds.Omega", "flight.power.state.on"], every=10 * S),
         p.housekeeping(1, ["flight.protection.table.used", "flight.protection.table.faulted",

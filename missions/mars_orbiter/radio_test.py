@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fledge import cli
+from fledge import cli, world
 from fledge.archive import Archive
 from fledge.targets import TARGETS
 
@@ -51,9 +51,10 @@ def test_contact_from_goldstone(target, tmp_path, monkeypatch, capfd):
     # Before the pass all is lost; then a report comes back after twice the light time, and a file each way is whole.
     record = Archive(tmp_path / "runs/up/exchange.mcap")
     t, state = record.time("/world/radio/up"), record["radio.up.state"]
-    rises = t[state == 1].min()
+    locked = state == world.RadioState.LOCKED
+    rises = t[locked].min()
     light = record["radio.up.light_time"][t > rises].mean()
-    assert 1300 < rises - light < 1400 and (state[t > rises] == 1).all()     # when the station sends what arrives then
+    assert 1300 < rises - light < 1400 and locked[t > rises].all()     # when the station sends what arrives then
     assert record["radio.up_traffic.lost"].max() == 1
     there_and_back = next(one["values"]["there and back [s]"] for one in found if one["kind"] == "value")
     assert 636 < light < 640 and 2 * light < there_and_back < 2 * light + 3

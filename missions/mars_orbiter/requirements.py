@@ -131,7 +131,7 @@ def fault_protection(r):
                                                   & implies(begins(b), within(45 * s, names["b"] & isolated["b"]))),
               rationale="Thesis 5.4.3, figure 5.15.", parent="SYS-4", shown_by=["sun_sensors"])
     r.require("FDP-2", "The orbiter shall never name a converter without a fault.",
-              always(implies(~after(a), ~names["a"]) & implies(~after(b), ~names["b"]) & (named != 3)),
+              always(implies(~after(a), ~names["a"]) & implies(~after(b), ~names["b"]) & (named != 0b11)),
               rationale="Thesis 5.4.3: converter 2 stays primary.", parent="SYS-4", shown_by=ALL)
     r.require("FDP-3", "The orbiter shall keep -b1 up to 50 mrad on the Sun while a converter fails.",
               always(implies(after(a | b), _off_sun(r) < 50 * mrad)),

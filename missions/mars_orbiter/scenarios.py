@@ -5,6 +5,7 @@ from dataclasses import replace
 from numpy import arctan2, array, cross, einsum, pi
 from numpy.linalg import norm
 
+from fledge import flight as fsw
 from fledge import ground
 from fledge.attitude import mrp_to_dcm
 from fledge.records.activity import modes
@@ -120,7 +121,7 @@ def insertion(sim):
     assert f.files.state.tables == 7 and f.stored.state.skipped == 0
     used = (log["engines.output.used"] + log["rcs.output.used"])[-1]
     assert abs(used / planned.used - 1) < 0.03, f"{used:.4g} kg were used, not {planned.used:.4g} kg"
-    assert not log["error.sigma_BR"][log["burn.state.phase"] == 2].max() > 0.03
+    assert not log["error.sigma_BR"][log["burn.state.phase"] == fsw.BurnPhase.RUNS].max() > 0.03
 
 
 def _record(sim):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge import flight as fsw
 from fledge import world
 from fledge.units import s
 from missions.orbit_raising.world import DRY, FUEL, HIGH, LOW, SLOSH, THRUST
@@ -21,7 +22,7 @@ def test_the_engine_points_along_its_burn():
     sim = fledge.load("orbit_raising")
     log = sim.record(sim.flight.tracking.error, sim.flight.burn.state, every=1 * s)
     sim.run(1310 * s)
-    burns = log["state.phase"] == 2
+    burns = log["state.phase"] == fsw.BurnPhase.RUNS
     off = 4 * np.arctan(np.linalg.norm(log["error.sigma_BR"], axis=1))
     assert 90 < burns.sum() < 110 and off[burns].max() < 0.05
 

@@ -2,6 +2,7 @@
 """To an orbit 100 km higher by two burns, with fuel that sloshes and a tank that empties."""
 import numpy as np
 
+from fledge import flight as fsw
 from fledge import world
 from fledge.units import N, s
 
@@ -15,8 +16,8 @@ def transfer(sim):
     log.plot("burn.state.gained", "error.sigma_BR", ["fuel.v_B[0][0]", "fuel.v_B[1][1]"], "engine.output.thrust",
              titles=["(a) gained", "(b) attitude error", "(c) rates of what sloshes, along b1 and b2", "(d) thrust"],
              name="transfer", title="To an orbit 100 km higher")
-    plan, phase = sim.flight.plan, log["burn.state.phase"]
-    assert phase[-1] == 3, f"the last burn is in phase {phase[-1]}"
+    plan, phase = sim.flight.plan, fsw.BurnPhase(log["burn.state.phase"][-1])
+    assert phase == fsw.BurnPhase.COMPLETE, f"the last burn is in phase {phase.name}"
 
     # Cut off within what an update of the burn's task gains.
     missing = log["burn.state.to_go"][-1]

@@ -2,6 +2,7 @@
 """A telescope's slew by star tracker and gyro, the same with faults of both, and how the wheels shake it."""
 import numpy as np
 
+from fledge import flight as fsw
 from fledge.attitude import mrp_to_dcm
 from fledge.units import deg, hour, minute, ms, rad, s
 
@@ -32,7 +33,8 @@ def faults(sim):
     log = _fly(sim, "faults")
     off, error = _errors(log)
     said = log["filter.attitude.head.quality"]
-    assert said[(log.time > SLEW + 70) & (log.time < SLEW + 125)].max() == 2, "an old attitude is said to be good"
+    assert said[(log.time > SLEW + 70) & (log.time < SLEW + 125)].max() == fsw.Quality.DEGRADED, \
+        "an old attitude is said to be good"
     assert log.last("filter.state.restarts") == 1, "the filter did not begin anew, once, after the jump"
     _settles(log, off, error, disturbed=JUMP)
 
@@ -91,7 +93,7 @@ def _turn(a, b):
 def _settles(log, off, error, disturbed=None):
     """By the truth: the estimate is as good as it says, and the body on its targets."""
     std = log["filter.state.attitude_std"]
-    good = log["filter.attitude.head.quality"] == 3
+    good = log["filter.attitude.head.quality"] == fsw.Quality.GOOD
     if disturbed:
         good &= abs(log.time - disturbed - 4) > 4       # until it is clear that not the star tracker is wrong
     assert (np.abs(error[good]) < 5 * std[good]).all(), "the attitude is worse than the filter says"

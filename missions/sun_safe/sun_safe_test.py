@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fledge
+from fledge import flight as fsw
 from fledge.attitude import mrp_to_dcm
 from fledge.units import minute, s
 from tests.circles import long_after
@@ -40,7 +41,7 @@ def test_a_sun_that_is_said_to_be_good_is_no_false_one():
         log = sim.record(sim.world.craft.state, sim.world.light.light, line.heading, line.rate, line.state,
                          every=0.5 * s)
         sim.run(1 * minute)
-        good = log["heading.head.quality"] == 3
+        good = log["heading.head.quality"] == fsw.Quality.GOOD
         assert good[log.time > 10].mean() > 0.9
         sun = np.einsum("ijk,ik->ij", mrp_to_dcm(log["craft.state.sigma_BN"]), log["light.s_N"])
         off = np.linalg.norm(log["heading.s_B"] - sun, axis=1)

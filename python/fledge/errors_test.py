@@ -133,6 +133,7 @@ def test_enumerators_have_short_and_whole_names():
     assert make(model="WMM").model == make(model="FIELD_WMM").model == make(model=2).model == 2
     model = type(make().model)
     assert model(2).name == "WMM" and model.WMM is model.FIELD_WMM and [one.value for one in model] == [0, 1, 2]
+    assert model is fsw.FieldModel and "FieldModel" in dir(fsw) and world.RadioState.LOCKED == 1
 
 
 @pytest.mark.parametrize("make, text", [

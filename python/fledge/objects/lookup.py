@@ -4,27 +4,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
 from fledge import _core
 from fledge.errors import SetupError, did_you_mean
 from fledge.objects import project
+from fledge.objects.si import enumeration
 
 
 def lookup(module: str, types: dict[str, Any],
            extra: dict[str, Any]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """The __getattr__ and __dir__ of a Python module that has `types` besides its own `extra`."""
+    """The __getattr__ and __dir__ of a Python module that has `types` and the enumerations of their fields besides its
+    own `extra`."""
+    @cache
+    def enumerations():
+        tables = [_core.struct(one) for one in types.values()]
+        found = [f.enumeration for table in tables for f in table.fields] + [table.events for table in tables]
+        return {one[0]: enumeration(*one) for one in found if one}
+
     def __getattr__(name):
         if name in types:
             return types[name]
         if name.startswith("__"):
             raise AttributeError(name)
+        if name in enumerations():
+            return enumerations()[name]
         if unbuilt := project.unbuilt(module.rpartition(".")[2], name):
             raise SetupError(unbuilt)   # no AttributeError: of that, `from ... import` keeps nothing but the name
         known = [n for n in __dir__() if not n.startswith("_")]
         main = [n for n in types if _core.struct(types[n]).kind in ("module", "model")]
-        own = [n for n in known if n not in types and n[:1].isupper()
+        own = [n for n in known if n not in types and n not in enumerations() and n[:1].isupper()
                and not isinstance(extra.get(n), dict) and not n.endswith("Error")]
         near = did_you_mean(name, known)
         raise AttributeError(f"{module} has no '{name}'{near} " + (
@@ -34,6 +45,6 @@ def lookup(module: str, types: dict[str, Any],
         # Without the imports of the module: modules, and functions of others.
         own = [n for n, value in extra.items() if not isinstance(value, ModuleType)
                and not (isinstance(value, (FunctionType, BuiltinFunctionType)) and value.__module__ != module)]
-        return sorted([*types, *own])
+        return sorted([*types, *enumerations(), *own])
 
     return __getattr__, __dir__

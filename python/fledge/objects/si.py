@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from enum import Enum, IntEnum
+from functools import cache
 from typing import Any
 
 from fledge.elements import short_names
@@ -139,8 +140,13 @@ def to_enumerators(ctype: str, enumerators: Sequence[tuple[str, int]], value: An
     return enumerator(ctype, enumerators, value, path)
 
 
-def enumeration(name: str, doc: str, values: Any) -> Any:
-    """A Python enum for one of C: its members by their short names; the whole ones are aliases."""
+def enumeration(name: str, doc: str, values: Iterable[tuple[str, int, str]]) -> Any:
+    """A Python enum for one of C, made once: its members by their short names; the whole ones are aliases."""
+    return _enumeration(name, doc, tuple(values))
+
+
+@cache
+def _enumeration(name: str, doc: str, values: tuple[tuple[str, int, str], ...]) -> Any:
     short = short_names((n for n, _, _ in values), name)
     make: Any = IntEnum  # mypy knows only enumerations with a literal name
     made = make(name, {short[n]: v for n, v, _ in values} | {n: v for n, v, _ in values}, module="fledge")
