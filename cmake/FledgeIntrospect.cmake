@@ -13,6 +13,7 @@ get_filename_component(FLEDGE_ROOT ${CMAKE_CURRENT_LIST_DIR}/.. ABSOLUTE)
 #   models  what makes its models: `fledge_models_<name>`, see sim/model_library.h
 #   functions  what Python may call of its math/: `fledge_functions_<name>`, see sim/function.h
 #   stubs   stubs/*.pyi, its types for Python's editors and type checkers
+#   protocol  _fledge_protocol.py, what a ground and a flight process must agree on
 # Without EMIT: tables, layout and stubs. Folders are relative to ROOT (default: the project); INCLUDE names
 # further roots that headers include from, besides Fledge itself. BUILT_BY names the targets that compile the
 # modules or models: one whose source lies beside its header and is not compiled is refused. LINE says what to add
@@ -58,6 +59,7 @@ function(fledge_introspect target)
     endforeach()
     list(TRANSFORM written APPEND .c REGEX "_(tables|layout|orders|functions)$")
     list(TRANSFORM written APPEND .cpp REGEX "_models$")
+    list(TRANSFORM written REPLACE "[^/]*_protocol$" ${FLEDGE_PYTHON_DIR}/_fledge_protocol.py)
     if(arg_LIBRARY MATCHES "^(flight|world)$")
         list(TRANSFORM written REPLACE "[^/]*_stubs$" stubs/_fledge_${arg_LIBRARY}.pyi)
     else()

@@ -51,7 +51,8 @@ foreach(loader IN LISTS loaders)
     target_link_options(${loader} PRIVATE LINKER:--disable-new-dtags)
 endforeach()
 install(TARGETS _core _cosim _emulator _ground DESTINATION ${FLEDGE_HOME}/python)
-install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py DESTINATION ${FLEDGE_HOME}/python)
+install(FILES ${FLEDGE_PYTHON_DIR}/_core_build.py ${FLEDGE_PYTHON_DIR}/_fledge_protocol.py
+    DESTINATION ${FLEDGE_HOME}/python)
 
 foreach(folder ccsds flight record registers sim world targets cosim introspect missions)
     install(DIRECTORY ${folder} DESTINATION ${FLEDGE_HOME}

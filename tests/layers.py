@@ -123,9 +123,10 @@ THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
-    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_emulator", "_fledge_world", "_ground", "_project_world",
-                   "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py", "jinja2", "jsonschema",
-                   "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial", "yaml", "zmq"},
+    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_emulator", "_fledge_protocol", "_fledge_world",
+                   "_ground", "_project_world", "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py",
+                   "jinja2", "jsonschema", "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial",
+                   "yaml", "zmq"},
     "cosim":      {"zmq"},
     "missions":   {"fledge_node", "numpy", "scipy"},   # a node in Python imports fledge_node and nothing else of Fledge
     "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},

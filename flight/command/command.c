@@ -565,7 +565,7 @@ static uint32_t run_service(const CommandContext *context, uint32_t place, uint3
         if (n == 0u) {
             break;
         }
-        s->from = report.from;
+        s->from = report.origin;
         if (report.reason == COMMAND_OK) {
             (void)accept(s, table, word(packet, 0), NULL, packet, n, sink, user); /* a link has checked its stream */
             execute_queue(s, table, context->mission, context->t, sink, user);

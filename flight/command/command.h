@@ -254,11 +254,12 @@ typedef struct CommandTable {
     int (*may_enter)(void *mission, uint16_t mode); ///< whether the mode's condition holds; NULL: none has one
 } CommandTable;
 
+/** Of commands, by what became of them. */
 typedef struct CommandCounters {
-    uint32_t accepted;
-    uint32_t executed;
-    uint32_t refused;                  ///< at either time
-    uint32_t reasons[COMMAND_REASONS]; ///< of those refused
+    uint32_t accepted;                 ///< [-]
+    uint32_t executed;                 ///< [-]
+    uint32_t refused;                  ///< [-] at either time
+    uint32_t reasons[COMMAND_REASONS]; ///< [-] of those refused
 } CommandCounters;
 
 /** How far a command is. */
@@ -273,13 +274,13 @@ typedef enum CommandStage {
 typedef struct CommandReport {
     int64_t t;         ///< [ns] the instant of execution; of acceptance: the last instant before, -1: none; of what was
                        ///< stored: its own
-    uint16_t sequence; ///< of the command, 14 bits
-    uint16_t code;     ///< its function code
-    uint16_t executed; ///< CommandStage
-    uint16_t reason;   ///< CommandReason
-    uint16_t detail;   ///< of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
-    uint16_t n;        ///< [bytes] read back
-    uint16_t from;     ///< COMMAND_OF_LIST + its list, COMMAND_OF_MONITOR or COMMAND_OF_RULE + its place; 0: from
+    uint16_t sequence; ///< [-] of the command, 14 bits
+    uint16_t code;     ///< [-] its function code
+    uint16_t executed; ///< [-] CommandStage
+    uint16_t reason;   ///< [-] CommandReason
+    uint16_t detail;   ///< [-] of COMMAND_RULE, COMMAND_INITIAL and COMMAND_SEQUENCE
+    uint16_t n;        ///< [-] bytes read back
+    uint16_t origin;   ///< [-] COMMAND_OF_LIST + its list, COMMAND_OF_MONITOR or COMMAND_OF_RULE + its place; 0: from
                        ///< elsewhere
     uint16_t spare;
 } CommandReport;
@@ -291,8 +292,8 @@ typedef void (*CommandSink)(void *user, const CommandReport *report, const uint8
  *  again. All zero: the first may have any sequence. Frames that check this themselves (COP-1, or protection against
  *  replay) make a link needless. */
 typedef struct CommandLink {
-    uint16_t begun; ///< 1: a command was accepted,
-    uint16_t last;  ///< the last one with this sequence
+    uint16_t begun; ///< [-] 1: a command was accepted,
+    uint16_t last;  ///< [-] the last one with this sequence
 } CommandLink;
 
 typedef struct CommandState {

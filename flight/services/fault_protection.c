@@ -227,7 +227,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     }
     for (uint32_t i = 0u; i < FAULT_RULES; i++) {
         const FaultRule *rule = &m->par.rules[i];
-        report->from = (uint16_t)(COMMAND_OF_RULE + i);
+        report->origin = (uint16_t)(COMMAND_OF_RULE + i);
         if (has(m->mem.modes, i)) {
             const uint16_t mode = (uint16_t)(rule->mode - 1u);
             m->mem.modes &= ~(1u << i);

@@ -457,7 +457,7 @@ TEST_F(Pair, SaysThatAModeMayNotBeEntered)
     const auto refused = std::find_if(craft.reports.begin(), craft.reports.end(),
                                       [](const CommandReport &r) { return r.reason == COMMAND_GUARDED; });
     ASSERT_NE(refused, craft.reports.end());
-    EXPECT_EQ(refused->from, COMMAND_OF_RULE + 3);
+    EXPECT_EQ(refused->origin, COMMAND_OF_RULE + 3);
 }
 
 TEST_F(Pair, TheOtherOneTakesOverAndSafeModeFollowsTheLastOne)
@@ -489,7 +489,7 @@ TEST_F(Pair, TheOtherOneTakesOverAndSafeModeFollowsTheLastOne)
     EXPECT_EQ(craft.event().id, FAULT_PROTECTION_LOST);
     EXPECT_EQ(craft.event().severity, EVENT_HIGH);
     EXPECT_EQ(craft.at(), "m4 ");
-    EXPECT_EQ(craft.reports.back().from, COMMAND_OF_RULE + 2);
+    EXPECT_EQ(craft.reports.back().origin, COMMAND_OF_RULE + 2);
     EXPECT_EQ(craft.at(), "");
 }
 

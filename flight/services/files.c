@@ -263,7 +263,7 @@ static int report(const CommandContext *context, void *module, CommandReport *do
         }
         done->sequence = job->command;
         done->code = COMMAND_FILE_SEND;
-        done->from = job->origin;
+        done->origin = job->origin;
         if (job->ended == 0u) {
             done->executed = COMMAND_UNDER_WAY;
             done->detail = (uint16_t)percent;

@@ -49,7 +49,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     for (uint32_t i = 0u; i < MONITORS; i++) {
         if ((m->mem.pending >> i & 1u) != 0u) {
             m->mem.pending &= ~(1u << i);
-            report->from = (uint16_t)(COMMAND_OF_MONITOR + i);
+            report->origin = (uint16_t)(COMMAND_OF_MONITOR + i);
             return monitor_start(context->table, m->par.monitors[i].list, m->mem.fired, packet);
         }
     }

@@ -151,7 +151,7 @@ TEST_F(Watch, ALimitThatIsBrokenStartsASequenceOnceUntilItHeldAgain)
     EXPECT_EQ(sees(std::numeric_limits<double>::quiet_NaN()), "5");
     EXPECT_EQ(shown().fired, 3u);
     ASSERT_EQ(reports_.size(), 6u); // accepted and executed
-    EXPECT_EQ(reports_[1].from, COMMAND_OF_MONITOR + 3);
+    EXPECT_EQ(reports_[1].origin, COMMAND_OF_MONITOR + 3);
     EXPECT_EQ(reports_[1].code, COMMAND_CONTROL);
     EXPECT_EQ(reports_[1].reason, COMMAND_OK);
 }
@@ -274,7 +274,7 @@ TEST_F(Watch, MoreThanAnInstantStartsFollowAtTheNextAndARefusalIsReported)
     EXPECT_EQ(sees(5.0), "1234");
     EXPECT_EQ(at(), "56");
     EXPECT_EQ(reports_.back().reason, COMMAND_PLACE);
-    EXPECT_EQ(reports_.back().from, COMMAND_OF_MONITOR + 15);
+    EXPECT_EQ(reports_.back().origin, COMMAND_OF_MONITOR + 15);
     monitors_reset(&mission_.monitors);
     EXPECT_EQ(at(), "1234"); // a reset forgets what has fired
 }

@@ -142,7 +142,7 @@ static uint32_t take(const CommandContext *context, void *module, uint8_t *packe
     const uint32_t n = c->size;
     const double late = tick_seconds(tick_since(context->t, due));
     memcpy(packet, c->packet, sizeof c->packet);
-    report->from = (uint16_t)(COMMAND_OF_LIST + c->list);
+    report->origin = (uint16_t)(COMMAND_OF_LIST + c->list);
     const CommandReason reason = n > COMMAND_STORED_MAX || crc_of(c) != c->crc ? COMMAND_CRC
                                  : has(m->par.inhibited, c->list)              ? COMMAND_INHIBITED
                                  : m->par.late > 0.0 && late > m->par.late     ? COMMAND_LATE

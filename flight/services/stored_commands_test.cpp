@@ -144,7 +144,7 @@ protected:
     {
         std::vector<CommandReport> found;
         std::copy_if(reports_.begin(), reports_.end(), std::back_inserter(found),
-                     [](const CommandReport &r) { return r.from == 0; });
+                     [](const CommandReport &r) { return r.origin == 0; });
         return found;
     }
 
@@ -187,7 +187,7 @@ TEST_F(Stored, AnAbsoluteCommandIsExecutedOnceAtTheFirstInstantFromItsTimeOn)
     EXPECT_EQ(executed.t, 103);
     for (const CommandReport &one : {accepted, executed}) {
         EXPECT_EQ(one.code, COMMAND_MODE);
-        EXPECT_EQ(one.from, 1); // list 0
+        EXPECT_EQ(one.origin, 1); // list 0
         EXPECT_EQ(one.sequence, 9);
     }
 }
@@ -271,7 +271,7 @@ TEST_F(Stored, WhatComesDueOnAnInhibitedListIsReportedAndNotExecuted)
     EXPECT_EQ(shown().inhibited, 2u);
     EXPECT_EQ(at(115), "");
     EXPECT_EQ(reports_.back().reason, COMMAND_INHIBITED);
-    EXPECT_EQ(reports_.back().from, 2);
+    EXPECT_EQ(reports_.back().origin, 2);
     EXPECT_EQ(reports_.back().code, COMMAND_MODE);
     EXPECT_EQ(shown().skipped, 1u);
     EXPECT_EQ(said(), "4:1,0");
@@ -351,7 +351,7 @@ TEST_F(Stored, AStoredCommandPassesTheChecksOfItsInstantAndIsRefusedAsOthersAre)
     EXPECT_EQ(at(10), "a"); // it goes on
     const CommandReport &refused = reports_[reports_.size() - 3];
     EXPECT_EQ(refused.reason, COMMAND_PLACE);
-    EXPECT_EQ(refused.from, 2);
+    EXPECT_EQ(refused.origin, 2);
     EXPECT_EQ(refused.executed, 1);
     EXPECT_EQ(state_.counters.reasons[COMMAND_PLACE], 1u);
 }

@@ -30,12 +30,14 @@ enum {
     TELEMETRY_REPORT_MAX = TELEMETRY_HEADER + (int)sizeof(CommandReport) + COMMAND_DATA_MAX
 };
 
+/** The state of flight. */
 typedef struct TelemetryHousekeeping {
     int64_t t;       ///< [ns] of flight
-    uint32_t mode;   ///< its place in the list of modes; 0 if there are none
-    uint32_t staged; ///< the module that is staged, plus 1; 0: none
+    uint32_t mode;   ///< [-] its place in the list of modes; 0 if there are none
+    uint32_t staged; ///< [-] the module that is staged, plus 1; 0: none
     CommandCounters commands;
     CommandLink ground; ///< where a ground that begins anew counts on
+    uint32_t spare;     ///< is not sent
 } TelemetryHousekeeping;
 
 /** An output of flight. */
@@ -72,11 +74,11 @@ typedef enum TelemetryTextKind {
 /** A text, with n letters behind it. */
 typedef struct TelemetryText {
     int64_t t;         ///< [ns] flight's instant
-    uint16_t kind;     ///< TelemetryTextKind
-    uint16_t sequence; ///< of the command that started the procedure or had the text; of flight's script: 0
-    uint16_t line;     ///< of the script; 0: none
-    uint16_t n;        ///< [bytes]
-    uint32_t lost;     ///< texts before it, since the one that was sent before, for which there was no room
+    uint16_t kind;     ///< [-] TelemetryTextKind
+    uint16_t sequence; ///< [-] of the command that started the procedure or had the text; of flight's script: 0
+    uint16_t line;     ///< [-] of the script; 0: none
+    uint16_t n;        ///< [-] bytes
+    uint32_t lost;     ///< [-] texts before it, since the one that was sent before, for which there was no room
     uint32_t spare;
 } TelemetryText;
 

@@ -12,5 +12,5 @@ def _emit(name, library):
     return import_module(f"introspect.emit.{name}").emit(library)    # the flights of `fledge fly` need none of them
 
 
-EMITTERS = {name: partial(_emit, name) for name in ("functions", "tables", "layout", "models", "orders", "schema",
-                                                    "stubs")}
+EMITTERS = {name: partial(_emit, name) for name in ("functions", "tables", "layout", "models", "orders", "protocol",
+                                                    "schema", "stubs")}

@@ -374,3 +374,23 @@ def test_the_reference_has_each_declaration_with_unit_condition_and_meaning(mode
     ("a ` b", "a ` b\n"), ("", "")])
 def test_comments_become_paragraphs_with_equations_as_they_are(text, page):
     assert reference.prose(text) == page
+
+
+# --- the protocol with the ground ------------------------------------------------------------------
+
+def test_the_protocol_has_the_numbers_of_the_header_and_records_without_gaps(model):
+    files = EMITTERS["protocol"](model.library("flight"))
+    assert len(files) == 2 and len(set(files.values())) == 1       # what runs, and what a type checker reads
+    made: dict = {}
+    exec(next(iter(files.values())), made)
+    header = (ROOT / "flight/command/command.h").read_text(encoding="utf-8")
+    for name, begin in (("Code", "CommandCode"), ("Reason", "CommandReason"), ("Action", "ListAction")):
+        body = re.search(rf"enum {begin} \{{(.*?)\}} {begin};", header, re.S)[1]
+        numbers = {word.partition("_")[2]: int(value) for word, value in re.findall(r"(\w+) = (\d+)", body)}
+        assert len(numbers) > 5 and {one.name: int(one) for one in made[name]} == numbers
+    assert [one.name for one in made["Stream"]] == ["EVENTS", "SELECTED", "FILES"]
+    for name, record in (("CommandReport", "REPORT_RECORD"), ("TelemetryText", "TEXT_RECORD"),
+                         ("TelemetryHousekeeping", "HOUSEKEEPING_RECORD"), ("EventRecord", "EVENT_RECORD")):
+        assert sum(int(kind[1:]) // 8 * n for _, kind, n in made[record]) == model.structs[name].size
+    with pytest.raises(ValueError, match="library `world` lacks CommandCode, .*UnitState, of the protocol"):
+        EMITTERS["protocol"](model.library("world"))

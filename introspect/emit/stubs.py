@@ -69,8 +69,8 @@ def _module(declared: Struct | Enumeration, library: Library) -> str:
 
 def _enum(e: Enumeration) -> str:
     rows = zip(e.short_names, e.values)
-    return f"\nclass {e.name}(enum.IntEnum):\n" + _doc(e.doc) + "".join(
-        f"    {short} = {v.value}\n{_doc(v.doc)}" + (f"    {v.name} = {v.value}\n" if v.name != short else "")
+    return f"\nclass {e.name}(enum.IntEnum):\n" + doc_string(e.doc) + "".join(
+        f"    {short} = {v.value}\n{doc_string(v.doc)}" + (f"    {v.name} = {v.value}\n" if v.name != short else "")
         for short, v in rows)
 
 
@@ -78,7 +78,7 @@ def _struct(s: Struct) -> str:
     fields = [f for f in s.fields if not f.is_spare]
     settable = sorted((f for f in fields if not s.kind.is_interface or f.group is Group.PAR),
                       key=lambda f: "required" not in f.clauses)
-    lines = [f"\nclass {s.name}({_BASES[s.kind]}):\n", _doc(s.doc)]
+    lines = [f"\nclass {s.name}({_BASES[s.kind]}):\n", doc_string(s.doc)]
     parameters = [f"{f.name}: {_accepted(f)}" + ("" if _is_required(s, f) else " = ...") for f in settable]
     if s.kind is Kind.MODEL:
         parameters.append("**properties: Any")
@@ -88,9 +88,9 @@ def _struct(s: Struct) -> str:
     if parameters:
         star = "*, " if settable or s.kind is Kind.MODULE else ""
         lines += [f"    def __init__(self, {star}{', '.join(parameters)}) -> None:\n",
-                  _doc("\n".join(f"{f.name}{_about(f)}" for f in settable), indent=8), "        ...\n"]
+                  doc_string("\n".join(f"{f.name}{_about(f)}" for f in settable), indent=8), "        ...\n"]
     for f in fields:
-        lines += [f"    {f.name}: {_attribute(f)}\n", _doc(_about(f).lstrip(" ,:"))]
+        lines += [f"    {f.name}: {_attribute(f)}\n", doc_string(_about(f).lstrip(" ,:"))]
     return "".join(lines)
 
 
@@ -141,7 +141,7 @@ def _bounds(b: Bounds) -> list[str]:
     return lo + ([] if b.hi is None else [f"{'<' if b.hi_open else '<='} {b.hi:g}"])
 
 
-def _doc(text: str, indent: int = 4) -> str:
+def doc_string(text: str, indent: int = 4) -> str:
     text = text.replace("\\", "\\\\").replace('"', "'")
     if not text:
         return ""

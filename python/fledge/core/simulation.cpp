@@ -303,7 +303,7 @@ py::list reports(sim::Process &process)
     return list_of(process.take_reports(), [](const sim::CommandReply &one) {
         const CommandReport &r = one.report;
         return py::make_tuple(r.t, r.sequence, r.code, r.executed, r.reason, r.detail,
-                              py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.from);
+                              py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.origin);
     });
 }
 

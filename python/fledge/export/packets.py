@@ -6,15 +6,17 @@ Names and places are those of flight/command/command.h and flight/telemetry/tele
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field as with_default, replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, SEVERITIES, TURNS,
-                             UNIT_STATES, WHY, Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
+from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, TURNS, UNIT_STATES, WHY,
+                             Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
+from fledge.commands.protocol import (EVENT_RECORD, HOUSEKEEPING_RECORD, REPORT_RECORD, TEXT_RECORD, argument_type)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
+from introspect.comment import SEVERITIES
 
 if TYPE_CHECKING:
     from fledge.commands import Dictionary
@@ -124,45 +126,53 @@ def packets(mission: Mission, found: Dictionary) -> Iterator[Packet]:
         yield Packet(output.path, first_words(message.struct.doc), output.stream, fields)
 
 
+def record(numbers_: Iterable[tuple[str, str, int]], about: Mapping[str, Any]) -> list[Item]:
+    """The numbers of a record. about: of its names, what the database says: a meaning, or changes of an Item; of an
+    array, these for each of its elements, by its name."""
+    items = []
+    for name, type_, n in numbers_:
+        of = about.get(name, "")
+        for own, said in of.items() if n > 1 else [(name, of)]:
+            items.append(replace(number(own, type_), **(said if isinstance(said, dict) else {"meaning": said})))
+    return items
+
+
 def housekeeping(mission: Mission, found: Dictionary) -> Packet:
     modules = {"none": 0} | {one.path: 1 + i for i, one in enumerate(found.blocks)}
-    items = [
-        number("t", "i64", "flight's instant", "ns"),
-        number("mode", "u32", "the active mode", enumerators=numbered(found.modes)),
-        number("staged", "u32", "the module that is staged", enumerators=modules),
-        *(number(name, "u32", f"commands {name}") for name in ("accepted", "executed", "refused")),
-        *(number(f"reasons.{one.name.lower()}", "u32", f"refused: {WHY[one]}" if one in WHY else "always 0")
-          for one in Reason),
-        number("begun", "u16", "1: a command came by the link from the ground"),
-        number("last", "u16", "the sequence of the last one that was accepted")]
+    items = record(HOUSEKEEPING_RECORD, {
+        "t": {"meaning": "flight's instant", "unit": "ns"},
+        "mode": {"meaning": "the active mode", "enumerators": numbered(found.modes)},
+        "staged": {"meaning": "the module that is staged", "enumerators": modules},
+        **{name: f"commands {name}" for name in ("accepted", "executed", "refused")},
+        "reasons": {f"reasons.{one.name.lower()}": f"refused: {WHY[one]}" if one in WHY else "always 0"
+                    for one in Reason},
+        "begun": "1: a command came by the link from the ground",
+        "last": "the sequence of the last one that was accepted"})
     return Packet(f"{mission.process}.housekeeping", "the state of flight", found.telemetry + HOUSEKEEPING, items)
 
 
 def reports(mission: Mission, found: Dictionary) -> Packet:
-    items = [
-        number("t", "i64", "the instant of execution; of acceptance, the last instant before; -1: none", "ns"),
-        number("sequence", "u16", "of the command"),
-        number("code", "u16", "what the command is", enumerators=lower(Code)),
-        number("executed", "u16", "what this is about", enumerators=lower(Stage)),
-        number("reason", "u16", "ok, or why it was refused", enumerators=lower(Reason)),
-        number("detail", "u16", "of a rule: its place in the module's list; of a sequence: the last accepted; under "
-               "way: percent; of a file that failed: CFDP's condition"),
-        number("n", "u16", "bytes read back"),
-        number("from", "u16", "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 48: "
-               "rule 0 of the fault protection, and so on; 0: from elsewhere"),
-        bits("spare", 16),
-        Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n")]
+    items = record(REPORT_RECORD, {
+        "t": {"meaning": "the instant of execution; of acceptance, the last instant before; -1: none", "unit": "ns"},
+        "sequence": "of the command", "code": {"meaning": "what the command is", "enumerators": lower(Code)},
+        "executed": {"meaning": "what this is about", "enumerators": lower(Stage)},
+        "reason": {"meaning": "ok, or why it was refused", "enumerators": lower(Reason)},
+        "detail": "of a rule: its place in the module's list; of a sequence: the last accepted; under way: percent; of "
+                  "a file that failed: CFDP's condition",
+        "n": "bytes read back",
+        "origin": {"name": "from", "meaning": "1: list 0 of stored commands, and so on; 32: monitor 0, and so on; 48: "
+                   "rule 0 of the fault protection, and so on; 0: from elsewhere"}})
+    items.append(Item("data", "bytes", 0, "parameters read back, each number big-endian", count="n"))
     return Packet(f"{mission.process}.reports", "what was done with a command, and what was read back",
                   found.telemetry + REPORTS, items)
 
 
 def texts(mission: Mission, found: Dictionary) -> Packet:
-    items = [
-        number("t", "i64", "flight's instant", "ns"), number("kind", "u16", enumerators=lower(Kind)),
-        number("sequence", "u16", "of the command that started the procedure or had the text"),
-        number("line", "u16", "of the script; 0: none"), number("n", "u16", "letters"),
-        number("lost", "u32", "texts before it, for which there was no room"), bits("spare", 32),
-        Item("text", "char", 0, count="n")]
+    items = record(TEXT_RECORD, {
+        "t": {"meaning": "flight's instant", "unit": "ns"}, "kind": {"enumerators": lower(Kind)},
+        "sequence": "of the command that started the procedure or had the text", "line": "of the script; 0: none",
+        "n": "letters", "lost": "texts before it, for which there was no room"})
+    items.append(Item("text", "char", 0, count="n"))
     return Packet(f"{mission.process}.texts", "what an interpreter in flight says", found.texts, items)
 
 
@@ -171,20 +181,20 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
     types = {one.type for one in mission.modules}
     if "EventLog" in types:
         path, stream = f"{mission.process}.events", found.texts + 1 + SERVICES.index("events")
-        yield Packet(path, "what a module has said", stream, [
-            number("t", "i64", "of the event", "ns"), number("number", "u32", "counts the events of the log"),
-            number("before", "u32", "events of the output before it that were not logged"),
-            number("output", "u16", "whose event it is: the place in the list of outputs"),
-            number("severity", "u16", "how grave it is", enumerators=numbered(["none", *SEVERITIES])),
-            number("id", "u32", "which event of the output")], "big",
-            rest=[number(f"arguments[{i}]", "f64", "as its id says") for i in range(4)])
+        *items, arguments = EVENT_RECORD
+        rest = {f"arguments[{i}]": "as its id says" for i in range(arguments[2])}
+        yield Packet(path, "what a module has said", stream, record(items, {
+            "t": {"meaning": "of the event", "unit": "ns"}, "number": "counts the events of the log",
+            "before": "events of the output before it that were not logged",
+            "output": "whose event it is: the place in the list of outputs",
+            "severity": {"meaning": "how grave it is", "enumerators": numbered(["none", *SEVERITIES])},
+            "id": "which event of the output"}), "big", rest=record([arguments], {"arguments": rest}))
         for place, output in enumerate(found.outputs):
             for one in output.events:
-                arguments = [number(name, "f64", unit="" if unit in ("-", "SI") else unit)
-                             for name, unit in one.arguments]
-                spare = [replace(bits("spare", 64), name=f"spare{i}") for i in range(len(arguments), 4)]
-                yield Packet(f"{output.path}.{one.name}", f"{one.meaning} ({one.severity})", stream,
-                             [*arguments, *spare], "big", path, {"output": place, "id": one.id})
+                own = [number(name, "f64", unit="" if unit in ("-", "SI") else unit) for name, unit in one.arguments]
+                spare = [replace(bits("spare", 64), name=f"spare{i}") for i in range(len(own), len(rest))]
+                yield Packet(f"{output.path}.{one.name}", f"{one.meaning} ({one.severity})", stream, [*own, *spare],
+                             "big", path, {"output": place, "id": one.id})
     if "Housekeeping" in types:
         items = [
             number("t", "i64", "flight's instant", "ns"), number("report", "u16", "which"),
@@ -312,8 +322,7 @@ def argument(code: Code, name: str, choices: Mapping[str, int]) -> Iterator[Item
         yield Item("bytes", "char" if meaning else "bytes", 0, meaning, count="n")
         return
     values = {"zero": 0, "turns": TURNS, "every": 1, "on": 1}
-    types = {"time": "i64", "offset": "u32", "length": "u32", "turns": "u32", "transaction": "u32"}
-    one = number(name, types.get(name, "u16"), MEANINGS.get(name, ""), "ns" if name == "time" else "",
+    one = number(name, argument_type(name), MEANINGS.get(name, ""), "ns" if name == "time" else "",
                  choices, values.get(name))
     yield replace(one, bounds=LIMITS.get(name, one.bounds))
 

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Packets and their times in files: what `--script` of a board's program reads."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+
+class Timed(NamedTuple):
+    """A command that flight gets before its first instant after a time, or a packet of telemetry and its instant."""
+    t: int                      # [ns]
+    packet: bytes
+
+
+def script(packets: Iterable[Timed]) -> str:
+    """The lines of a file of packets, for --script of fledge_board_node."""
+    return "".join(f"{one.t} {one.packet.hex()}\n" for one in packets)
+
+
+def read_script(text: str) -> list[Timed]:
+    """The packets of such a file."""
+    return [Timed(int(t), bytes.fromhex(digits)) for t, digits in (line.split() for line in text.splitlines())]
