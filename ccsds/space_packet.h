@@ -4,7 +4,19 @@
  *     byte 0  version (3 bits, 0), 1 for a command, 1 with a secondary header, application (11 bits)
  *          2  part (2 bits), count of the application's packets (14 bits)
  *          4  length of what follows, minus 1
- *          6  the secondary header, if there is one, and the data */
+ *          6  the secondary header, if there is one, and the data
+ *
+ * Example:
+ *
+ *     uint8_t bytes[SPACE_PACKET_HEADER + 4] = {0};
+ *     const SpacePacket command = {
+ *         .size = sizeof bytes, .application = 42, .count = 7, .command = 1, .part = SPACE_PACKET_WHOLE};
+ *     space_packet_write(&command, bytes);
+ *     SpacePacket header;
+ *     if (space_packet_read(&header, bytes, sizeof bytes) == CCSDS_OK && header.application == 42) {
+ *         // its data are the header.size - SPACE_PACKET_HEADER bytes behind the header
+ *     }
+ */
 #ifndef CCSDS_SPACE_PACKET_H
 #define CCSDS_SPACE_PACKET_H
 

@@ -1,6 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // A computer on a board: processor, memory, devices, and its time. Everything is in the object; a program may hold many
 // machines, each in a thread. Simulated time is a function of the executed instructions and of the times of events.
+//
+// Example:
+//
+//     #include "emulator/board.h"
+//     #include "emulator/elf.h"
+//     using namespace emulator;
+//     Machine machine(BoardDescription::read("emulator/boards/leon3.toml"));
+//     machine.load(Program::read("nadir_spin.elf"));
+//     if (machine.run_until(1'000'000'000) == StopReason::error) {
+//         throw std::runtime_error(machine.report());
+//     }
 #pragma once
 
 #include <cstdint>

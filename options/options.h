@@ -1,6 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The command line of a program in C++: each option once, with its help and its limits. The parser behind it, CLI11,
 // takes seconds to compile; only options.cpp includes it.
+//
+// Example:
+//
+//     int run(const std::string &address, double start);
+//
+//     int main(int argc, char **argv)
+//     {
+//         Options options("thermal", "A plate in the Sun.", "See docs/cosim.md.");
+//         std::string address;
+//         double start = 300.0;
+//         options.text("--address", address, "ADDRESS", "where the controller listens").required();
+//         options.number("--start", start, 0.0, 1000.0, "K", "the temperature at the beginning");
+//         options.parse(argc, argv);
+//         return run(address, start);
+//     }
 #pragma once
 
 #include <cstdint>

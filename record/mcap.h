@@ -25,6 +25,24 @@
  *  metadata record.
  *  When `index` is full, the file stays valid and complete, but its summary has no chunk index at all, because a
  *  partial index would hide the other chunks: readers scan the file. `index_full` is then true.
+ *
+ * Example:
+ *
+ *     static McapWriter writer;
+ *     static McapSchema schemas[1];
+ *     static McapChannel channels[1];
+ *
+ *     static McapStatus record(McapWrite write, void *file, int64_t t, const double *level)
+ *     {
+ *         const McapConfig config = {.write = write, .user = file, .schemas = schemas, .channels = channels,
+ *                                    .schemas_max = 1, .channels_max = 1};
+ *         uint16_t schema, channel;
+ *         mcap_open(&writer, &config);
+ *         mcap_add_schema(&writer, "fledge/msg/Level", "float64 level\n", &schema);
+ *         mcap_add_channel(&writer, "/tank/level", schema, MCAP_ORDER_NATIVE, NULL, 0, &channel);
+ *         mcap_message(&writer, channel, t, 1, level, sizeof *level);
+ *         return mcap_close(&writer);
+ *     }
  */
 #ifndef RECORD_MCAP_H
 #define RECORD_MCAP_H

@@ -8,7 +8,21 @@
  *   queued         a ring of slots. Full: the newest is refused, or the oldest dropped; both are
  *                  counted, and both leave a gap in the sequence
  *
- * A control block, 32 bytes, is in front of the slots of all but plain words. */
+ * A control block, 32 bytes, is in front of the slots of all but plain words.
+ *
+ * Example:
+ *
+ *     static void flight_end(const RegisterBoard *board, volatile uint32_t *memory, const float command[4])
+ *     {
+ *         const RegisterWindow w = register_window(board, memory);
+ *         register_put(&w, &board->lanes[0], command, 16, 0);
+ *         float speeds[4];
+ *         RegisterInfo info;
+ *         if (register_take(&w, &board->lanes[1], speeds, sizeof speeds, &info) == REGISTER_OK) {
+ *             // new ones, number info.sequence
+ *         }
+ *     }
+ */
 #ifndef REGISTERS_LANE_H
 #define REGISTERS_LANE_H
 

@@ -5,6 +5,20 @@
 // added (the world first, then flight); then the processes check their events; then the recorder takes its records. A
 // command given at t acts over [t, t + h). Time is integer nanoseconds; equal times are ordered by
 // process, then priority (higher first), then declaration.
+//
+// Example:
+//
+//     #include "flight/guidance/tracking_error.h"
+//     using namespace sim;
+//     void fly(const FledgeStruct &module)
+//     {
+//         Simulation sim(1);
+//         Process &flight = sim.add_process("flight");
+//         const auto tracking = std::make_shared<Instance>(module);
+//         flight.add("tracking", tracking);
+//         flight.add_task({.name = "gnc", .period = 500'000'000, .run = {tracking}});
+//         sim.run_until(60'000'000'000);
+//     }
 #pragma once
 
 #include "sim/health.h"

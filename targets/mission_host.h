@@ -1,6 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The interface of a mission to its host: its functions, the layout and definitions of its messages, and its rates.
- * `fledge export` writes the data (MISSION_host.c). */
+ * `fledge export` writes the data (MISSION_host.c).
+ *
+ * Example:
+ *
+ *     static void fly(const RegisterWindow *board, int64_t end)
+ *     {
+ *         MissionIoCounts counts = {0};
+ *         mission_host_exchange(&fledge_mission, board, -1, &counts); // reset flight
+ *         for (int64_t t = 0; t <= end; t = fledge_mission.next()) {
+ *             mission_host_exchange(&fledge_mission, board, t, &counts);
+ *         }
+ *     }
+ */
 #ifndef TARGETS_MISSION_HOST_H
 #define TARGETS_MISSION_HOST_H
 

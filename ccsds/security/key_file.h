@@ -4,7 +4,17 @@
  *     1 000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f
  *
  * is the id of a key, 1 to 65535, and its 16, 24 or 32 bytes in hex; # begins a comment.
- * `./fledge keys link FILE` writes it. */
+ * `./fledge keys link FILE` writes it.
+ *
+ * Example:
+ *
+ *     AesGcmKey expanded[8];
+ *     char why[200];
+ *     AesGcmKeys keys = {expanded, key_file_read("link.keys", expanded, 8, why, sizeof why)};
+ *     if (keys.n > 0) {
+ *         const SdlsCipher cipher = aes_gcm(&keys); // for an association of sdls.h
+ *     }
+ */
 #ifndef CCSDS_SECURITY_KEY_FILE_H
 #define CCSDS_SECURITY_KEY_FILE_H
 

@@ -1,16 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A store of files in one block of plain memory, without pointers: a block that is copied is the same store.
  *
- *     memory_store_begin(store, MEMORY_STORE_BYTES(64));      // empty pages
- *     memory_store_mount(store);                              // after the pages were filled with those of an old store
- *     files = memory_store_files(store);
- *
  * The store is pages of 256 bytes. Each has its checksum; the entry of a file, in a page of its own, has the sum of its
  * pages' checksums. So a copy that was made page by page, while files changed, or that was damaged later, mounts with
  * those files that are whole: a file is as it was written, or is dropped and counted.
  *
  * Whoever copies the pages asks memory_store_dirty() which one is next. In its order a rename takes effect at once: the
- * copy has the old file or the new one. Numbers in pages are big-endian, so pages are the same on each computer. */
+ * copy has the old file or the new one. Numbers in pages are big-endian, so pages are the same on each computer.
+ *
+ * Example:
+ *
+ *     static uint64_t memory[MEMORY_STORE_BYTES(64) / 8];
+ *     MemoryStore *const store = (MemoryStore *)memory;
+ *     memory_store_begin(store, sizeof memory); // empty pages
+ *     memory_store_mount(store); // after the pages were filled with those of an old store
+ *     const CfdpStore files = memory_store_files(store);
+ */
 #ifndef CCSDS_STORE_MEMORY_STORE_H
 #define CCSDS_STORE_MEMORY_STORE_H
 

@@ -6,6 +6,19 @@
 // - Grants: how far each node may step
 // - Admission: where the run stops so that nodes join
 // - RestartLog: the data with which a new program takes the place of a lost one
+//
+// Example:
+//
+//     using namespace cosim;
+//     ControllerConfig config{.simulation = "spin"};
+//     config.nodes = {{.name = "world"}, {.name = "flight"}};
+//     Controller controller(config);
+//     controller.hello(1, Hello{.simulation = "spin", .node = "world"});
+//     for (const Action &action : controller.take_actions()) {
+//         if (const auto *refused = std::get_if<action::Refuse>(&action)) {
+//             throw std::runtime_error(refused->reason);
+//         }
+//     }
 #pragma once
 
 #include "cosim/controller/grants.h"

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// A C++ program as a node, whose messages are its own structs:
-//
-//     StructNode node({.node = "spring"}, {10 * ms, 0});
-//     node.read("/mass/state", Latency::same_instant, state);
-//     node.write("/spring/force", force, make_schema("Force", "float64[2] F  # F [N] (2) force\n"));
-//     node.run([&](Ns t) { force.F[0] = -state.x[0]; });
+// A C++ program as a node, whose messages are its own structs.
 //
 // A struct has the fields of its definition in their order, without padding. Before each step, the node sets its
 // inputs to the messages that the instant sees; after the step, it sends the outputs that have changed. Only one
 // side needs a definition: without one here, the node takes its partner's, of the same size. It converts other
 // byte orders.
+//
+// Example:
+//
+//     using namespace cosim;
+//     struct { double x[2]; } state;
+//     struct { double F[2]; } force;
+//     StructNode node({.node = "spring"}, {10'000'000, 0});
+//     node.read("/mass/state", Latency::same_instant, state);
+//     node.write("/spring/force", force, make_schema("Force", "float64[2] F  # F [N] (2) force\n"));
+//     node.run([&](Ns) { force.F[0] = -state.x[0]; });
 #pragma once
 
 #include "cosim/node/delegate.h"

@@ -46,6 +46,13 @@
 // begins with its length (uint32). decode() refuses a frame if bytes are missing, left over or out of bounds, if a text
 // is not as text.h says, and if a time is not from -1 (before the first instant) or a duration not from 0 to
 // longest_time.
+//
+// Example:
+//
+//     using namespace cosim;
+//     const Frame sent{1, Tick{.until = 1'000'000'000}};
+//     const Bytes bytes = encode(sent);
+//     const Frame received = decode(bytes); // throws ProtocolError
 #pragma once
 
 #include "cosim/protocol/schema.h"

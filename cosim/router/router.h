@@ -3,6 +3,15 @@
 //
 // Nodes send a Hello to one static address; the Welcome names a socket for each node. Nodes only connect. (Thesis,
 // appendix C.)
+//
+// Example:
+//
+//     using namespace cosim;
+//     zmq::context_t context;
+//     ControllerConfig config{.simulation = "spin"};
+//     config.nodes = {{.name = "world"}, {.name = "flight"}};
+//     Router router(context, config, {.address = "tcp://127.0.0.1:7000"});
+//     const std::string reason = router.run(); // "" for the regular end
 #pragma once
 
 #include "cosim/controller/controller.h"

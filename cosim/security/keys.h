@@ -18,6 +18,12 @@
 //     curve
 //         public-key = "..."         40 characters of Z85
 //         secret-key = "..."         in NAME.secret
+//
+// Example:
+//
+//     zmq::context_t context;
+//     zmq::socket_t socket(context, zmq::socket_type::dealer);
+//     cosim::use_keys(socket, cosim::read_client_keys(cosim::place_of_keys("keys"), "world")); // throws KeyError
 #pragma once
 
 #include <filesystem>

@@ -7,6 +7,16 @@
 // "optional" may follow). After an epoch they come again under "exchange after T". A topic's metadata
 // are its writer and its initial value (payload in hexadecimal digits). "end" holds the reason, and under "settled" the
 // last instant [ns] up to which all messages are there.
+//
+// Example:
+//
+//     #include "cosim/router/router.h"
+//     using namespace cosim;
+//     void listen(const ControllerConfig &run, RouterConfig &router)
+//     {
+//         static ExchangeRecord record("exchange.mcap", run);
+//         router.listeners.push_back(&record);
+//     }
 #pragma once
 
 #include "cosim/controller/config.h"

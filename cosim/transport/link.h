@@ -1,6 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The connection of one controller and one node: it carries frames, and notices when the other side is gone. It
 // begins on a pair of sockets; on one machine, frames may then go through shared memory.
+//
+// Example:
+//
+//     using namespace cosim;
+//     zmq::context_t context;
+//     Link controller(context, Limits(), Link::End::controller), node(context, Limits());
+//     node.socket().connect(controller.bind("tcp://127.0.0.1:*"));
+//     node.send({1, Hello{.simulation = "spin", .node = "world"}});
+//     for (Frame frame; controller.receive(frame);) {
+//         controller.accept(); // its sender is the node
+//     }
 #pragma once
 
 #include "cosim/protocol/words.h"

@@ -1,5 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bus of a machine: RAM, ROM and devices by their addresses.
+//
+// Example:
+//
+//     emulator::SystemBus bus;
+//     bus.add_memory(0x40000000, 1 << 20, true, false);
+//     std::uint64_t word = 0;
+//     bus.write(0x40000010, 4, 0xC0FFEE);
+//     if (bus.read(0x40000010, 4, word) != emulator::Access::done) {
+//         // nothing is there, or an error that cannot be corrected
+//     }
 #pragma once
 
 #include <functional>

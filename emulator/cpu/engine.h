@@ -2,6 +2,15 @@
 // A way to execute instructions. All engines give the same states at the same cycles, so one can go on where another
 // stopped: the plain interpreter is the reference, the threaded interpreter and the translator are fast. timing.h says
 // what counts as an instruction and as a cycle, step.h what happens between two instructions.
+//
+// Example:
+//
+//     emulator::Exit execute(emulator::Bus &bus, std::uint64_t cycles)
+//     {
+//         emulator::Core core;
+//         core.bus = &bus;
+//         return emulator::make_threaded()->run(core, cycles);
+//     }
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The remote protocol of gdb for a machine. The program that runs the machine runs it through this object: whenever gdb
 // stops the machine, run_until() does not return before gdb lets it go on.
+//
+// Example:
+//
+//     #include "emulator/machine.h"
+//     using namespace emulator;
+//     void debug(Machine &machine, const Program &program)
+//     {
+//         GdbServer gdb(machine, "3333", &program);
+//         gdb.wait(-1);
+//         gdb.run_until(10'000'000'000); // in place of Machine::run_until
+//     }
 #pragma once
 
 #include <functional>

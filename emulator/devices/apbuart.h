@@ -1,5 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // A serial port. Bytes leave it at once, or at the baud rate that the program sets; the host's end is a function.
+//
+// Example:
+//
+//     #include <cstdio>
+//     using namespace emulator;
+//     void attach(DeviceHost &host)
+//     {
+//         Apbuart uart("console", host, {.interrupt = 2});
+//         uart.transmit = [](std::uint8_t byte) { std::putchar(byte); };
+//         const std::uint8_t line[] = {'g', 'o', '\n'};
+//         uart.receive(line);
+//     }
 #pragma once
 
 #include <array>

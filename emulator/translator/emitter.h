@@ -5,6 +5,16 @@
 // r14 the Context, r15 the cycles that remain; eax, ecx, edx and xmm0 are for one instruction; xmm15 reverses bytes.
 // The others hold registers of the guest within a block. Where translated code leaves in the middle of a block, it
 // first stores those that have changed, so the state in memory is that before the instruction.
+//
+// Example:
+//
+//     using namespace emulator;
+//     void translate(const Core &core, const TranslatedTrace &trace, Block &block)
+//     {
+//         CodeMemory memory(1 << 20);
+//         Emitter emitter(memory, core, core.bus->ram());
+//         emitter.emit(trace, block, 0);
+//     }
 #pragma once
 
 #include <array>

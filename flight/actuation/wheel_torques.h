@@ -1,4 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     void drive_motors(const double *u, uint32_t n); // [N m]
+ *
+ *     static void allocate(WheelTorques *m, const BodyTorque *wanted, const WheelSet *wheels, Tick t)
+ *     {
+ *         m->in.torque = *wanted;
+ *         m->in.wheels = *wheels;
+ *         wheel_torques_update(m, t);
+ *         drive_motors(m->out.command.u, m->in.wheels.n);
+ *     }
+ */
 #ifndef FLIGHT_ACTUATION_WHEEL_TORQUES_H
 #define FLIGHT_ACTUATION_WHEEL_TORQUES_H
 

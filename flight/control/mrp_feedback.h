@@ -1,4 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static MrpFeedback m = {.par = {.K = 2.0, .P = {{{10.0, 0.0, 0.0}, {0.0, 10.0, 0.0}, {0.0, 0.0, 10.0}}}}};
+ *     mrp_feedback_reset(&m);
+ *     m.in.error = (AttError){.head = {0, QUALITY_GOOD, 1}, .sigma_BR = vec3(0.01, 0.0, 0.0)};
+ *     m.in.vehicle = (VehicleData){.head = {0, QUALITY_GOOD, 1}, .I_B = mat_identity()};
+ *     mrp_feedback_update(&m, (Tick){.t = 0, .dt = 0});
+ *     const Vec3 torque_B = m.out.torque.torque_B; // -0.02 N m about the first axis
+ */
 #ifndef FLIGHT_CONTROL_MRP_FEEDBACK_H
 #define FLIGHT_CONTROL_MRP_FEEDBACK_H
 

@@ -1,6 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* When a task runs. The desktop's loop and every exported mission use these rules, so that they run
- * the same updates at the same times. */
+ * the same updates at the same times.
+ *
+ * Example:
+ *
+ *     const ExecRate rate = {.period = 500000000, .offset = 0};
+ *     ExecTask task = exec_start(rate, 1, 0);
+ *     for (int64_t t = 0; t < 2000000000; t = exec_next(&task, rate, 1, t)) {
+ *         if (exec_due(&task, t)) {
+ *             const Tick tick = exec_begin(&task, rate, t); // for the updates of the task's modules
+ *         }
+ *     }
+ */
 #ifndef FLIGHT_EXEC_TASK_H
 #define FLIGHT_EXEC_TASK_H
 

@@ -1,4 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static TrackingError m; // all parameters may be 0: the body frame follows the reference
+ *     tracking_error_reset(&m);
+ *     m.in.attitude = (NavAttitude){.head = {0, QUALITY_GOOD, 1}, .sigma_BN = vec3(0.1, 0.0, 0.0)};
+ *     m.in.reference = (AttReference){.head = {0, QUALITY_GOOD, 1}};
+ *     tracking_error_update(&m, (Tick){.t = 0, .dt = 0});
+ *     const AttError error = m.out.error; // for a module of flight/control
+ */
 #ifndef FLIGHT_GUIDANCE_TRACKING_ERROR_H
 #define FLIGHT_GUIDANCE_TRACKING_ERROR_H
 

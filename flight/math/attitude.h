@@ -13,7 +13,15 @@
  * has |sigma| <= 1, but for rounding: the set changes only where sigma.sigma > 1, so a turn by
  * exactly 180 degrees keeps the set it came with. All inputs may be of either set.
  *
- * Source: H. Schaub, J. L. Junkins, Analytical Mechanics of Space Systems, chapter 3. */
+ * Source: H. Schaub, J. L. Junkins, Analytical Mechanics of Space Systems, chapter 3.
+ *
+ * Example:
+ *
+ *     const Vec3 sigma_RN = mrp_turn(vec3(0.0, 0.0, 0.3)); // R is N, turned by 0.3 rad about its third axis
+ *     const Vec3 sigma_BN = mrp_turn(vec3(0.0, 0.0, 0.5));
+ *     const double angle = mrp_angle(mrp_relative(sigma_BN, sigma_RN));                // 0.2 rad
+ *     const Vec3 sun_B = mat_vec(mrp_to_dcm(sigma_BN), vec3(1.0, 0.0, 0.0));
+ */
 #ifndef FLIGHT_MATH_ATTITUDE_H
 #define FLIGHT_MATH_ATTITUDE_H
 

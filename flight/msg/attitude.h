@@ -1,5 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Attitude messages. Attitudes are Modified Rodrigues Parameters with |sigma| <= 1. */
+/* Attitude messages. Attitudes are Modified Rodrigues Parameters with |sigma| <= 1.
+ *
+ * Example:
+ *
+ *     static void turn(const NavAttitude *in, EulerAngles *out, Tick t)
+ *     {
+ *         if (head_written(in->head) && !data_lost(t, in->head.t, 3.0)) {
+ *             out->angles = in->sigma_BN; // of small angles, a quarter
+ *             out->head = head_next(out->head, t.t, quality_through(in->head)); // degraded if the input is stale
+ *         } else {
+ *             out->head = head_held(out->head);
+ *         }
+ *     }
+ */
 #ifndef FLIGHT_MSG_ATTITUDE_H
 #define FLIGHT_MSG_ATTITUDE_H
 

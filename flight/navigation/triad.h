@@ -1,4 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static Triad m = {.par = {.separation_min = 0.1, .together = 1.0, .gate = 5.0}};
+ *
+ *     static StarAttitude fix(const SeenDirection *sun, const SeenDirection *field, Tick t)
+ *     {
+ *         m.in.primary = *sun;
+ *         m.in.secondary = *field;
+ *         triad_update(&m, t);
+ *         return m.out.attitude;
+ *     }
+ */
 #ifndef FLIGHT_NAVIGATION_TRIAD_H
 #define FLIGHT_NAVIGATION_TRIAD_H
 

@@ -1,4 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static WheelMonitor m = {.par = {.torque_max = 0.02, .persistence = 3, .least = 3}};
+ *
+ *     static WheelAvailability check(const WheelCommand *last, const WheelSpeeds *speeds, const WheelSet *set, Tick t)
+ *     {
+ *         m.in.command = *last;
+ *         m.in.speeds = *speeds;
+ *         m.in.wheels = *set;
+ *         wheel_monitor_update(&m, t);
+ *         return m.out.availability; // without a wheel that missed its command in three updates
+ *     }
+ */
 #ifndef FLIGHT_PROTECTION_WHEEL_MONITOR_H
 #define FLIGHT_PROTECTION_WHEEL_MONITOR_H
 

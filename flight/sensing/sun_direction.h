@@ -1,4 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static SunDirection m = {.par = {
+ *         .n = 2, .axes_B = {{{1, 0, 0}}, {{0, 1, 0}}}, .current = {0.1, 0.1}, .dark = 0.05, .differ = 0.1}};
+ *     sun_direction_reset(&m);
+ *     m.in.currents.head = (Head){0, QUALITY_GOOD, 1};
+ *     m.in.currents.current[0] = m.in.currents.current[1] = 0.07; // [A] the Sun is between both
+ *     sun_direction_update(&m, (Tick){.t = 0, .dt = 0});
+ */
 #ifndef FLIGHT_SENSING_SUN_DIRECTION_H
 #define FLIGHT_SENSING_SUN_DIRECTION_H
 

@@ -1,4 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static EventLog m = {.par = {.window = 60.0, .least = EVENT_LOW, .most = 10}};
+ *
+ *     // In the list of the mission's services; flight's executive calls the functions of the second.
+ *     static void *const modules[] = {&m};
+ *     static const CommandService *const services[] = {&event_log_service};
+ */
 #ifndef FLIGHT_SERVICES_EVENT_LOG_H
 #define FLIGHT_SERVICES_EVENT_LOG_H
 

@@ -1,4 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+/* Example:
+ *
+ *     static VehicleConfig m = {.par = {.I_B = {{{9.0, 0.0, 0.0}, {0.0, 8.0, 0.0}, {0.0, 0.0, 7.0}}}}};
+ *     vehicle_config_reset(&m); // publishes the data, to which every other module is wired
+ *     const VehicleData vehicle = m.out.vehicle;
+ */
 #ifndef FLIGHT_VEHICLE_VEHICLE_CONFIG_H
 #define FLIGHT_VEHICLE_VEHICLE_CONFIG_H
 

@@ -1,5 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The packets in a file that has them one behind the other.
+//
+// Example:
+//
+//     void list(std::span<const std::uint8_t> file)
+//     {
+//         for (const ground::Found &found : ground::packets_of_bytes(file, 0)) {
+//             std::printf("%zu: %zu bytes %s\n", found.at, found.packet.size(), found.problem.c_str());
+//         }
+//     }
 #pragma once
 
 #include "ground/capture/frames.h"

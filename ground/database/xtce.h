@@ -1,5 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Databases of spacecraft in XTCE (XML Telemetric and Command Exchange, OMG 1.0 to 1.2).
+//
+// Example:
+//
+//     #include "ground/database/decoder.h"
+//     #include "ground/database/encoder.h"
+//     using namespace ground;
+//     void decode_and_encode(std::span<const std::uint8_t> packet)
+//     {
+//         const Database database = read_xtce({{"spacecraft.xml", ""}}); // throws Refusal
+//         Decoder decoder(database);
+//         const Decoded &decoded = decoder.decode(packet);
+//         for (std::size_t i = 0; i < decoded.fields.size(); i++) {
+//             std::printf("%s: %lx\n", decoder.name(decoded, i).c_str(), decoded.values[i]);
+//         }
+//         const auto command = encode(database, database.command("NOOP"), {});
+//     }
 #pragma once
 
 #include "ground/database/model.h"

@@ -1,6 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The live telemetry of a spacecraft: decodes packets by a database, keeps the newest values and checks their limits.
 // The monitor decodes a batch of packets, and the archive saves it; then any thread can read the values.
+//
+// Example:
+//
+//     using namespace ground;
+//     void watch(const Database &database, std::span<const Arrival> batch)
+//     {
+//         Monitor monitor(database);
+//         for (const Note &note : monitor.take(batch)) {
+//             if (note.what == Note::What::concern && note.now >= Concern::warning) {
+//                 std::puts(monitor.slot(note.slot).name.c_str());
+//             }
+//         }
+//     }
 #pragma once
 
 #include "ground/monitor/arrival.h"

@@ -8,6 +8,19 @@
 //   archive   craft, session, database (the hash of its files)
 //   gap       from, to [ns], why, packets (how many arrived and are not in the archive)
 //   ended     why: the session ended with this file
+//
+// Example:
+//
+//     #include "ground/packets/history.h"
+//     using namespace ground;
+//     void keep(const Database &database, const Arrival &packet)
+//     {
+//         PacketArchive archive("archive", "imager", database, 3600'000'000'000);
+//         archive.put(packet, no_id);
+//         archive.save();
+//         History history("archive", "imager", database, "");
+//         const auto temperature = history.series({"temperature"}, {}, 1000);
+//     }
 #pragma once
 
 #include "ground/monitor/arrival.h"

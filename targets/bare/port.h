@@ -1,6 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The five functions by which a board flies missions in the loop with a simulation, over a serial line. They need no
- * operating system below them; under one, a task runs fledge_fly(). */
+ * operating system below them; under one, a task runs fledge_fly().
+ *
+ * Example:
+ *
+ *     void uart_put(uint8_t byte);
+ *     static uint64_t kept[512];
+ *
+ *     void *board_keep(size_t size)
+ *     {
+ *         return size <= sizeof kept ? kept : NULL;
+ *     }
+ *
+ *     void board_send(const void *bytes, size_t n)
+ *     {
+ *         for (size_t i = 0; i < n; i++) {
+ *             uart_put(((const uint8_t *)bytes)[i]);
+ *         }
+ *     }
+ */
 #ifndef TARGETS_BARE_PORT_H
 #define TARGETS_BARE_PORT_H
 

@@ -1,16 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The interface of a program that hosts apps on the pocket cFE:
- *
- *     static const PocketApp apps[] = {{"NAV_AppMain", NAV_AppMain}};
- *
- *     pocket_boot(".", apps, 1);
- *     pocket_run_script("/cf/cfe_es_startup.scr");     or, without files, pocket_start_app(...)
- *     pocket_operational(10000);
- *     while (pocket_running()) { ... pocket_ingest(packet, n) ... }
- *     pocket_stop(1000);
+/* The interface of a program that hosts apps on the pocket cFE.
  *
  * The thread that calls pocket_boot may use the bus, the tables and the semaphores as an app does. Its name is "HOST".
-  */
+ *
+ * Example:
+ *
+ *     void NAV_AppMain(void);
+ *     static const PocketApp apps[] = {{"NAV_AppMain", NAV_AppMain}};
+ *
+ *     static void host(const void *packet, size_t n)
+ *     {
+ *         pocket_boot(".", apps, 1);
+ *         pocket_run_script("/cf/cfe_es_startup.scr"); // or, without files, pocket_start_app()
+ *         pocket_operational(10000);
+ *         while (pocket_running()) {
+ *             pocket_ingest(packet, n);
+ *         }
+ *         pocket_stop(1000);
+ *     }
+ */
 #ifndef TARGETS_CFS_POCKET_H
 #define TARGETS_CFS_POCKET_H
 

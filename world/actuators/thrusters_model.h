@@ -19,6 +19,16 @@
 // A nozzle on a panel is at d = r_k - p_k from the hinge's point p_k and moves at the velocity u = dtheta g x d. The
 // flow turns with the panel, so that force has -2 mu_k u as well, torque -mu_k (r_k + p_k) x u, and h is
 // mu_k (s x p_k + p_k x r_k). On the panel acts  (g x d) . (F_k - mu_k (omega + dtheta g) x d)  about its hinge.
+//
+// Example:
+//
+//     #include "world/dynamics/spacecraft_model.h"
+//     using namespace world;
+//     void mount(Thrusters &thrusters, SpacecraftModel &craft)
+//     {
+//         static ThrustersModel model(thrusters);
+//         craft.attach(model); // it acts within the integrator's steps
+//     }
 #pragma once
 
 #include "world/actuators/thrusters.h"

@@ -1,5 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The behaviour behind world/avionics/vehicle_clock.h. All of its state is in the interface.
+//
+// Example:
+//
+//     using namespace world;
+//     VehicleClock clock{};
+//     VehicleClockModel model(clock);
+//     const auto method = sim::make_rk4();
+//     model.prepare({"world.clock", 1, method.get()});
+//     model.reset(0);
+//     model.update({.t = 100'000'000, .dt = 100'000'000}); // clock.out.reading
 #pragma once
 
 #include "sim/model.h"

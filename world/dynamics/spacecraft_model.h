@@ -11,6 +11,22 @@
 //
 // Attitudes are Modified Rodrigues Parameters; a step that ends with |sigma| > 1 goes over to the
 // shadow set.
+//
+// Example:
+//
+//     #include "world/dynamics/reaction_wheels_model.h"
+//     using namespace world;
+//     void spin(Spacecraft &craft, ReactionWheels &wheels)
+//     {
+//         const auto method = sim::make_rk4();
+//         SpacecraftModel model(craft);
+//         ReactionWheelsModel turned(wheels);
+//         model.attach(turned);
+//         turned.prepare({"world.wheels", 1, method.get()});
+//         model.prepare({"world.craft", 1, method.get()});
+//         model.reset(0);
+//         model.update({.t = 500'000'000, .dt = 500'000'000}); // craft.out.state is that of 0.5 s
+//     }
 #pragma once
 
 #include "sim/model.h"

@@ -4,6 +4,13 @@
 //   U = mu / r (1 - sum_n J_n (R / r)^n P_n(s)),   s = r . pole / |r|
 //
 // How these and whole fields act together on a spacecraft stands in attraction.h.
+//
+// Example:
+//
+//     #include "world/environment/attraction.h"
+//     using namespace world;
+//     Attraction attraction;
+//     attraction.add({.name = "earth", .mu = 3.986004418e14, .radius = 6378137.0, .J = {1.08263e-3}});
 #pragma once
 
 #include "flight/math/vec.h"

@@ -1,5 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The true state of a spacecraft, and what acts on it. */
+/* The true state of a spacecraft, and what acts on it.
+ *
+ * Example:
+ *
+ *     CraftState truth = {.r_BN_N = {{6878137.0, 0.0, 0.0}}, .v_BN_N = {{0.0, 7612.6, 0.0}}};
+ *     truth.head = head_next(truth.head, 0, QUALITY_GOOD);
+ *     const ForceTorque push = {.head = truth.head, .force_B = {{0.01, 0.0, 0.0}}};
+ */
 #ifndef WORLD_MSG_CRAFT_H
 #define WORLD_MSG_CRAFT_H
 

@@ -10,7 +10,27 @@
  *
  *  Functions that return an int return 0 on success, or -1. Functions that return a pointer return NULL if
  *  they fail. fledge_error() has the reason. All functions accept a node or an observer that is NULL because
- *  its creation failed; they fail with the same reason. Unless stated otherwise, one thread uses a node. */
+ *  its creation failed; they fail with the same reason. Unless stated otherwise, one thread uses a node.
+ *
+ * Example:
+ *
+ *     static struct { double x[2]; } state;
+ *     static struct { double F[2]; } force;
+ *
+ *     static int step(void *user, int64_t t)
+ *     {
+ *         force.F[0] = -2.0 * state.x[0];
+ *         return 0;
+ *     }
+ *
+ *     int main(void)
+ *     {
+ *         FledgeNode *node = fledge_node_create(NULL, "spring", NULL, 10000000, 0);
+ *         fledge_node_reads(node, "/mass/state", FLEDGE_SAME_INSTANT, NULL, NULL, &state, sizeof state);
+ *         fledge_node_writes(node, "/spring/force", "Force", "float64[2] F  # F [N]\n", &force, sizeof force);
+ *         return fledge_node_run(node, step, NULL);
+ *     }
+ */
 #ifndef COSIM_C_FLEDGE_NODE_H
 #define COSIM_C_FLEDGE_NODE_H
 

@@ -6,6 +6,13 @@
 //
 // Lifetimes: a view holds its owner, an array holds the object it was read from, and an instance's
 // memory never moves. No object here can be part of a cycle, so none takes part in garbage collection.
+//
+// Example:
+//
+//     PyObject *module_of(const FledgeStruct &table)
+//     {
+//         return core::wrap(std::make_shared<sim::Instance>(table)); // null with an exception set
+//     }
 #pragma once
 
 #define PY_SSIZE_T_CLEAN
