@@ -1,25 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Private to flight/protection: which of several units speaks for its kind. */
-#ifndef FLIGHT_PROTECTION_UNIT_CHOICE_H
-#define FLIGHT_PROTECTION_UNIT_CHOICE_H
-
-#include "flight/msg/protection.h"
+#include "flight/protection/unit_select.h"
 
 #include <string.h>
 
-/** What a choice among units remembers. */
-typedef struct ChoiceMemory {
-    uint32_t sequence; ///< [-] of the message that was passed on last
-    uint32_t passed;   ///< [-] place + 1 of its unit; 0: none
-} ChoiceMemory;
-
-/** Pass on the message of the first of n <= UNIT_CHOICES units that is in use and speaks, else of the first that is in
- *  use; if none is, or it has written nothing yet, the output holds what it has. The message keeps its time and
- *  quality, as on a wire; the output counts its own writings, one for each of those that it passes on.
- *  table: never written: all are in use. places: of the units in it. in, out: messages of a size, heads first.
- *  finite: whether the numbers of each message are; one whose numbers are not counts as never written. */
-static inline void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const UnitTable *table, const uint32_t *places,
-                               int n, const void *const *in, const int *finite, void *out, size_t size, int64_t t)
+/* Pass on the message of the first of n <= UNIT_CHOICES units that is in use and speaks, else of the first that is in
+ * use; if none is, or it has written nothing yet, the output holds what it has. The message keeps its time and
+ * quality, as on a wire; the output counts its own writings, one for each of those that it passes on.
+ * table: never written: all are in use. places: of the units in it. in, out: messages of a size, heads first.
+ * finite: whether the numbers of each message are; one whose numbers are not counts as never written. */
+static void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const UnitTable *table, const uint32_t *places, int n,
+                        const void *const *in, const int *finite, void *out, size_t size, int64_t t)
 {
     Head heads[UNIT_CHOICES], last;
     int taken = -1;
@@ -52,4 +42,35 @@ static inline void pass_chosen(UnitChoice *choice, ChoiceMemory *memory, const U
     memcpy(out, &last, sizeof last);
 }
 
-#endif
+static int stars_finite(const StarAttitude *stars)
+{
+    return vec_finite(stars->sigma_BN) && mat_finite(stars->P_B);
+}
+
+void star_select_reset(StarSelect *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void star_select_update(StarSelect *m, Tick t)
+{
+    const void *const in[] = {&m->in.a, &m->in.b};
+    const int finite[] = {stars_finite(&m->in.a), stars_finite(&m->in.b)};
+    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, finite, &m->out.attitude,
+                sizeof m->out.attitude, t.t);
+}
+
+void gyro_select_reset(GyroSelect *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+    memset(&m->mem, 0, sizeof m->mem);
+}
+
+void gyro_select_update(GyroSelect *m, Tick t)
+{
+    const void *const in[] = {&m->in.a, &m->in.b};
+    const int finite[] = {vec_finite(m->in.a.omega_BN_B), vec_finite(m->in.b.omega_BN_B)};
+    pass_chosen(&m->out.choice, &m->mem.memory, &m->in.units, m->par.places, 2, in, finite, &m->out.rate,
+                sizeof m->out.rate, t.t);
+}
