@@ -4,7 +4,7 @@
 #define FLIGHT_ACTUATION_ALLOCATION_H
 
 #include "flight/math/mat.h"
-#include "flight/msg/head.h"
+#include "flight/msg/vehicle.h"
 
 /** Whether an actuator may be used. Without a message of availability all may. */
 static inline int may_use(Head availability, uint8_t available)
@@ -47,6 +47,23 @@ static inline double within_limits(const double *limits, const double *u, uint32
         }
     }
     return factor;
+}
+
+/** Writes what actuators are commanded, as head_acting() says: x, 0, or what they are. */
+static inline void put_numbers(double *out, const double *x, uint32_t n, int acts)
+{
+    for (uint32_t i = 0; i < n && acts >= 0; i++) {
+        out[i] = acts ? x[i] : 0.0;
+    }
+}
+
+/** Writes the torque that a command gives, beside its head; acts: as head_acting() returned for that. */
+static inline void put_achieved(BodyTorque *out, Vec3 torque_B, Head command, int64_t t, int acts)
+{
+    out->head = acts >= 0 ? head_next(out->head, t, command.quality) : head_held(out->head);
+    if (acts >= 0) {
+        out->torque_B = acts ? torque_B : vec3(0.0, 0.0, 0.0);
+    }
 }
 
 #endif

@@ -35,93 +35,24 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
     }
 }
 
-void rod_command_choice_reset(RodCommandChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
+/* The functions of a module, TYPE and name; sound: whether the numbers of m->in.chosen are finite. */
+#define CHOICE(TYPE, name, sound)                                                                                      \
+    void name##_reset(TYPE *m)                                                                                         \
+    {                                                                                                                  \
+        memset(&m->out, 0, sizeof m->out);                                                                             \
+    }                                                                                                                  \
+    void name##_update(TYPE *m, Tick t)                                                                                \
+    {                                                                                                                  \
+        pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);                                    \
+    }
 
-void rod_command_choice_update(RodCommandChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, all_finite(m->in.chosen.dipole, RODS_MAX), t.t);
-}
-
-void wheel_command_choice_reset(WheelCommandChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void wheel_command_choice_update(WheelCommandChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, all_finite(m->in.chosen.u, WHEELS_MAX), t.t);
-}
-
-void wheel_drive_choice_reset(WheelDriveChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void wheel_drive_choice_update(WheelDriveChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, 1, t.t);
-}
-
-void gimbal_rates_choice_reset(GimbalRatesChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void gimbal_rates_choice_update(GimbalRatesChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, all_finite(m->in.chosen.rate, WHEELS_MAX), t.t);
-}
-
-void gimbal_torques_choice_reset(GimbalTorquesChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void gimbal_torques_choice_update(GimbalTorquesChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, all_finite(m->in.chosen.u, WHEELS_MAX), t.t);
-}
-
-void thruster_times_choice_reset(ThrusterTimesChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void thruster_times_choice_update(ThrusterTimesChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, 1, t.t);
-}
-
-void thruster_valves_choice_reset(ThrusterValvesChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void thruster_valves_choice_update(ThrusterValvesChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, 1, t.t);
-}
-
-void panel_command_choice_reset(PanelCommandChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void panel_command_choice_update(PanelCommandChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command,
-            all_finite(m->in.chosen.theta, PANELS_MAX) && all_finite(m->in.chosen.u, PANELS_MAX), t.t);
-}
-
-void array_drive_command_choice_reset(ArrayDriveCommandChoice *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-
-void array_drive_command_choice_update(ArrayDriveCommandChoice *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, 1, t.t);
-}
+CHOICE(RodCommandChoice, rod_command_choice, all_finite(m->in.chosen.dipole, RODS_MAX))
+CHOICE(WheelCommandChoice, wheel_command_choice, all_finite(m->in.chosen.u, WHEELS_MAX))
+CHOICE(WheelDriveChoice, wheel_drive_choice, 1)
+CHOICE(GimbalRatesChoice, gimbal_rates_choice, all_finite(m->in.chosen.rate, WHEELS_MAX))
+CHOICE(GimbalTorquesChoice, gimbal_torques_choice, all_finite(m->in.chosen.u, WHEELS_MAX))
+CHOICE(ThrusterTimesChoice, thruster_times_choice, 1)
+CHOICE(ThrusterValvesChoice, thruster_valves_choice, 1)
+CHOICE(PanelCommandChoice, panel_command_choice,
+       all_finite(m->in.chosen.theta, PANELS_MAX) && all_finite(m->in.chosen.u, PANELS_MAX))
+CHOICE(ArrayDriveCommandChoice, array_drive_command_choice, 1)

@@ -62,17 +62,11 @@ void gimbal_steering_update(GimbalSteering *m, Tick t)
 
     Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(m->in.rate.head));
     quality = quality_min(quality, quality_through(m->in.gimbals.head));
-    const int computed = quality != QUALITY_NONE && isfinite(size);
-    const int64_t newest = computed ? data_time(m->in.torque.head, t.t) : m->mem.newest;
-    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
-        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
-        memset(out->rate, 0, sizeof out->rate);
-    } else if (computed) {
-        m->mem.newest = newest;
-        m->mem.saturated += factor < 1.0;
-        out->head = head_next(out->head, t.t, lambda > 0.5 * LAMBDA ? QUALITY_DEGRADED : quality);
-        memcpy(out->rate, rates, sizeof out->rate);
-    } else {
-        out->head = head_held(out->head);
+    if (lambda > 0.5 * LAMBDA) {
+        quality = quality_min(quality, QUALITY_DEGRADED);
     }
+    const int acts = head_acting(&out->head, t, isfinite(size) ? quality : QUALITY_NONE,
+                                 data_time(m->in.torque.head, t.t), m->par.hold, &m->mem.newest);
+    put_numbers(out->rate, rates, WHEELS_MAX, acts);
+    m->mem.saturated += acts > 0 && factor < 1.0;
 }

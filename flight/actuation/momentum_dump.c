@@ -12,7 +12,6 @@ void momentum_dump_reset(MomentumDump *m)
 void momentum_dump_update(MomentumDump *m, Tick t)
 {
     const WheelSet *wheels = &m->in.wheels;
-    BodyTorque *out = &m->out.torque;
     Vec3 surplus = vec_neg(m->par.h_wanted_B);
     for (uint32_t i = 0; i < wheels_count(wheels); i++) {
         surplus = vec_add(surplus, vec_scale(wheels->J[i] * m->in.speeds.Omega[i], wheels->axes_B[i]));
@@ -26,18 +25,9 @@ void momentum_dump_update(MomentumDump *m, Tick t)
     }
 
     const Quality quality = quality_min(quality_through(m->in.speeds.head), quality_through(wheels->head));
-    const int computed = quality != QUALITY_NONE && isfinite(size) && vec_finite(torque_B);
-    const int64_t newest = computed ? data_time(m->in.speeds.head, t.t) : m->mem.newest;
-    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
-        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
-        out->torque_B = vec3(0.0, 0.0, 0.0);
-    } else if (computed) {
-        m->mem.newest = newest;
+    if (torque_put(&m->out.torque, torque_B, t, isfinite(size) ? quality : QUALITY_NONE,
+                   data_time(m->in.speeds.head, t.t), m->par.hold, &m->mem.newest)) {
         m->mem.dumps += dumping && !m->mem.dumping;
         m->mem.dumping = (uint32_t)dumping;
-        out->head = head_next(out->head, t.t, quality);
-        out->torque_B = torque_B;
-    } else {
-        out->head = head_held(out->head);
     }
 }

@@ -60,7 +60,6 @@ void thruster_mapping_update(ThrusterMapping *m, Tick t)
     const ThrusterSet *set = &m->in.thrusters;
     const ThrusterAvailability *may = &m->in.availability;
     ThrusterForces *forces = &m->out.forces;
-    BodyTorque *achieved = &m->out.achieved;
     Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(set->head));
     quality = quality_min(quality, quality_optional(may->head));
     quality = quality_min(quality, quality_optional(m->in.force.head));
@@ -84,26 +83,18 @@ void thruster_mapping_update(ThrusterMapping *m, Tick t)
         }
         all += F[i];
     }
-    const int computed = quality != QUALITY_NONE && exact >= 0 && vec_finite(torque_B) && isfinite(all);
-    const int64_t newest = computed ? data_time(m->in.torque.head, t.t) : m->mem.newest;
-    if (head_written(forces->head) && data_lost(t, newest, m->par.hold)) {
-        forces->head = head_next(forces->head, t.t, QUALITY_DEGRADED);
-        memset(forces->F, 0, sizeof forces->F);
-        achieved->head = head_next(achieved->head, t.t, QUALITY_DEGRADED);
-        achieved->torque_B = vec3(0.0, 0.0, 0.0);
-    } else if (computed) {
-        m->mem.newest = newest;
+    if (!exact) {
+        quality = quality_min(quality, QUALITY_DEGRADED);
+    }
+    if (exact < 0 || !vec_finite(torque_B) || !isfinite(all)) {
+        quality = QUALITY_NONE;
+    }
+    const int acts =
+        head_acting(&forces->head, t, quality, data_time(m->in.torque.head, t.t), m->par.hold, &m->mem.newest);
+    put_numbers(forces->F, F, THRUSTERS_MAX, acts);
+    put_achieved(&m->out.achieved, torque_B, forces->head, t.t, acts);
+    if (acts > 0) {
         m->mem.saturated += factor < 1.0;
         m->mem.pushing = pushing;
-        if (!exact) {
-            quality = QUALITY_DEGRADED;
-        }
-        forces->head = head_next(forces->head, t.t, quality);
-        memcpy(forces->F, F, sizeof forces->F);
-        achieved->head = head_next(achieved->head, t.t, quality);
-        achieved->torque_B = torque_B;
-    } else {
-        forces->head = head_held(forces->head);
-        achieved->head = head_held(achieved->head);
     }
 }

@@ -32,16 +32,10 @@ void wheel_drive_counts_update(WheelDriveCounts *m, Tick t)
         counts[i] = (int32_t)(x < 0.0 ? x - 0.5 : x + 0.5);
     }
     WheelDrive *out = &m->out.drive;
-    const int64_t newest = quality != QUALITY_NONE ? data_time(m->in.command.head, t.t) : m->mem.newest;
-    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
-        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
-        memset(out->counts, 0, sizeof out->counts);
-    } else if (quality != QUALITY_NONE) {
-        m->mem.saturated += limited;
-        m->mem.newest = newest;
-        out->head = head_next(out->head, t.t, quality);
-        memcpy(out->counts, counts, sizeof counts);
-    } else {
-        out->head = head_held(out->head);
+    const int acts =
+        head_acting(&out->head, t, quality, data_time(m->in.command.head, t.t), m->par.hold, &m->mem.newest);
+    for (uint32_t i = 0u; i < WHEELS_MAX && acts >= 0; i++) {
+        out->counts[i] = acts ? counts[i] : 0;
     }
+    m->mem.saturated += acts > 0 && limited;
 }

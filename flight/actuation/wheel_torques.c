@@ -57,7 +57,6 @@ void wheel_torques_update(WheelTorques *m, Tick t)
 {
     const WheelSet *wheels = &m->in.wheels;
     WheelCommand *command = &m->out.command;
-    BodyTorque *achieved = &m->out.achieved;
 
     double u[WHEELS_MAX] = {0.0};
     int spanned = distribute(m, u);
@@ -70,25 +69,15 @@ void wheel_torques_update(WheelTorques *m, Tick t)
 
     Quality quality = quality_min(quality_through(m->in.torque.head), quality_through(wheels->head));
     quality = quality_min(quality, quality_optional(m->in.availability.head));
-    int computed = quality != QUALITY_NONE && vec_finite(torque_B); /* and so every u[i] is */
-    int64_t newest = computed ? data_time(m->in.torque.head, t.t) : m->mem.newest;
-    if (head_written(command->head) && data_lost(t, newest, m->par.hold)) {
-        command->head = head_next(command->head, t.t, QUALITY_DEGRADED);
-        memset(command->u, 0, sizeof command->u);
-        achieved->head = head_next(achieved->head, t.t, QUALITY_DEGRADED);
-        achieved->torque_B = vec3(0.0, 0.0, 0.0);
-    } else if (computed) {
-        m->mem.newest = newest;
-        m->mem.saturated += factor < 1.0;
-        if (!spanned) {
-            quality = QUALITY_DEGRADED;
-        }
-        command->head = head_next(command->head, t.t, quality);
-        memcpy(command->u, u, sizeof command->u);
-        achieved->head = head_next(achieved->head, t.t, quality);
-        achieved->torque_B = torque_B;
-    } else {
-        command->head = head_held(command->head);
-        achieved->head = head_held(achieved->head);
+    if (!spanned) {
+        quality = quality_min(quality, QUALITY_DEGRADED);
     }
+    if (!vec_finite(torque_B)) { /* else every u[i] is finite too */
+        quality = QUALITY_NONE;
+    }
+    const int acts =
+        head_acting(&command->head, t, quality, data_time(m->in.torque.head, t.t), m->par.hold, &m->mem.newest);
+    put_numbers(command->u, u, WHEELS_MAX, acts);
+    put_achieved(&m->out.achieved, torque_B, command->head, t.t, acts);
+    m->mem.saturated += acts > 0 && factor < 1.0;
 }

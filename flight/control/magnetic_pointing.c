@@ -16,14 +16,6 @@ void magnetic_pointing_reset(MagneticPointing *m)
     memset(&m->mem, 0, sizeof m->mem);
 }
 
-static void put_out(MagneticPointing *m, int64_t t, Quality quality, Vec3 of_rods, Vec3 of_wheels)
-{
-    m->out.torque.head = head_next(m->out.torque.head, t, quality);
-    m->out.torque.torque_B = of_rods;
-    m->out.wheels_torque.head = head_next(m->out.wheels_torque.head, t, quality);
-    m->out.wheels_torque.torque_B = of_wheels;
-}
-
 void magnetic_pointing_update(MagneticPointing *m, Tick t)
 {
     const AttError *error = &m->in.error;
@@ -43,17 +35,10 @@ void magnetic_pointing_update(MagneticPointing *m, Tick t)
 
     const Head none = {0, QUALITY_NONE, 0};
     const Quality quality = torque_quality(error->head, error->head, none, m->in.wheels.head, m->in.speeds.head);
-    const int computed = quality != QUALITY_NONE && vec_finite(of_rods) && vec_finite(of_wheels);
+    const Quality known = vec_finite(of_rods) && vec_finite(of_wheels) ? quality : QUALITY_NONE;
     const int64_t of_error = data_time(error->head, t.t);
-    const int64_t of_speeds = turning ? data_time(m->in.speeds.head, t.t) : of_error;
-    const int64_t newest = !computed ? m->mem.newest : of_error < of_speeds ? of_error : of_speeds;
-    if (head_written(m->out.torque.head) && data_lost(t, newest, m->par.hold)) {
-        put_out(m, t.t, QUALITY_DEGRADED, zero, zero);
-    } else if (computed) {
-        m->mem.newest = newest;
-        put_out(m, t.t, quality, of_rods, of_wheels);
-    } else {
-        m->out.torque.head = head_held(m->out.torque.head);
-        m->out.wheels_torque.head = head_held(m->out.wheels_torque.head);
-    }
+    const int64_t of = turning ? time_min(of_error, data_time(m->in.speeds.head, t.t)) : of_error;
+    int64_t newest = m->mem.newest;
+    torque_put(&m->out.wheels_torque, of_wheels, t, known, of, m->par.hold, &newest);
+    torque_put(&m->out.torque, of_rods, t, known, of, m->par.hold, &m->mem.newest);
 }

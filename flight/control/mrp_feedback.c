@@ -13,38 +13,14 @@
 #include "flight/control/wheel_momentum.h"
 #include "flight/math/attitude.h"
 
-/* z grows by the trapezoid between two errors. Where the MRP changed to the shadow set in between,
- * the last error is taken in the set that the motion passed through. The limit on z, not on the
- * torque alone, is the anti-windup. */
-static Vec3 integral(const MrpFeedback *m, Tick t)
-{
-    if (!(m->par.K_I > 0.0)) {
-        return vec3(0.0, 0.0, 0.0);
-    }
-    Vec3 z = m->mem.z;
-    if (m->mem.running) {
-        Vec3 now = m->in.error.sigma_BR;
-        Vec3 last = mrp_nearer(m->mem.sigma_BR, now);
-        z = vec_add(z, vec_scale(0.5 * tick_seconds(t.dt), vec_add(last, now)));
-    }
-    if (m->par.u_I_max > 0.0) {
-        double limit = m->par.u_I_max / m->par.K_I;
-        z = vec_clamp(z, limit);
-    }
-    return z;
-}
-
-static Vec3 control_torque(const MrpFeedback *m, Vec3 z, int compensate_wheels)
+static Vec3 control_torque(const MrpFeedback *m, Vec3 z)
 {
     const AttError *error = &m->in.error;
     Mat3 I = m->in.vehicle.I_B;
     Vec3 omega_RN = error->omega_RN_B;
     Vec3 omega_BN = vec_add(error->omega_BR_B, omega_RN);
+    Vec3 H = total_momentum(I, &m->in.wheels, &m->in.speeds, omega_BN);
 
-    Vec3 H = mat_vec(I, omega_BN);
-    if (compensate_wheels) {
-        H = vec_add(H, wheel_momentum(&m->in.wheels, &m->in.speeds, omega_BN));
-    }
     Vec3 u = vec_scale(m->par.K, error->sigma_BR);
     u = vec_add(u, mat_vec(m->par.P, error->omega_BR_B));
     u = vec_add(u, vec_scale(m->par.K_I, z));
@@ -62,30 +38,17 @@ void mrp_feedback_reset(MrpFeedback *m)
 
 void mrp_feedback_update(MrpFeedback *m, Tick t)
 {
-    BodyTorque *out = &m->out.torque;
-    int wheels = head_written(m->in.wheels.head);
-    int speeds = head_written(m->in.speeds.head);
-
+    const AttError *error = &m->in.error;
     Quality quality =
-        torque_quality(m->in.error.head, m->in.vehicle.head, m->in.external.head, m->in.wheels.head, m->in.speeds.head);
+        torque_quality(error->head, m->in.vehicle.head, m->in.external.head, m->in.wheels.head, m->in.speeds.head);
 
-    Vec3 z = integral(m, t);
-    Vec3 torque_B = control_torque(m, z, wheels && speeds);
-    int computed = quality != QUALITY_NONE && vec_finite(torque_B);
-    int64_t newest = computed ? data_time(m->in.error.head, t.t) : m->mem.newest;
-    if (head_written(out->head) && data_lost(t, newest, m->par.hold)) {
-        out->head = head_next(out->head, t.t, QUALITY_DEGRADED);
-        out->torque_B = vec3(0.0, 0.0, 0.0);
-        m->mem.running = 0;
-    } else if (computed) {
-        out->head = head_next(out->head, t.t, quality);
-        out->torque_B = torque_B;
+    /* Where the MRP changed to the shadow set, the last error is taken in the set that the motion passed through. */
+    Vec3 last = mrp_nearer(m->mem.sigma_BR, error->sigma_BR);
+    Vec3 z = error_integral(m->mem.z, m->mem.running, last, error->sigma_BR, t, m->par.K_I, m->par.u_I_max);
+    m->mem.running = torque_put(&m->out.torque, control_torque(m, z), t, quality, data_time(error->head, t.t),
+                                m->par.hold, &m->mem.newest);
+    if (m->mem.running) {
         m->mem.z = z;
-        m->mem.sigma_BR = m->in.error.sigma_BR;
-        m->mem.newest = newest;
-        m->mem.running = 1;
-    } else {
-        out->head = head_held(out->head);
-        m->mem.running = 0;
+        m->mem.sigma_BR = error->sigma_BR;
     }
 }

@@ -100,12 +100,34 @@ static inline int64_t data_time(Head input, int64_t t)
     return input.quality == QUALITY_GOOD || input.t > t ? t : input.t;
 }
 
+/** [ns] The earlier of two times. */
+static inline int64_t time_min(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
 /** Whether data of the time `newest` [ns] are too old to act on: older than `hold` [s], or if that is 0, than ten
  *  updates. At the first update after a reset, for which no time between updates is known, they are not. */
 static inline int data_lost(Tick t, int64_t newest, double hold)
 {
     double most = hold > 0.0 ? hold : 10.0 * tick_seconds(t.dt);
     return most > 0.0 && tick_seconds(tick_since(t.t, newest)) > most;
+}
+
+/** The head of an output that acts, and so is not held for ever (data_lost), for a result of a quality from data of the
+ *  time `of` [ns]; QUALITY_NONE: there is no result. `newest` [ns] keeps the time of the data that were used last.
+ *  Returns 1 where the output takes the result, 0 where it becomes zero, -1 where it is held. */
+static inline int head_acting(Head *head, Tick t, Quality quality, int64_t of, double hold, int64_t *newest)
+{
+    const int computed = quality != QUALITY_NONE;
+    const int lost = head_written(*head) && data_lost(t, computed ? of : *newest, hold);
+    if (!lost && !computed) {
+        *head = head_held(*head);
+        return -1;
+    }
+    *newest = lost ? *newest : of;
+    *head = head_next(*head, t.t, lost ? QUALITY_DEGRADED : quality);
+    return !lost;
 }
 
 #endif

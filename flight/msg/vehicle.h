@@ -20,4 +20,16 @@ typedef struct BodyTorque {
     Vec3 torque_B; ///< [N m] torque about the centre of mass, B components
 } BodyTorque;
 
+/** Writes, holds or ends a torque, by head_acting(); one that is not finite is none. Returns 1 if it is written. */
+static inline int torque_put(BodyTorque *out, Vec3 torque_B, Tick t, Quality quality, int64_t of, double hold,
+                             int64_t *newest)
+{
+    quality = vec_finite(torque_B) ? quality : QUALITY_NONE;
+    const int acts = head_acting(&out->head, t, quality, of, hold, newest);
+    if (acts >= 0) {
+        out->torque_B = acts ? torque_B : vec3(0.0, 0.0, 0.0);
+    }
+    return acts > 0;
+}
+
 #endif
