@@ -97,10 +97,9 @@ def is_group(member: Cursor) -> bool:
     return declaration.kind is CursorKind.STRUCT_DECL and not tag(declaration)
 
 
-def offsets(record: cindex.Type, start: int = 0) -> list[int]:
-    """The offsets in bytes of all members, those of groups in their place."""
-    found = []
-    for member in record.get_fields():
-        offset = start + member.get_field_offsetof() // 8
-        found += offsets(member.type.get_canonical(), offset) if is_group(member) else [offset]
-    return found
+def offsets(record: cindex.Type, groups: bool) -> list[int]:
+    """The offsets in bytes of all members, or of those of its groups, with the offset of each group."""
+    found = [(member, member.get_field_offsetof() // 8) for member in record.get_fields()]
+    if not groups:
+        return [offset for _, offset in found]
+    return [start + offset for group, start in found for offset in offsets(group.type.get_canonical(), False)]

@@ -57,7 +57,7 @@ def _compare_layout(model: Model, headers: Headers, target: str) -> None:
         if cursor.kind is not CursorKind.STRUCT_DECL or not cursor.is_definition() or not struct:
             continue
         here = [*(f.offset for f in struct.fields), struct.size]
-        there = [*libclang.offsets(cursor.type), cursor.type.get_size()]
+        there = [*libclang.offsets(cursor.type, struct.kind.is_interface), cursor.type.get_size()]
         if here != there:
             problems.append(Problem(
                 struct.path, struct.line, "a layout is the same everywhere",
@@ -192,8 +192,8 @@ class _Reader:
         fields: tuple[Field, ...] = ()
         for member in members:
             name, record = libclang.member_name(member), member.type.get_canonical()
-            if name not in _GROUPS or not libclang.is_group(member) \
-                    or record.kind is not TypeKind.RECORD:
+            if name not in _GROUPS or record.kind is not TypeKind.RECORD \
+                    or record.get_declaration().kind is not CursorKind.STRUCT_DECL:
                 self._drop(member, Refusal(
                     "an interface consists of the groups in, out, par and mem, each a `struct {...}`",
                     f"`{name}`" if name else "an unnamed member", "put it into one of them"))
@@ -202,7 +202,10 @@ class _Reader:
             if not inner:
                 self._refuse(member, Refusal("a group has members", f"`{name}` has none",
                                              "leave it out"))
-            fields += self._fields(inner, _GROUPS[name], member.get_field_offsetof() // 8)
+            own = self._fields(inner, _GROUPS[name], member.get_field_offsetof() // 8)
+            if not libclang.is_group(member):   # a struct that several interfaces share, declared elsewhere
+                own = tuple(replace(field, line=member.location.line) for field in own)
+            fields += own
         return fields
 
     def _check_prototypes(self, cursor: Cursor, struct: Struct) -> None:

@@ -87,6 +87,14 @@ def test_a_interface_has_groups_and_its_members_units_clauses_and_meanings(model
     assert not vehicle.clauses and vehicle.doc == "inertia, from the vehicle configuration"
 
 
+def test_a_group_may_be_a_struct_that_interfaces_share(model):
+    for name in ("AttitudeMekf", "AttitudeUkf"):
+        gate = member(model.structs[name], "gate")
+        assert gate.path == "par.gate" and gate.offset > member(model.structs[name], "state").offset
+        assert "required" in gate.clauses and gate.bounds == Bounds(lo=0.0, lo_open=True)
+    assert "AttitudeFilterParameters" not in model.structs      # no struct of its own: its clauses are those of a group
+
+
 def test_arrays_of_vectors_counts_and_spares(model):
     config = model.structs["WheelConfig"]
     axes, spare = member(config, "axes_B"), member(config, "spare")

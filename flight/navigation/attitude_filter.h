@@ -62,11 +62,18 @@ typedef struct AttitudeFilterMemory {
     Vec3 rates[GYRO_HISTORY];    ///< [rad/s] as the gyro gave them
 } AttitudeFilterMemory;
 
-/** The parameters of an attitude filter. */
-typedef struct AttitudeFilterSettings {
-    double rate_noise, bias_walk, bias_std, star_std, gate, hold, coast;
-    uint32_t persistence;
-} AttitudeFilterSettings;
+/** The parameters of an attitude filter: the group `par` of each. */
+typedef struct AttitudeFilterParameters {
+    double rate_noise;    ///< [rad^2/s] required, > 0: the square of the noise density of the rates
+    double bias_walk;     ///< [rad^2/s^3] required, > 0: the variance that its bias gains per second
+    double bias_std;      ///< [rad/s] required, > 0: standard deviation of its bias at the start
+    double star_std;      ///< [rad] required, > 0: error of measured attitudes about each axis besides what they say
+    double gate;          ///< [-] required, > 0: normalised innovation above which an attitude does not fit
+    double hold;          ///< [s] required, > 0: longest gap between rates that can be bridged
+    double coast;         ///< [s] required, > 0: longest time since the last measured attitude for a good result
+    uint32_t persistence; ///< [-] required, > 0: attitudes that agree until it begins anew, or until it is good
+    uint32_t spare;
+} AttitudeFilterParameters;
 
 /** How the body turns over a span of time. */
 typedef struct GyroSpan {
@@ -186,7 +193,7 @@ static inline void rows_map(double (*rows)[6], int n, Mat3 map)
 }
 
 /** Six rows of noise, with theta for the attitude. */
-static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const AttitudeFilterSettings *par)
+static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const AttitudeFilterParameters *par)
 {
     const double T = span->T;
     const double white = fm_sqrt(par->rate_noise * T + par->bias_walk * T * T * T / 12.0 + span->beyond * span->beyond);
@@ -201,7 +208,7 @@ static inline void rows_noise(double (*rows)[6], const GyroSpan *span, const Att
 
 /** Move the horizon. */
 static inline void horizon_go(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, int64_t t,
-                              const AttitudeFilterSettings *par)
+                              const AttitudeFilterParameters *par)
 {
     double rows[PREDICTED_ROWS][6];
     const GyroSpan span = span_of(mem, mem->at.bias_B, mem->at.t, t);
@@ -226,7 +233,7 @@ static inline void horizon_go(AttitudeFilterMemory *mem, const AttitudeFilterKin
 
 /** Keep one more rate. */
 static inline void keep_rate(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, const GyroRate *gyro,
-                             const AttitudeFilterSettings *par)
+                             const AttitudeFilterParameters *par)
 {
     const uint32_t half = GYRO_HISTORY / 2;
     if (mem->n == GYRO_HISTORY && mem->running != 0u && mem->at.t < mem->times[half]) {
@@ -244,7 +251,7 @@ static inline void keep_rate(AttitudeFilterMemory *mem, const AttitudeFilterKind
 
 /** Begin with a measured attitude. The bias stays, for what it is worth. */
 static inline void begin_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, const StarAttitude *stars,
-                            Mat3 root, const AttitudeFilterSettings *par)
+                            Mat3 root, const AttitudeFilterParameters *par)
 {
     mem->at.t = stars->head.t;
     mem->at.sigma_BN = mrp_short(stars->sigma_BN);
@@ -262,7 +269,7 @@ static inline void begin_at(AttitudeFilterMemory *mem, const AttitudeFilterKind 
 /** Whether rejected attitudes agree with each other for long enough that the estimate must be wrong. A repeated one, to
  *  the last digit, is that of a stuck star tracker: it agrees with nothing. */
 static inline int all_agree(AttitudeFilterMemory *mem, const StarAttitude *stars, int repeated, Mat3 root,
-                            const AttitudeFilterSettings *par)
+                            const AttitudeFilterParameters *par)
 {
     int agrees = 0;
     if (mem->agree > 0u && !repeated) {
@@ -325,7 +332,7 @@ static inline int estimate_finite(const AttitudeEstimate *e)
 
 /** Look at a measured attitude that is new. */
 static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, const StarAttitude *stars,
-                           const AttitudeFilterSettings *par)
+                           const AttitudeFilterParameters *par)
 {
     Mat3 P = mat_sum(0.5, stars->P_B, 0.5, mat_transpose(stars->P_B));
     for (int i = 0; i < 3; i++) {
@@ -374,7 +381,7 @@ static inline void look_at(AttitudeFilterMemory *mem, const AttitudeFilterKind *
 
 /** The estimate now. */
 static inline void estimate_now(const AttitudeFilterMemory *mem, const AttitudeFilterKind *kind, int64_t t,
-                                const AttitudeFilterSettings *par, NavAttitude *attitude, AttitudeFilterState *state)
+                                const AttitudeFilterParameters *par, NavAttitude *attitude, AttitudeFilterState *state)
 {
     double rows[12][6];
     const GyroSpan span = span_of(mem, mem->at.bias_B, mem->at.t, t);
@@ -401,7 +408,7 @@ static inline void estimate_now(const AttitudeFilterMemory *mem, const AttitudeF
 
 /** One update of a filter. */
 static inline void attitude_filter_update(AttitudeFilterMemory *mem, const AttitudeFilterKind *kind,
-                                          const AttitudeFilterSettings *par, const GyroRate *gyro,
+                                          const AttitudeFilterParameters *par, const GyroRate *gyro,
                                           const StarAttitude *stars, Tick t, NavAttitude *attitude,
                                           AttitudeFilterState *state)
 {

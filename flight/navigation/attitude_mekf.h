@@ -24,17 +24,7 @@ typedef struct AttitudeMekf {
         NavAttitude attitude;
         AttitudeFilterState state;
     } out;
-    struct {
-        double rate_noise; ///< [rad^2/s] required, > 0: the square of the noise density of the rates
-        double bias_walk;  ///< [rad^2/s^3] required, > 0: the variance that its bias gains per second
-        double bias_std;   ///< [rad/s] required, > 0: standard deviation of its bias at the start
-        double star_std;   ///< [rad] required, > 0: error of measured attitudes about each axis besides what they say
-        double gate;       ///< [-] required, > 0: normalised innovation above which an attitude does not fit
-        double hold;       ///< [s] required, > 0: longest gap between rates that can be bridged
-        double coast;      ///< [s] required, > 0: longest time since the last measured attitude for a good result
-        uint32_t persistence; ///< [-] required, > 0: attitudes that agree until it begins anew, or until it is good
-        uint32_t spare;
-    } par;
+    AttitudeFilterParameters par;
     struct {
         AttitudeFilterMemory filter; ///< estimate and rates
     } mem;

@@ -84,7 +84,6 @@ void attitude_ukf_reset(AttitudeUkf *m)
 void attitude_ukf_update(AttitudeUkf *m, Tick t)
 {
     const AttitudeFilterKind kind = {to_turn, from_turn, predict, innovation, correct};
-    const AttitudeFilterSettings par = {m->par.rate_noise, m->par.bias_walk, m->par.bias_std, m->par.star_std,
-                                        m->par.gate,       m->par.hold,      m->par.coast,    m->par.persistence};
-    attitude_filter_update(&m->mem.filter, &kind, &par, &m->in.gyro, &m->in.stars, t, &m->out.attitude, &m->out.state);
+    attitude_filter_update(&m->mem.filter, &kind, &m->par, &m->in.gyro, &m->in.stars, t, &m->out.attitude,
+                           &m->out.state);
 }

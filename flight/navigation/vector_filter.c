@@ -35,7 +35,7 @@ static Vec3 three(const double *at)
 static void predict(VectorEstimate *e, Vec3 rate, double beyond, int64_t t, const VectorFilter *m)
 {
     double six[15][6], rows[18][9] = {{0.0}};
-    AttitudeFilterSettings noise;
+    AttitudeFilterParameters noise;
     GyroSpan span;
     memset(&noise, 0, sizeof noise);
     memset(&span, 0, sizeof span);
