@@ -7,13 +7,10 @@
 
 namespace fledge::world {
 
-class ArrayDriveModel final : public Sensor<ArrayDrive, ARRAYS_MAX> {
+class ArrayDriveModel final : public LimitedSensor<ArrayDrive, ARRAYS_MAX> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void update(Tick tick) override;
-
-private:
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

@@ -7,13 +7,10 @@
 
 namespace fledge::world {
 
-class GyroElectronicsModel final : public Sensor<GyroElectronics, 3> {
+class GyroElectronicsModel final : public LimitedSensor<GyroElectronics, 3> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void update(Tick tick) override;
-
-private:
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

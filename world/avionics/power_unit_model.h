@@ -7,14 +7,11 @@
 
 namespace fledge::world {
 
-class PowerUnitModel final : public Sensor<PowerUnit, SWITCH_CARDS + 1> {
+class PowerUnitModel final : public LimitedSensor<PowerUnit, SWITCH_CARDS + 1> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void reset(sim::Ns t) override;
     void update(Tick tick) override;
-
-private:
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

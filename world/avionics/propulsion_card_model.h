@@ -7,14 +7,13 @@
 
 namespace fledge::world {
 
-class PropulsionCardModel final : public Sensor<PropulsionCard, THRUSTERS_MAX + 1> {
+class PropulsionCardModel final : public LimitedSensor<PropulsionCard, THRUSTERS_MAX + 1> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void reset(sim::Ns t) override;
     void update(Tick tick) override;
 
 private:
-    bool limited() const override { return true; }
     void command(std::size_t i, Tick tick);
     void shut(std::size_t i, Tick tick);
     void report();

@@ -7,13 +7,10 @@
 
 namespace fledge::world {
 
-class StarTrackerElectronicsModel final : public Sensor<StarTrackerElectronics, 4> {
+class StarTrackerElectronicsModel final : public LimitedSensor<StarTrackerElectronics, 4> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void update(Tick tick) override;
-
-private:
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

@@ -7,14 +7,13 @@
 
 namespace fledge::world {
 
-class SunSensorConverterModel final : public Sensor<SunSensorConverter, SUN_SENSORS_MAX> {
+class SunSensorConverterModel final : public LimitedSensor<SunSensorConverter, SUN_SENSORS_MAX> {
 public:
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void update(Tick tick) override;
 
 private:
     void check() const override;
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

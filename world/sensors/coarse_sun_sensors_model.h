@@ -7,18 +7,10 @@
 
 namespace fledge::world {
 
-class CoarseSunSensorsModel final : public Sensor<CoarseSunSensors, SUN_SENSORS_MAX> {
+class CoarseSunSensorsModel final : public SunlightSensor<CoarseSunSensors, SUN_SENSORS_MAX> {
 public:
-    using Sensor::Sensor;
+    using SunlightSensor::SunlightSensor;
     void update(Tick tick) override;
-
-private:
-    void check() const override
-    {
-        Sensor::check();
-        check_sun();
-    }
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world

@@ -74,14 +74,6 @@ protected:
         return vec_norm2(interface_.par.s_N) != 0.0 || has("sun", in.sun.head);
     }
 
-    /// For sensors of which the Sun is all that they see.
-    void check_sun() const
-    {
-        if (!has_sun()) {
-            throw sim::SetupError(name_ + " has no Sun: wire its input sun or light, or give it s_N");
-        }
-    }
-
     /// Towards the Sun, N components, of any length: by its own message, else by that of the light, else by s_N.
     Vec3 to_sun() const
     {
@@ -139,6 +131,31 @@ protected:
     sim::Random seeded_; ///< the stream as each run begins it
     std::vector<std::string> wired_;
     State state_{};
+};
+
+/// A sensor each of whose channels has limits of its own.
+template <class Interface, std::size_t channels, class Readings = std::uint64_t>
+class LimitedSensor : public Sensor<Interface, channels, Readings> {
+public:
+    using Sensor<Interface, channels, Readings>::Sensor;
+
+protected:
+    bool limited() const final { return true; }
+};
+
+/// A sensor that sees nothing but the Sun.
+template <class Interface, std::size_t channels> class SunlightSensor : public LimitedSensor<Interface, channels> {
+public:
+    using LimitedSensor<Interface, channels>::LimitedSensor;
+
+protected:
+    void check() const override
+    {
+        LimitedSensor<Interface, channels>::check();
+        if (!this->has_sun()) {
+            throw sim::SetupError(this->name_ + " has no Sun: wire its input sun or light, or give it s_N");
+        }
+    }
 };
 
 /// The readings of a sensor that needs time until it puts them out.

@@ -7,17 +7,16 @@
 
 namespace fledge::world {
 
-class StarTrackerModel final : public Sensor<StarTracker, 3, Late<StarAttitude>> {
+class StarTrackerModel final : public LimitedSensor<StarTracker, 3, Late<StarAttitude>> {
 public:
     /// The bits of `mem.blind`: by what the tracker is blind.
     enum Blind : std::uint32_t { by_sun = 1, by_planet = 2, by_moon = 4, by_rate = 8, by_loss = 16 };
 
-    using Sensor::Sensor;
+    using LimitedSensor::LimitedSensor;
     void update(Tick tick) override;
 
 private:
     void check() const override;
-    bool limited() const override { return true; }
     std::uint32_t blinded_by(double dt, const Vec3 &boresight_B);
 };
 

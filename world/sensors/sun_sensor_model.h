@@ -7,18 +7,10 @@
 
 namespace fledge::world {
 
-class SunSensorModel final : public Sensor<SunSensor, 3> {
+class SunSensorModel final : public SunlightSensor<SunSensor, 3> {
 public:
-    using Sensor::Sensor;
+    using SunlightSensor::SunlightSensor;
     void update(Tick tick) override;
-
-private:
-    void check() const override
-    {
-        Sensor::check();
-        check_sun();
-    }
-    bool limited() const override { return true; }
 };
 
 } // namespace fledge::world
