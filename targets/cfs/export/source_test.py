@@ -22,6 +22,7 @@ from fledge.export.testing import COMPILERS
 from tests.circles import long_after
 
 STRICTER = ["-Wextra", "-Wconversion", "-Wmissing-prototypes"]
+CFE = {"caelum": ["-I", HERE / "cfe", "-DCAELUM"], "draco": ["-I", HERE / "cfe"]}      # their headers, for an app
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def written(nadir, tmp_path_factory):
 @pytest.mark.parametrize("version", ["caelum", "draco"])
 @pytest.mark.parametrize("compiler", long_after(1, COMPILERS, "another compiler"))
 def test_it_compiles_under_the_flags_and_headers_of_every_version(written, version, compiler, tmp_path):
-    included = ["-I", HERE / version, *linked.own(cfs.App("nadir"), written, tmp_path)]
+    included = [*CFE[version], *linked.own(cfs.App("nadir"), written, tmp_path)]
     app = sorted((written / "fsw/src").rglob("*.c"))
     only = [file for file in app if file.name.startswith("nadir_") and "spin" not in file.name]
     assert {file.name for file in only} == {f"nadir_{n}.c" for n in ("app", "cmds", "dispatch", "flight", "mission",
@@ -279,7 +280,7 @@ def test_the_sources_of_tables_hold_the_same_bytes(written, nadir, tmp_path):
     app = cfs.App("nadir")
     for table in tables.tables(nadir, app):
         obj = tmp_path / f"{table.stem}.o"
-        subprocess.run(list(map(str, ["gcc", *linked.FLAGS, "-Wcast-align=strict", "-I", HERE / "caelum", "-I",
+        subprocess.run(list(map(str, ["gcc", *linked.FLAGS, "-Wcast-align=strict", *CFE["caelum"], "-I",
                                       written / "fsw/inc", *linked.own(app, written, tmp_path), "-c",
                                       written / f"fsw/tables/{table.stem}.c", "-o", obj])),
                        check=True)
@@ -386,5 +387,5 @@ def test_rasters_words_modes_and_subsets_compile_as_well(what, tmp_path):
     if what == "subset":
         assert "0 wait, 1 point, 2 rest" in (folder / "config/default_part_msgdefs.h").read_text()
     sources_ = [*(folder / "fsw/src").glob("*.c"), *(folder / "fsw/tables").glob("*.c")]
-    subprocess.run(list(map(str, ["gcc", *linked.FLAGS, *STRICTER, "-fsyntax-only", "-I", HERE / "draco",
+    subprocess.run(list(map(str, ["gcc", *linked.FLAGS, *STRICTER, "-fsyntax-only", *CFE["draco"],
                                   *linked.own(cfs.App("part"), folder, tmp_path), *sources_])), check=True)

@@ -1,13 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* cFE's headers do not include it here: apps do. */
+/* Of Caelum cFE's headers include it, of the others apps do. */
 #ifndef OSAPI_H
 #define OSAPI_H
 
 #include "common_types.h"
 
+#ifdef CAELUM
+typedef uint32 osal_id_t;
+#else
 typedef struct osal_id {
     uint32 v;
 } osal_id_t;
+#endif
 
 #define OS_SUCCESS 0
 

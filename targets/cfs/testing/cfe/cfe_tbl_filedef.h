@@ -12,8 +12,13 @@ typedef struct CFE_TBL_FileDef {
     uint32 ObjectSize;
 } CFE_TBL_FileDef_t;
 
+#ifdef CAELUM
+#define FILEDEF
+#else
+#define FILEDEF static
+#endif
 #define CFE_TBL_FILEDEF(ObjName, TblName, Desc, Filename)                                                              \
-    static OS_USED CFE_TBL_FileDef_t CFE_TBL_FileDef = {#ObjName "\0", #TblName "\0", #Desc "\0", #Filename "\0",      \
-                                                        sizeof(ObjName)};
+    FILEDEF OS_USED CFE_TBL_FileDef_t CFE_TBL_FileDef = {#ObjName "\0", #TblName "\0", #Desc "\0", #Filename "\0",     \
+                                                         sizeof(ObjName)};
 
 #endif
