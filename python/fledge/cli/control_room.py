@@ -85,7 +85,7 @@ def serve(options: argparse.Namespace) -> int:
     for text in open_ones:
         print(f"fledge: {text}", file=sys.stderr)
         for craft in settings.crafts:
-            room.tell(craft.name, "warning", "server", text)
+            room.report(craft.name, "warning", "server", text)
 
     def ready(address: str) -> None:
         gc.freeze()     # what there is now stays: a collection need not look at it

@@ -64,12 +64,12 @@ def test_live_plots_have_the_points_of_the_archive(tmp_path):
             browser.go(f"{address}#/plots?craft={craft.name}&sel={name}")
             plot = "document.querySelector('.holder')?.plot"
             browser.wait_for(f"{plot}?.data[0].length > 3")
-            begun = craft.now / 1e9
+            begun = craft.clock.now / 1e9
             browser.wait_for(f"{plot}.data[0].at(-1) > {begun + 6 * speed}")
             craft.call(lambda craft=craft: craft.run.command("pause")).result(PATIENCE)
-            end = craft.now / 1e9
+            end = craft.clock.now / 1e9
             browser.wait_for(f"{plot}.data[0].at(-1) >= {end} - 0.5")
-            t, value, *_ = craft.series([name], 0, 2**62, 0, -1)[name]
+            t, value, *_ = craft.past.series([name], 0, 2**62, 0, -1)[name]
             some = t / 1e9 > max(begun, end - 250)      # of the 300 s in view
             drawn = f"{plot}.data.slice(0, 2).map((one) => Array.from(one).slice({-int(some.sum())}))"
             browser.wait_for(f"JSON.stringify({drawn}[0]) === JSON.stringify({(t[some] / 1e9).tolist()})")

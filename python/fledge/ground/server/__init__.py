@@ -3,13 +3,19 @@
 the browser (docs/control-room.md).
 
     settings.py     reads FILE of `fledge ground serve FILE`
-    spacecraft.py   one spacecraft: its link in a thread, its monitor and archive
-    simulated.py    a spacecraft that the server itself flies
-    commanding.py   commands: forms, bytes, and the stages that flight reports
-    alarms.py       alarms; each stays until an operator has acknowledged it
-    derived.py      parameters that the server computes from others
-    journal.py      commands, events, alarms, transfers and the operators' log, in SQLite
+    room.py         all spacecraft, and who gets what happens to them
+    spacecraft.py   one spacecraft: the thread that has its link, and the order of its work; its parts are
+        mission.py      the mission of Fledge that it flies, if it does
+        link.py         the link: opened, and opened again when it broke; clock.py: its time
+        telemetry.py    database, monitor, archive; past.py: what comes from the archive
+        derived.py      parameters that the server computes from others
+        limits.py       limits that administrators set; alarms.py: an alarm stays until it is acknowledged
+        commanding.py   commands: forms, bytes, and the stages that flight reports
+        transfers.py    files; tables.py: parameters of modules; stored.py: commands that wait on board
+        scene.py        its 3-D view; contacts.py: stations and passes
+        run_control.py  the run in which it flies: of the server itself, or of a co-simulation
     replay.py       plays a session again, as a further spacecraft
+    journal.py      commands, events, alarms, transfers and the operators' log, in SQLite; reporter.py: of one craft
     users.py        users with roles, sessions, tokens, and limits on what clients without a login use
-    web.py          HTTP and WebSocket; api.yaml describes them
+    web.py          HTTP and WebSocket: api.yaml describes them; handlers/ answers requests, live.py has the WebSocket
 """

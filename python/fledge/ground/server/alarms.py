@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
-    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.server.clock import Clock
+    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.telemetry import Telemetry
 
 LONGEST = 7 * 86400     # [s] for which an alarm is shelved
 CONCERNS = ("normal", "watch", "warning", "distress", "critical", "severe")
@@ -19,11 +21,11 @@ class Alarms:
     """The alarms of a spacecraft, by the parameter's name. The journal has each change of an alarm: begin, worse, end,
     acknowledged, shelved. The server reads the open ones from it when it starts."""
 
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft = craft
+    def __init__(self, telemetry: Telemetry, clock: Clock, reporter: Reporter) -> None:
+        self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
         self._open: dict[str, dict[str, Any]] = {}
         self._changed: set[str] = set()     # whose level the journal does not have yet
-        for one in craft.room.journal.all("alarms", craft.name, True):
+        for one in reporter.all("alarms", is_open=True):
             if int(one["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
                 one["shelved_until_ns"] = "0"
             self._open[one["name"]] = one
@@ -33,12 +35,12 @@ class Alarms:
         """The monitor is a new one: it has no value yet, and notes no state that is normal at first."""
         self._unknown = set(self._open)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Learn the state of alarms that are older than the monitor, by the first value, and keep levels that changed:
         the journal takes no row for each of the values that go to and fro."""
         for name in self._unknown & self._open.keys():
-            slot = self.craft.slot_numbers.get(name)
-            if slot is not None and (newest := self.craft.monitor.newest(slot)):
+            slot = self._telemetry.slot_numbers.get(name)
+            if slot is not None and (newest := self._telemetry.monitor.newest(slot)):
                 self._unknown.discard(name)
                 self.take([(slot, newest[0], self._open[name]["concern"], newest[5])])
         self._keep([self._open[name] for name in sorted(self._changed & self._open.keys())])
@@ -46,20 +48,20 @@ class Alarms:
 
     def compare(self) -> None:
         """Take the states that the monitor has: notes of it may be lost."""
-        for slot, name in enumerate(self.craft.slot_names):
-            newest, before = self.craft.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
+        for slot, name in enumerate(self._telemetry.slot_names):
+            newest, before = self._telemetry.monitor.newest(slot), self._open.get(name, {}).get("concern", 0)
             if newest and newest[5] != before:
                 self.take([(slot, newest[0], before, newest[5])])
 
     def rows(self) -> list[dict[str, Any]]:
         """The open alarms. The slot is None if the database no longer has the parameter."""
-        return [self._told(one) for one in list(self._open.values())]      # from any thread
+        return [self._shown(one) for one in list(self._open.values())]      # from any thread
 
     def take(self, notes: list[tuple[int, int, int, int]]) -> None:
         """Take changes of limit states: (slot, t, old, new) each."""
         changed: dict[str, dict[str, Any]] = {}
         for slot, t, _, new in notes:
-            name = self.craft.slot_names[slot]
+            name = self._telemetry.slot_names[slot]
             one = self._open.get(name)
             if one is None:
                 if not new:
@@ -71,7 +73,7 @@ class Alarms:
             worse = new > one["worst"]
             one.update(concern=new, t_ns=str(t), worst=max(new, one["worst"]))
             if new:
-                newest = self.craft.monitor.newest(slot)
+                newest = self._telemetry.monitor.newest(slot)
                 one["value"] = value = newest[3] if newest else None
                 one["text"] = f"{value:g}" if isinstance(value, float) else str(value)
             if worse:
@@ -85,7 +87,7 @@ class Alarms:
     def acknowledge(self, name: str, user: str, note: str) -> dict[str, Any]:
         """Note that a user has seen an alarm. Raises SetupError if there is no such alarm, or it cannot be kept."""
         return self._request(self._named(name), acknowledged={
-            "user": user, "note": note, "t_ns": str(self.craft.now), "received_ns": str(time.time_ns())})
+            "user": user, "note": note, "t_ns": str(self._clock.now), "received_ns": str(time.time_ns())})
 
     def shelve(self, name: str, seconds: float) -> dict[str, Any]:
         """Do not announce an alarm for some seconds of the server's time; 0: announce it again from now on."""
@@ -105,11 +107,11 @@ class Alarms:
         """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
         made = one | changes
         if not made["concern"] and made["acknowledged"]:
-            made["ended_ns"] = str(self.craft.now)
-        self.craft.room.keep("alarms", self.craft.name, made, told=self._told, must=True)
+            made["ended_ns"] = str(self._clock.now)
+        self._reporter.keep("alarms", made, shown=self._shown, must=True)
         one.update(made)
-        self._ends(one, self.craft.now)
-        return self._told(one)
+        self._ends(one, self._clock.now)
+        return self._shown(one)
 
     def _ends(self, one: dict[str, Any], t: int) -> bool:
         """End an alarm whose two conditions hold; whether it has ended."""
@@ -121,13 +123,13 @@ class Alarms:
 
     def _named(self, name: str) -> dict[str, Any]:
         if name not in self._open:
-            raise SetupError(f"{self.craft.name} has no alarm of {name}")
+            raise SetupError(f"{self._reporter.name} has no alarm of {name}")
         return self._open[name]
 
-    def _told(self, one: dict[str, Any]) -> dict[str, Any]:
-        names = self.craft.slot_numbers
-        return one | {"craft": self.craft.name, "slot": names.get(one["name"]), "level": CONCERNS[one["concern"]],
+    def _shown(self, one: dict[str, Any]) -> dict[str, Any]:
+        names = self._telemetry.slot_numbers
+        return one | {"craft": self._reporter.name, "slot": names.get(one["name"]), "level": CONCERNS[one["concern"]],
                       "worst_level": CONCERNS[one["worst"]]}
 
     def _keep(self, changed: list[dict[str, Any]]) -> None:
-        self.craft.room.keep("alarms", self.craft.name, *changed, told=self._told)
+        self._reporter.keep("alarms", *changed, shown=self._shown)

@@ -113,7 +113,13 @@ def in_binary(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
 
 
 def answer(content: Any) -> web.Response:
+    """A short answer in JSON."""
     return web.Response(text=dumps(content), content_type="application/json")
+
+
+def json_answer(content: Any) -> web.Response:
+    """One that may be long, for another thread: encoded already."""
+    return web.Response(body=dumps(content).encode(), content_type="application/json")
 
 
 def refusal(status: int, why: str, **more: str) -> Refusal:

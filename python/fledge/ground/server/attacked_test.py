@@ -18,6 +18,7 @@ from aiohttp import WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 from yarl import URL
 
+from fledge.ground.server.handlers import TOPICS
 from fledge.ground.server.journal import Journal
 from fledge.ground.server.live import MESSAGES, Browser
 from fledge.ground.server.room import Room
@@ -43,7 +44,7 @@ mission = "nadir_spin"
 speed = 1
 """
 FILES = FILE.replace("nadir_spin", "flatsat", 1)
-ROWS = [row for holder in (Server, Guard) for row, _ in rows(holder)]
+ROWS = [row for holder in (*TOPICS, Guard) for row, _ in rows(holder)]
 WORDS = ["", "0", "-1", "1e999", "flight.write.control.K", "<img src=x onerror=alert(1)>", "../../etc/passwd", "\ud800",
          "\x00\x1b[2J", "%00", "n" * 5000, "nadir_spin", "99999999999999999999999", "NaN", "☃", "K=3", "a" * 100_000]
 KEYS = ["name", "arguments", "confirmed", "hex", "action", "speed", "seconds", "fault", "limits", "persistence",
@@ -226,7 +227,7 @@ async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
         await ask("viewer", "POST", "crafts/a/send", 403, json={})
         await ask("stranger", "POST", "crafts/a/send", 404, json={})
         await ask("stranger", "POST", "crafts/b/send", json={"name": "flight.noop", "arguments": {}})
-        page.room.tell("b", "info", "test", "the end")
+        page.room.report("b", "info", "test", "the end")
         texts = {name: [] for name in heard}
         for name, live in heard.items():
             while not texts[name] or texts[name][-1].get("text") != "the end":

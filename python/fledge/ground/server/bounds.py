@@ -111,7 +111,7 @@ class Bounds:
         one = self.all[name]
         return one.refusal.format(most=f"{one.most:,.10g}")
 
-    def told(self) -> list[dict[str, Any]]:
+    def describe(self) -> list[dict[str, Any]]:
         """For the page."""
         return [{"name": one.name, "most": one.most, "unit": one.unit, "used": one.used() if one.used else None,
                  "peak": one.peak, "refused": one.refused, "refusal": self.says(one.name)} for one in self.all.values()]

@@ -69,7 +69,7 @@ def test_each_limit_has_one_name_a_figure_and_a_sentence():
     for name in names:
         assert bounds[name] > 0 and "{" not in bounds.says(name) and f"{bounds[name]:,.10g}" in bounds.says(name)
     assert not bounds.over("message", bounds["message"]) and bounds.over("message", bounds["message"] + 1)
-    told = next(one for one in bounds.told() if one["name"] == "message")
+    told = next(one for one in bounds.describe() if one["name"] == "message")
     assert (told["peak"], told["refused"], told["used"]) == (bounds["message"], 1, None)
 
 
@@ -80,7 +80,7 @@ async def test_a_history_in_parts_is_the_one_as_a_whole(folder):
         for at in range(1, n + 1, 1000):
             await take(page.room, [(t * 1000, packet(t)) for t in range(at, min(at + 1000, n + 1))])
         craft = page.room.craft("craft")
-        found = craft.series(["number"], 0, 2**62, 0, -1, True)
+        found = craft.past.series(["number"], 0, 2**62, 0, -1, True)
         path = "crafts/craft/history?names=number&points=0"
         whole = await page.get(path)
         assert whole == json.loads(b"".join(in_json(found)))
@@ -98,14 +98,14 @@ async def test_a_history_in_parts_is_the_one_as_a_whole(folder):
             assert f"{n - 1:,} values" in (await page.get(path, 429))["error"]
             page.room.bounds[bound] = most
         answer = await page.client.get(f"/api/{path}")
-        assert page.server._reads.total() in (0, n) and answer.status == 200
+        assert page.server.reads.total() in (0, n) and answer.status == 200
         await answer.read()
-        while page.server._reads.total():
+        while page.server.reads.total():
             await asyncio.sleep(0.01)
 
         page.room.bounds["queries that wait"] = 0
-        at_once, goes_on, series = int(page.room.bounds["queries"]), Event(), craft.series
-        craft.series = lambda *given: goes_on.wait() and series(*given)
+        at_once, goes_on, series = int(page.room.bounds["queries"]), Event(), craft.past.series
+        craft.past.series = lambda *given: goes_on.wait() and series(*given)
         try:
             asked = [asyncio.create_task(page.client.get(f"/api/{path}")) for _ in range(12)]
             while sum(one.done() for one in asked) < 12 - at_once:
@@ -139,7 +139,7 @@ async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_mu
         bounds["packets of a socket"], bounds["texts of a socket"] = 1_000_000, 20_000
         deaf = await page.client.ws_connect("/api/live")
         await deaf.send_json({"subscribe_packets": "craft"})
-        while not page.server.browsers or not page.room.craft("craft").sinks:
+        while not page.server.browsers or not page.room.craft("craft").telemetry.sinks:
             await asyncio.sleep(0.01)
         browser, = page.server.browsers
         for at, n in ((1, 2000), (2001, 4000), (6001, 2000)):   # the second is more than the limit by itself
@@ -153,7 +153,7 @@ async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_mu
             found = message.json() if message.type == WSMsgType.TEXT and message.data.startswith("{") else {}
             if found.get("kind") == "packets":
                 got, dropped = got + len(found["packets"]), found["dropped"]
-        assert got >= 2000 and dropped >= 4000 and all(one["peak"] <= one["most"] for one in bounds.told())
+        assert got >= 2000 and dropped >= 4000 and all(one["peak"] <= one["most"] for one in bounds.describe())
 
         live = await page.client.ws_connect("/api/live")
         await live.send_json({"subscribe": {"craft": "craft", "slots": list(range(70_000))}})

@@ -17,7 +17,13 @@ from fledge.ground.scripts.craft import Sent
 from fledge.ground.scripts.framed import Framed
 
 if TYPE_CHECKING:
-    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.commands import Dictionary
+    from fledge.ground.server.clock import Clock
+    from fledge.ground.server.link import Connection
+    from fledge.ground.server.past import Past
+    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.settings import CraftSettings
+    from fledge.ground.server.telemetry import Telemetry
 
 WITHIN = 60_000_000_000     # [ns] of the spacecraft's clock until a command without a report counts as failed
 DELIVERED = "the link knows that it is there"
@@ -41,11 +47,16 @@ class Hazardous(SetupError):
 
 
 class Commanding:
-    """All of it but `preview` and `forms` is for the spacecraft's own thread."""
+    """All of it but `preview` and `forms` is for the spacecraft's own thread.
 
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft = craft
-        self.verifying = Verifying(craft)
+    dictionary: of a mission of Fledge, or None; flown: the server flies it; past: the sessions before
+    """
+
+    def __init__(self, settings: CraftSettings, dictionary: Dictionary | None, flown: bool, connection: Connection,
+                 telemetry: Telemetry, past: Past, clock: Clock, reporter: Reporter) -> None:
+        self._settings, self._dictionary, self._flown, self._connection = settings, dictionary, flown, connection
+        self._telemetry, self._past, self._clock, self._reporter = telemetry, past, clock, reporter
+        self.verifying = Verifying(self, telemetry, clock, reporter)
         self.load()
         self._open: list[tuple[dict[str, Any], Sent, int]] = []     # row, what was sent, reports that are in it
         self._then: dict[int, Callable[[Sent], None]] = {}      # by the row's id
@@ -53,24 +64,24 @@ class Commanding:
         self._sequences: dict[int, int] = {}                # of a database's commands: the next of each stream
         self._going: dict[bytes, dict[str, Any]] = {}       # and of which the link has not said that they are there
         #: those that had not ended when the last server did
-        self.left = [one for one in craft.room.journal.all("sent", craft.name, True)
+        self.left = [one for one in reporter.all("sent", is_open=True)
                      if isinstance(one.get("open"), dict)]
 
     def restore(self) -> None:
         """Go on with the commands of the last server: flight may report them yet. What it said meanwhile is missing."""
-        craft, left = self.craft, self.left
+        clock, craft, left = self._clock, self._connection.craft, self.left
         self.left = []
-        if craft.clock == "utc":
-            craft.gaps.append((max((int(one["last_ns"]) for one in craft.sessions()), default=int(left[0]["t_ns"])),
-                               craft.now))
+        if not clock.simulated:
+            clock.gaps.append((max((int(one["last_ns"]) for one in self._past.sessions()),
+                                   default=int(left[0]["t_ns"])), clock.now))
         for row in left:
             form, packets = self._forms.get(row["name"]), [bytes.fromhex(one) for one in row["hex"].split()]
-            if craft.run or craft.clock == "simulated" and craft.now < int(row["t_ns"]):
+            if self._flown or clock.simulated and clock.now < int(row["t_ns"]):
                 self.stage(row, "unknown", None, "the run that it was sent to has ended")
                 self.over(row)
-            elif craft.ground:
-                sent = Sent(craft.ground, packets)
-                craft.ground.sent.insert(0, sent)
+            elif craft:
+                sent = Sent(craft, packets)
+                craft.sent.insert(0, sent)
                 self._open.append((row, sent, 0))
             elif form:
                 self.verifying.begin(row, form, packets[0])
@@ -87,11 +98,11 @@ class Commanding:
 
     def load(self) -> None:
         """Take the forms of the database."""
-        self._forms = {one["name"]: one for one in self.craft.database.forms()}
+        self._forms = {one["name"]: one for one in self._telemetry.database.forms()}
         for form in self._forms.values():       # the server counts bytes itself, so no form asks for it
             counts = {one["counted_by"] for one in form["arguments"]}
             form["arguments"] = [one for one in form["arguments"] if one["name"] not in counts]
-            if self.craft.dictionary:           # flight's own reports say more
+            if self._dictionary:                # flight's own reports say more
                 form["verifiers"] = []
             self.verifying.prepare(form)
         self.verifying.end("the database has changed: the verifiers of this command are not known any more")
@@ -106,7 +117,7 @@ class Commanding:
         packet = self._finished(packet, 0)
         known = {one["name"]: one for one in form["arguments"]}
         whole, fields = int.from_bytes(packet, "big"), []
-        for field, is_argument, bit, bits in self.craft.database.places(form["path"], **given):
+        for field, is_argument, bit, bits in self._telemetry.database.places(form["path"], **given):
             raw = whole >> 8 * len(packet) - bit - bits & (1 << bits) - 1
             one = known.get(field) if is_argument else None
             digits = f"{raw:0{-(-bits // 4)}x}" if one and one["type"] not in NUMBERS else str(raw)
@@ -140,7 +151,7 @@ class Commanding:
                 continue
             _, given, sample = self._encoded(form["name"], {one["name"]: _sample(one) for one in form["arguments"]})
             open_ = {one[key] for one in form["arguments"] for key in ("name", "counted_by")}
-            fixed = [(bit, bits) for name, _, bit, bits in self.craft.database.places(form["path"], **given)
+            fixed = [(bit, bits) for name, _, bit, bits in self._telemetry.database.places(form["path"], **given)
                      if name not in open_ and bit >= 48 and bit != CHECKSUM]
             other = int.from_bytes(sample, "big")
             if packet[:2] == sample[:2] and all(
@@ -158,29 +169,29 @@ class Commanding:
 
     def numbered(self, packet: bytes) -> bytes:
         """With the sequence that is next."""
-        return self.craft.ground.numbered(packet) if self.craft.ground else self._numbered(packet)
+        return self._connection.craft.numbered(packet) if self._connection.craft else self._numbered(packet)
 
     def release(self, user: str, name: str, arguments: dict[str, Any], packets: list[bytes],
                 then: Callable[[Sent], None] | None = None, form: dict[str, Any] | None = None) -> dict[str, Any]:
         """Send packets that are one command: into the journal, then by the link. then: is called when flight has
         executed it; form: of a command with verifiers. Raises SetupError; JournalError: then nothing was sent."""
-        craft = self.craft
-        if craft.link is None or craft.silent:
-            raise SetupError(f"{craft.name}: {craft.silent}; so nothing was sent")
-        row: dict[str, Any] = {"craft": craft.name, "t_ns": str(craft.now), "user": user, "name": name,
+        connection, name_of_craft = self._connection, self._reporter.name
+        if connection.link is None or connection.silent:
+            raise SetupError(f"{name_of_craft}: {connection.silent}; so nothing was sent")
+        row: dict[str, Any] = {"craft": name_of_craft, "t_ns": str(self._clock.now), "user": user, "name": name,
                                "arguments": arguments, "hex": " ".join(one.hex() for one in packets), "stages": []}
-        if craft.ground or form and form["verifiers"]:
+        if connection.craft or form and form["verifiers"]:
             row["open"] = {}
         self.stage(row, "released", True, f"{len(packets)} packets" if len(packets) > 1 else "")
-        craft.room.journal.save("sent", craft.name, row)    # before it leaves
+        self._reporter.save("sent", row)    # before it leaves
         sent = None
         try:
-            if craft.ground:
-                sent = craft.ground.send(packets)
+            if connection.craft:
+                sent = connection.craft.send(packets)
             else:
                 for packet in packets:
-                    craft.link.send(packet)
-                    if isinstance(craft.link, Framed) and craft.link.frames.cop1:
+                    connection.link.send(packet)
+                    if isinstance(connection.link, Framed) and connection.link.frames.cop1:
                         self._going[packet] = row
                 if form:
                     self.verifying.begin(row, form, packets[0])
@@ -202,8 +213,9 @@ class Commanding:
 
     def look(self) -> None:
         """Note what became of commands since the last look."""
-        self.verifying.look(self.craft.now)
-        for packet, good in self.craft.link.answers() if self.craft.link and not self.craft.ground else ():
+        connection = self._connection
+        self.verifying.look(self._clock.now)
+        for packet, good in connection.link.answers() if connection.link and not connection.craft else ():
             if row := self._going.pop(packet, None):
                 self.stage(row, *(("delivered", True, DELIVERED) if good else ("failed", False, GIVEN_UP)))
                 self._keep(row)
@@ -222,9 +234,8 @@ class Commanding:
             elif (then := self._then.pop(row["id"], None)) and row["stages"][-1]["stage"] == "completed":
                 then(sent)
         self._open = left
-        ground = self.craft.ground
-        if ground and not left:
-            del ground.sent[:-1]        # a late report would match none; the last one has flight's sequence
+        if connection.craft and not left:
+            del connection.craft.sent[:-1]        # a late report would match none; the last one has flight's sequence
 
     def _looked(self, row: dict[str, Any], sent: Sent, seen: int) -> bool:
         """Whether it is over."""
@@ -234,7 +245,7 @@ class Commanding:
         if sent.given_up and not sent.reports and "failed" not in stages:
             self.stage(row, "failed", False, GIVEN_UP)
             return True
-        dictionary = self.craft.dictionary
+        dictionary = self._dictionary
         assert dictionary is not None
         if len(sent.reports) < seen:        # flight counts otherwise, and all was sent again
             row["hex"] = " ".join(one.hex() for one in sent.packets)
@@ -257,8 +268,8 @@ class Commanding:
             if word == "completed":
                 row["data"] = sent.data.hex()
                 return True
-        within = WITHIN + round(2e9 * self.craft.settings.light_time)
-        age = self.craft.now - int(row["t_ns"]) - self._stepped.get(row["id"], 0)
+        within = WITHIN + round(2e9 * self._settings.light_time)
+        age = self._clock.now - int(row["t_ns"]) - self._stepped.get(row["id"], 0)
         if age > within and not any(one["stage"] in (
                 "started", "progress", "unknown", "failed") for one in row["stages"]):
             self.overdue(row, "completed", f"no report of its execution within {within / 1e9:g} s", int(row["t_ns"]))
@@ -268,7 +279,7 @@ class Commanding:
                  ) -> tuple[dict[str, Any], dict[str, Any], bytes]:
         """(form, what the encoder is given, packet)."""
         if name not in self._forms:
-            raise SetupError(f"{self.craft.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
+            raise SetupError(f"{self._reporter.name} has no command '{name}'{did_you_mean(name, list(self._forms))}")
         form = self._forms[name]
         known = {one["name"]: one for one in form["arguments"]}
         given: dict[str, Any] = {}
@@ -279,7 +290,7 @@ class Commanding:
             if counter := known[key]["counted_by"]:
                 given[counter] = len(given[key].encode() if isinstance(given[key], str) else given[key])
         try:
-            return form, given, self.craft.database.encode(form["path"], **given)
+            return form, given, self._telemetry.database.encode(form["path"], **given)
         except SetupError as error:
             named = sorted((one for one in known if one in str(error)), key=len)
             raise ArgumentError(str(error), named[-1] if named else "") from None
@@ -301,7 +312,7 @@ class Commanding:
         """A packet of a database with its sequence and length."""
         stream = int.from_bytes(packet[:2], "big") & 0x7FF
         if stream not in self._sequences:       # on from that of the last server
-            sent = [one for row in self.craft.room.journal.rows("sent", self.craft.name)
+            sent = [one for row in self._reporter.newest("sent")
                     for one in reversed(list(map(bytes.fromhex, row["hex"].split())))]
             self._sequences[stream] = next((int.from_bytes(one[2:4], "big") & 0x3FFF for one in sent
                                             if int.from_bytes(one[:2], "big") & 0x7FF == stream), -1)
@@ -310,7 +321,7 @@ class Commanding:
 
     def _finished(self, packet: bytes, number: int) -> bytes:
         """A packet with what its header has besides. Raises SetupError if it has no room for a checksum."""
-        header = "cfs" if self.craft.dictionary else self.craft.settings.header
+        header = "cfs" if self._dictionary else self._settings.header
         if header == "none" or header == "ccsds" and len(packet) < 7:
             return packet
         if header == "cfs" and len(packet) < 8:
@@ -323,19 +334,19 @@ class Commanding:
         """Add a stage to a row. good: None if it is not known; t [ns]: now."""
         if stage == "progress":     # the newest one alone
             row["stages"] = [one for one in row["stages"] if one["stage"] != stage]
-        row["stages"].append({"stage": stage, "t_ns": str(self.craft.now if t is None else t), "good": good,
+        row["stages"].append({"stage": stage, "t_ns": str(self._clock.now if t is None else t), "good": good,
                               "text": text})
 
     def overdue(self, row: dict[str, Any], stage: str, text: str, begin: int, t: int | None = None) -> None:
         """Add that a stage was not reported in time since `begin`: it failed, or it is not known, because telemetry is
         missing."""
-        missing = self.craft.missing(begin, self.craft.now if t is None else t)
+        missing = self._clock.missing(begin, self._clock.now if t is None else t)
         if stage == "completed":
             stage = "unknown" if missing else "failed"
         self.stage(row, stage, None if missing else False, f"unknown, {missing}: {text}" if missing else text, t)
 
     def _keep(self, row: dict[str, Any]) -> None:
-        self.craft.room.keep("sent", self.craft.name, row)
+        self._reporter.keep("sent", row)
 
 
 def _sample(argument: dict[str, Any]) -> Any:

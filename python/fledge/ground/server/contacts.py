@@ -35,7 +35,7 @@ class Station:
         self.place, self.up = place_on(self._body.radius, FLATTENING.get(self._body.name, 0.0), station.latitude,
                                        station.longitude, station.altitude)
 
-    def look(self, times: Any, r: Any) -> tuple[Any, Any]:
+    def direction(self, times: Any, r: Any) -> tuple[Any, Any]:
         """(elevation [rad], range [m]) of places r [m] (n, 3) in N at times [s] (n,)."""
         import numpy as np
 
@@ -63,7 +63,7 @@ class Station:
         def over(after: Any) -> Any:
             after = np.atleast_1d(after)
             place = flight(after)[:3].T + origin(body, sky, t + after)[0]
-            return self.look(t + after, place)[0] - self.mask
+            return self.direction(t + after, place)[0] - self.mask
 
         heights = over(times)
         cuts = [float(brentq(lambda x: over(x)[0], times[k], times[k + 1], xtol=1e-3))
@@ -125,7 +125,7 @@ class Contacts:
         self._feed, self._used = feed, radio
         self._lock = Lock()
         self._made: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
-        self.told: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
+        self.state: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
         self._states: dict[str, tuple[float, Any, Any]] = {}        # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
         self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
@@ -141,8 +141,8 @@ class Contacts:
         self._radios = {path: (str(facts.of(path, "station", "")), models[path]) for path in facts.all_of("Radio")
                         if path in models}
 
-    def look(self) -> None:
-        """Note the present state. Call it in the thread that has the link."""
+    def poll(self) -> None:
+        """Take the present state. Call it in the thread that has the link."""
         import numpy as np
 
         if not self._stations and not self._radios:
@@ -160,23 +160,23 @@ class Contacts:
                 continue
             t, r, v = state[0], np.array(state[1]["r_BN_N"]), np.array(state[1]["v_BN_N"])
             states[one.path] = t, r, v
-            elevation, distance = (float(found[0]) for found in one.look(np.array([t]), r[None]))
+            elevation, distance = (float(found[0]) for found in one.direction(np.array([t]), r[None]))
             stations.append({"name": one.name, "elevation": elevation, "mask": one.mask, "range": distance,
                              "seen": elevation >= one.mask, "light_time": distance / SPEED_OF_LIGHT})
         radios = []
         for path, (station, radio) in self._radios.items():
-            told: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
+            row: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
                                     "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
                 link, traffic = (seen.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
-                told[way] = {"rate": getattr(radio, f"{way}_rate")} | (
+                row[way] = {"rate": getattr(radio, f"{way}_rate")} | (
                     {} if link is None else {"state": STATES[int(link["state"])], "lock": bool(link["lock"])}
                     | {name: float(link[name]) for name in LINK}) | (
                     {} if traffic is None else {name: int(traffic[name]) for name in TRAFFIC})
-            radios.append(told)
+            radios.append(row)
         with self._lock:
             self._states = states
-        self.told = {"stations": stations, "radios": radios}
+        self.state = {"stations": stations, "radios": radios}
 
     def passes(self) -> list[dict[str, Any]]:
         """Those of the coming day, of each station, soonest first; for all threads."""

@@ -23,7 +23,7 @@ def test_the_passes_of_half_a_day_are_those_that_are_flown():
     sim.run(10 * s)
     found = Contacts(Feed("imager", sim), sim)
     assert found.passes() == [], "nothing is known yet"
-    found.look()
+    found.poll()
     found._made = (-np.inf, [])
     passes = found.passes()
     sim.run(12 * hour)
@@ -45,8 +45,8 @@ def test_what_is_now_is_the_truth_and_a_pass_that_goes_on_has_no_rise():
     sim = fledge.load("earth_imager")
     sim.run(20 * 60 * s)
     found = Contacts(Feed("imager", sim), sim)
-    found.look()
-    [station], [radio], w = found.told["stations"], found.told["radios"], sim.world
+    found.poll()
+    [station], [radio], w = found.state["stations"], found.state["radios"], sim.world
     assert station["elevation"] == pytest.approx(w.station.contact.elevation, abs=1e-5)
     assert station["range"] == pytest.approx(w.station.contact.range, abs=5) and station["seen"]
     assert radio["station"] == "station" and radio["down"]["lock"] == bool(w.radio.down.lock)
@@ -67,7 +67,7 @@ def test_without_a_sky_the_body_turns_by_its_spin():
     log = sim.record(w.station.contact, every=1 * s)
     sim.run(2 * s)
     found = Contacts(Feed("bare", sim), sim)
-    found.look()
+    found.poll()
     passes = found.passes()
     sim.run(24 * hour)
     rises = log.time[1:][np.diff(log["contact.visible"].astype(int)) == 1]
@@ -76,12 +76,12 @@ def test_without_a_sky_the_body_turns_by_its_spin():
 
 
 def test_a_spacecraft_of_a_database_has_no_stations_and_a_silent_one_no_state():
-    assert Contacts(Feed("x", None), None).told == {"stations": [], "radios": []}
+    assert Contacts(Feed("x", None), None).state == {"stations": [], "radios": []}
     sim = fledge.load("earth_imager")
     found = Contacts(Feed("imager", sim, flown=False, link=lambda: SimpleNamespace(topics={})), sim)
-    found.look()
-    assert found.told["stations"] == [] and found.passes() == []
-    assert found.told["radios"][0]["down"] == {"rate": 2e6}, "nothing is made up"
+    found.poll()
+    assert found.state["stations"] == [] and found.passes() == []
+    assert found.state["radios"][0]["down"] == {"rate": 2e6}, "nothing is made up"
 
 
 def test_the_server_says_it(tmp_path, monkeypatch):
@@ -92,7 +92,7 @@ def test_the_server_says_it(tmp_path, monkeypatch):
     try:
         craft = room.crafts["imager"]
         craft.start()
-        told = wait_for(lambda: (now := craft.told())["stations"] and int(now["t_ns"]) > 10**9 and now)
+        told = wait_for(lambda: (now := craft.describe())["stations"] and int(now["t_ns"]) > 10**9 and now)
         assert told["bytes"] > 0 and told["stations"][0]["name"] == "station" and craft.contacts.passes()
     finally:
         room.close()
@@ -105,8 +105,8 @@ def test_the_radio_of_a_link_carries(tmp_path):
     room = Room(read(tmp_path / "ground.toml"))
     try:
         for craft in room.crafts.values():
-            craft.contacts.look()
-            radio, = craft.told()["radios"]
+            craft.contacts.poll()
+            radio, = craft.describe()["radios"]
             assert radio["name"] == "world.radio" and radio["carries"] == (craft.name == "by_radio")
     finally:
         room.close()

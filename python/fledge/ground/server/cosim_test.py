@@ -158,16 +158,16 @@ def test_a_run_goes_back_only_where_it_may_and_takes_no_command_before_it_is_the
 
         for known in ({}, {"t": -1.0, "past": 0.0}, {"t": 50.0, "past": 50.0, "rewinds": False}):
             state(**known)
-            assert run.repeats() == "" and run.told()["text"] == ""
+            assert run.repeats() == "" and run.describe()["text"] == ""
             with pytest.raises(SetupError, match="keeps no record to go back in: write keep_every = 60"):
                 run.command("rewind", 0.0)
         state(t=49.5, past=50.0, rewinds=True)
-        assert run.repeats() == run.told()["text"] == "the run repeats an earlier one until 50 s"
+        assert run.repeats() == run.describe()["text"] == "the run repeats an earlier one until 50 s"
         state(t=50.5, past=50.0, rewinds=True)
         assert run.repeats() == run.repeats(50.0) == ""
         assert run.repeats(49.0) == "the run repeats an earlier one until 50 s"
         state(t=49.5, past=50.0, rewinds=True)
-        assert run.told("the link broke")["text"] == "the link broke"
+        assert run.describe("the link broke")["text"] == "the link broke"
         for wrong in (-1.0, 49.6):
             with pytest.raises(SetupError, match=f"from 0 s to 49.5 s; found {wrong:g} s"):
                 run.command("rewind", wrong)

@@ -5,19 +5,20 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fledge.ground.server.limits import InForce
+from fledge.ground.server.limits import Change, InForce
 from fledge.ground.server.settings import Derived
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.database import Database
 
 if TYPE_CHECKING:
-    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.database import History, Monitor
+    from fledge.ground.server.reporter import Reporter
 
 Array = Any
 FUNCTIONS = {name: getattr(np, name) for name in (
@@ -79,12 +80,15 @@ def _function(one: Derived, folder: Path) -> Callable[..., Array]:
 
 
 class DerivedParameters:
-    """The derived parameters of a spacecraft and its monitor. Raises SetupError if one cannot be computed."""
+    """The derived parameters of a spacecraft in its monitor. Raises SetupError if one cannot be computed.
 
-    def __init__(self, craft: Spacecraft, monitor: Any) -> None:
-        self.craft, self.monitor = craft, monitor
-        folder = craft.room.settings.file.resolve().parent
-        self._all = {one.name: (one, compiled(one, folder)) for one in craft.settings.derived}
+    folder: of the files of functions; changes: of limits, by which the values of the past are judged
+    """
+
+    def __init__(self, parameters: Iterable[Derived], folder: Path, monitor: Monitor, changes: list[Change],
+                 reporter: Reporter) -> None:
+        self.monitor, self._changes, self._reporter = monitor, changes, reporter
+        self._all = {one.name: (one, compiled(one, folder)) for one in parameters}
         self._inputs = {name: self._of_packets(name, ()) for name in self._all}     # of packets, at last
         self._problems: set[str] = set()
         self._rows: list[tuple[str, int, int]] = []     # name, trigger, slot
@@ -114,7 +118,7 @@ class DerivedParameters:
                 except SetupError as error:
                     if str(error) not in self._problems and len(self._problems) < 50:
                         self._problems.add(str(error))
-                        self.craft.room.tell(self.craft.name, "warning", "derived", str(error))
+                        self._reporter.event("warning", "derived", str(error))
                     continue
                 notes += self.monitor.put(slot, rows[:, 0].tobytes(), values.tobytes())
         return notes
@@ -122,7 +126,7 @@ class DerivedParameters:
     def __contains__(self, name: str) -> bool:
         return name in self._all
 
-    def series(self, name: str, history: Any, begin: int, end: int, session: int, points: int) -> tuple[Array, ...]:
+    def series(self, name: str, history: History, begin: int, end: int, session: int, points: int) -> tuple[Array, ...]:
         """(t, value, low, high, concern, worst, exact) as History.series has it: low and high are those of each of so
         many buckets."""
         rows, received = history.rows(self._inputs[name], begin, end, session)
@@ -142,7 +146,7 @@ class DerivedParameters:
         """By the limits in force when the packets were received, in a monitor of its own."""
         monitor = Database([]).monitor()
         slot = monitor.derive(one.name, one.unit, one.description, one.limits)
-        limits = InForce([change for change in self.craft.limits.changes if change["name"] == one.name], monitor)
+        limits = InForce([change for change in self._changes if change["name"] == one.name], monitor)
         found = np.zeros(len(t), np.uint8)
         at = 0
         for notes, rows in limits.parts([(i, int(when), b"") for i, when in enumerate(received)]):

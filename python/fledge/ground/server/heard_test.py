@@ -178,19 +178,19 @@ def test_a_gap_has_its_times_an_event_and_unknown_commands_and_the_last_message_
         try:
             craft = room.crafts["craft"]
             craft.start()
-            wait_for(lambda: craft.link)
+            wait_for(lambda: craft.connection.link)
             do(craft)
-            wait_for(lambda: craft.now >= until * 1e9)
+            wait_for(lambda: craft.clock.now >= until * 1e9)
             craft.call(lambda: None).result()       # in its next turn
             return ([one["text"] for one in room.journal.rows("events", "craft") if "missing" in one["text"]],
-                    craft.sessions()[-1]["gaps"], room.journal.rows("sent", "craft"))
+                    craft.past.sessions()[-1]["gaps"], room.journal.rows("sent", "craft"))
         finally:
             room.close()
 
     def slow(craft):
         for t in range(1, 5):
             run.put(t, packet(t))
-        wait_for(lambda: craft.now >= 4 * 10**9)
+        wait_for(lambda: craft.clock.now >= 4 * 10**9)
         craft.call(lambda: craft.commanding.send("operator", "flight.noop", {}, False)).result()
         run.put(10, packet(10), lost=5)
         run.put(80, packet(80))

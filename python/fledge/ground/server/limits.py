@@ -4,25 +4,27 @@ those that were in force when its packet was received: live, in a replay, in his
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from fledge.ground.server.clock import Clock, Packets
 from fledge.ground.server.journal import JournalError
 from fledge.errors import SetupError, listed
 
 if TYPE_CHECKING:
-    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.database import Monitor
+    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.telemetry import Note, Telemetry
 
 Change = dict[str, Any]     # name, kind, unit, limits (None: the database's again), persistence, time_ns, ...
-Packets = list[tuple[int, int, bytes]]      # t, received, packet
 EVER = 2**63 - 1
 
 
 class InForce:
     """The limits of a monitor at a time. changes: in their order; more may be appended."""
 
-    def __init__(self, changes: list[Change], monitor: Any) -> None:
+    def __init__(self, changes: list[Change], monitor: Monitor) -> None:
         self.changes, self.monitor = changes, monitor
         self.newest: dict[str, Change] = {}     #: of each parameter
         self._next = 0
@@ -76,19 +78,22 @@ class InForce:
 
 
 class SetLimits:
-    """Those of a spacecraft."""
+    """Those of a spacecraft.
 
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft = craft
-        #: all changes so far; those of a replay are its spacecraft's
-        self.changes: list[Change] = craft.source.limits.changes if craft.source else craft.room.journal.all(
-            "limits", craft.name)
-        self.in_force = InForce(self.changes, craft.monitor)
+    changes: all so far; those of a replay are its spacecraft's, and none is kept
+    handle: gets what the monitor notes when limits change
+    """
+
+    def __init__(self, changes: list[Change], telemetry: Telemetry, clock: Clock, reporter: Reporter, replayed: bool,
+                 handle: Callable[[list[Note]], None]) -> None:
+        self.changes, self._telemetry, self._clock, self._reporter = changes, telemetry, clock, reporter
+        self._replayed, self._handle = replayed, handle
+        self.in_force = InForce(changes, telemetry.monitor)
 
     def begin(self) -> None:
         """Let them count in the spacecraft's monitor, and say which cannot."""
-        self.in_force = InForce(self.changes, self.craft.monitor)
-        if self.craft.source:       # whose packets have their own times
+        self.in_force = InForce(self.changes, self._telemetry.monitor)
+        if self._replayed:          # whose packets have their own times
             return
         self.in_force.at(EVER)
         absent = []
@@ -99,57 +104,58 @@ class SetLimits:
             if about is None:
                 absent.append(name)
             elif not fits(change, about):
-                self._tell("warning", f"the limits that {change['user']} set for {name} do not count: it was "
+                self._event("warning", f"the limits that {change['user']} set for {name} do not count: it was "
                            f"{change['kind']} [{change['unit']}], and is {about['kind']} [{about['unit']}] now; set "
                            "them anew")
             elif about["limits"] != change["database"]:
-                self._tell("info", f"the database has other limits of {name} than before "
+                self._event("info", f"the database has other limits of {name} than before "
                            f"({in_words(about['limits'])}); those that {change['user']} set still count: "
                            f"{in_words(change['limits'], change['persistence'])}")
         if absent:
-            self._tell("warning", f"the limits that were set for {listed(absent)} wait: the database has no such "
+            self._event("warning", f"the limits that were set for {listed(absent)} wait: the database has no such "
                        "parameter now")
 
     def change(self, user: str, slot: int, levels: dict[str, Any] | None, persistence: int) -> None:
         """Set other limits of a parameter; {}: none, None: those of the database again. They are in the journal when
         this returns, but those of a replay, which end with it. Raises SetupError."""
-        craft = self.craft
-        before, = craft.monitor.slots(slot, 1)
-        notes = craft.monitor.set_limits(slot, levels, persistence)
-        now, = craft.monitor.slots(slot, 1)
+        monitor = self._telemetry.monitor
+        before, = monitor.slots(slot, 1)
+        notes = monitor.set_limits(slot, levels, persistence)
+        now, = monitor.slots(slot, 1)
         change = {
             "name": before["name"], "kind": before["kind"], "unit": before["unit"],
             "limits": None if levels is None else now["limits"], "persistence": persistence, "user": user,
             "old": {"limits": before["limits"], "persistence": before["persistence"]},
             "database": before["limits"] if before["replaced"] is None else before["replaced"],
             "time_ns": str(max([time.time_ns(), *(int(one["time_ns"]) for one in self.changes[-1:])])),
-            "t_ns": str(craft.now)}
+            "t_ns": str(self._clock.now)}
         try:
-            craft.room.log(user, "limits", f"{change['name']}: {in_words(before['limits'], before['persistence'])} -> "
-                           f"{in_words(now['limits'], now['persistence'])}"
-                           f"{', as in the database' if levels is None else ''}", craft.name,
-                           also=[] if craft.source else [("limits", change)])
-            if not craft.source:
+            self._reporter.log(user, "limits", f"{change['name']}: "
+                               f"{in_words(before['limits'], before['persistence'])} -> "
+                               f"{in_words(now['limits'], now['persistence'])}"
+                               f"{', as in the database' if levels is None else ''}",
+                               [] if self._replayed else [("limits", change)])
+            if not self._replayed:
                 self.changes.append(change)
                 self.in_force.at(EVER)
         except JournalError:
             notes += self.in_force.apply(change["name"])
             raise
         finally:
-            craft.noted(notes)
+            self._handle(notes)
 
     def of(self, name: str) -> list[tuple[int, dict[str, Any] | None, int]]:
         """When [ns, UTC] which limits of a parameter began to count (None: the database's), and their persistence."""
         if not self.changes:
             return []
         with suppress(SetupError):
-            name = name if name in self.craft.slot_numbers else \
-                self.craft.slot_names[self.craft.monitor.slot(name)]     # of a path
+            name = name if name in self._telemetry.slot_numbers else \
+                self._telemetry.slot_names[self._telemetry.monitor.slot(name)]      # of a path
         return [(int(one["time_ns"]), one["limits"] if fits(one, self.in_force.about(name)) else None,
                  one["persistence"]) for one in self.changes if one["name"] == name]
 
-    def _tell(self, severity: str, text: str) -> None:
-        self.craft.room.tell(self.craft.name, severity, "limits", text)
+    def _event(self, severity: str, text: str) -> None:
+        self._reporter.event(severity, "limits", text)
 
 
 def fits(change: Change, about: dict[str, Any] | None) -> bool:

@@ -182,7 +182,7 @@ class Browser:
             if self._timer:
                 self._timer.cancel()
             for one in self._feeds.values():
-                one.craft.sinks.remove(one.take)
+                one.craft.telemetry.sinks.remove(one.take)
         return self.socket
 
     def _take(self, text: str) -> None:
@@ -209,7 +209,7 @@ class Browser:
     def _subscribe_packets(self, craft: Spacecraft, _: Any) -> None:
         if craft.name not in self._feeds:
             self._feeds[craft.name] = _PacketFeed(craft, self.server)
-            craft.sinks.append(self._feeds[craft.name].take)
+            craft.telemetry.sinks.append(self._feeds[craft.name].take)
 
     @message("subscribe", "view")
     def _subscribe(self, craft: Spacecraft, wish: Any) -> None:
@@ -268,7 +268,7 @@ class Browser:
                     made[key] = number, b"".join(framed(dumps(text)) for text in texts)
                 one.number, frame = made[key]
                 transport.write(frame)
-            monitor = one.craft.monitor
+            monitor = one.craft.telemetry.monitor
             if monitor is not one.monitor:      # another database: all anew
                 one.monitor, one.version = monitor, 0
             if transport.get_write_buffer_size():
@@ -310,7 +310,8 @@ class _PacketFeed:
         while self._rows and self._out < end:
             rows.append(self._rows.popleft())
             self._out += len(rows[-1][2]) + PACKET
-        now = self.craft.now if self.craft.clock == "simulated" else max(self.craft.now, time.time_ns())
+        clock = self.craft.clock
+        now = clock.now if clock.simulated else max(clock.now, time.time_ns())
         return dumps({"kind": "packets", "craft": self.craft.name, "t_ns": str(now), "dropped": self._dropped,
                       "packets": [[str(t), packet.hex()] for t, _, packet in rows]})
 
@@ -318,7 +319,7 @@ class _PacketFeed:
 class _Subscription:
     def __init__(self, craft: Spacecraft, slots: bytes | None, period: float, truth: bool) -> None:
         self.craft, self.slots, self.period, self.truth = craft, slots, period, truth
-        self.monitor: Any = None
+        self.monitor = craft.telemetry.monitor
         self.version, self.number, self.due = 0, 0, 0.0
 
     def frame(self) -> tuple[int, bytes]:

@@ -26,10 +26,11 @@ from urllib.request import Request, urlopen
 import pytest
 
 from fledge.commands import Stored
-from fledge.ground.server import spacecraft
+from fledge.ground.server import clock as clock_module, link, spacecraft
+from fledge.ground.server.clock import Clock
 from fledge.ground.server.journal import Journal, JournalError
 from fledge.ground.server.room import Room
-from fledge.ground.server.services import StoredLists
+from fledge.ground.server.stored import StoredLists
 from fledge.ground.server.settings import read
 from fledge.errors import SetupError
 from tests.circles import long_after
@@ -396,9 +397,9 @@ def test_each_spacecraft_tells_that_its_journal_was_written_again(tmp_path):
     room = Room(read(tmp_path / "ground.toml"))
     try:
         with patch.object(room.journal, "save_all", side_effect=JournalError("it cannot be written")):
-            room.tell("craft", "info", "server", "x")
-            room.tell("", "info", "server", "y")
-        room.tell("", "info", "server", "z")
+            room.report("craft", "info", "server", "x")
+            room.report("", "info", "server", "y")
+        room.report("", "info", "server", "z")
         room.flush("craft")
         for name, own in (("craft", ["x"]), ("", ["y", "z"])):
             assert {one["text"] for one in room.journal.rows("events", name)} == {
@@ -466,7 +467,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
 
     clock = SimpleNamespace(monotonic=time.monotonic, monotonic_ns=lambda: time.monotonic_ns() + still[0],
                             time_ns=time_ns)
-    monkeypatch.setattr(spacecraft, "time", clock)
+    monkeypatch.setattr(clock_module, "time", clock)
     (tmp_path / "craft.xml").write_text(DATABASE)
     (tmp_path / "ground.toml").write_text(
         f'folder = "out"\n[[craft]]\nname = "craft"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n')
@@ -480,10 +481,10 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
             stalls.append(5 * S)
             wait_for(lambda: not stalls)
             craft.send(200)
-            wait_for(lambda: one.packets >= craft.sent)
-        sessions = one.history.sessions()
+            wait_for(lambda: one.telemetry.packets >= craft.sent)
+        sessions = one.telemetry.history.sessions()
         found = [int.from_bytes(each[3][6:10], "big") for session in sessions
-                 for each in one.history.packets(session=session["session"], limit=10_000)]
+                 for each in one.telemetry.history.packets(session=session["session"], limit=10_000)]
         assert found == list(range(1, craft.sent + 1)) and len(sessions) == 2
         told = [each["text"] for each in room.journal.rows("events", "craft") if "clock went" in each["text"]]
         assert ["back by" in each for each in told] == [False, True, False]
@@ -494,7 +495,8 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
 @pytest.mark.parametrize("error", [RuntimeError("no such thing"), SystemExit(3)])
 def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers(tmp_path, craft, capsys, monkeypatch,
                                                                                  error):
-    monkeypatch.setattr(spacecraft, "AGAIN", 0.1)
+    for module in (link, spacecraft):
+        monkeypatch.setattr(module, "AGAIN", 0.1)
     (tmp_path / "craft.xml").write_text(DATABASE)
     (tmp_path / "ground.toml").write_text('folder = "out"\n' + "".join(
         f'[[craft]]\nname = "{name}"\ndatabase = "craft.xml"\nlink = "tcp://127.0.0.1:{craft.port}"\n'
@@ -513,10 +515,10 @@ def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers
         try:
             one.commanding.release("test", "x", {}, [b"x"])
         except SetupError as refused:
-            seen.append((one.failed, one.told()["failed"], str(refused)))
+            seen.append((one.failed, one.describe()["failed"], str(refused)))
 
     begin, one.alarms.take = one.alarms.take, take
-    seen, tell, one._failed = [], one._failed, failed
+    seen, tell, one._fail = [], one._fail, failed
     try:
         room.start()
         craft.connected()
@@ -530,9 +532,9 @@ def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers
         craft.connected()
         wait_for(lambda: not one.failed and one.alarms.rows())
         craft.send(10)
-        wait_for(lambda: two.packets == 160)
+        wait_for(lambda: two.telemetry.packets == 160)
         wait_for(lambda: any("works here again" in each["text"] for each in room.journal.rows("events", "one")))
-        wait_for(lambda: one.packets >= 10)
+        wait_for(lambda: one.telemetry.packets >= 10)
         assert [each["severity"] for each in room.journal.rows("events", "one")].count("critical") == 1
         assert not two.failed and len(room.journal.rows("events", "two")) == 1      # its link is up
         assert "Traceback" in capsys.readouterr().err
@@ -543,28 +545,28 @@ def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers
 def test_stored_commands_that_are_known_outlive_the_server(tmp_path):
     """Their lists, and when a sequence began; those of a simulation end with it."""
     journal = Journal(tmp_path)
-    room = SimpleNamespace(journal=journal, keep=lambda kind, craft, row, told: journal.save(kind, craft, row))
+    reporter = SimpleNamespace(all=lambda kind: journal.all(kind, "craft"),
+                               keep=lambda kind, row, shown: journal.save(kind, "craft", row))
 
-    def lists(clock):
-        made = StoredLists(SimpleNamespace(name="craft", dictionary=None, room=room, clock=clock, now=100 * S,
-                                           slot_numbers={}, monitor=None))
-        made.path = "flight.stored"
-        return made
+    def lists(simulated):
+        clock = Clock(simulated)
+        clock.now = 100 * S
+        return StoredLists("flight.stored", None, None, SimpleNamespace(slot_numbers={}), clock, reporter)
 
-    one = lists("utc")
+    one = lists(False)
     one._names[7] = "flight.noop"
     one._keep(0, [Stored(200 * S, 1, 20, 7, 0), Stored(150 * S, 2, 20, 8, 0)], str(90 * S))
     one._keep(3, [Stored(5 * S, 0, 20, 7, 0)])
     one._begun[3], one._held[2] = 40 * S, 41 * S
     for number in (0, 2, 3):
         one._save(number)
-    again = lists("utc")
-    assert again.told() == one.told() and again.told()["lists"][0]["commands"][1]["name"] == "flight.noop"
+    again = lists(False)
+    assert again.describe() == one.describe() and again.describe()["lists"][0]["commands"][1]["name"] == "flight.noop"
     assert (again._begun, again._held, again._names[7]) == (one._begun, one._held, "flight.noop")
     again._keep(0, [], str(95 * S))
     again._save(0)
-    assert lists("utc").told() == again.told() and len(journal.all("stored", "craft")) == 3
-    assert all(not each["commands"] for each in lists("simulated").told()["lists"])
+    assert lists(False).describe() == again.describe() and len(journal.all("stored", "craft")) == 3
+    assert all(not each["commands"] for each in lists(True).describe()["lists"])
     journal.close()
 
 

@@ -57,7 +57,7 @@ async def test_what_was_is_exact_and_has_its_states_in_every_format(tmp_path):
         names = ["natural", "integer", "real", "label", "text", "bytes", "last"]
         await sending(port, packets[:30])
         slots = {one["name"]: one["slot"] for one in await c.until("crafts/craft/slots", lambda _: (
-            c.room.crafts["craft"].packets == 30))}
+            c.room.crafts["craft"].telemetry.packets == 30))}
         then = int((await c.get("crafts"))[0]["t_ns"])
         for name, limits in (("real", {"critical": [-0.5, 0.5]}), ("last", {"severe": [None, 1.5]})):
             await c.post(f"crafts/craft/limits/{slots[name]}", {"limits": limits}, method="put")

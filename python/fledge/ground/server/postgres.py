@@ -150,7 +150,7 @@ class Postgres:
                     self._begin(base)
                     self._tell("")
                     while not self._over.is_set():
-                        busy = [self._tail(base, one) for one in list(self.room.crafts.values()) if not one.replayed]
+                        busy = [self._tail(base, one) for one in list(self.room.crafts.values()) if not one.source]
                         wait = FIRST
                         if not any(busy):
                             self._over.wait(1)
@@ -165,7 +165,7 @@ class Postgres:
             text = f"nothing is written into PostgreSQL: {problem}; it is caught up from the archive" if problem else \
                 "PostgreSQL is written again"
             for name in self.room.crafts:
-                self.room.tell(name, "warning" if problem else "info", "postgres", text)
+                self.room.report(name, "warning" if problem else "info", "postgres", text)
         self.problem = problem
 
     def _begin(self, base: psycopg.Connection[Any]) -> None:
@@ -189,12 +189,12 @@ class Postgres:
         except SetupError as error:
             if self._wrong.get(craft.name) != str(error):
                 self._wrong[craft.name] = str(error)
-                self.room.tell(craft.name, "warning", "postgres", f"nothing is written into PostgreSQL: {error}")
+                self.room.report(craft.name, "warning", "postgres", f"nothing is written into PostgreSQL: {error}")
             return False
 
     def _catch_up(self, base: psycopg.Connection[Any], craft: Spacecraft) -> bool:
         tail = self._tails.get(craft.name)
-        if tail is None or tail.database is not craft.database:
+        if tail is None or tail.database is not craft.telemetry.database:
             tail = self._tails[craft.name] = Tail(craft, self.room, self.settings.parameters, base, self._id)
         any_ = False
         for rows in tail.rows():
@@ -249,11 +249,11 @@ class Tail:
     def __init__(self, craft: Spacecraft, room: Room, names: tuple[str, ...], base: psycopg.Connection[Any],
                  server: int) -> None:
         self.craft, self.names, self.base, self.server = craft, names, base, server
-        self.database: Any = craft.database
-        self.history = craft.database.history(room.settings.folder / "archive", craft.name, craft.settings.root)
-        self.monitor = craft.database.monitor(craft.settings.root)
+        self.database = craft.telemetry.database
+        self.history = self.database.history(room.settings.folder / "archive", craft.name, craft.settings.root)
+        self.monitor = self.database.monitor(craft.settings.root)
         self.limits = InForce(craft.limits.changes, self.monitor)
-        self.epoch = (craft.epoch_ns or 0) if craft.clock == "simulated" else 0
+        self.epoch = (craft.epoch_ns or 0) if craft.clock.simulated else 0
         with base.transaction():
             base.execute("select pg_advisory_xact_lock(%s)", (LOCK,))
             self.craft_id: int = number(base, "spacecraft", craft.name)

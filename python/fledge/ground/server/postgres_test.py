@@ -119,12 +119,12 @@ class Server:
     def __init__(self, folder, base, **more):
         (folder / "craft.xml").write_text(DATABASE, encoding="utf-8")
         self.database = Database.load(folder / "craft.xml")
-        self.craft = craft = SimpleNamespace(name="craft", database=self.database,
-                                             settings=SimpleNamespace(root=None), clock="utc", epoch_ns=None,
-                                             replayed="", limits=SimpleNamespace(changes=[]))
+        self.craft = craft = SimpleNamespace(name="craft", telemetry=SimpleNamespace(database=self.database),
+                                             settings=SimpleNamespace(root=None), epoch_ns=None, source=None,
+                                             clock=SimpleNamespace(simulated=False), limits=SimpleNamespace(changes=[]))
         self.events = []
         room = SimpleNamespace(settings=SimpleNamespace(folder=folder), crafts={"craft": craft},
-                               tell=lambda *words: self.events.append(words))
+                               report=lambda *words: self.events.append(words))
         self.monitor = self.database.monitor()
         self.archive = self.database.archive(folder / "archive", "craft")
         self.monitor.sink(self.archive)
@@ -286,12 +286,12 @@ def test_a_flight_of_the_server_is_in_the_database_as_in_its_archive(tmp_path, b
     craft = room.crafts["imager"]
     try:
         room.start()
-        wait_for(lambda: craft.now > 60 * S)
+        wait_for(lambda: craft.clock.now > 60 * S)
         craft.call(lambda: craft.run.command("pause", 1.0, None)).result(60)
         name = "flight.tracking.error.sigma_BR[1]"
-        t, value, *_ = craft.history.series([name])[name]
+        t, value, *_ = craft.telemetry.history.series([name])[name]
         wait_for(lambda: base.rows("select count(*) from pg_tables where tablename = 'progress'")[0][0] and base.rows(
-            "select t_ns from fledge.progress") == [(int(craft.history.sessions()[-1]["last"]),)])
+            "select t_ns from fledge.progress") == [(int(craft.telemetry.history.sessions()[-1]["last"]),)])
         assert len(t) > 50 and base.rows(
             "select (extract(epoch from t) * 1000000)::bigint * 1000 + ns - %s, value from fledge.telemetry "
             "where spacecraft = 'imager' and parameter = %s order by t, ns", craft.epoch_ns, name) == list(
@@ -321,7 +321,8 @@ def test_what_is_wrong_in_the_database_is_told_and_the_server_goes_on(tmp_path, 
     third.monitor.take([(T0, T0, power(1))])
     (tmp_path / "foreign.xml").write_text(DATABASE.replace("voltage", "current"), encoding="utf-8")
     foreign = SimpleNamespace(**{**vars(third.postgres.room.crafts["craft"]), "name": "foreign",
-                                 "database": Database.load(tmp_path / "foreign.xml")})
+                                 "telemetry": SimpleNamespace(
+                                     database=Database.load(tmp_path / "foreign.xml"))})
     third.postgres.room.crafts = {"foreign": foreign, **third.postgres.room.crafts}
     with third:
         wait_for(lambda: written(base) == 1)

@@ -12,16 +12,16 @@ from fledge.errors import SetupError
 
 MOST = 50           # open questions
 LONGEST = 1000      # characters of one
-ASKED = 30.0        # [s] since its script looked, after which a question is withdrawn
+POLLED = 30.0       # [s] since its script polled, after which a question is withdrawn
 
 
 class Questions:
-    """Of all spacecraft. publish: tells browsers of a question that is new, answered or withdrawn."""
+    """Of all spacecraft. publish: sends browsers a question that is new, answered or withdrawn."""
 
     def __init__(self, publish: Callable[[str, str, dict[str, Any]], None]) -> None:
         self._publish = publish
         self._numbers = count(1)
-        self._all: dict[int, tuple[dict[str, Any], float]] = {}     # and when its script has looked
+        self._all: dict[int, tuple[dict[str, Any], float]] = {}     # and when its script has polled
 
     def ask(self, craft: str, user: str, text: str) -> dict[str, Any]:
         """Raises SetupError."""
@@ -41,7 +41,7 @@ class Questions:
         self._withdraw()
         return [one for one, _ in self._all.values() if one["craft"] == craft and one["answer"] is None]
 
-    def look(self, craft: str, number: int) -> dict[str, Any]:
+    def poll(self, craft: str, number: int) -> dict[str, Any]:
         """One question, for its script. Raises SetupError if it is gone."""
         one = self._one(craft, number)
         if one["answer"] is None:
@@ -65,8 +65,8 @@ class Questions:
         return one
 
     def _withdraw(self) -> None:
-        for number, (one, looked) in list(self._all.items()):
-            if time.monotonic() - looked > ASKED:
+        for number, (one, polled) in list(self._all.items()):
+            if time.monotonic() - polled > POLLED:
                 del self._all[number]
                 if one["answer"] is None:
                     self._publish("question", one["craft"], one | {"answer": False, "by": "its script's end"})

@@ -5,15 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from threading import RLock
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.ground.server.bounds import Bounds
 from fledge.ground.server.journal import Journal, JournalError
 from fledge.ground.server.settings import Settings
-from fledge.ground.server.simulated import Steered
+from fledge.ground.server.run_control import Steered
 from fledge.ground.server.spacecraft import Spacecraft
 from fledge.cosim.steering import Steering
 from fledge.errors import SetupError, did_you_mean, listed
+
+if TYPE_CHECKING:
+    from fledge.ground.server.postgres import Postgres
 
 UNSAVED = 10_000    # events that wait for a journal that cannot be written
 KINDS = {"sent": "sent", "events": "event", "alarms": "alarm", "transfers": "transfer", "stored": "stored",
@@ -27,7 +30,7 @@ class Room:
         self.settings = settings
         self.bounds = Bounds()
         self.journal = Journal(settings.folder)
-        self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: hear of all, from any thread
+        self.listeners: list[Callable[[dict[str, Any]], None]] = []    #: get all objects for browsers, from any thread
         self.crafts: dict[str, Spacecraft] = {}
         self._numbers = 0
         self._unsaved: dict[str, list[tuple[str, dict[str, Any]]]] = {}     # of each craft, while the journal fails
@@ -37,7 +40,7 @@ class Room:
         steering = Steering.of_run()
         #: the run of the co-simulation that this is a part of
         self.steered: Steered | None = Steered(steering) if steering else None
-        self.postgres: Any = None
+        self.postgres: Postgres | None = None
         try:
             for one in settings.crafts:
                 self.add(Spacecraft(self, one, self._numbers))
@@ -63,6 +66,11 @@ class Room:
     def next_index(self) -> int:
         return self._numbers
 
+    @property
+    def replays(self) -> int:
+        """How many there are."""
+        return sum(bool(one.source) for one in self.crafts.values())
+
     def craft(self, name: str, among: list[str] | None = None) -> Spacecraft:
         """The spacecraft of a name, of all or among some. Raises SetupError."""
         among = list(self.crafts) if among is None else among
@@ -87,7 +95,7 @@ class Room:
             self.flush(name)
         self.journal.close()
 
-    def _postgres(self, table: dict[str, Any]) -> Any:
+    def _postgres(self, table: dict[str, Any]) -> Postgres:
         try:
             from fledge.ground.server.postgres import Postgres, PostgresSettings
         except ModuleNotFoundError as error:
@@ -97,14 +105,15 @@ class Room:
     # --- what happens ---
 
     def publish(self, kind: str, craft: str, content: dict[str, Any]) -> None:
-        """Tell all browsers."""
+        """Send an object to all browsers."""
         for one in list(self.listeners):
             one(content | {"kind": kind, "craft": craft})
 
     def keep(self, kind: str, craft: str, *objects: dict[str, Any],
-             told: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:
-        """Write objects into the journal, and tell all browsers. What it does not take is told, too, and is written as
-        soon as it can be. must: raise JournalError instead, for a request is refused then."""
+             shown: Callable[[dict[str, Any]], dict[str, Any]] = dict, must: bool = False) -> None:
+        """Write objects into the journal, and publish them, as `shown` has them. What the journal does not take is
+        published, too, and is written as soon as it can be. must: raise JournalError instead, for a request is refused
+        then."""
         if must:
             self.journal.save(kind, craft, *objects)
         elif objects:
@@ -117,11 +126,11 @@ class Room:
                         waiting.append((kind, one))
             self.flush(craft)
         for one in objects:
-            self.publish(KINDS[kind], craft, told({"id": None} | one))
+            self.publish(KINDS[kind], craft, shown({"id": None} | one))
 
     def flush(self, craft: str) -> None:
-        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is told, and
-        that it is over."""
+        """Write what the journal has not taken before: of a spacecraft, by its thread. The first failure is an event,
+        and that it is over."""
         with self._keeping:
             waiting, failed = self._unsaved.get(craft), craft in self._failed
             if not waiting:
@@ -139,15 +148,17 @@ class Room:
             self._failed.discard(craft)
             left_out, self._left_out = self._left_out, 0
         if failed:
-            self.tell(craft, "info", "server", "the journal is written again"
+            self.report(craft, "info", "server", "the journal is written again"
                       + f"; {left_out} events meanwhile are not in it" * bool(left_out))
 
     def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> dict[str, Any]:
         """An event as the journal has it. severity: info, watch, warning, distress, critical, severe."""
-        return {"craft": craft, "t_ns": str(self.crafts[craft].now if t is None and craft in self.crafts else t or 0),
-                "received_ns": str(time.time_ns()), "severity": severity, "source": source, "text": text}
+        if t is None and craft in self.crafts:
+            t = self.crafts[craft].clock.now
+        return {"craft": craft, "t_ns": str(t or 0), "received_ns": str(time.time_ns()), "severity": severity,
+                "source": source, "text": text}
 
-    def tell(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> None:
+    def report(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> None:
         """Keep an event."""
         self.keep("events", craft, self.event(craft, severity, source, text, t))
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from math import isfinite
+from types import ModuleType
 from typing import Any, TypeVar
 
 from aiohttp import web
@@ -49,15 +50,27 @@ def message(key: str, role: str, craft: str = OWN) -> Callable[[Handler], Handle
 
 
 def rows(holder: Any) -> Iterator[tuple[Row, Any]]:
-    """The rows of a class or an object, with their handlers, as they stand in its file."""
-    for one in vars(holder if isinstance(holder, type) else type(holder)).values():
+    """The rows of a module, a class or an object, with their handlers, as they stand in its file."""
+    of = holder if isinstance(holder, (type, ModuleType)) else type(holder)
+    for one in vars(of).values():
         if hasattr(one, "row"):
-            yield one.row, one if isinstance(holder, type) else getattr(holder, one.__name__)
+            yield one.row, one if of is holder else getattr(holder, one.__name__)
 
 
-def add_routes(app: web.Application, holder: Any) -> None:
-    """Those of an object's rows."""
+def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, server: Any
+          ) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+    """A handler of a module as the application calls it: of a server, and of the spacecraft that its path names."""
+    async def made(request: web.Request) -> web.StreamResponse:
+        return await handler(server, request, *([request["craft"]] if row.craft else []))
+
+    setattr(made, "row", row)
+    return made
+
+
+def add_routes(app: web.Application, holder: Any, server: Any = None) -> None:
+    """Those of the rows of an object, or of a module whose handlers are of a server."""
     for row, handler in rows(holder):
+        handler = bound(handler, row, server) if server else handler
         if row.method == "GET":     # and HEAD
             app.router.add_get(row.path, handler)
         elif row.method != MESSAGE:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A spacecraft that the server itself flies: at a speed, with pauses, steps, and faults that an operator injects."""
+"""The control of a run in which spacecraft fly: its speed, pauses, steps, and faults that an operator injects."""
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from math import inf
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -11,37 +12,59 @@ from fledge.errors import SetupError, did_you_mean, listed
 
 if TYPE_CHECKING:
     from fledge.cosim.steering import Steering
-    from fledge.ground.server.settings import CraftSettings
+    from fledge.mission.simulation import Simulation
 
 AHEAD = 200_000_000     # [ns] of wall time that one turn may take
 LEAST = 10_000_000      # [ns] of wall time that one turn flies at least, for a turn costs far more than a short flight
 LATE = 0.5              # [s] behind its speed: what the simulation cannot keep up with is not made good
 
 
-def loaded(settings: CraftSettings) -> Any:
-    """The simulation of a spacecraft, set up as its scenario says. Raises SetupError."""
-    from fledge.mission import load
-    from fledge.mission.scenario import chosen, set_up
+class RunControl(ABC):
+    """What browsers can do with a run."""
 
-    sim = load(settings.mission)
-    if settings.scenario:
-        set_up(sim, chosen(sim, settings.scenario)[1])
-    return sim
+    @property
+    @abstractmethod
+    def paused(self) -> bool:
+        """Whether it stands still, or will after its step."""
+
+    @property
+    def past(self) -> float:
+        """[s] until which the run repeats an earlier one."""
+        return 0.0
+
+    def repeats(self, received: float = inf) -> str:
+        """That the run repeats an earlier one and has not come to its end yet, or its telemetry has been received up
+        to a time [s] before: that, in words; empty: it does not."""
+        return ""
+
+    @abstractmethod
+    def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
+        """pause, go, step, or rewind to the instant `seconds`. Raises SetupError."""
+
+    @abstractmethod
+    def describe(self, problem: str = "") -> dict[str, Any]:
+        """The state for browsers. problem: why the run has ended."""
+
+    @abstractmethod
+    def faults(self) -> list[dict[str, Any]]:
+        """The parameters of the world that may be changed."""
+
+    @abstractmethod
+    def inject(self, path: str, value: Any) -> str:
+        """Set a parameter of the simulation, as "world.wheels.friction" or "world.wheels.faults", checked as in a
+        mission; in words, what it was. Raises SetupError."""
 
 
-class Pace:
-    """How far the simulation may go now."""
+class Pace(RunControl):
+    """Of a simulation that the server itself flies: how far it may go now."""
 
-    def __init__(self, sim: Any, speed: float) -> None:
+    paused = False
+
+    def __init__(self, sim: Simulation, speed: float) -> None:
         self.sim = sim
         self.speed = speed
-        self.paused = False
         self._end: int | None = None    # [ns] of steps
         self._anchor()
-
-    def repeats(self, heard: float = inf) -> str:
-        """As of Steered: it repeats no other run."""
-        return ""
 
     def until(self) -> int | None:
         """[ns] of simulated time up to which to fly; None: stand still for now."""
@@ -63,7 +86,6 @@ class Pace:
         return due if due > t else None
 
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
-        """pause, go or step. Raises SetupError."""
         _check(action, seconds, speed)
         if speed is not None:
             self.speed = speed
@@ -74,8 +96,7 @@ class Pace:
             self._end = None
         self._anchor()
 
-    def told(self, problem: str = "") -> dict[str, Any]:
-        """The state for browsers; faults: their places and values; problem: why the run has ended."""
+    def describe(self, problem: str = "") -> dict[str, Any]:
         t = max(int(self.sim.time_ns), 0)
         wall = monotonic() - self._begun
         real = (t - self._t) / 1e9 / wall if wall > 0 else 0.0
@@ -84,7 +105,6 @@ class Pace:
                 "real_speed": 0.0 if standing or problem else real, "t_ns": str(t), "text": problem}
 
     def faults(self) -> list[dict[str, Any]]:
-        """The parameters of the world that may be changed."""
         from fledge.objects import struct
 
         return [{"path": f"{process.name}.{name}.{field.name}", "unit": field.unit, "meaning": field.doc,
@@ -94,8 +114,6 @@ class Pace:
                 if field.group == "par" and not field.spare]
 
     def inject(self, path: str, value: Any) -> str:
-        """Set a parameter of the simulation, as "world.wheels.friction" or "world.wheels.faults", checked as in a
-        mission; in words, what it was. Raises SetupError."""
         steps = re.findall(r"\w+|\[\d+\]", path)
         if "".join(steps) != path.replace(".", "") or len(steps) < 3 or any(
                 one.startswith("_") for one in steps):
@@ -128,8 +146,8 @@ class Pace:
         self._t, self._begun = max(int(self.sim.time_ns), 0), monotonic()
 
 
-class Steered:
-    """The run of a co-simulation, of which the server is a program."""
+class Steered(RunControl):
+    """Of a co-simulation, of which the server is a program."""
 
     def __init__(self, steering: Steering) -> None:
         self._steering = steering
@@ -138,20 +156,16 @@ class Steered:
     def paused(self) -> bool:
         return bool(self._steering.state.get("paused"))
 
-    def repeats(self, heard: float = inf) -> str:
-        """Where the run goes on from an earlier one, and it has not come there yet or not been heard [s] so far: that,
-        in words."""
+    def repeats(self, received: float = inf) -> str:
         state = self._steering.state
-        t, past = min(float(state.get("t") or 0.0), heard), float(state.get("past") or 0.0)
+        t, past = min(float(state.get("t") or 0.0), received), float(state.get("past") or 0.0)
         return f"the run repeats an earlier one until {past:g} s" if 0 < past > t else ""
 
     @property
     def past(self) -> float:
-        """[s] Until then, the run repeats an earlier one."""
         return float(self._steering.state.get("past") or 0.0)
 
     def command(self, action: str, seconds: float = 0.0, speed: float | None = None) -> None:
-        """pause, go, step, or rewind to the instant `seconds`. Raises SetupError."""
         t = float(self._steering.state.get("t") or 0.0)
         _check("go" if action == "rewind" else action, seconds, speed)
         if action == "rewind" and not self._steering.state.get("rewinds"):
@@ -170,8 +184,7 @@ class Steered:
         else:
             self._steering.go()
 
-    def told(self, problem: str = "") -> dict[str, Any]:
-        """The state for browsers."""
+    def describe(self, problem: str = "") -> dict[str, Any]:
         state = self._steering.state
         t, wall = float(state.get("t") or 0.0), float(state.get("wall") or 0.0)
         return {"state": "ended" if problem else "paused" if state.get("paused") else "running",
@@ -199,18 +212,3 @@ def _check(action: str, seconds: float, speed: float | None) -> None:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value if isinstance(value, (int, float, str)) else str(value)
-
-
-def epoch_of(sim: Any) -> int | None:
-    """[ns] since 1970, UTC, of the run's start, if its world stands in a sky."""
-    from datetime import datetime, timezone
-
-    from fledge.world.sky import Sky
-
-    skies = (getattr(one, "sky", None) for process in sim.processes for one in process.instances.values())
-    sky = next((one for one in skies if isinstance(one, Sky)), None)
-    if sky is None:
-        return None
-    date, _, rest = sky.utc().rstrip("Z").partition(".")
-    begin = datetime.fromisoformat(date).replace(tzinfo=timezone.utc)
-    return int(begin.timestamp()) * 10**9 + int(rest.ljust(9, "0")[:9] or 0)

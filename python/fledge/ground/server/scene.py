@@ -108,7 +108,7 @@ class Feed:
 
     craft: its name there; simulation: of its mission, or None; monitor: of its telemetry, or None
     flown: the server flies this simulation, so that its outputs are the truth
-    link: gives the link of the moment; of a co-simulation its messages are the truth
+    link: gives the link of the moment, below its frames; of a co-simulation its messages are the truth
     zero: [ns] of the spacecraft's clock at the time 0 of the mission's simulation
     """
 
@@ -254,7 +254,6 @@ class Feed:
     def _watch(self) -> None:
         """Hear the messages of a co-simulation."""
         link: Any = None if self._flown else self._link()
-        link = getattr(link, "link", link)      # below frames
         if link is self._watched or not hasattr(link, "watch"):
             return
         self._watched = link

@@ -78,10 +78,10 @@ class Flown:
         for k in range(1, int(seconds / every) + 1):
             t = k * every
             if t in commands:
-                craft.commanding.release("server", "mode", {}, craft.ground.made("mode", commands[t]))
+                craft.commanding.release("server", "mode", {}, craft.connection.craft.made("mode", commands[t]))
             while sim.time_ns < t * 1e9:
-                if arrived := craft.ground.receive(round(t * 1e9)):
-                    craft.take(craft._timed(arrived))
+                if arrived := craft.connection.receive(round(t * 1e9)):
+                    craft.take(craft.clock.timed(arrived, craft.connection.link.t))
             craft.commanding.look()
             craft.feed.sample()
             number, news = craft.feed.since(number)

@@ -77,14 +77,14 @@ async def test_a_packet_that_comes_before_the_link_is_open_waits_for_it(folder):
     opened = Spacecraft._open
 
     def late(craft):
-        wait_for(lambda: not craft._asked.empty() or craft._over.is_set())
+        wait_for(lambda: not craft._requests.empty() or craft._over.is_set())
         opened(craft)
 
     with patch.object(Spacecraft, "_open", late):
         async with console(folder, FILE) as page:
             made = await page.post("crafts/nadir_spin/preview", {"name": "flight.noop"})
             await page.post("crafts/nadir_spin/raw", {"hex": made["hex"]})
-            assert page.room.crafts["nadir_spin"].state == "up"
+            assert page.room.crafts["nadir_spin"].connection.state == "up"
 
 
 @flown
@@ -98,7 +98,8 @@ async def test_a_script_behind_the_commands_of_another_ground_is_executed_once(f
         await page.until("crafts/nadir_spin/sent", lambda rows: rows and rows[0]["stages"][-1]["stage"] == "completed")
 
         def behind():       # as if the server had begun anew
-            craft.ground.in_step, craft.ground._packets.sequence = False, 0
+            flight = craft.connection.craft
+            flight.in_step, flight._packets.sequence = False, 0
             return craft.simulation.flight.commands.counters.accepted
 
         before = await asyncio.wrap_future(craft.call(behind))
@@ -136,7 +137,7 @@ async def test_a_script_asks_the_operators_of_the_console(folder):
         for text in ("", "x" * 1001):
             await page.post(here, {"text": text}, 400)
         await page.post(here, {"text": "left alone?"})
-        with patch("fledge.ground.server.questions.ASKED", 0.0):     # its script has ended
+        with patch("fledge.ground.server.questions.POLLED", 0.0):     # its script has ended
             assert await page.get(here) == []
 
 

@@ -165,7 +165,7 @@ async def test_a_frame_that_is_lost_goes_again_and_the_link_says_when_it_is_ther
             await executed(c, "plays")
             assert flight.sim.flight.control.K == 3 and flight.sim.flight.commands.counters.executed == 2
             craft = c.room.crafts["plays"]
-            assert craft.link.cop1["state"] == "active" and craft.told()["link"]["clcws"] > 0
+            assert craft.connection.link.cop1["state"] == "active" and craft.describe()["link"]["clcws"] > 0
     # The same by its database alone, and by frames that the address names.
     shutil.copy(tmp_path / "runs/ground/databases/plays.xml", tmp_path / "foreign.xml")
     with Flown(fledge.load(tmp_path / "plays")) as flight:
@@ -235,8 +235,8 @@ async def test_commands_and_telemetry_of_a_flown_mission_pass_its_radio(tmp_path
         assert took[-1] > 2 * radio.up.light_time * 1e9 > 0
         await c.until("crafts/passing/run", lambda run: run["state"] == "paused" and int(run["t_ns"]) >= 510 * 10**9)
         # What comes at the last instant, the radio has not counted yet.
-        assert radio.up_traffic.received == 1 and craft.packets > 10
-        assert 0 <= craft.packets - radio.down_traffic.received <= 2
+        assert radio.up_traffic.received == 1 and craft.telemetry.packets > 10
+        assert 0 <= craft.telemetry.packets - radio.down_traffic.received <= 2
 
 
 def test_a_radio_that_the_world_has_not_is_refused(tmp_path):

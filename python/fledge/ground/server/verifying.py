@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:
-    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.server.clock import Clock
+    from fledge.ground.server.commanding import Commanding
+    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.telemetry import Telemetry
 
 STAGES = {"TransferredToRange": "transferred", "SentFromRange": "sent", "Received": "received",
           "Accepted": "accepted", "Queued": "queued", "Execution": "started", "Complete": "completed",
@@ -50,8 +53,8 @@ class Waiting:
 class Verifying:
     """For the spacecraft's own thread."""
 
-    def __init__(self, craft: Spacecraft) -> None:
-        self.craft = craft
+    def __init__(self, commanding: Commanding, telemetry: Telemetry, clock: Clock, reporter: Reporter) -> None:
+        self._commanding, self._telemetry, self._clock, self._reporter = commanding, telemetry, clock, reporter
         self._waiting: list[Waiting] = []
         self._newest: tuple[int, int] | None = None     # the verifier and time of the last packet
 
@@ -61,7 +64,7 @@ class Verifying:
         for place, one in enumerate(form["verifiers"]):
             one |= {"problem": "", "stage": "progress" if one["percent"] is not None else STAGES[one["stage"]]}
             try:
-                self.craft.monitor.forget(self.craft.monitor.expect(form["path"], place, names))
+                self._telemetry.monitor.forget(self._telemetry.monitor.expect(form["path"], place, names))
             except SetupError as error:
                 one["problem"] = str(error)
 
@@ -77,9 +80,9 @@ class Verifying:
             if place not in about.get("verifiers", [place]):
                 continue
             if one["problem"]:
-                self._stage(row, one, None, f"not watched: {one['problem']}", self.craft.now)
+                self._stage(row, one, None, f"not watched: {one['problem']}", self._clock.now)
             else:
-                number = self.craft.monitor.expect(form["path"], place, words)
+                number = self._telemetry.monitor.expect(form["path"], place, words)
                 made.open[number], made.places[number] = one, place
         if made.open:
             self._waiting.append(made)
@@ -94,7 +97,7 @@ class Verifying:
         if number in one.late:
             stage, _ = one.late.pop(number)
             stage["text"] += f"; it came {(t - one.release) / 1e9:g} s after the release"
-            self.craft.monitor.forget(number)
+            self._telemetry.monitor.forget(number)
             self._keep(one)
         elif one.window(number)[0] <= t:
             self._passed(one, number, t, returned)
@@ -107,16 +110,16 @@ class Verifying:
             for number in over:
                 (begin, end), verifier = one.window(number), one.open.pop(number)
                 if verifier["stage"] == "failed":       # it did not fail
-                    self.craft.monitor.forget(number)
+                    self._telemetry.monitor.forget(number)
                     continue
                 since = "the release" if verifier["from_release"] or one.passed == one.release else \
                     "the verifier before"
                 within = verifier["stop"] or OPEN / 1e9
-                self.craft.commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
+                self._commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
                                               f"of {since}", begin, end)
                 one.late[number] = one.row["stages"][-1], end
             for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
-                self.craft.monitor.forget(number)
+                self._telemetry.monitor.forget(number)
                 del one.late[number]
             if over:
                 self._keep(one)
@@ -133,14 +136,14 @@ class Verifying:
         """No verifier will be known."""
         for one in self._waiting:
             if one.open:
-                self.craft.commanding.stage(one.row, "failed", False, why)
+                self._commanding.stage(one.row, "failed", False, why)
                 one.open.clear()
                 self._keep(one)
         self._waiting.clear()
 
     def _passed(self, one: Waiting, number: int, t: int, returned: str) -> None:
         verifier = one.open.pop(number)
-        self.craft.monitor.forget(number)
+        self._telemetry.monitor.forget(number)
         text = verifier["text"] + f": {returned}" * bool(returned)
         others = any(verifier is each for other in self._waiting for each in other.open.values())
         if not verifier["own"] and (others or self._newest == (id(verifier), t)):
@@ -151,7 +154,7 @@ class Verifying:
             self._stage(one.row, verifier, verifier["stage"] != "failed", text, t)
             if verifier["stage"] in ("completed", "failed"):
                 for each in [*one.open, *one.late]:
-                    self.craft.monitor.forget(each)
+                    self._telemetry.monitor.forget(each)
                 one.open.clear()
                 one.late.clear()
         one.passed = t
@@ -159,7 +162,7 @@ class Verifying:
 
     def _stage(self, row: dict[str, Any], verifier: dict[str, Any], good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
-        self.craft.commanding.stage(row, name, good, text, t)
+        self._commanding.stage(row, name, good, text, t)
         if name == "progress" and good:
             row["stages"][-1]["percent"] = verifier["percent"]
 
@@ -175,4 +178,4 @@ class Verifying:
 
     def _keep(self, one: Waiting) -> None:
         self._mark(one)
-        self.craft.room.keep("sent", self.craft.name, one.row)
+        self._reporter.keep("sent", one.row)

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from fledge import SetupError
-from fledge.ground.server import spacecraft
+from fledge.ground.server import clock as clock_module
 from fledge.ground.server.web_test import console
 from fledge.ground import Database
 from tests.waiting import PATIENCE
@@ -307,7 +307,7 @@ def test_a_clock_that_is_set_ends_no_window_and_no_alarm_s_shelving(desk, monkey
         await one.c.until("crafts/sat/alarms", lambda found: found)
         shelved = (await one.c.post("crafts/sat/alarms/3", {"shelve_s": 600}))["shelved_until_ns"]
         number, _ = await one.send("COUNT")
-        monkeypatch.setattr(spacecraft, "time", SimpleNamespace(
+        monkeypatch.setattr(clock_module, "time", SimpleNamespace(
             monotonic=time.monotonic, monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + step))
         said = "forward" if step > 0 else "back"
         if abs(step) > 10**9:
@@ -318,7 +318,7 @@ def test_a_clock_that_is_set_ends_no_window_and_no_alarm_s_shelving(desk, monkey
         assert abs(int(row["stages"][1]["t_ns"]) - time.time_ns() - step) < 60 * 10**9
         await one.c.until("crafts/sat/alarms", lambda found: abs(
             int(found[0]["shelved_until_ns"]) - int(shelved) - step * (abs(step) > 10**9)) < 10**9)
-        await one.c.until("crafts", lambda _: abs(here.now - time.time_ns() - step) < 10 * 10**9)
+        await one.c.until("crafts", lambda _: abs(here.clock.now - time.time_ns() - step) < 10 * 10**9)
 
     desk(test)
 
@@ -328,7 +328,7 @@ def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path
     nobody knows."""
     clock = SimpleNamespace(monotonic=time.monotonic, now=time.time_ns())      # which the test sets
     clock.time_ns = clock.monotonic_ns = lambda: clock.now
-    monkeypatch.setattr(spacecraft, "time", clock)
+    monkeypatch.setattr(clock_module, "time", clock)
 
     async def test():
         craft = await Craft.begin()

@@ -16,10 +16,10 @@ import pytest
 from aiohttp import ClientSession, WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 
-from fledge.ground.server import web
+from fledge.ground.server.handlers import common
 from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read
-from fledge.ground.server.spacecraft import number_of
+from fledge.ground.server.past import number_of
 from fledge.ground.server.web import Server
 from tests.tree import ROOT
 from tests.waiting import PATIENCE, wait_for
@@ -78,7 +78,7 @@ async def console(folder, text, patience=PATIENCE):
     room = Room(read(folder / "ground.toml"))
     with ExitStack() as stack:
         stack.callback(room.close)
-        stack.enter_context(patch.object(web, "PATIENCE", patience))
+        stack.enter_context(patch.object(common, "PATIENCE", patience))
         server = Server(room)
         async with TestClient(TestServer(server.app)) as client:
             room.start()
@@ -344,7 +344,8 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         assert len(a) > 500 and found["angle"]["t_ns"] == found[sigmas[0]]["t_ns"]
         assert found["twice"]["value"] == [2 * x for x in a]
         assert found["angle"]["value"] == pytest.approx([(x * x + y * y)**0.5 for x, y in zip(a, b)], rel=1e-14)
-        newest = c.room.crafts["imager"].monitor.newest(c.room.crafts["imager"].slot_numbers["angle"])
+        telemetry = c.room.crafts["imager"].telemetry
+        newest = telemetry.monitor.newest(telemetry.slot_numbers["angle"])
         assert newest[3] == found["angle"]["value"][-1]
         few = (await c.get(f"{craft}/history?names=angle&points=20"))["angle"]
         assert len(few["t_ns"]) <= 20 and max(few["high"]) == max(found["angle"]["value"])
@@ -372,7 +373,7 @@ async def test_history_derived_parameters_and_replays_agree(tmp_path):
         await c.until("crafts", lambda rows: rows[-1]["link"]["state"] == "ended")
         replay = c.room.crafts["imager@replay"]
         for name in ("angle", *sigmas):
-            t, _, _, value, *_ = replay.monitor.newest(replay.slot_numbers[name])
+            t, _, _, value, *_ = replay.telemetry.monitor.newest(replay.telemetry.slot_numbers[name])
             assert t <= 200 * 10**9 and value == found[name]["value"][found[name]["t_ns"].index(str(t))]
         assert "command" not in next(one for one in await c.get("crafts") if one["replay"])["can"]
         await c.post("crafts/imager@replay/send", {"name": "flight.noop"}, 400)
@@ -539,7 +540,7 @@ async def test_what_was_refused_as_too_late_is_not_done_later(tmp_path):
         craft, goes_on = c.room.crafts["nadir_spin"], Event()
         await c.verified("nadir_spin", "flight.noop", {})
         try:
-            with patch.object(web, "PATIENCE", 0.1):
+            with patch.object(common, "PATIENCE", 0.1):
                 craft.call(goes_on.wait)
                 refused = await c.post("crafts/nadir_spin/send", {"name": "flight.noop"}, 409)
         finally:
@@ -582,10 +583,10 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
         server.wait()
     room = Room(read(tmp_path / "ground.toml"))
     try:
-        session = room.crafts["nadir_spin"].sessions()[0]
+        session = room.crafts["nadir_spin"].past.sessions()[0]
         assert session["ended"] == "killed" and int(session["last_ns"]) >= last and not session["gaps"]
         assert {one["id"] for one in room.journal.rows("sent")} >= set(numbers)
-        history = room.crafts["nadir_spin"].history
+        history = room.crafts["nadir_spin"].telemetry.history
         found = history.packets(0, last, None, 10**6, False, session["session"])
         assert len(found) > 1000        # from the first to what was seen, none is missing of any stream
         streams = {}
@@ -595,9 +596,9 @@ def test_what_a_browser_has_seen_survives_a_kill(tmp_path):
                                         for numbers in streams.values())
         room.start()        # the next session, whose time begins anew
         craft = room.crafts["nadir_spin"]
-        wait_for(lambda: craft.packets > 100)
+        wait_for(lambda: craft.telemetry.packets > 100)
         for t, _, _, packet in found[::500]:
-            assert craft.packet_of(number_of(t, packet))["hex"] == packet.hex()
+            assert craft.past.packet_of(number_of(t, packet))["hex"] == packet.hex()
         assert all({one["stage"] for one in row["stages"]} & {"completed", "unknown"}       # of a run that has ended
                    for row in room.journal.rows("sent") if row["id"] in numbers)
     finally:

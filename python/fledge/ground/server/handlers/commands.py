@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands: their forms, bytes and stages; packets of scripts, and the scripts' questions to operators."""
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+from aiohttp import web
+
+from fledge.ground.server.answers import answer, refusal
+from fledge.ground.server.commanding import Hazardous
+from fledge.ground.server.handlers import common
+from fledge.ground.server.handlers.common import body_of, id_of, in_thread, user_of
+from fledge.ground.server.routes import route
+
+if TYPE_CHECKING:
+    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.server.web import Server
+
+
+@route("GET", "/api/crafts/{c}/commands", "view")
+async def commands(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    return await server.answer(lambda: craft.commanding.forms)
+
+
+@route("POST", "/api/crafts/{c}/preview", "view", logged=False)
+async def preview(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, name=str, arguments=dict)
+    return answer(craft.commanding.preview(body.get("name", ""), body.get("arguments", {})))
+
+
+@route("POST", "/api/crafts/{c}/send", "command")
+async def send(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, name=str, arguments=dict, confirmed=bool)
+    row = await in_thread(craft, lambda: craft.commanding.send(
+        user_of(request), body.get("name", ""), body.get("arguments", {}), body.get("confirmed", False)))
+    return answer({"id": row["id"]})
+
+
+@route("POST", "/api/crafts/{c}/raw", "command")
+async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    """A packet that a script has made; it gets the number that is next."""
+    body = await body_of(request, hex=str, confirmed=bool)
+    flight = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
+    if flight is None:
+        raise refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
+    try:
+        packet = bytes.fromhex(body.get("hex", ""))
+    except ValueError:
+        packet = b""
+    if not 8 <= len(packet) <= 1 << 16:
+        raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
+    if not body.get("confirmed", False) and (why := craft.commanding.hazard(packet)):
+        raise Hazardous(f"{why}; a script says confirmed=True in its command")
+    # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
+    if not flight.in_step and not craft.probed:
+        craft.probed = True
+        await in_thread(craft, lambda: craft.commanding.release(user_of(request), "noop", {}, flight.made("noop")))
+        for _wait in range(round(common.PATIENCE / 0.05)):
+            if flight.in_step:
+                break
+            await asyncio.sleep(0.05)
+
+    def release() -> bytes:
+        numbered = flight.numbered(packet)
+        craft.commanding.release(user_of(request), flight.dictionary.command(numbered), {}, [numbered])
+        return numbered
+
+    return answer({"hex": (await in_thread(craft, release)).hex()})
+
+
+@route("GET", "/api/crafts/{c}/dictionary", "view")
+async def dictionary(_: Server, _request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    if craft.mission is None:
+        raise refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
+    return web.Response(text=craft.mission.dictionary.text(), content_type="application/json")
+
+
+@route("GET", "/api/crafts/{c}/sent", "view")
+async def sent(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    return await server.journal_rows(request, "sent", craft.name)
+
+
+# --- questions of scripts ----------------------------------------------------------------------------
+
+@route("POST", "/api/crafts/{c}/questions", "command")
+async def ask(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, text=str)
+    return answer(server.questions.ask(craft.name, user_of(request), body.get("text", "")))
+
+
+@route("GET", "/api/crafts/{c}/questions", "view")
+async def open_questions(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    return answer(server.questions.open(craft.name))
+
+
+@route("GET", "/api/crafts/{c}/questions/{id}", "command")
+async def question(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    return answer(server.questions.poll(craft.name, id_of(request)))
+
+
+@route("POST", "/api/crafts/{c}/questions/{id}", "command")
+async def answer_question(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, answer=bool)
+    if "answer" not in body:
+        raise refusal(400, 'give {"answer": true} or {"answer": false}')
+    return answer(server.questions.answer(craft.name, id_of(request), user_of(request), body["answer"]))

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What handlers share: the parts of a request, and the thread of a spacecraft."""
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from aiohttp import web
+
+from fledge.ground.server.answers import refusal
+from fledge.ground.server.routes import loads
+
+if TYPE_CHECKING:
+    from fledge.ground.server.spacecraft import Spacecraft
+
+PATIENCE = 10.0     # [s] for the thread of a spacecraft to answer
+
+Answer = TypeVar("Answer")
+Default = TypeVar("Default", int, None)
+
+
+def user_of(request: web.Request) -> str:
+    """The name of its user."""
+    return str(request["user"].name)
+
+
+async def body_of(request: web.Request, **kinds: tuple[type, ...] | type) -> dict[str, Any]:
+    """The JSON object of a request. kinds: what its keys must be, if they are there."""
+    try:
+        found = loads(await request.read() or b"{}")
+    except ValueError as error:
+        raise refusal(400, f"the body: {error}") from None
+    if not isinstance(found, dict):
+        raise refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
+    for key, value in found.items():
+        if key not in kinds:
+            raise refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
+        if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
+            raise refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
+    return found
+
+
+def number_of(request: web.Request, key: str, default: Default, least: int = -2**63) -> int | Default:
+    """A whole number of its query, `least` at least."""
+    text = request.query.get(key)
+    if text is None or text == "":
+        return default
+    try:
+        value = int(text)
+    except ValueError:
+        value = least - 1
+    if not least <= value < 2**63:
+        raise refusal(400, f"{key} is a whole number; found '{text[:40]}'")
+    return value
+
+
+def id_of(request: web.Request) -> int:
+    """The number of its path; -1, which nothing has, if it is none."""
+    text = request.match_info["id"]
+    return int(text) if text.isdecimal() and len(text) < 19 else -1
+
+
+def slot_of(request: web.Request, craft: Spacecraft) -> int:
+    """The slot of its path."""
+    text, n = request.match_info["slot"], len(craft.telemetry.slot_names)
+    if not text.isdecimal() or len(text) > 9 or int(text) >= n:
+        raise refusal(404, f"{craft.name} has the slots 0 to {n - 1}; found '{text[:40]}'")
+    return int(text)
+
+
+async def in_thread(craft: Spacecraft, what: Callable[[], Answer]) -> Answer:
+    """Something that the spacecraft's thread does."""
+    return await asyncio.wait_for(asyncio.wrap_future(craft.call(what)), PATIENCE)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What has come: packets, sessions, values of the past and replays; the 3-D scene, and passes."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aiohttp import web
+
+from fledge.errors import SetupError
+from fledge.ground.server.answers import PART, answer, in_binary, in_csv, in_json, json_answer, refusal
+from fledge.ground.server.handlers.common import body_of, number_of, user_of
+from fledge.ground.server.routes import route
+
+if TYPE_CHECKING:
+    from fledge.ground.server.spacecraft import Spacecraft
+    from fledge.ground.server.web import Server
+
+
+@route("POST", "/api/crafts/{c}/inspect", "view", logged=False)
+async def inspect(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    body = await body_of(request, hex=str)
+    try:
+        packet = bytes.fromhex(body.get("hex", ""))
+    except ValueError:
+        raise refusal(400, "hex has hexadecimal digits, two a byte") from None
+    return answer(craft.telemetry.inspect(packet))
+
+
+@route("GET", "/api/crafts/{c}/packets", "view")
+async def packets(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    before = number_of(request, "before_ns", 2**63 - 1)
+    limit = min(number_of(request, "limit", 200, 1), 1000)
+    return await server.query(lambda: json_answer(craft.past.packet_list(
+        before, limit, request.query.get("container"), request.query.get("undecoded") == "1")))
+
+
+@route("GET", "/api/crafts/{c}/packets/{id}", "view")
+async def packet(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    found = await server.query(lambda: craft.past.packet_of(request.match_info["id"]))
+    if found is None:
+        raise refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
+    return answer(found)
+
+
+@route("GET", "/api/crafts/{c}/scene", "view")
+async def scene(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    try:
+        return web.Response(body=await server.aside(craft.feed.pack), content_type="application/octet-stream")
+    except SetupError as error:
+        raise refusal(404, str(error)) from None
+
+
+@route("GET", "/api/crafts/{c}/passes", "view")
+async def passes(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    zero = 0 if craft.clock.simulated else craft.epoch_ns or 0
+    return answer([{"station": one["station"], "elevation": one["elevation"]} | {
+        f"{name}_ns": None if one[name] is None else str(zero + round(1e9 * one[name]))
+        for name in ("rise", "highest", "set")} for one in await server.aside(craft.contacts.passes)])
+
+
+def _archived(craft: Spacecraft) -> None:
+    if craft.telemetry.history is None:
+        raise refusal(404, f"{craft.name} has no archive of its own")
+
+
+@route("GET", "/api/crafts/{c}/sessions", "view")
+async def sessions(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    _archived(craft)
+    return await server.query(lambda: json_answer(craft.past.sessions()))
+
+
+@route("GET", "/api/crafts/{c}/history", "view")
+async def history(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    _archived(craft)
+    names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
+    if server.bounds.over("names of a query", len(names)) or not names:
+        raise refusal(400, f"{server.bounds.says('names of a query')}; found {len(names)}")
+    begin, end, points, session = (number_of(request, key, default, least) for key, default, least in (
+        ("from_ns", 0, -2**63), ("to_ns", 2**63 - 1, -2**63), ("points", 2000, 0), ("session", -1, -1)))
+    form = request.query.get("format", "json")
+    if form not in ("json", "csv", "binary"):
+        raise refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
+
+    found = await server.query(lambda: craft.past.series(names, begin, end, points, session, form != "binary"))
+    kind, parts = {"json": ("application/json", in_json), "csv": ("text/csv", in_csv),
+                   "binary": ("application/octet-stream", in_binary)}[form]
+    headers = {"Content-Type": kind} | ({"Content-Disposition": "attachment; filename=history.csv"}
+                                        if form == "csv" else {})
+    n, user, reads = sum(len(one[0]) for one in found.values()), user_of(request), server.reads
+    if n <= PART:
+        return web.Response(body=await server.aside(lambda: b"".join(parts(found))), headers=headers)
+    for bound, held in (("values read by a user", reads[user]), ("values read", reads.total())):
+        if server.bounds.over(bound, held + n):
+            raise refusal(429, server.bounds.says(bound))
+    reads[user] += n
+    try:    # in parts, so that neither the loop nor the memory has a whole one
+        response, rest = web.StreamResponse(headers=headers), parts(found)
+        await response.prepare(request)
+        while part := await server.aside(next, rest, b""):
+            await response.write(part)
+    finally:
+        reads[user] -= n
+    return response
+
+
+@route("POST", "/api/crafts/{c}/replay", "view")
+async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    from fledge.ground.server.replay import Replay
+
+    _archived(craft)
+    body, room = await body_of(request, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float)), \
+        server.room
+    try:
+        begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
+    except ValueError:
+        raise refusal(400, "from_ns and to_ns are whole numbers") from None
+    if not -2**63 <= begin <= end < 2**63:
+        raise refusal(400, "from_ns comes before to_ns")
+    session = body.get("session", -1)
+    if not -1 <= session < 2**31:
+        raise refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
+    async with server.replaying:
+        if server.bounds.over("replays", 1 + room.replays):
+            raise refusal(409, server.bounds.says("replays"))
+        made = await server.aside(lambda: Replay(room, craft, session, begin, end, body.get("speed", 1.0)))
+        room.add(made)
+    made.start()
+    room.publish("crafts", "", {})
+    return answer(made.describe())
+
+
+@route("DELETE", "/api/crafts/{c}/replay", "view")
+async def end_replay(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
+    if not craft.source:
+        raise refusal(409, f"{craft.name} is no replay")
+    await server.aside(server.room.remove, craft.name)
+    return answer({})

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mission of Fledge that a spacecraft flies: its simulation, its dictionary of commands, and its database."""
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import Dictionary
+from fledge.errors import SetupError, did_you_mean, listed
+from fledge.files import write_files
+
+if TYPE_CHECKING:
+    from fledge.ground.server.settings import CraftSettings
+    from fledge.mission.simulation import Simulation
+
+PICTURES = ("picture.webp", "picture.png", "picture.jpg")     # in a mission's folder
+
+
+@dataclass(frozen=True)
+class LoadedMission:
+    """The simulation is set up as the scenario of the settings says."""
+
+    simulation: Simulation
+    process: str                #: of flight, to which the link leads
+    dictionary: Dictionary
+    folder: Path | None
+    files: list[Path]           #: that the mission was made of
+    picture: Path | None
+    epoch_ns: int | None        #: [ns] UTC at the time 0 of the simulation, if its world has a sky
+
+    @classmethod
+    def load(cls, settings: CraftSettings) -> LoadedMission:
+        """Raises SetupError."""
+        from fledge.ground.scripts.simulated import flight_of
+        from fledge.mission import load
+        from fledge.mission.scenario import chosen, set_up
+
+        sim = load(settings.mission)
+        if settings.scenario:
+            set_up(sim, chosen(sim, settings.scenario)[1])
+        process = flight_of(sim, settings.process)
+        if settings.radio and settings.radio not in sim.world.instances:
+            raise SetupError(f"{settings.name}: the world of {sim.name} has no radio '{settings.radio}'"
+                             f"{did_you_mean(settings.radio, sim.world.instances)} it has "
+                             + listed(list(sim.world.instances)))
+        folder = Path(sim.mission.folder) if sim.mission else None
+        own = [one for name, one in sys.modules.copy().items() if name.startswith(f"_mission_{sim.name}_")]
+        files = sorted({Path(path) for one in own if (path := getattr(one, "__file__", None))})
+        pictures = [folder / name for name in PICTURES] if folder else []
+        return cls(sim, process.name, process.commands.dictionary, folder, files,
+                   next((one for one in pictures if one.is_file()), None), epoch_of(sim))
+
+    def write_database(self, name: str, folder: Path) -> Path:
+        """Write the file NAME.xml of XTCE into a folder."""
+        from fledge.export import ground, packets, read
+        from fledge.export.xtce import xtce
+
+        database = packets.database(read(self.simulation, self.process))
+        text = xtce(self.simulation.name, [database], ground.read(self.folder, [database]))
+        return write_files({f"{name}.xml": text}, folder)[0]
+
+    def has(self, service: str) -> bool:
+        """Whether flight has a module of this type."""
+        return service in {one.type for one in self.dictionary.blocks}
+
+
+def epoch_of(sim: Any) -> int | None:
+    """[ns] since 1970, UTC, of the run's start, if its world stands in a sky."""
+    from datetime import datetime, timezone
+
+    from fledge.world.sky import Sky
+
+    skies = (getattr(one, "sky", None) for process in sim.processes for one in process.instances.values())
+    sky = next((one for one in skies if isinstance(one, Sky)), None)
+    if sky is None:
+        return None
+    date, _, rest = sky.utc().rstrip("Z").partition(".")
+    begin = datetime.fromisoformat(date).replace(tzinfo=timezone.utc)
+    return int(begin.timestamp()) * 10**9 + int(rest.ljust(9, "0")[:9] or 0)

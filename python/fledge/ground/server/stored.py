@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stored commands: those that wait on board, as they were last reported."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fledge.commands import ALL, LISTS, Action, Code, Stored, stored, storing
+from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from fledge.ground.scripts.craft import Sent
+    from fledge.ground.server.clock import Clock
+    from fledge.ground.server.commanding import Commanding
+    from fledge.ground.server.link import Connection
+    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.telemetry import Telemetry
+
+
+class StoredLists:
+    """path: of flight's StoredCommands, "" without them. `describe` is for all threads, the rest for the spacecraft's
+    own."""
+
+    def __init__(self, path: str, connection: Connection, commanding: Commanding, telemetry: Telemetry, clock: Clock,
+                 reporter: Reporter) -> None:
+        self.path, self._connection, self._commanding = path, connection, commanding
+        self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
+        self._lists: dict[int, tuple[list[dict[str, Any]], str | None]] = {}    # and when they were read
+        self._names: dict[int, str] = {}        # of commands that were stored from here, by their CRC
+        self._begun: dict[int, int] = {}        # [ns] of flight, when a sequence was started from here, and held
+        self._held: dict[int, int] = {}
+        self._rows: dict[int, dict[str, Any]] = {}      # of the journal
+        if not clock.simulated:         # what a simulation had ends with it
+            for row in reporter.all("stored"):
+                number = row["list"]
+                self._rows[number], self._lists[number] = row, (row["commands"], row["read_ns"])
+                self._names |= {one["crc"]: one["name"] for one in row["commands"]}
+                self._begun |= {} if row["begun"] is None else {number: row["begun"]}
+                self._held |= {} if row["held"] is None else {number: row["held"]}
+
+    def describe(self) -> dict[str, Any]:
+        """All lists."""
+        if not self.path:
+            return {"lists": [], "text": f"the flight software of {self._reporter.name} has no StoredCommands"}
+        running, held, inhibited = (self._newest_number(name) or 0 for name in ("running", "held", "inhibited"))
+        ahead = self._ahead()
+        now = self._clock.now - ahead        # of flight
+        made = []
+        for number in range(LISTS):
+            bit = 1 << number
+            if not running & bit and (self._newest_number("head.t") or 0) > self._begun.get(number, now):
+                self._begun.pop(number, None)       # it has ended: the next start may be that of others
+            begun = self._begun.get(number) if running & bit and not held & bit else None
+            rows, when = self._lists.get(number, ([], None))
+            if number == 0 and not held & bit:      # they leave the store when they are due
+                rows = [one for one in rows if int(one["time_ns"]) > now]
+            due = None if held & bit or inhibited & bit else 0 if number == 0 else begun
+            made.append({
+                "list": number, "read_ns": when, "t_ns": None if begun is None else str(now - begun),
+                "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
+                else "idle",
+                "commands": [one | {"due_ns": None if due is None else str(due + ahead + int(one["time_ns"]))}
+                             for one in rows]})
+        due = self._newest_number("next")
+        return {"lists": made, "text": "", "flight_ns": str(now),
+                "next_ns": None if due is None or due < 0 else str(due + ahead),
+                **{name: self._newest_number(name) for name in ("stored", "released", "skipped")}}
+
+    def act(self, user: str, wish: dict[str, Any]) -> dict[str, Any]:
+        """What a browser asks of a list: the row of the command. Raises SetupError."""
+        craft, number = self._connection.reach(), wish.get("list", 0)
+        if not self.path:
+            raise SetupError(self.describe()["text"])
+        if not isinstance(number, int) or not 0 <= number < LISTS:
+            raise SetupError(f"a list is a number from 0 to {LISTS - 1}; found {number!r}")
+        action, step = wish.get("action"), wish.get("step", ALL)
+        if not isinstance(step, int):
+            raise SetupError(f"a step is a whole number; found {step!r}")
+        commanding = self._commanding
+        if action is None:
+            packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}),
+                                     wish.get("confirmed", False))
+            try:
+                made = craft.made("store", number, step, int(wish.get("time_ns", 0)), packet)
+            except ValueError:
+                raise SetupError(f"time_ns is a whole number; found '{wish['time_ns']}'") from None
+            self._names[int.from_bytes(made[0][10:12], "big")] = craft.dictionary.command(packet)
+        elif action == "report":
+            made = craft.made("stored", number)
+        elif action == "delete":
+            made = craft.made("delete", number, step)
+        elif isinstance(action, str) and action.upper() in Action.__members__:
+            made = craft.made("control", Action[action.upper()], number)
+        else:
+            raise SetupError(f"a list can report, delete, {', '.join(one.name.lower() for one in Action)}; found "
+                             f"'{action}'")
+
+        def then(sent: Sent) -> None:
+            if action == "report":
+                self._keep(number, stored(sent.data), str(self._clock.now))
+            elif action is None:
+                self._keep(number, [*(one for one in self._known(number) if one.step != step), *storing(sent.packets)])
+            elif action == "delete":
+                self._keep(number, [one for one in self._known(number) if step not in (ALL, one.step)])
+            elif action == "start":
+                self._begun[number] = sent.reports[-1].t
+            elif action == "hold":
+                self._held[number] = sent.reports[-1].t
+            elif action == "release" and number in self._begun and number in self._held:
+                self._begun[number] += sent.reports[-1].t - self._held.pop(number)      # its time stood
+            self._save(number)
+
+        given = {key: value for key, value in wish.items() if key != "action"}
+        return commanding.release(user, action or "store", given, made, then)
+
+    def _known(self, number: int) -> list[Stored]:
+        return [Stored(int(one["time_ns"]), *(one[name] for name in ("step", "size", "crc", "code")))
+                for one in self._lists.get(number, ([], None))[0]]
+
+    def _keep(self, number: int, commands: list[Stored], read: str | None = None) -> None:
+        """What a list has. read: when the spacecraft said so; else it follows from commands that it has executed."""
+        rows = [{"step": one.step, "time_ns": str(one.time), "size": one.size, "crc": one.crc, "code": one.code,
+                 "name": self._names.get(one.crc) or (Code(one.code).name.lower() if one.code in
+                                                      Code._value2member_map_ else f"code {one.code}")}
+                for one in sorted(commands)]
+        self._lists[number] = rows, read or self._lists.get(number, ([], None))[1]
+
+    def _save(self, number: int) -> None:
+        """Into the journal, for the next server."""
+        commands, read = self._lists.get(number, ([], None))
+        row = self._rows.setdefault(number, {"list": number})
+        row.update(t_ns=str(self._clock.now), commands=commands, read_ns=read, begun=self._begun.get(number),
+                   held=self._held.get(number))
+        self._reporter.keep("stored", row, shown=lambda one: {"list": one["list"]})
+
+    def _newest(self, name: str) -> Any:
+        slot = self._telemetry.slot_numbers.get(f"{self.path}.state.{name}")
+        return self._telemetry.monitor.newest(slot) if slot is not None else None
+
+    def _newest_number(self, name: str) -> int | None:
+        """What telemetry says of all lists."""
+        newest = self._newest(name)
+        return int(newest[3]) if newest else None
+
+    def _ahead(self) -> int:
+        """[ns] of the spacecraft's clock here over flight's time."""
+        newest = self._newest("head.t")
+        return 0 if self._clock.simulated or not newest else int(newest[0] - newest[3])
