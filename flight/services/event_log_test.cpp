@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The log of events through the code that executes commands.
+#include "flight/services/testing/flight_software.h"
+
 extern "C" {
 #include "flight/services/event_log.h"
 }
@@ -11,6 +13,8 @@ extern "C" {
 #include <vector>
 
 namespace event_log_test {
+
+using namespace service_testing;
 
 constexpr uint16_t outputs = 30;
 
@@ -39,29 +43,9 @@ protected:
         for (uint16_t i = 0; i < outputs; i++) {
             places_[i] = i;
         }
-        services_ = {.list = kinds,
-                     .n = 1,
-                     .module = [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->log; },
-                     .output = [](const void *m, uint16_t place, uint32_t *size) -> const void * {
-                         *size = sizeof(FlightEvent);
-                         return &static_cast<const Mission *>(m)->said[place];
-                     },
-                     .events = places_,
-                     .n_events = 4,
-                     .store = nullptr,
-                     .keys = nullptr,
-                     .check = command_service_check,
-                     .execute = command_service_execute,
-                     .run = command_service_run,
-                     .tell = nullptr,
-                     .unwrap = nullptr,
-                     .wrap = nullptr};
-        table_.stream = 0x1880;
-        table_.version = 0x1234;
+        services_.events = places_;
+        services_.n_events = 4;
         table_.n_outputs = outputs;
-        table_.queue = queue;
-        table_.room = sizeof queue;
-        table_.services = &services_;
         table_.reset = [](void *m, int64_t) {
             auto &mission = *static_cast<Mission *>(m);
             event_log_reset(&mission.log);
@@ -99,15 +83,6 @@ protected:
         return numbers;
     }
 
-    static uint64_t number(const uint8_t *p, int n)
-    {
-        uint64_t value = 0;
-        for (int i = 0; i < n; i++) {
-            value = value << 8 | p[i];
-        }
-        return value;
-    }
-
     void take(const uint8_t *p)
     {
         Sent one{static_cast<uint32_t>(number(p + 8, 4)),
@@ -124,14 +99,10 @@ protected:
 
     CommandReason command(uint8_t code)
     {
-        uint8_t p[10] = {0x18, 0x80, 0xC0, 0, 0, 3, code, 0, 0x12, 0x34};
-        uint8_t sum = 0xFF;
-        for (const uint8_t byte : p) {
-            sum ^= byte;
-        }
-        p[7] = sum;
+        const Bytes p = packet(code, big(0x1234, 2), 0);
         const auto ignore = [](void *, const CommandReport *, const uint8_t *) {};
-        const CommandReason reason = command_accept(&state_, &table_, nullptr, p, sizeof p, ignore, nullptr);
+        const CommandReason reason =
+            command_accept(&state_, &table_, nullptr, p.data(), static_cast<uint32_t>(p.size()), ignore, nullptr);
         command_execute(&state_, &table_, &mission_, t_, ignore, nullptr);
         return reason;
     }
@@ -143,8 +114,13 @@ protected:
     }
 
     uint16_t places_[outputs];
-    CommandServices services_{};
-    CommandTable table_{};
+    CommandServices services_ = command_services(
+        kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->log; },
+        [](const void *m, uint16_t place, uint32_t *size) -> const void * {
+            *size = sizeof(FlightEvent);
+            return &static_cast<const Mission *>(m)->said[place];
+        });
+    CommandTable table_ = command_table(&services_, queue, sizeof queue);
     CommandState state_{};
     Mission mission_{};
     std::vector<Sent> sent_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fault protection through the code that executes all commands: against a second one of a few lines, on random
 // units, rules and numbers, and one by one.
+#include "flight/services/testing/flight_software.h"
+
 extern "C" {
 #include "flight/services/fault_protection.h"
 }
@@ -19,6 +21,8 @@ extern "C" {
 
 namespace fault_protection_test {
 
+using namespace service_testing;
+
 constexpr int numbers = 6;
 
 struct Output {
@@ -33,47 +37,25 @@ struct Mission {
     int closed = -1; ///< the mode whose condition does not hold
 };
 
-const CommandService lists = {
-    COMMAND_STORE,
-    4,
-    [](const uint8_t *, uint32_t) { return COMMAND_OK; },
+const CommandService lists = command_service(
+    COMMAND_STORE, 4, [](const uint8_t *, uint32_t) { return COMMAND_OK; },
     [](const CommandContext *context, void *, const uint8_t *packet, CommandReport *, uint8_t *) {
         static_cast<Mission *>(context->mission)->log += "l" + std::to_string(packet[11]) + " ";
         return COMMAND_OK;
-    },
-    nullptr,
-    nullptr,
-    nullptr,
-    nullptr,
-    nullptr,
-    STREAM_EVENTS,
-    nullptr,
-    nullptr};
+    });
 const CommandService *const kinds[] = {&fault_protection_service, &lists};
-const CommandServices services = {kinds,
-                                  2,
-                                  [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->protection; },
-                                  [](const void *m, uint16_t place, uint32_t *size) -> const void * {
-                                      const auto *mission = static_cast<const Mission *>(m);
-                                      *size = place == 0 ? sizeof(Output) : sizeof(UnitTable);
-                                      return place == 0 ? static_cast<const void *>(&mission->output)
-                                                        : &mission->protection.out.table;
-                                  },
-                                  nullptr,
-                                  0,
-                                  nullptr,
-                                  nullptr,
-                                  command_service_check,
-                                  command_service_execute,
-                                  command_service_run,
-                                  nullptr,
-                                  nullptr,
-                                  nullptr};
+const CommandServices services = command_services(
+    kinds, 2, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->protection; },
+    [](const void *m, uint16_t place, uint32_t *size) -> const void * {
+        const auto *mission = static_cast<const Mission *>(m);
+        *size = place == 0 ? sizeof(Output) : sizeof(UnitTable);
+        return place == 0 ? static_cast<const void *>(&mission->output) : &mission->protection.out.table;
+    });
 
 /// Flight software with nothing else in it.
 struct Craft {
     std::vector<uint8_t> queue = std::vector<uint8_t>(4 * COMMAND_MAX);
-    CommandTable table{};
+    CommandTable table = command_table(&services, queue.data(), queue.size());
     CommandState state{};
     Mission mission{};
     std::vector<CommandReport> reports;
@@ -82,13 +64,8 @@ struct Craft {
 
     Craft()
     {
-        table.stream = 0x1880;
-        table.version = 0x1234;
         table.n_outputs = 2;
         table.n_modes = 9;
-        table.queue = queue.data();
-        table.room = static_cast<uint32_t>(queue.size());
-        table.services = &services;
         table.enter = [](void *m, uint16_t mode) {
             static_cast<Mission *>(m)->log += "m" + std::to_string(mode) + " ";
         };

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reports of chosen numbers: their packets byte for byte, and when they are sent.
+#include "flight/services/testing/flight_software.h"
+
 extern "C" {
 #include "ccsds/bytes.h"
 #include "flight/services/housekeeping.h"
@@ -14,7 +16,7 @@ extern "C" {
 
 namespace housekeeping_test {
 
-using Bytes = std::vector<uint8_t>;
+using namespace service_testing;
 
 struct Output {
     Head head;
@@ -31,32 +33,19 @@ struct Mission {
 };
 
 const CommandService *const kinds[] = {&housekeeping_service};
-const CommandServices services = {
-    .list = kinds,
-    .n = 1,
-    .module = [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->housekeeping; },
-    .output = [](const void *m, uint16_t place, uint32_t *size) -> const void * {
+const CommandServices services = command_services(
+    kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->housekeeping; },
+    [](const void *m, uint16_t place, uint32_t *size) -> const void * {
         const auto &mission = *static_cast<const Mission *>(m);
         *size = place == 2 ? sizeof mission.output : sizeof mission.large;
         return place == 2 ? static_cast<const void *>(&mission.output) : mission.large;
-    },
-    .events = nullptr,
-    .n_events = 0,
-    .store = nullptr,
-    .keys = nullptr,
-    .check = command_service_check,
-    .execute = command_service_execute,
-    .run = command_service_run,
-    .tell = nullptr,
-    .unwrap = nullptr,
-    .wrap = nullptr};
+    });
 
 class Reports : public testing::Test {
 protected:
     Reports()
     {
         table_.n_outputs = 3;
-        table_.services = &services;
         housekeeping_reset(&mission_.housekeeping);
     }
 
@@ -85,7 +74,7 @@ protected:
         return sent;
     }
 
-    CommandTable table_{};
+    CommandTable table_ = command_table(&services, nullptr, 0);
     CommandState state_{};
     Mission mission_{};
     std::vector<Bytes> contents_;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Monitors through the code that executes all commands: they start lists of a service that the test has.
+#include "flight/services/testing/flight_software.h"
+
 extern "C" {
 #include "flight/services/monitors.h"
 }
@@ -13,6 +15,8 @@ extern "C" {
 #include <vector>
 
 namespace monitors_test {
+
+using namespace service_testing;
 
 struct Output {
     Head head;
@@ -31,52 +35,26 @@ struct Mission {
 CommandReason refuse = COMMAND_OK;
 
 /// Notes what is to be started.
-const CommandService lists = {
-    COMMAND_STORE,
-    4,
-    [](const uint8_t *packet, uint32_t) { return packet[11] < 9 ? COMMAND_OK : COMMAND_PLACE; },
+const CommandService lists = command_service(
+    COMMAND_STORE, 4, [](const uint8_t *packet, uint32_t) { return packet[11] < 9 ? COMMAND_OK : COMMAND_PLACE; },
     [](const CommandContext *context, void *, const uint8_t *packet, CommandReport *, uint8_t *) {
         static_cast<Mission *>(context->mission)->log += static_cast<char>('0' + packet[11]);
         return refuse;
-    },
-    nullptr,
-    nullptr,
-    nullptr,
-    nullptr,
-    nullptr,
-    STREAM_EVENTS,
-    nullptr,
-    nullptr};
+    });
 const CommandService *const kinds[] = {&monitors_service, &lists};
-const CommandServices services = {kinds,
-                                  2,
-                                  [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->monitors; },
-                                  [](const void *m, uint16_t place, uint32_t *size) -> const void * {
-                                      *size = place == 2 ? sizeof(Output) : sizeof(Head);
-                                      return &static_cast<const Mission *>(m)->output;
-                                  },
-                                  nullptr,
-                                  0,
-                                  nullptr,
-                                  nullptr,
-                                  command_service_check,
-                                  command_service_execute,
-                                  command_service_run,
-                                  nullptr,
-                                  nullptr,
-                                  nullptr};
+const CommandServices services = command_services(
+    kinds, 2, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->monitors; },
+    [](const void *m, uint16_t place, uint32_t *size) -> const void * {
+        *size = place == 2 ? sizeof(Output) : sizeof(Head);
+        return &static_cast<const Mission *>(m)->output;
+    });
 uint8_t queue[2 * COMMAND_MAX];
 
 class Watch : public testing::Test {
 protected:
     Watch()
     {
-        table_.stream = 0x1880;
-        table_.version = 0x1234;
         table_.n_outputs = 3;
-        table_.queue = queue;
-        table_.room = sizeof queue;
-        table_.services = &services;
         command_begin(&state_);
         monitors_reset(&mission_.monitors);
     }
@@ -122,7 +100,7 @@ protected:
         return mission_.log;
     }
 
-    CommandTable table_{};
+    CommandTable table_ = command_table(&services, queue, sizeof queue);
     CommandState state_{};
     Mission mission_{};
     std::vector<CommandReport> reports_;

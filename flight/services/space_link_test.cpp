@@ -2,6 +2,7 @@
 // The service that speaks frames, as a host drives it: commands in frames, telemetry in frames with the CLCW, idle
 // frames, roles, secured frames, resets.
 #include "ccsds/security/aes_gcm.h"
+#include "flight/services/testing/flight_software.h"
 
 extern "C" {
 #include "flight/services/space_link.h"
@@ -16,12 +17,12 @@ extern "C" {
 
 namespace flight_space_link_test {
 
-using Bytes = std::vector<std::uint8_t>;
+using namespace service_testing;
 
 /// Flight with a link alone, and the ground.
 struct SpaceLinkService : testing::Test {
     SpaceLink link{};
-    Bytes queue = Bytes(4096), staged = Bytes(16), packet = Bytes(1024);
+    Bytes queue = Bytes(4096), staged = Bytes(16);
     const CommandService *list[1] = {&space_link_service};
     CommandServices services{};
     CommandTable table{};
@@ -40,23 +41,16 @@ struct SpaceLinkService : testing::Test {
 
     void SetUp() override
     {
-        services.list = list;
-        services.n = 1;
-        services.module = [](void *m, std::uint32_t) -> void * { return &static_cast<SpaceLinkService *>(m)->link; };
-        services.check = command_service_check;
-        services.execute = command_service_execute;
-        services.run = command_service_run;
+        services = command_services(
+            list, 1, [](void *m, std::uint32_t) -> void * { return &static_cast<SpaceLinkService *>(m)->link; });
         services.unwrap = command_service_unwrap;
         services.wrap = command_service_wrap;
-        table.stream = 0x1880;
+        table = command_table(&services, queue.data(), queue.size());
         table.version = 7;
         table.n_modes = 3;
         table.enter = [](void *, std::uint16_t) {};
         table.reset = [](void *m, std::int64_t) { space_link_reset(&static_cast<SpaceLinkService *>(m)->link); };
-        table.queue = queue.data();
-        table.room = static_cast<std::uint32_t>(queue.size());
         table.staged = staged.data();
-        table.services = &services;
         link.par.spacecraft = 68;
         command_begin(&state);
         space_link_reset(&link);
@@ -108,20 +102,6 @@ struct SpaceLinkService : testing::Test {
         space_link_ground_begin(ground.get(), &setup, sdls.n != 0 ? &security : nullptr, &sinks, 2'500'000'000, 5);
     }
 
-    static Bytes command(std::uint8_t code, const Bytes &rest, std::uint16_t sequence)
-    {
-        Bytes made = {
-            0x18, 0x80, static_cast<std::uint8_t>(0xC0 | sequence >> 8), static_cast<std::uint8_t>(sequence), 0, 0,
-            code, 0};
-        made.insert(made.end(), rest.begin(), rest.end());
-        made[5] = static_cast<std::uint8_t>(made.size() - 7);
-        std::uint8_t sum = 0xFF;
-        for (const std::uint8_t byte : made) {
-            sum ^= byte;
-        }
-        made[7] = sum;
-        return made;
-    }
     void send(const Bytes &one) { ASSERT_TRUE(space_link_ground_send(ground.get(), 1, one.data(), one.size())); }
 
     const SpaceLinkCraft &craft() const { return *reinterpret_cast<const SpaceLinkCraft *>(link.mem.craft); }
@@ -169,7 +149,7 @@ TEST_F(SpaceLinkService, CommandsAndTelemetryPassInFrames)
 {
     begin_ground(0);
     const Bytes telemetry = {0x08, 0x80, 0xC0, 0, 0, 3, 1, 2, 3, 4};
-    send(command(COMMAND_NOOP, {}, 5));
+    send(packet(COMMAND_NOOP, {}, 5));
     instant({telemetry, telemetry});
     ASSERT_EQ(reports.size(), 2u);
     EXPECT_EQ(reports[1].sequence, 5);
@@ -182,7 +162,7 @@ TEST_F(SpaceLinkService, CommandsAndTelemetryPassInFrames)
     EXPECT_EQ(link.out.state.sent, 1u);
     EXPECT_EQ(link.out.state.faults[CCSDS_SHORT], 1u);
     EXPECT_EQ(link.out.state.farm, std::uint32_t{FARM_OPEN});
-    take(command(COMMAND_NOOP, {}, 6)); // a packet is no frame
+    take(packet(COMMAND_NOOP, {}, 6)); // a packet is no frame
     EXPECT_EQ(reports.size(), 2u);
 }
 
@@ -190,7 +170,7 @@ TEST_F(SpaceLinkService, TheGroundGetsItsClcwAndAnIdleFrameNowAndThen)
 {
     begin_ground(1);
     link.par.idle = 3;
-    send(command(COMMAND_NOOP, {}, 5));
+    send(packet(COMMAND_NOOP, {}, 5));
     instant(); // a first frame, which starts the service
     EXPECT_EQ(up.size(), 1u);
     EXPECT_EQ(space_link_service.next(&link), 3'000'000'000);
@@ -203,7 +183,7 @@ TEST_F(SpaceLinkService, TheGroundGetsItsClcwAndAnIdleFrameNowAndThen)
     }
     take(Bytes{0x30, 0x44, 0x00, 0x07, 0x00, 0x00, 0x71, 0x2B}); // with a wrong check
     EXPECT_EQ(space_link_service.next(&link), t + 3'000'000'000);
-    send(command(COMMAND_NOOP, {}, 6));
+    send(packet(COMMAND_NOOP, {}, 6));
     take(up[0]);
     EXPECT_EQ(space_link_service.next(&link), 0); // the CLCW is to go
 }
@@ -214,7 +194,7 @@ TEST_F(SpaceLinkService, FarmWaitsWhereTheQueueHasNoRoom)
     table.room = COMMAND_MAX + 8;
     instant();
     for (std::uint16_t i = 0; i < 3; i++) {
-        send(command(COMMAND_NOOP, {}, i));
+        send(packet(COMMAND_NOOP, {}, i));
     }
     instant();
     EXPECT_EQ(state.counters.executed, 2u);
@@ -230,8 +210,8 @@ TEST_F(SpaceLinkService, ARoleHasCommandsThatItMayNotGive)
     secure(2);
     begin_ground(1);
     instant();
-    send(command(COMMAND_MODE, {0, 7, 0, 1}, 1));
-    send(command(COMMAND_NOOP, {}, 1));
+    send(packet(COMMAND_MODE, {0, 7, 0, 1}, 1));
+    send(packet(COMMAND_NOOP, {}, 1));
     instant();
     ASSERT_EQ(reports.size(), 3u);
     EXPECT_EQ(reports[0].reason, COMMAND_ROLE);
@@ -243,7 +223,7 @@ TEST_F(SpaceLinkService, ARoleHasCommandsThatItMayNotGive)
     begin_ground(1);
     instant();
     instant();
-    send(command(COMMAND_MODE, {0, 7, 0, 1}, 2));
+    send(packet(COMMAND_MODE, {0, 7, 0, 1}, 2));
     instant();
     instant();
     EXPECT_EQ(reports.back().code, COMMAND_MODE);
@@ -255,7 +235,7 @@ TEST_F(SpaceLinkService, WhatIsNotSecuredOrCameBeforeChangesNothing)
 {
     secure(0);
     begin_ground(0);
-    send(command(COMMAND_NOOP, {}, 1));
+    send(packet(COMMAND_NOOP, {}, 1));
     instant(); // without a number the ground has only asked for telemetry
     ASSERT_EQ(up.size(), 1u);
     const Bytes unit = up[0];
@@ -269,7 +249,7 @@ TEST_F(SpaceLinkService, WhatIsNotSecuredOrCameBeforeChangesNothing)
     EXPECT_EQ(craft().faults[CCSDS_REPLAY], 1u);
     EXPECT_EQ(craft().faults[CCSDS_TAG], 1u);
 
-    send(command(COMMAND_RESET_FLIGHT, {0, 7}, 2)); // keeps the link
+    send(packet(COMMAND_RESET_FLIGHT, {0, 7}, 2)); // keeps the link
     instant();
     EXPECT_EQ(state.counters.executed, 2u);
     take(unit);
@@ -293,7 +273,7 @@ TEST_F(SpaceLinkService, AfterAResetOfTheComputerNothingOldPassesAndTheGroundGoe
         for (int life = 0; life < 4; life++) {
             std::vector<Bytes> old;
             for (int i = 0; i < 6; i++) {
-                send(command(COMMAND_NOOP, {}, sequence++));
+                send(packet(COMMAND_NOOP, {}, sequence++));
                 old.insert(old.end(), up.begin(), up.end());
                 if (i == 4) {
                     up.clear(); // somebody keeps it
@@ -332,7 +312,7 @@ TEST_F(SpaceLinkService, AfterAResetOfTheComputerNothingOldPassesAndTheGroundGoe
                 ASSERT_TRUE(vectors.insert(Bytes(frame.begin() + 6, frame.begin() + 20)).second);
             }
             seen_down.clear();
-            send(command(COMMAND_NOOP, {}, sequence++));
+            send(packet(COMMAND_NOOP, {}, sequence++));
             instant();
             instant();
             EXPECT_EQ(state.counters.executed, 1u) << "life " << life << ", cop1 " << int{cop1};

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stored commands through the code that executes all commands: packets that are put together here, and what they do.
+#include "flight/services/testing/flight_software.h"
+
 extern "C" {
 #include "flight/services/stored_commands.h"
 }
@@ -14,7 +16,7 @@ extern "C" {
 
 namespace stored_commands_test {
 
-using Bytes = std::vector<uint8_t>;
+using namespace service_testing;
 
 struct Mission {
     StoredCommands stored;
@@ -22,85 +24,36 @@ struct Mission {
 };
 
 const CommandService *const kinds[] = {&stored_commands_service};
-const CommandServices services = {
-    .list = kinds,
-    .n = 1,
-    .module = [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->stored; },
-    .output = nullptr,
-    .events = nullptr,
-    .n_events = 0,
-    .store = nullptr,
-    .keys = nullptr,
-    .check = command_service_check,
-    .execute = command_service_execute,
-    .run = command_service_run,
-    .tell = nullptr,
-    .unwrap = nullptr,
-    .wrap = nullptr};
+const CommandServices services =
+    command_services(kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->stored; });
 uint8_t queue[4 * COMMAND_MAX];
-const CommandTable table = {
-    .stream = 0x1880,
-    .version = 0x1234,
-    .n_blocks = 0,
-    .n_modes = 26,
-    .n_events = 0,
-    .n_outputs = 0,
-    .blocks = nullptr,
-    .staged = nullptr,
-    .queue = queue,
-    .room = sizeof queue,
-    .parameters = nullptr,
-    .enter = [](void *m, uint16_t mode) { static_cast<Mission *>(m)->log += static_cast<char>('a' + mode); },
-    .publish = nullptr,
-    .arm = nullptr,
-    .reset = [](void *m, int64_t) { stored_commands_reset(&static_cast<Mission *>(m)->stored); },
-    .telemetry = nullptr,
-    .procedures = nullptr,
-    .services = &services,
-    .may_enter = nullptr};
+const CommandTable table = [] {
+    CommandTable made = command_table(&services, queue, sizeof queue);
+    made.n_modes = 26;
+    made.enter = [](void *m, uint16_t mode) { static_cast<Mission *>(m)->log += static_cast<char>('a' + mode); };
+    made.reset = [](void *m, int64_t) { stored_commands_reset(&static_cast<Mission *>(m)->stored); };
+    return made;
+}();
 
-Bytes big(uint64_t value, int n)
+Bytes command(int code, const Bytes &arguments, uint16_t version = 0x1234)
 {
-    Bytes bytes;
-    for (int i = n - 1; i >= 0; i--) {
-        bytes.push_back(static_cast<uint8_t>(value >> 8 * i));
-    }
-    return bytes;
-}
-
-Bytes operator+(Bytes a, const Bytes &b)
-{
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
-Bytes packet(int code, const Bytes &arguments, uint16_t version = 0x1234)
-{
-    const Bytes rest = big(version, 2) + arguments;
-    Bytes p = big(0x1880, 2) + big(0xC000 + 9, 2) + big(8 + rest.size() - 7, 2) + big(static_cast<uint64_t>(code), 1) +
-              big(0, 1) + rest;
-    uint8_t sum = 0xFF;
-    for (const uint8_t byte : p) {
-        sum ^= byte;
-    }
-    p[7] = sum;
-    return p;
+    return packet(code, big(version, 2) + arguments);
 }
 
 Bytes mode(char name)
 {
-    return packet(COMMAND_MODE, big(static_cast<uint64_t>(name - 'a'), 2));
+    return command(COMMAND_MODE, big(static_cast<uint64_t>(name - 'a'), 2));
 }
 
-Bytes store(uint16_t list, uint16_t step, int64_t time, const Bytes &command)
+Bytes store(uint16_t list, uint16_t step, int64_t time, const Bytes &stored)
 {
-    const Bytes body = big(list, 2) + big(step, 2) + big(static_cast<uint64_t>(time), 8) + command;
-    return packet(COMMAND_STORE, big(command_crc(body.data(), static_cast<uint32_t>(body.size())), 2) + body);
+    const Bytes body = big(list, 2) + big(step, 2) + big(static_cast<uint64_t>(time), 8) + stored;
+    return command(COMMAND_STORE, big(command_crc(body.data(), static_cast<uint32_t>(body.size())), 2) + body);
 }
 
 Bytes control(ListAction action, uint16_t list, uint16_t crc = 0)
 {
-    return packet(COMMAND_CONTROL, big(list, 2) + big(action, 2) + big(crc, 2));
+    return command(COMMAND_CONTROL, big(list, 2) + big(action, 2) + big(crc, 2));
 }
 
 class Stored : public testing::Test {
@@ -288,7 +241,7 @@ TEST_F(Stored, InsertReplaceDeleteAndReport)
     send(store(3, 8, 10, mode('a')));
     send(store(3, 7, 30, mode('c'))); // in place of the first
     EXPECT_EQ(shown().stored, 2u);
-    EXPECT_EQ(send(packet(COMMAND_LIST, big(3, 2))), COMMAND_OK);
+    EXPECT_EQ(send(command(COMMAND_LIST, big(3, 2))), COMMAND_OK);
     const Bytes first = store(3, 8, 10, mode('a')), second = store(3, 7, 30, mode('c'));
     const Bytes expected = big(10, 8) + big(8, 2) + big(12, 2) + Bytes{first[10], first[11]} + big(COMMAND_MODE, 2) +
                            big(30, 8) + big(7, 2) + big(12, 2) + Bytes{second[10], second[11]} + big(COMMAND_MODE, 2);
@@ -296,12 +249,12 @@ TEST_F(Stored, InsertReplaceDeleteAndReport)
     const uint16_t crc = command_crc(expected.data(), static_cast<uint32_t>(expected.size()));
     EXPECT_EQ(send(control(LIST_START, 3, static_cast<uint16_t>(crc ^ 1u))), COMMAND_CRC);
     EXPECT_EQ(send(control(LIST_START, 3, crc)), COMMAND_OK);
-    EXPECT_EQ(send(packet(COMMAND_DELETE, big(3, 2) + big(8, 2)), 1), COMMAND_OK);
-    EXPECT_EQ(send(packet(COMMAND_DELETE, big(3, 2) + big(8, 2)), 1), COMMAND_PLACE);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(3, 2) + big(8, 2)), 1), COMMAND_OK);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(3, 2) + big(8, 2)), 1), COMMAND_PLACE);
     EXPECT_EQ(at(20), "");
     send(store(3, 9, 25, mode('d')), 21); // into a sequence that runs
     EXPECT_EQ(at(30), "dc");
-    EXPECT_EQ(send(packet(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(COMMAND_ALL, 2)), 31), COMMAND_OK);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(COMMAND_ALL, 2)), 31), COMMAND_OK);
     EXPECT_EQ(shown().stored, 0u);
     EXPECT_EQ(send(control(LIST_START, 3), 32), COMMAND_PLACE); // nothing is there
     for (uint16_t i = 0; i < STORED_COMMANDS; i++) {
@@ -309,7 +262,7 @@ TEST_F(Stored, InsertReplaceDeleteAndReport)
     }
     EXPECT_EQ(send(store(4, 99, 1, mode('a')), 33), COMMAND_BUSY);
     EXPECT_EQ(send(store(4, 5, 1, mode('b')), 33), COMMAND_OK); // its place is there
-    EXPECT_EQ(send(packet(COMMAND_LIST, big(4, 2)), 33), COMMAND_OK);
+    EXPECT_EQ(send(command(COMMAND_LIST, big(4, 2)), 33), COMMAND_OK);
     EXPECT_EQ(data_.size(), 16u * STORED_COMMANDS);
 }
 
@@ -318,9 +271,9 @@ TEST_F(Stored, ACommandThatGroundCouldNotSendIsNotStored)
     Bytes damaged = mode('a');
     damaged.back() ^= 1;
     EXPECT_EQ(send(store(1, 0, 0, damaged)), COMMAND_CHECKSUM);
-    EXPECT_EQ(send(store(1, 0, 0, packet(COMMAND_MODE, big(26, 2)))), COMMAND_PLACE);
-    EXPECT_EQ(send(store(1, 0, 0, packet(COMMAND_MODE, big(0, 2), 0x4321))), COMMAND_VERSION);
-    EXPECT_EQ(send(store(1, 0, 0, packet(99, {}))), COMMAND_UNKNOWN);
+    EXPECT_EQ(send(store(1, 0, 0, command(COMMAND_MODE, big(26, 2)))), COMMAND_PLACE);
+    EXPECT_EQ(send(store(1, 0, 0, command(COMMAND_MODE, big(0, 2), 0x4321))), COMMAND_VERSION);
+    EXPECT_EQ(send(store(1, 0, 0, command(99, {}))), COMMAND_UNKNOWN);
     Bytes other = mode('a');
     other[1] ^= 1; // the stream of another process
     other[7] ^= 1;
@@ -338,8 +291,8 @@ TEST_F(Stored, ACommandThatGroundCouldNotSendIsNotStored)
     EXPECT_EQ(send(control(LIST_START, COMMAND_ALL)), COMMAND_VALUE);
     EXPECT_EQ(send(control(LIST_START, 0)), COMMAND_VALUE);
     EXPECT_EQ(send(control(static_cast<ListAction>(LIST_ALLOW + 1), 1)), COMMAND_VALUE);
-    EXPECT_EQ(send(packet(COMMAND_LIST, big(COMMAND_ALL, 2))), COMMAND_PLACE);
-    EXPECT_EQ(send(packet(COMMAND_DELETE, big(STORED_LISTS, 2) + big(0, 2))), COMMAND_PLACE);
+    EXPECT_EQ(send(command(COMMAND_LIST, big(COMMAND_ALL, 2))), COMMAND_PLACE);
+    EXPECT_EQ(send(command(COMMAND_DELETE, big(STORED_LISTS, 2) + big(0, 2))), COMMAND_PLACE);
     EXPECT_EQ(shown().stored, 0u);
 }
 
@@ -385,7 +338,7 @@ TEST_F(Stored, SequencesStartOneAnotherAndThemselves)
     }
     EXPECT_EQ(all, "babab");
     // One without delays does not stop flight.
-    send(packet(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(COMMAND_ALL, 2)), 130);
+    send(command(COMMAND_DELETE, big(COMMAND_ALL, 2) + big(COMMAND_ALL, 2)), 130);
     send(store(1, 0, 0, mode('a')), 130);
     send(store(1, 1, 0, control(LIST_START, 1)), 130);
     send(control(LIST_START, 1), 131);
@@ -412,7 +365,7 @@ TEST_F(Stored, AResetOfFlightStopsSequencesAndKeepsTheStore)
 
 TEST_F(Stored, AStoredResetOfFlight)
 {
-    send(store(0, 0, 50, packet(COMMAND_RESET_FLIGHT, {})));
+    send(store(0, 0, 50, command(COMMAND_RESET_FLIGHT, {})));
     send(store(0, 1, 50, mode('a')));
     send(store(1, 0, 0, mode('b')));
     send(store(1, 1, 100, mode('c')));
@@ -615,7 +568,7 @@ TEST_F(Stored, RandomListsRunAsTheRulesSay)
                 held[list] = hold ? t : -1;
             }
         } else if (below(6) == 0) {
-            accept(packet(COMMAND_DELETE, big(static_cast<uint64_t>(list), 2) + big(static_cast<uint64_t>(step), 2)));
+            accept(command(COMMAND_DELETE, big(static_cast<uint64_t>(list), 2) + big(static_cast<uint64_t>(step), 2)));
             std::erase_if(entries, [&](const Entry &o) { return o.list == list && o.step == step; });
         }
         const auto end_lists = [&] {
