@@ -35,24 +35,37 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
     }
 }
 
-/* The functions of a module, TYPE and name; sound: whether the numbers of m->in.chosen are finite. */
-#define CHOICE(TYPE, name, sound)                                                                                      \
-    void name##_reset(TYPE *m)                                                                                         \
+/* The two functions of a module; sound: whether the numbers of m->in.chosen are finite. */
+#define CHOICE(Type, reset, update, sound)                                                                             \
+    void reset(Type *m)                                                                                                \
     {                                                                                                                  \
         memset(&m->out, 0, sizeof m->out);                                                                             \
     }                                                                                                                  \
-    void name##_update(TYPE *m, Tick t)                                                                                \
+    void update(Type *m, Tick t)                                                                                       \
     {                                                                                                                  \
         pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);                                    \
     }
 
+CHOICE(TYPE, name_reset, name_update, sound)
+void name##_reset(TYPE *m)
+{
+    memset(&m->out, 0, sizeof m->out);
+}
+void name##_update(TYPE *m, Tick t)
+{
+    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);
+}
+
 CHOICE(RodCommandChoice, rod_command_choice, all_finite(m->in.chosen.dipole, RODS_MAX))
-CHOICE(WheelCommandChoice, wheel_command_choice, all_finite(m->in.chosen.u, WHEELS_MAX))
-CHOICE(WheelDriveChoice, wheel_drive_choice, 1)
-CHOICE(GimbalRatesChoice, gimbal_rates_choice, all_finite(m->in.chosen.rate, WHEELS_MAX))
-CHOICE(GimbalTorquesChoice, gimbal_torques_choice, all_finite(m->in.chosen.u, WHEELS_MAX))
-CHOICE(ThrusterTimesChoice, thruster_times_choice, 1)
-CHOICE(ThrusterValvesChoice, thruster_valves_choice, 1)
-CHOICE(PanelCommandChoice, panel_command_choice,
+CHOICE(WheelCommandChoice, wheel_command_choice_reset, wheel_command_choice_update,
+       all_finite(m->in.chosen.u, WHEELS_MAX))
+CHOICE(WheelDriveChoice, wheel_drive_choice_reset, wheel_drive_choice_update, 1)
+CHOICE(GimbalRatesChoice, gimbal_rates_choice_reset, gimbal_rates_choice_update,
+       all_finite(m->in.chosen.rate, WHEELS_MAX))
+CHOICE(GimbalTorquesChoice, gimbal_torques_choice_reset, gimbal_torques_choice_update,
+       all_finite(m->in.chosen.u, WHEELS_MAX))
+CHOICE(ThrusterTimesChoice, thruster_times_choice_reset, thruster_times_choice_update, 1)
+CHOICE(ThrusterValvesChoice, thruster_valves_choice_reset, thruster_valves_choice_update, 1)
+CHOICE(PanelCommandChoice, panel_command_choice_reset, panel_command_choice_update,
        all_finite(m->in.chosen.theta, PANELS_MAX) && all_finite(m->in.chosen.u, PANELS_MAX))
-CHOICE(ArrayDriveCommandChoice, array_drive_command_choice, 1)
+CHOICE(ArrayDriveCommandChoice, array_drive_command_choice_reset, array_drive_command_choice_update, 1)
