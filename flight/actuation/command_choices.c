@@ -46,17 +46,7 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
         pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);                                    \
     }
 
-CHOICE(TYPE, name_reset, name_update, sound)
-void name##_reset(TYPE *m)
-{
-    memset(&m->out, 0, sizeof m->out);
-}
-void name##_update(TYPE *m, Tick t)
-{
-    pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);
-}
-
-CHOICE(RodCommandChoice, rod_command_choice, all_finite(m->in.chosen.dipole, RODS_MAX))
+CHOICE(RodCommandChoice, rod_command_choice_reset, rod_command_choice_update, all_finite(m->in.chosen.dipole, RODS_MAX))
 CHOICE(WheelCommandChoice, wheel_command_choice_reset, wheel_command_choice_update,
        all_finite(m->in.chosen.u, WHEELS_MAX))
 CHOICE(WheelDriveChoice, wheel_drive_choice_reset, wheel_drive_choice_update, 1)
