@@ -15,7 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from fledge.montecarlo import Campaign, cores
+from fledge.montecarlo import Campaign
+from fledge.pool import cores
 from fledge.units import deg, kg, m, s
 
 from bench.rows import Rows, options, report

@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from fledge.montecarlo import cores
+from fledge.pool import cores
 from fledge.targets import TARGETS
 from fledge.targets.testing import fly_mission
 

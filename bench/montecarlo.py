@@ -9,7 +9,8 @@ An open peer, recorded in 2026-11 on this kind of machine: 19 runs a second.
 from __future__ import annotations
 import time
 
-from fledge.montecarlo import Campaign, cores, disperse
+from fledge.montecarlo import Campaign, disperse
+from fledge.pool import cores
 
 from bench.rows import PEER, Rows, in_turn, median_ratio, options, report
 

@@ -10,15 +10,12 @@ import time
 
 TYPE_CHECKING = False   # of `typing`
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from concurrent.futures import Future
-    from typing import Any, Self
+    from typing import Self
 
 _LONG = 2.0      # [s] of wall time: shorter work shows no bar
 _LOOK = 0.3      # [s] until the duration of a run is estimated
 FIRST = 10.0     # [s] without a terminal: no line for shorter work; one is due then, and at twice the time of the last
 _MOST = 300.0    # [s] between two lines
-_TICK = 1.0      # [s] between two looks at tasks
 _WIDTH = 28
 
 
@@ -107,25 +104,6 @@ class Progress(Bar):
         speed = (now - self._start) / 1e9 / max(self.spent, 1e-9)
         self.at((now - self._start) / max(self._end - self._start, 1),
                 f"{clock(now / 1e9)} of {clock(self._end / 1e9)}, {speed:.4g}x")
-
-
-def completed(tasks: Iterable[Future[Any]], tick: Callable[[], Any]) -> Iterator[Future[Any]]:
-    """As concurrent.futures.as_completed(), with a call of tick() after each task, and about every second."""
-    from queue import Empty, SimpleQueue
-
-    ended: SimpleQueue[Future[Any]] = SimpleQueue()
-    left = set(tasks)
-    for one in left:
-        one.add_done_callback(ended.put)
-    while left:
-        try:
-            one = ended.get(timeout=_TICK)
-        except Empty:
-            pass
-        else:
-            left.remove(one)
-            yield one
-        tick()
 
 
 def clock(seconds: float) -> str:

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """When progress is shown, and what is left by it, by a clock of the tests."""
 import io
-from concurrent.futures import Future, ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
 
 from fledge import progress
-from fledge.progress import Bar, Progress, completed
+from fledge.progress import Bar, Progress
 
 
 class Clock(io.StringIO):
@@ -92,19 +91,3 @@ def test_a_run_that_ends_soon_has_no_bar_on_a_terminal(clock):
             clock.now = tenth / 10
             bar.reaches(tenth * 10 * 10**9)
     assert clock.getvalue() == ""
-
-
-def test_tasks_that_take_long_tick(monkeypatch):
-    """The second ends in the third tick; the wait for it is made short."""
-    slow: Future = Future()
-    ticks = []
-
-    def tick():
-        ticks.append(1)
-        if len(ticks) == 3:
-            slow.set_result("slow")
-
-    monkeypatch.setattr(progress, "_TICK", 0.01)
-    with ThreadPoolExecutor() as pool:
-        found = [one.result() for one in completed([pool.submit(lambda: "quick"), slow], tick)]
-    assert found == ["quick", "slow"] and len(ticks) >= 4

@@ -10,7 +10,8 @@ import pytest
 
 import fledge
 from fledge import attitude, cli
-from fledge.analysis.faults import Fault, Matrix, fly
+from fledge.analysis.faults import fly
+from fledge.analysis.matrix import Fault, Matrix
 from fledge.targets import build
 from fledge.units import deg, minute, s
 

@@ -12,7 +12,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fledge.analysis.faults import Flight, Matrix
+from fledge.analysis.comparison import Flight
+from fledge.analysis.matrix import Matrix
 from fledge.columns import columns
 from fledge.files import write_files
 from fledge.mission.provenance import identity

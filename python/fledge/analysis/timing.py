@@ -18,19 +18,18 @@ import csv
 import ctypes
 import io
 import json
-import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, wait
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fledge import objects
 from fledge.columns import columns
-from fledge.errors import Failure, SetupError
+from fledge.errors import Failure, RunError, SetupError
 from fledge.mission.field_path import FieldPath
 from fledge.montecarlo import Campaign, disperse
+from fledge.pool import Died, Work, in_order, open_pool
 from fledge.profile.board import Memory
 from fledge.targets import TARGETS, Job, build
 from fledge.targets.leon3 import board as boards
@@ -77,12 +76,13 @@ class Longest:
 @dataclass
 class Found:
     """The longest paths: (task, mode) -> Longest. stack, heap: [bytes] used at most in any run; stack_size: what there
-    is; runs: how many were flown"""
+    is; runs: how many were flown; died: of each run whose process died, which and how"""
     longest: dict[tuple[str, str], Longest]
     stack: int
     stack_size: int
     heap: int
     runs: int
+    died: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -93,7 +93,11 @@ class Run:
     changed: dict[str, float] = field(default_factory=dict)
 
 
-class Search:
+# The longest ones; the stack, its size, the heap [bytes].
+Paths = tuple[dict[tuple[str, str], Longest], int, int, int]
+
+
+class Search(Work[Run, Paths]):
     """A mission on a board, ready for runs. Raises SetupError or Failure if it cannot fly there."""
 
     def __init__(self, mission: str, scenarios: Sequence[str | None] = (None,), campaign: str | None = None,
@@ -120,8 +124,16 @@ class Search:
         self.clock = boards.read_board(self.target.board)["clock"]
         self.mode_at = _mode_place(first) if first.mission.modes else None
 
-    def fly(self, run: Run) -> tuple[dict[tuple[str, str], Longest], int, int, int]:
-        """The longest paths of one run; the stack, its size, and the heap [bytes]."""
+    def fly(self, run: Run) -> Paths:
+        """The longest paths of one run."""
+        try:
+            return self._fly(run)
+        except SetupError:
+            if not run.changed:
+                raise
+            return {}, 0, 1, 0      # what was changed together makes no sense together, as some inertias
+
+    def _fly(self, run: Run) -> Paths:
         from fledge.emulator import Board
 
         part, job = self.parts[run.scenario], self.jobs[run.scenario]
@@ -149,7 +161,6 @@ class Search:
 
         if runs < 1:
             raise SetupError(f"runs must be >= 1, found {runs}")
-        jobs = len(os.sched_getaffinity(0)) if jobs is None else jobs
         found, random = Found({}, 0, 0, 0, 0), np.random.default_rng(self.seed)
         origin: dict[tuple[str, str], Run] = {}     # of each longest path
         free = [path for path in self.dispersed if path not in self.fixed]
@@ -164,21 +175,30 @@ class Search:
                                                min(seen[path]), max(seen[path]))) for path in some}
                 yield Run(best.scenario, best.index if free else runs + k, {**best.changed, **changed})
 
+        def keep(run: Run, paths: dict[tuple[str, str], Longest], stack: int, size: int, heap: int) -> None:
+            found.stack, found.heap = max(found.stack, stack), max(found.heap, heap)
+            found.stack_size = max(found.stack_size, size)
+            for key, one in paths.items():
+                for path in free if key[0] == TICK else ():
+                    seen[path].append(one.draws[path])
+                if key not in found.longest or one.cycles > found.longest[key].cycles:
+                    found.longest[key], origin[key] = one, run
+
         drawn = [Run(i % len(self.jobs), i // len(self.jobs)) for i in range((runs + 1) // 2)]
         left = runs - len(drawn)
-        with _pool(self, jobs) as fly:
+        with open_pool(jobs) as pool:
             for batch in (lambda: drawn, lambda: list(local((left + 1) // 2)), lambda: list(local(left // 2))):
-                flown = batch()
-                for run, (paths, stack, size, heap) in zip(flown, fly(flown, lambda: progress(found.runs))):
-                    found.runs += 1
-                    found.stack, found.heap = max(found.stack, stack), max(found.heap, heap)
-                    found.stack_size = max(found.stack_size, size)
-                    for key, one in paths.items():
-                        for path in free if key[0] == TICK else ():
-                            seen[path].append(one.draws[path])
-                        if key not in found.longest or one.cycles > found.longest[key].cycles:
-                            found.longest[key], origin[key] = one, run
-                    progress(found.runs)
+                if found.died and not found.longest:
+                    raise RunError(found.died[0])
+                items = batch()
+                with closing(pool.fly(self, items, lambda: progress(found.runs))) as flown:
+                    for run, result in zip(items, in_order(flown)):
+                        found.runs += 1
+                        if isinstance(result, Died):
+                            found.died.append(f"run {run.index} of {self.jobs[run.scenario].scenario}: {result.text}")
+                        else:
+                            keep(run, *result)
+                progress(found.runs)
         return found
 
 
@@ -294,42 +314,6 @@ def _mode_place(part: Part) -> int:
     return int(ctypes.c_uint.in_dll(ctypes.CDLL(str(library.resolve())), "fledge_mode_place").value)
 
 
-_search: Any = None     # of this process' children, which begin as copies of it
-
-
-class _pool:
-    """Flies runs in processes, which are copies of this one; gives what they found in their order."""
-
-    def __init__(self, search: Search, jobs: int) -> None:
-        global _search
-        _search = search
-        if jobs < 1:
-            raise SetupError(f"jobs must be >= 1, found {jobs}")
-        self.pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("fork"))
-
-    def __enter__(self) -> Callable[[Sequence[Run], Callable[[], Any]], Iterator[Any]]:
-        return self._fly
-
-    def _fly(self, runs, tick):
-        tasks = [self.pool.submit(_fly, run) for run in runs]
-        for task in tasks:
-            while wait([task], 1.0).not_done:
-                tick()
-            yield task.result()
-
-    def __exit__(self, *_):
-        self.pool.shutdown(cancel_futures=True)
-
-
-def _fly(run):
-    try:
-        return _search.fly(run)
-    except SetupError:
-        if not run.changed:
-            raise
-        return {}, 0, 1, 0      # what was changed together makes no sense together, as some inertias
-
-
 # --- reports ---------------------------------------------------------------------------------------
 
 def text(found: Found) -> list[str]:
@@ -341,7 +325,7 @@ def text(found: Found) -> list[str]:
     return [*columns(rows, right={2, 3, 4, 5, 6}, indent="  "),
             f"  stack    {found.stack:,} of {found.stack_size:,} bytes were used, "
             f"{100 * (1 - found.stack / found.stack_size):.1f} % are left",
-            f"  heap     {found.heap:,} bytes"]
+            f"  heap     {found.heap:,} bytes", *(f"  died     {one}" for one in found.died)]
 
 
 def as_csv(found: Found) -> str:

@@ -145,7 +145,7 @@ def _campaigns(folder):
 
 
 def _faults(folder):
-    from fledge.analysis.faults import FILE, Matrix
+    from fledge.analysis.matrix import FILE, Matrix
 
     Matrix(folder)
     return FILE

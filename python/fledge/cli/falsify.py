@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_jobs, add_update_limit
+from fledge.cli.arguments import add_campaign, add_pool, add_update_limit
 from fledge.cli.console import say
 from fledge.cli.runs import alone
 from fledge.errors import Failure
@@ -42,7 +42,7 @@ def add(command: Callable) -> None:
                      "interval; each has random streams of its own; default: %(default)s")
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of the search, and of all random streams; "
                      "default: 0")
-    add_jobs(one)
+    add_pool(one)
     one.add_argument("--out", metavar="DIR", help="default: runs/MISSION/falsify/REQ")
     one.add_argument("--json", action="store_true", help="print the result as JSON, and nothing else")
     add_update_limit(one)
@@ -59,10 +59,10 @@ def falsify(options: argparse.Namespace) -> int:
     if options.repetitions < 2:
         raise Failure(f"falsify: --repetitions must be >= 2, found {options.repetitions}")
     flights = Flights(options.mission, options.requirement, options.campaign, options.scenario, options.seed,
-                      options.jobs)
+                      options.jobs, options.scheduler)
     folder = Path(options.out) if options.out else \
         Path("runs") / flights.campaign.nominal.name / "falsify" / options.requirement
-    with alone(folder):
+    with flights, alone(folder):
         return (_estimate if options.probability else _search)(options, flights, folder)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_jobs, add_update_limit
+from fledge.cli.arguments import add_pool, add_update_limit
 from fledge.cli.node import add_parameters, given_parameters
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -34,7 +34,7 @@ def add(command: Callable) -> None:
                      "10min, 2h); default: with its scenario")
     one.add_argument("--double", action="store_true", help="pairs of faults of different units, too")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    add_jobs(one)
+    add_pool(one)
     one.add_argument("--out", metavar="DIR", help="for the report; default: runs/MISSION/faults")
     add_update_limit(one)
     add_parameters(one)
@@ -69,7 +69,8 @@ def faults(options: argparse.Namespace) -> int:
                             "fault took; less with --for, --unit or --kind")
                 bar.at(done / all_, f"{done} of {counted(all_, 'flight')}")
 
-            flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs, limit, progress)
+            flights = fly(matrix, options.scenario, wanted, options.double, begin, lasts, options.jobs, limit, progress,
+                          options.scheduler)
         wall = time.perf_counter() - begun
         paths = page.write(flights, matrix, folder, shlex.join(["./fledge", *options.words]))
     say("\n".join(page.text(flights)))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge flips MISSION`: bit flips in its flight computer in the middle of a manoeuvre, and what came of each.
 
-Exit codes: 0 the campaign was flown; 2 the command line or the mission is wrong; 130 Ctrl-C.
+Exit codes: 0 the campaign was flown; 1 the process of a flight died; 2 the command line or the mission is wrong; 130 Ctrl-C.
 """
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fledge.cli.arguments import add_jobs, parse_duration
+from fledge.cli.arguments import add_pool, parse_duration
 
 
 def add(command: Callable) -> None:
@@ -32,7 +32,7 @@ def add(command: Callable) -> None:
                      " then come at any time, and effects have a rate; default: each bit as likely, at any instruction")
     one.add_argument("--edac", choices=("off", "on", "both"), default="both", help="check bits of the memory; default: "
                      "both, one campaign after the other with the same flips")
-    add_jobs(one)
+    add_pool(one)
     one.add_argument("--engine", default="translator", choices=("translator", "threaded", "interpreter"),
                      help="of the emulator; default: translator")
     one.add_argument("--out", metavar="DIR", help="for the tables and the plot; default: runs/MISSION/flips")
@@ -50,6 +50,7 @@ def flips(options: argparse.Namespace) -> int:
 
     at, duration, after = map(parse_duration, (options.at, options.duration, options.after))
     results: dict[str, Sequence[campaigns.Outcome]] = {}
+    died: list[str] = []
     name = Path(options.mission).name
     folder = Path(options.out) if options.out else Path("runs") / name / "flips"
     with alone(folder):
@@ -63,9 +64,10 @@ def flips(options: argparse.Namespace) -> int:
                 def progress(done: int, bar: Bar = bar) -> None:
                     bar.at(done / options.count, f"{done} of {options.count} flips")
 
-                outcomes = campaign.fly(options.count, options.seed, options.jobs, progress)
+                outcomes = campaign.fly(options.count, options.seed, options.jobs, progress, options.scheduler)
             wall = time.perf_counter() - begun
             results[title] = outcomes
+            died += campaign.died
             say(f"{campaign.name}, {title}, {options.count} flips from {at:g} s to {at + duration:g} s, seed "
                 f"{options.seed}, in {wall:.3g} s")
             say(f"  of {campaign.n_registers:,} places in registers and {campaign.n_memory:,} in memory"
@@ -74,7 +76,9 @@ def flips(options: argparse.Namespace) -> int:
                           campaigns.severity(outcomes, campaign.measures)):
                 for line in ["", *lines] if lines else []:
                     say(("  " + line).rstrip())
+            for text in campaign.died:
+                say(f"  died     {text}")
             write_files({f"{'edac' if edac else 'plain'}.csv": campaigns.csv(outcomes, campaign.measures)}, folder)
         path = campaigns.plot(results, f"{name}: bit flips in the flight computer", folder / "flips.png")
     say(f"  plot     {path}")
-    return 0
+    return 1 if died else 0

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_jobs, add_update_limit
+from fledge.cli.arguments import add_campaign, add_pool, add_update_limit
 from fledge.cli.console import Plots, say, size_of
 from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
@@ -46,9 +46,7 @@ def _add_common(one: argparse.ArgumentParser, name: str) -> None:
     """The options of campaigns and sweeps."""
     add_campaign(one)
     one.add_argument("--seed", type=int, default=0, metavar="S", help="of all draws and random streams; default: 0")
-    add_jobs(one)
-    one.add_argument("--scheduler", metavar="ADDRESS", help="fly on the workers of this Dask scheduler, as "
-                     "tcp://127.0.0.1:8786, in place of --jobs")
+    add_pool(one)
     one.add_argument("--only", type=int, metavar="INDEX",
                      help="fly this one run, as an ordinary simulation with a record and plots")
     one.add_argument("--out", metavar="DIR", help=f"default: runs/MISSION/{name}/CAMPAIGN, with /INDEX for --only")
@@ -136,7 +134,8 @@ def _all(campaign, options, runs, folder, command):
     import json
     import shlex
 
-    from fledge.montecarlo import cores, report
+    from fledge.montecarlo import report
+    from fledge.pool import cores
 
     points = getattr(campaign, "points", 1)
     workers = min(cores() if options.jobs is None else options.jobs, runs * points)

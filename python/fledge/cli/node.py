@@ -207,19 +207,15 @@ class _Programs:
         self.running, self.failed, self.since = {}, [], None
 
     def start(self, name, work):
-        import ctypes
+        from fledge.pool import fork
 
-        sys.stdout.flush()
-        sys.stderr.flush()
-        parent, pid = os.getpid(), os.fork()
+        pid = fork()
         if pid:
             self.running[pid] = name
             return
         code = 70
         try:
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-            if os.getppid() == parent:
-                code = int(work() or 0)
+            code = int(work() or 0)
         except Failure as error:
             print(f"fledge: {error}", file=sys.stderr)
             code = error.code

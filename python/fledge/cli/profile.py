@@ -111,7 +111,7 @@ def _longest(options, folder, duration):
         say("\n".join(timing.text(found)))
         for path in write_files({"timing.csv": timing.as_csv(found), "timing.json": timing.as_json(found)}, folder):
             say(f"  figures  {path}")
-    return 0
+    return 1 if found.died else 0
 
 
 def _names(options: argparse.Namespace) -> list[str]:

@@ -7,10 +7,9 @@ the mission, its requirements or a CSV is wrong; 130 Ctrl-C: what has been flown
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
-from fledge.cli.arguments import add_jobs
+from fledge.cli.arguments import add_pool
 from fledge.cli.node import add_parameters, given_parameters
 from fledge.targets import TARGETS
 
@@ -38,7 +37,7 @@ def add(command: Callable) -> None:
     one.add_argument("--requirements", metavar="CSV", help="name the differences to this table: id, text, rationale, "
                      "parent, method")
     one.add_argument("--seed", type=int, default=0, metavar="N", help="of the random streams; default: 0")
-    add_jobs(one)
+    add_pool(one)
     one.add_argument("--strict", action="store_true", help="a requirement that is unknown or not shown also fails")
     one.add_argument("--out", metavar="DIR", help="for report.html, requirements.csv, junit.xml, results.json and the "
                      f"records; default: {OUT}/MISSION")
@@ -119,8 +118,9 @@ def _verify(options, targets, sim, requirements, given, folder):
         say(f"  {'before ' if one.before else 'flown  '}  {one.title}: {how}")
 
     with Bar(sim.name) as bar:
-        flown = flights.fly(chosen, sim.mission.folder, options.jobs or os.cpu_count() or 1, options.again, tell,
-                            lambda done, all_: bar.at(done / max(all_, 1), f"{done} of {all_} flights"))
+        flown = flights.fly(chosen, sim.mission.folder, options.jobs, options.again, tell,
+                            lambda done, all_: bar.at(done / max(all_, 1), f"{done} of {all_} flights"),
+                            options.scheduler)
     for one in flown:
         if one.record:
             one.record = f"flights/{one.scenario}/{one.target}/{one.record}"

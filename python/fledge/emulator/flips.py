@@ -7,14 +7,13 @@ flight computer are inverted, each in a flight of its own from one snapshot. The
 """
 from __future__ import annotations
 
+import hashlib
 import math
-import multiprocessing
-import os
 import random
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -22,13 +21,13 @@ from typing import Any, NamedTuple
 from fledge import objects
 from fledge.columns import columns
 from fledge.emulator.board import Board, load
-from fledge.errors import Failure, SetupError
+from fledge.errors import Failure, RunError, SetupError
 from fledge.mission.field_path import port
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.report import confidence
 from fledge.objects.measured import unit_after
 from fledge.objects.si import time_ns
-from fledge.progress import completed
+from fledge.pool import Died, Work, anywhere, open_pool
 
 EFFECTS = {
     "no effect": "all that flight wrote into its registers is the same, at all instants",
@@ -104,6 +103,11 @@ class Campaign:
             raise SetupError("flips: expected the rates of registers and of memory, in flips per bit and day, both at "
                              f"least 0 and one more; found {', '.join(map(str, rates))}")
         self.edac, self.bits, self.rates = edac, bits, rates
+        # What makes the same campaign elsewhere.
+        self.given = anywhere(mission), scenario, {
+            "at": at, "duration": duration, "after": after, "edac": edac, "bits": bits, "rates": rates,
+            "engine": engine, **parameters}
+        self.died: list[str] = []       # of each flip of fly() whose process died, which and how
         from fledge.targets.leon3.board import BOARD
 
         with TemporaryDirectory() as scratch:
@@ -120,6 +124,9 @@ class Campaign:
         if edac:
             self.board.core.enable_edac()
         self.survey()
+        entry = self.board.core.entry
+        code = self.board.peek(entry, self.board.address("leon3_data_load") - entry)
+        self.program = hashlib.sha256(code).hexdigest()[:12]
         self.start = self.board.snapshot()
         self.first, self.epoch = self.board.core.instructions, self.board._link.epoch
         self.nominal = self.board.in_flight.record()
@@ -238,17 +245,50 @@ class Campaign:
                        tuple(map(deviation, self.measures, self._values(), self.undisturbed)))
 
     def fly(self, n: int, seed: int = 0, workers: int | None = None,
-            progress: Callable[[int], None] = lambda done: None) -> list[Outcome]:
-        """The flips 0 to n - 1 of a seed, on all processors. The outcomes do not depend on how many there are."""
+            progress: Callable[[int], None] = lambda done: None, scheduler: str | None = None) -> list[Outcome]:
+        """The flips 0 to n - 1 of a seed, on all processors, or on the workers of a Dask scheduler. The outcomes do not
+        depend on how many there are. A flip whose process died has none: `died` says which, and how."""
         if n < 1:
             raise SetupError(f"flips: expected at least 1, found {n}")
-        outcomes: list[Any] = [None] * n
-        done = 0
-        for i, outcome in _spread(self, n, seed, workers or len(os.sched_getaffinity(0)), lambda: progress(done)):
-            outcomes[i] = outcome
-            done += 1
-            progress(done)
-        return outcomes
+        outcomes: dict[int, Outcome] = {}
+        died: dict[int, str] = {}
+        with open_pool(workers, scheduler) as pool, closing(pool.fly(
+                _Flips(self, seed), range(n), lambda: progress(len(outcomes) + len(died)))) as flown:
+            for i, found in flown:
+                if isinstance(found, Died):
+                    flip = self.flip(seed, i)
+                    died[i] = f"flip {i}, {flip.place} {flip.text}, bit {flip.bit}: {found.text}"
+                else:
+                    outcomes[i] = found
+        progress(n)
+        self.died = [died[i] for i in sorted(died)]
+        if not outcomes:
+            raise RunError(self.died[0])
+        return [outcomes[i] for i in sorted(outcomes)]
+
+
+class _Flips(Work[int, Outcome]):
+    """The flips of a seed as the work of a pool."""
+
+    def __init__(self, campaign: Campaign, seed: int) -> None:
+        self.campaign, self.seed = campaign, seed
+        assert campaign.board.sim.mission
+        self.folder = campaign.board.sim.mission.folder
+        self.facts = {"program of flight": campaign.program}
+
+    @property
+    def recipe(self) -> tuple[Callable[..., _Flips], tuple[Any, ...]]:
+        return _Flips.made, (self.seed, *self.campaign.given)
+
+    @classmethod
+    def made(cls, seed: int, mission: str, scenario: str | None, options: dict[str, Any]) -> _Flips:
+        return cls(Campaign(mission, scenario, **options), seed)
+
+    def begin(self) -> None:
+        self.campaign.board.core.renew_engine()
+
+    def fly(self, item: int) -> Outcome:
+        return self.campaign.one(self.campaign.flip(self.seed, item))
 
 
 def _is_attitude(path):
@@ -271,33 +311,6 @@ def deviation(measure: Measure, values: Any, undisturbed: Any) -> float:
         else:
             apart = np.where(same, 0.0, np.abs(values - undisturbed))
     return float(np.where(np.isfinite(apart), apart, np.inf).max())
-
-
-_campaign: Any = None       # of this process' children, which begin as copies of it
-
-
-def _spread(campaign, n, seed, workers, tick) -> Iterator[tuple[int, Outcome]]:
-    global _campaign
-    _campaign = campaign
-    if workers <= 1:
-        yield from (_work((seed, i)) for i in range(n))
-        return
-    with ProcessPoolExecutor(min(workers, n), multiprocessing.get_context("fork"), _begin) as pool:
-        waiting = [pool.submit(_work, (seed, i)) for i in range(n)]
-        try:
-            for one in completed(waiting, tick):
-                yield one.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _begin():
-    _campaign.board.core.renew_engine()
-
-
-def _work(job):
-    seed, i = job
-    return i, _campaign.one(_campaign.flip(seed, i))
 
 
 # --- reports ---------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fledge.mission.scenario import chosen, set_up
 from fledge.montecarlo import Chosen
 from fledge.montecarlo.campaign import declare
 from fledge.montecarlo.requirements import FormulaCheck
+from fledge.pool.cluster import Cluster
 from fledge.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -33,6 +34,11 @@ class _Campaign(Chosen):
                  scenario: str | None) -> None:
         self._requirement, self._scenario = requirement, scenario
         super().__init__(mission, name)
+
+    @property
+    def recipe(self) -> tuple[Any, tuple]:
+        _, (mission, function) = super().recipe
+        return _Campaign, (mission, function, self._requirement, self._scenario)
 
     def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
         duration: list[float] = []
@@ -57,8 +63,8 @@ class _Campaign(Chosen):
         every = _check(d).declared.every
         if every:       # sampled as a scenario samples it, so that it has the same margin there
             d.every = every / 1e9
-        if self._values:
-            d.choose(self._values)
+        if self.values:
+            d.choose(self.values)
         return sim, d, known, name
 
 
@@ -68,16 +74,19 @@ class Flights:
 
     mission: a name, or the path of a folder; requirement: the id of one of its requirements; campaign: of its
     dispersions.py, default: the first, or a function that takes `d`; scenario: fly this one with the campaign's
-    dispersions; seed: of the random streams, the same in all runs. `flown` counts the runs; `errors` has the texts of
-    those that ended in an error, `unknown` counts those without a verdict.
+    dispersions; seed: of the random streams, the same in all runs; scheduler: the address of a Dask scheduler, whose
+    workers fly in place of threads, until this is closed as a context manager. `flown` counts the runs; `errors` has
+    the texts of those that ended in an error, `unknown` counts those without a verdict.
     Raises SetupError, or MissionError with the line of the mission's file.
     """
 
     def __init__(self, mission: str | os.PathLike[str], requirement: str, campaign: str | Callable | None = None,
-                 scenario: str | None = None, seed: int = 0, threads: int | None = None) -> None:
+                 scenario: str | None = None, seed: int = 0, threads: int | None = None,
+                 scheduler: str | None = None) -> None:
         self.mission, self.requirement, self.scenario = mission, requirement, scenario
         self.seed, self.threads = seed, threads
         self.campaign = _Campaign(mission, campaign, requirement, scenario)
+        self.cluster = Cluster(scheduler) if scheduler else None
         self.check = _check(self.campaign.dispersions)
         self.text, self.unit = self.check.declared.text, self.check.variable.unit
         self.faults = self.campaign.dispersions.faults.copy()
@@ -91,6 +100,13 @@ class Flights:
         self.errors: list[str] = []
         self.least = np.inf
         self.progress: Callable[[int, float], Any] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.cluster:
+            self.cluster.close()
 
     def __call__(self, values: Array, seed: int | None = None) -> Array:
         return self.fly(dict(zip(self.space.columns, values.T)), seed)
@@ -112,7 +128,8 @@ class Flights:
             halves = [{path: numbers[part] for path, numbers in values.items()}
                       for part in (slice(n // 2), slice(n // 2, None))]
             return np.concatenate([self.fly(half, seed) for half in halves])
-        result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads, progress=self._count)
+        result = self.campaign.fly(n, self.seed if seed is None else seed, self.threads, progress=self._count,
+                                   scheduler=self.cluster)
         if result.interrupted:
             raise KeyboardInterrupt
         self.flown += n

@@ -14,16 +14,15 @@ A run is fixed by (seed, index): neither threads nor processes nor their order c
 
     campaign, sweep campaigns, and those whose runs are the points of a grid
     dispersions     what a campaign declares: draws, retained variables, requirements (requirements)
-    shares          the results of some runs, and the ways to fly them here
-    scheduler       and on other machines, where the workers of Dask fly them (worker)
+    shares          the results of some runs, and the ways to fly them: by threads, or by a pool (fledge.pool)
     store, counts   where results are kept: rows on disk, counts for percentiles
     result          what came of a campaign
     drivers         on which draws a measure depends
     report, plots   the files of a campaign
 """
 
-from fledge.montecarlo.campaign import Campaign, Chosen, cores, disperse
+from fledge.montecarlo.campaign import Campaign, Chosen, disperse
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.sweep import Sweep, lin, log
 
-__all__ = ["Campaign", "Chosen", "Result", "Sweep", "cores", "disperse", "lin", "log"]
+__all__ = ["Campaign", "Chosen", "Result", "Sweep", "disperse", "lin", "log"]

@@ -7,6 +7,7 @@ import math
 import os
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,15 +19,17 @@ from fledge.mission.folder import MissionFiles, functions_of
 from fledge.mission.simulation import report_crashes
 from fledge.montecarlo.dispersions import Dispersions
 from fledge.montecarlo.result import Result
-from fledge.montecarlo.shares import Share, by_processes, by_threads
+from fledge.montecarlo.shares import Share, by_pool, by_threads
 from fledge.montecarlo.store import Store
 from fledge.objects.measured import unit_after
 from fledge.objects.si import enumerator_names
+from fledge.pool import anywhere, cores, open_pool
 from fledge.progress import Bar
 
 if TYPE_CHECKING:
     from fledge.mission.log import Log
     from fledge.mission.simulation import Simulation
+    from fledge.pool.cluster import Cluster
 
 
 class Campaign:
@@ -37,6 +40,8 @@ class Campaign:
     docstrings.
     Raises SetupError, or MissionError with the line of the mission's file.
     """
+
+    values: dict[str, list[float]] = {}     # of runs whose numbers are chosen; else there are none
 
     def __init__(self, mission: str | os.PathLike[str],
                  name: str | Callable[[Dispersions], Any] | None = None) -> None:
@@ -56,8 +61,7 @@ class Campaign:
     @property
     def recipe(self) -> tuple[Any, tuple]:
         """(class, arguments) that make this campaign in another program."""
-        path = Path(self._mission)
-        return Campaign, (str(path.resolve()) if path.is_dir() else str(path), self._function)
+        return Campaign, (anywhere(self._mission), self._function)
 
     @property
     def has_callables(self) -> bool:
@@ -84,11 +88,11 @@ class Campaign:
 
     def fly(self, runs: int, seed: int = 0, threads: int | None = None, processes: bool = False,
             progress: Callable[[int, int], Any] | None = None, strict: bool = False,
-            folder: str | os.PathLike[str] | None = None, scheduler: str | None = None) -> Result:
+            folder: str | os.PathLike[str] | None = None, scheduler: str | Cluster | None = None) -> Result:
         """Fly the runs 0 to runs - 1; returns a Result.
 
         threads: default: all cores; processes: fly by processes even where threads would do; scheduler: the address of
-        a Dask scheduler, whose workers fly in place of both;
+        a Dask scheduler, whose workers fly in place of both, or a pool of them that is open;
         progress(finished, failed) is called about ten times a second; not given: as fledge.progress shows it;
         strict: a run with a finding about its health has failed. folder: results go to disk there, in `unfinished`, so
         that a campaign that was broken off goes on where it was; Result.close() deletes them. Ctrl-C stops the
@@ -116,17 +120,17 @@ class Campaign:
                 live.at(finished / runs, f"{finished} of {runs}" + (f", {failed} failed" if failed else ""))
 
         report(0, 0)
-        if scheduler:
-            from fledge.montecarlo.scheduler import by_scheduler
-
-            shares = by_scheduler(self, store.missing(), seed, scheduler, report)
-        else:
-            fly = by_processes if processes or self.has_callables else by_threads
-            shares = fly(self, store.missing(), seed, threads, report)
         interrupted = False
-        with live:
+        with live, ExitStack() as opened:
+            opened.callback(store.save)
             try:
-                for share in shares:
+                if scheduler or processes or self.has_callables:
+                    pool = opened.enter_context(open_pool(threads, scheduler)) \
+                        if scheduler is None or isinstance(scheduler, str) else scheduler
+                    shares = by_pool(self, store.missing(), seed, pool, report)
+                else:
+                    shares = by_threads(self, store.missing(), seed, threads, report)
+                for share in opened.enter_context(closing(shares)):
                     store.add(share)
                 report(store.finished - before, len(store.errors) - bad)
             except KeyboardInterrupt:
@@ -135,9 +139,6 @@ class Campaign:
                 if not store.finished:      # it has not begun
                     store.close()
                 raise
-            finally:
-                shares.close()
-                store.save()
         return Result(self, seed, store, interrupted)
 
     def drawn(self, simulation: Simulation) -> dict[str, float]:
@@ -216,28 +217,18 @@ class Campaign:
 class Chosen(Campaign):
     """A campaign whose runs have chosen numbers in place of draws: choose() them, then fly() as many runs."""
 
-    _values: Mapping[str, Sequence[float]] = {}
-
-    @property
-    def recipe(self) -> tuple[Any, tuple]:
-        raise SetupError("runs with chosen numbers fly on this machine alone, not by a scheduler")
-
     def choose(self, values: Mapping[str, Sequence[float]]) -> None:
         """The numbers of the runs that fly() flies next, as of Dispersions.choose(). Raises SetupError on a number that
         its parameter cannot have."""
-        self._values = values
+        self.values = {}
         self.dispersions.choose(values)
+        self.values = {path: [float(x) for x in numbers] for path, numbers in values.items()}
 
     def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
         sim, dispersions, known, name = super()._declare(index)
-        if self._values:
-            dispersions.choose(self._values)
+        if self.values:
+            dispersions.choose(self.values)
         return sim, dispersions, known, name
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def declare(mission: str | os.PathLike[str], wanted: str | Callable[[Dispersions], Any] | None,

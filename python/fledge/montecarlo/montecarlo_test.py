@@ -4,7 +4,6 @@
 import contextlib
 import csv
 import json
-import multiprocessing
 import os
 import pty
 import re
@@ -20,7 +19,7 @@ import pytest
 import fledge
 from fledge import Archive, _core, cli
 from fledge.montecarlo.dispersions_test import mission
-from fledge.montecarlo import report, Campaign, drivers, plots, report, store
+from fledge.montecarlo import report, Campaign, Sweep, drivers, plots, report, store
 from fledge.montecarlo.counts import BOUND, Counts
 from fledge.montecarlo.result import Result
 from fledge.montecarlo.shares import fly_share
@@ -155,24 +154,12 @@ def test_a_process_that_dies_is_a_failed_run(tmp_path):
     assert set(result.failures) == set(np.flatnonzero(died | (mass < 0.3)))
 
 
-@pytest.mark.long("kills processes of a campaign")
-def test_processes_that_are_killed_fail_their_runs_and_end_with_the_campaign(tmp_path):
-    mission(tmp_path, RELEASE, CALLABLES)
-    killed = []
-
-    def progress(finished, failed):
-        if finished >= 10 * (len(killed) + 1) and len(killed) < 3:
-            killed.append(multiprocessing.active_children()[0])
-            killed[-1].kill()
-
-    campaign = Campaign(tmp_path)
-    result, whole = campaign.fly(60, seed=2, threads=2, progress=progress), campaign.fly(60, seed=2, threads=1)
-    assert set(result.failures.values()) == {"the process that flew it was ended by SIGKILL"}
-    assert len(killed) == 3 and 1 <= len(result.failures) <= 3 and result.flown.all()
-    kept = [i for i in range(60) if i not in result.failures]
-    for path, retained in whole.retained.items():
-        assert (result.retained[path][kept] == retained[kept]).all()
-    assert multiprocessing.active_children() == []
+def test_a_mission_that_cannot_be_loaded_for_a_run_has_failed_that_run(tmp_path):
+    mission(tmp_path, RELEASE)
+    (tmp_path / "world.py").write_text((tmp_path / "world.py").read_text().replace(
+        "def build(w, f):", "def build(w, f, a=1.0, b=1.0):") + "\n    w.craft.mass = 1 / abs(a - b)\n")
+    result = Sweep(tmp_path, {"a": [2.0, 3.0], "b": [1.0, 3.0]}).fly(threads=2)
+    assert list(result.failures) == [3] and "ZeroDivisionError: float division by zero" in result.failures[3]
 
 
 # --- health --------------------------------------------------------------------------------------

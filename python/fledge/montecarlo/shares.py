@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shares of a campaign: the results of some of its runs, and the ways to fly them on this machine."""
+"""Shares of a campaign: the results of some of its runs, and the ways to fly them, by threads or by a pool."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
-from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
+from fledge.errors import SetupError
+from fledge.pool import Died, Local, Work
 
 if TYPE_CHECKING:
     import numpy as np
 
     from fledge.montecarlo.campaign import Campaign
+    from fledge.pool.cluster import Cluster
 
 NUMBERS = 2**22     # that the runs of a share retain at most
+RUNS_MOST = 500     # of a share on a cluster
+SHARES = 8          # for each thread of a cluster, at least, so that all end at about the same time
 
 Ranges = Sequence[tuple[int, int]]      # (first index, one beyond the last) of runs, ascending
 Progress = Callable[[int, int], Any]    # (finished runs, of these failed)
@@ -85,12 +89,6 @@ def cut(campaign: Campaign, ranges: Ranges, most: int | None = None) -> list[tup
     return [(first, min(first + n, end)) for begin, end in ranges for first in range(begin, end, n)]
 
 
-def halves(first: int, end: int) -> list[tuple[int, int]]:
-    """A range in two parts."""
-    middle = (first + end) // 2
-    return [(first, middle), (middle, end)]
-
-
 def fly_share(campaign: Campaign, seed: int, first: int, end: int, threads: int = 1,
               progress: Progress | None = None) -> tuple[Share, bool]:
     """(the share, whether Ctrl-C stopped it), by threads of this process."""
@@ -98,13 +96,6 @@ def fly_share(campaign: Campaign, seed: int, first: int, end: int, threads: int 
     plan.seed, plan.first, plan.runs = seed, first, end - first
     flown, interrupted = _core.fly(campaign.nominal.kernel, plan, threads, progress)
     return Share.of(first, flown), interrupted
-
-
-def fly_loaded(campaign: Campaign, seed: int, index: int) -> Share:
-    """One run, in a mission loaded for it."""
-    simulation, plan = campaign._load(index)
-    plan.seed = seed
-    return campaign.complete(Share.of(index, _core.fly_one(simulation.kernel, plan, index)))
 
 
 def by_threads(campaign: Campaign, ranges: Ranges, seed: int, threads: int,
@@ -120,74 +111,65 @@ def by_threads(campaign: Campaign, ranges: Ranges, seed: int, threads: int,
         finished, failed = finished + end - first, failed + sum(map(bool, share.errors))
 
 
-# --- processes -------------------------------------------------------------------------------------
+class Range(NamedTuple):
+    """The runs first to end - 1. values: of the campaign's runs, if these are chosen: path -> number in each"""
+    first: int
+    end: int
+    values: dict[str, list[float]] = {}
 
-def by_processes(campaign: Campaign, ranges: Ranges, seed: int, processes: int,
-                 progress: Progress) -> Generator[Share, None, None]:
-    """Fly the runs by processes, each run in a mission loaded afresh. A process that dies has failed its run."""
-    import multiprocessing
-    from multiprocessing import connection
 
-    fork = multiprocessing.get_context("fork")
-    waiting = (index for first, end in ranges for index in range(first, end))
-    flying: dict[Any, tuple[Any, int]] = {}     # pipe -> (process, index of the run in the air)
+class Runs(Work[Range, Share]):
+    """The runs of a campaign as the work of a pool."""
+
+    def __init__(self, campaign: Campaign, seed: int) -> None:
+        self.campaign, self.seed, self.folder = campaign, seed, campaign.folder
+
+    @property
+    def recipe(self) -> tuple[Callable[..., Runs], tuple[Any, ...]]:
+        kind, arguments = self.campaign.recipe
+        return Runs.made, (self.seed, kind, *arguments)
+
+    @classmethod
+    def made(cls, seed: int, kind: Callable[..., Campaign], *arguments: Any) -> Runs:
+        """By the recipe of a campaign."""
+        return cls(kind(*arguments), seed)
+
+    def fly(self, item: Range) -> Share:
+        """By this thread; where the mission calls Python, each run in a mission loaded for it."""
+        if item.values != self.campaign.values:
+            from fledge.montecarlo.campaign import Chosen
+
+            assert isinstance(self.campaign, Chosen)
+            self.campaign.choose(item.values)
+        if not self.campaign.has_callables:
+            return fly_share(self.campaign, self.seed, item.first, item.end)[0]
+        return Share.joined([self._loaded(index) for index in range(item.first, item.end)])
+
+    def _loaded(self, index: int) -> Share:
+        try:
+            simulation, plan = self.campaign._load(index)
+        except SetupError as error:
+            return Share.failed(self.campaign, index, str(error))
+        plan.seed = self.seed
+        return self.campaign.complete(Share.of(index, _core.fly_one(simulation.kernel, plan, index)))
+
+    def parts(self, item: Range) -> list[Range]:
+        middle = (item.first + item.end) // 2
+        return [item._replace(end=middle), item._replace(first=middle)] if item.end - item.first > 1 else []
+
+
+def by_pool(campaign: Campaign, ranges: Ranges, seed: int, pool: Local | Cluster,
+            progress: Progress) -> Generator[Share, None, None]:
+    """Fly the runs by a pool: one at a time on this machine, shares on a cluster. A process that dies has failed its
+    run."""
+    most = 1
+    if not isinstance(pool, Local):
+        most = min(RUNS_MOST, -(-sum(end - first for first, end in ranges) // (SHARES * pool.threads)))
+    items = [Range(first, end, campaign.values) for first, end in cut(campaign, ranges, most)]
     finished = failed = 0
-
-    def start(index):
-        ours, theirs = fork.Pipe()
-        child = fork.Process(target=_fly_given, args=(campaign, seed, theirs, ours), daemon=True)
-        child.start()
-        theirs.close()
-        give(ours, child, index)
-
-    def give(pipe, child, index):
-        with suppress(OSError):     # the child has died: recv() will say so
-            pipe.send(index)
-        if index is None:
-            child.join()
-        else:
-            flying[pipe] = child, index
-
-    try:
-        for index in islice(waiting, processes):
-            start(index)
-        while flying:
-            pipe: Any
-            for pipe in connection.wait(list(flying), 0.1):
-                child, index = flying.pop(pipe)
-                try:
-                    share = pipe.recv()
-                    give(pipe, child, next(waiting, None))
-                except (EOFError, OSError):     # it died in the run
-                    child.join()
-                    share = Share.failed(campaign, index, death(child.exitcode))
-                    following = next(waiting, None)
-                    if following is not None:
-                        start(following)
-                finished, failed = finished + 1, failed + bool(share.errors[0])
-                yield share
-            progress(finished, failed)
-    finally:
-        for child, _ in flying.values():
-            child.terminate()
-            child.join()
-
-
-def _fly_given(campaign, seed, pipe, parents_end):
-    """Fly the runs whose indices come, until there is none, or the parent has gone."""
-    import signal
-
-    parents_end.close()     # this child inherited it: while it holds it, recv() does not end with the parent
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it, and ends the children
-    with suppress(EOFError, OSError):
-        while (index := pipe.recv()) is not None:
-            pipe.send(fly_loaded(campaign, seed, index))
-
-
-def death(code: int | None) -> str:
-    """Why a process ended, by its exit code."""
-    import signal
-
-    if code is not None and code < 0:
-        return f"the process that flew it was ended by {signal.Signals(-code).name}"
-    return f"the process that flew it ended with code {code}"
+    with closing(pool.fly(Runs(campaign, seed), items, lambda: progress(finished, failed))) as flown:
+        for _, found in flown:
+            share = Share.failed(campaign, found.item.first, found.text) if isinstance(found, Died) else found
+            finished, failed = finished + len(share.flown), failed + sum(map(bool, share.errors))
+            yield share
+    progress(finished, failed)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns on the workers of a Dask scheduler, on any machines.
+"""A pool of the workers of a Dask scheduler, on any machines.
 
-A task is a share of runs, which a worker flies (worker.py). If a worker dies, Dask gives its shares to others. One
-whose Fledge or mission is another one than that of the campaign is refused.
+A task is an item, which a worker flies (worker.py). If a worker dies, Dask gives its items to others. One whose Fledge
+or mission is another one than those of the work is refused.
 """
 
 from __future__ import annotations
@@ -13,164 +13,184 @@ import queue
 import sys
 import time
 from collections import deque
-from collections.abc import Generator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any, Self
 
 from fledge.errors import RunError, SetupError
 from fledge.mission.provenance import identity
-from fledge.montecarlo.shares import Progress, Ranges, Share, cut, halves
-
-if TYPE_CHECKING:
-    from fledge.montecarlo.campaign import Campaign
+from fledge.pool.work import Died, Item, Result, Work, opened
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
 LOST = 20.0         # [s] until a scheduler that does not answer any more is given up
-REFUSALS = 100      # tasks that came back from workers that must not fly, before the campaign is given up
-RUNS_MOST = 500     # of a task
+REFUSALS = 100      # tasks that came back from workers that must not fly, before the work is given up
 _AHEAD = 3          # tasks for each thread of the workers, so that none waits
-_TASKS = 8          # shares for each thread, at least, so that all end at about the same time
 
 
-def by_scheduler(campaign: Campaign, ranges: Ranges, seed: int, address: str,
-                 progress: Progress) -> Generator[Share, None, None]:
-    """Fly the runs on the workers of the scheduler at an address, as "tcp://127.0.0.1:8786".
+class Cluster:
+    """The workers of the scheduler at an address, as "tcp://127.0.0.1:8786".
 
-    Raises SetupError if there is no scheduler, no worker, or one of another revision; RunError if the scheduler goes
-    away. A worker of another revision that comes later is sent away, with a warning.
+    threads: of all workers at first. Raises SetupError if there is no scheduler, or no worker.
     """
-    try:
+
+    def __init__(self, address: str) -> None:
+        try:
+            import cloudpickle      # noqa: F401
+            import distributed
+        except ImportError:
+            raise SetupError("a scheduler needs Dask: apt-get install python3-distributed") from None
+        for name in ("distributed", "distributed.client", "distributed.core"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)      # their errors are named here
+
+        class Client(distributed.Client):
+            def __del__(self) -> None:      # it would wait once more for a scheduler that is not there
+                pass
+
+        self.address = address
+        self._checked = b""     # the job that all workers may fly
+        try:
+            self._client: Any = Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise SetupError(f"there is no scheduler at {address} ({_in_words(error)}): start one with "
+                             "./fledge exec dask-scheduler") from None
+        try:
+            self._client.wait_for_workers(1, timeout=PATIENCE)
+            workers = self._client.scheduler_info()["workers"].values()
+        except TimeoutError:
+            self.close()
+            raise SetupError(f"the scheduler at {address} has no workers: start them with ./fledge exec dask-worker "
+                             f"{address}") from None
+        self.threads = max(1, sum(one["nthreads"] for one in workers))
+
+    def close(self) -> None:
+        self._client.close(timeout=1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def fly(self, work: Work[Item, Result], items: Sequence[Item],
+            tick: Callable[[], Any] = lambda: None) -> Iterator[tuple[int, Result | Died[Item]]]:
+        """As of Local; of an item whose workers died, the results of its parts.
+
+        Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away. A worker of
+        another revision that comes later is sent away, with a warning.
+        """
         import distributed
-        from cloudpickle import dumps
-    except ImportError:
-        raise SetupError("a scheduler needs Dask: apt-get install python3-distributed") from None
-    for name in ("distributed", "distributed.client", "distributed.core"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)      # their errors are named here
 
-    class Client(distributed.Client):
-        def __del__(self):      # it would wait once more for a scheduler that is not there
-            pass
-
-    try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise SetupError(f"there is no scheduler at {address} ({_in_words(error)}): start one with "
-                         "./fledge exec dask-scheduler") from None
-    tasks: dict[Any, tuple[int, int]] = {}      # future -> its runs
-    try:
-        # As they are, to workers that may have no Fledge, and whose modules may be other ones.
-        job = dumps({"seed": seed, "campaign": _recipe(campaign), "identity": identity(campaign.folder)})
-        threads = _check_workers(client, address, job)
-        runs = sum(end - first for first, end in ranges)
-        waiting = deque(cut(campaign, ranges, min(RUNS_MOST, -(-runs // (_TASKS * threads)))))
-        done: queue.SimpleQueue = queue.SimpleQueue()
-        finished = failed = 0
+        client = self._client
+        tasks: dict[Any, tuple[int, Item]] = {}     # by future
+        job = _job(work)
+        self._check(job)
+        waiting = deque(enumerate(items))
+        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         refused: list[str] = []     # addresses of workers
         heard = time.monotonic()
-        while waiting or tasks:
-            if client.status == "running":
-                heard = time.monotonic()
-            elif client.status == "closed" or time.monotonic() - heard > LOST:
-                raise RunError(f"the scheduler at {address} has gone, after {finished} runs")
-            while client.status == "running" and waiting and len(tasks) < _AHEAD * threads:
-                first, end = waiting.popleft()
-                task = client.submit(_fly_task, job, first, end, pure=False)
-                tasks[task] = first, end
-                task.add_done_callback(done.put)
-            progress(finished, failed)
-            try:
-                task = done.get(timeout=0.2)
-            except queue.Empty:
-                continue
-            first, end = tasks.pop(task)
-            if task.status == "finished":
-                answer = task.result()
-                if isinstance(answer, tuple):
-                    if answer[0] not in refused:
-                        _send_away(client, *answer)
-                    refused.append(answer[0])
-                    if len(refused) > REFUSALS:
-                        raise SetupError("the worker {} {}".format(*answer))
-                    waiting.appendleft((first, end))
+        try:
+            while waiting or tasks:
+                if client.status == "running":
+                    heard = time.monotonic()
+                elif client.status == "closed" or time.monotonic() - heard > LOST:
+                    raise RunError(f"the scheduler at {self.address} has gone")
+                while client.status == "running" and waiting and len(tasks) < _AHEAD * self.threads:
+                    place, item = waiting.popleft()
+                    task = client.submit(_fly, job, pickle.dumps(item), not work.parts(item), pure=False)
+                    tasks[task] = place, item
+                    task.add_done_callback(done.put)
+                tick()
+                try:
+                    task = done.get(timeout=0.2)
+                except queue.Empty:
                     continue
-                for found in map(pickle.loads, answer):
-                    share = found if isinstance(found, Share) else Share.failed(campaign, *found)
-                    finished, failed = finished + len(share.flown), failed + sum(map(bool, share.errors))
-                    yield share
-            elif task.status != "error":                    # lost, with the scheduler
-                waiting.appendleft((first, end))
-                time.sleep(0.2)
-            elif not isinstance(task.exception(), distributed.scheduler.KilledWorker):
-                raise RunError(f"the scheduler at {address}: {task.exception()}")
-            elif end - first > 1:
-                waiting.extendleft(halves(first, end))
-            else:
-                finished, failed = finished + 1, failed + 1
-                yield Share.failed(campaign, first, "the workers that flew it were ended")
-    finally:
-        if client.status == "running":
-            client.cancel(list(tasks), force=True)
-        client.close(timeout=1)
+                place, item = tasks.pop(task)
+                if task.status == "finished":
+                    found = task.result()
+                    if isinstance(found, tuple):
+                        if found[0] not in refused:
+                            self._send_away(*found)
+                        refused.append(found[0])
+                        if len(refused) > REFUSALS:
+                            raise SetupError("the worker {} {}".format(*found))
+                        waiting.appendleft((place, item))
+                        continue
+                elif task.status != "error":                    # lost, with the scheduler
+                    waiting.appendleft((place, item))
+                    time.sleep(0.2)
+                    continue
+                elif not isinstance(task.exception(), distributed.scheduler.KilledWorker):
+                    raise RunError(f"the scheduler at {self.address}: {task.exception()}")
+                else:
+                    found = "the workers that flew it were ended"
+                if isinstance(found, bytes):
+                    yield place, opened(found)
+                elif parts := work.parts(item):
+                    waiting.extendleft((place, one) for one in reversed(parts))
+                else:
+                    yield place, Died(item, found)
+        finally:
+            if client.status == "running":
+                with suppress(OSError):
+                    client.cancel(list(tasks), force=True)
+
+    def _check(self, job: bytes) -> None:
+        """Raise SetupError if there is a worker that must not fly a job."""
+        if job == self._checked:
+            return
+
+        def check() -> str:     # goes to the workers as it is: they may have no Fledge
+            try:
+                from fledge.pool.worker import check_job
+            except ImportError as error:
+                return f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
+            return check_job(job)
+
+        for worker, problem in self._client.run(check).items():
+            if problem:
+                raise SetupError(f"the worker {worker} {problem}")
+        self._checked = job
+
+    def _send_away(self, worker: str, problem: str) -> None:
+        """Close a worker that must not fly."""
+        import warnings
+
+        async def leave(dask_worker: Any) -> None:
+            import asyncio
+
+            asyncio.ensure_future(dask_worker.close(nanny=True))
+
+        warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=4)
+        self._client.run(leave, workers=[worker], wait=False)
 
 
-def _in_words(error):
+def _in_words(error: Exception) -> str:
     return str(error).splitlines()[0].partition(": ")[0].removeprefix("Timed out ") or type(error).__name__
 
 
-def _recipe(campaign):
-    """(class, arguments) that make the campaign anew; functions that a worker cannot import go as they are."""
+def _job(work: Work[Any, Any]) -> bytes:
+    """A work for workers. Functions that they cannot import go as they are."""
     import cloudpickle
 
-    for one in campaign.recipe[1]:
+    kind, arguments = work.recipe
+    for one in arguments:
         module = sys.modules.get(getattr(one, "__module__", None) or "")
         if callable(one) and module and not module.__name__.startswith(("fledge.", "__main__")):
             cloudpickle.register_pickle_by_value(module)
-    return campaign.recipe
+    # As it is, to workers that may have no Fledge, and whose modules may be other ones.
+    return bytes(cloudpickle.dumps({"work": (kind, arguments), "identity": {**identity(work.folder), **work.facts}}))
 
 
-def _check_workers(client, address, job):
-    """How many threads the workers have. Raises SetupError if there is none, or one that must not fly."""
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise SetupError(f"the scheduler at {address} has no workers: start them with ./fledge exec dask-worker "
-                         f"{address}") from None
-
-    def check():        # goes to the workers as it is: they may have no Fledge
-        try:
-            from fledge.montecarlo.worker import check_job
-        except ImportError as error:
-            return f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
-        return check_job(job)
-
-    for worker, problem in client.run(check).items():
-        if problem:
-            raise SetupError(f"the worker {worker} {problem}")
-    return max(1, sum(one["nthreads"] for one in client.scheduler_info()["workers"].values()))
-
-
-def _fly_task(job, first, end):
-    """The shares of these runs, as bytes; or (address of the worker, why it must not fly)."""
+def _fly(job: bytes, item: bytes, twice: bool) -> bytes | str | tuple[str, str]:
+    """On a worker: the answer; how the process died that flew it; or (address of the worker, why it must not fly)."""
     import distributed
 
     worker = distributed.get_worker().address
     try:
-        from fledge.montecarlo.worker import Refused, fly
+        from fledge.pool.worker import Refused, fly
     except ImportError as error:
         return worker, f"cannot import fledge ({error}): start it with ./fledge exec dask-worker"
     try:
-        return fly(job, first, end)
+        return fly(job, item, twice)
     except Refused as error:
         return worker, str(error)
-
-
-def _send_away(client, worker, problem):
-    """Close a worker that must not fly."""
-    import warnings
-
-    async def leave(dask_worker):
-        import asyncio
-
-        asyncio.ensure_future(dask_worker.close(nanny=True))
-
-    warnings.warn(f"the worker {worker} {problem}; it is sent away", RuntimeWarning, stacklevel=4)
-    client.run(leave, workers=[worker], wait=False)

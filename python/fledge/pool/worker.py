@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a worker of a Dask scheduler does with a share of a campaign's runs.
+"""What a worker of a Dask scheduler does with an item.
 
-The worker hands it to a child process of its own, `python3 -m fledge.montecarlo.worker`, which loads the campaign once:
-what happens in a run cannot end a worker. If the child dies, the share is flown again in halves, until the run that
-ends it is alone, and has failed. A child says first whether its Fledge and its mission are those of the campaign.
+The worker hands it to a child process of its own, `python3 -m fledge.pool.worker`, which makes the work once: what
+happens in a flight cannot end a worker. A child says first whether its Fledge and its mission are those of the work.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
+import select
 import subprocess
 import sys
 import threading
+from typing import Any, BinaryIO
 
-from fledge.errors import SetupError
+from fledge.errors import Failure, SetupError
 from fledge.mission.provenance import identity
-from fledge.montecarlo.shares import Share, death, fly_loaded, fly_share, halves
+from fledge.pool.local import Local
+from fledge.pool.work import Died, Item, Result, Work, answer, death
 
 
 class Refused(Exception):
@@ -24,22 +26,23 @@ class Refused(Exception):
 
 
 class _Died(Exception):
-    """A child ended within a share."""
+    """A child ended within an item."""
 
 
 class _Child:
-    """A process that flies shares of a job."""
+    """A process that flies items of a job."""
 
     def __init__(self, job: bytes) -> None:
-        self._process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.montecarlo.worker"],
+        self._process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.pool.worker"],
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        problem = pickle.loads(self.ask(job))
+        problem = self.ask(job).decode()
         if problem:
             self.end()
             raise Refused(problem)
 
     def ask(self, request: bytes) -> bytes:
         """The answer to a request. Raises _Died."""
+        assert self._process.stdin and self._process.stdout
         try:
             _send(self._process.stdin, request)
             return _receive(self._process.stdout)
@@ -56,7 +59,7 @@ _idle: dict[bytes, list[_Child]] = {}   # by job
 _lock = threading.Lock()
 
 
-def _child(job):
+def _child(job: bytes) -> _Child:
     """An idle child, or a new one. Those of other jobs are ended."""
     with _lock:
         others = [child for other in [*_idle] if other != job for child in _idle.pop(other)]
@@ -77,21 +80,19 @@ def check_job(job: bytes) -> str:
     return ""
 
 
-def fly(job: bytes, first: int, end: int, twice: bool = True) -> list[bytes]:
-    """The shares of these runs, as bytes; (index, reason) of a run that ends the process."""
+def fly(job: bytes, item: bytes, twice: bool) -> bytes | str:
+    """The answer to an item, or how the process died that flew it. twice: fly it once more then, because something
+    else, as a lack of memory, may have ended the process. Raises Refused."""
     try:
         child = _child(job)
-        share = child.ask(pickle.dumps((first, end)))
+        found = child.ask(item)
     except _Died as error:
-        if end - first > 1:
-            return [share for half in halves(first, end) for share in fly(job, *half)]
-        # Once more: something else, as a lack of memory, may have ended the process.
-        return fly(job, first, end, False) if twice else [pickle.dumps((first, str(error)))]
+        return fly(job, item, False) if twice else str(error)
     _rest(job, child)
-    return [share]
+    return found
 
 
-def _rest(job, child):
+def _rest(job: bytes, child: _Child) -> None:
     """A child has flown, and may be asked again."""
     with _lock:
         _idle.setdefault(job, []).append(child)
@@ -99,48 +100,74 @@ def _rest(job, child):
 
 # --- the child -------------------------------------------------------------------------------------
 
-def _send(pipe, message):
+def _send(pipe: BinaryIO, message: bytes) -> None:
     pipe.write(len(message).to_bytes(8, "little") + message)
     pipe.flush()
 
 
-def _receive(pipe):
+def _receive(pipe: BinaryIO) -> bytes:
     size = pipe.read(8)
-    message = pipe.read(int.from_bytes(size, "little")) if len(size) == 8 else b""
-    if not message:
+    n = int.from_bytes(size, "little")
+    message = pipe.read(n)
+    if len(size) < 8 or len(message) < n:
         raise EOFError
     return message
 
 
+class _Apart(Work[Item, Result | Died[Item]]):
+    """Flies each item in a copy of this process."""
+
+    def __init__(self, work: Work[Item, Result]) -> None:
+        self._work, self._pool = work, Local(1)
+
+    def fly(self, item: Item) -> Result | Died[Item]:
+        (_, found), = self._pool.fly(self._work, [item])
+        return found
+
+
+def _made(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
+    """(the work of a job, why it must not fly here)"""
+    kind, arguments = job["work"]
+    try:
+        work: Work[Any, Any] = kind(*arguments)
+    except (SetupError, Failure) as error:
+        return None, f"cannot make what it must fly: {error}"
+    ours = {**identity(work.folder), **work.facts}
+    return work, "; ".join(f"has another {'revision of Fledge' if name == 'fledge' else name}: "
+                           f"{ours.get(name, 'unknown')}, not {wanted}"
+                           for name, wanted in job["identity"].items() if ours.get(name) != wanted)
+
+
 def _serve() -> None:
-    """Answer a job, then shares of it, until the worker closes the pipe."""
+    """Answer a job, then items of it, until the worker closes the pipe."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    answers = os.fdopen(os.dup(1), "wb")
+    signal.signal(signal.SIGINT, lambda *_: None)
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)       # what the mission prints
-    job = pickle.loads(_receive(sys.stdin.buffer))
-    campaign, problem = None, ""
-    try:
-        kind, arguments = job["campaign"]
-        campaign = kind(*arguments)
-        ours = identity(campaign.folder)
-        problem = "; ".join(f"has another {'revision of Fledge' if name == 'fledge' else 'mission'}: "
-                            f"{ours.get(name, 'unknown')}, not {wanted}"
-                            for name, wanted in job["identity"].items() if ours.get(name) != wanted)
-    except SetupError as error:
-        problem = f"cannot load the campaign: {error}"
-    _send(answers, pickle.dumps(problem))
-    while campaign:
+    with open(os.devnull, "rb") as nothing:
+        os.dup2(nothing.fileno(), 0)
+    threading.Thread(target=_end_with_worker, args=[requests], daemon=True).start()
+    work, problem = _made(pickle.loads(_receive(requests)))
+    _send(answers, problem.encode())
+    if work is None:
+        return
+    work.begin()
+    flying = _Apart(work) if work.fresh else work
+    while True:
         try:
-            first, end = pickle.loads(_receive(sys.stdin.buffer))
+            item = pickle.loads(_receive(requests))
         except EOFError:
             return
-        if campaign.has_callables:
-            share = Share.joined([fly_loaded(campaign, job["seed"], index) for index in range(first, end)])
-        else:
-            share, _ = fly_share(campaign, job["seed"], first, end)
-        _send(answers, pickle.dumps(share))
+        _send(answers, answer(flying, item))
+
+
+def _end_with_worker(requests: BinaryIO) -> None:
+    """End this process in the middle of an item, when nothing reads its answer any more."""
+    closed = select.poll()
+    closed.register(requests, 0)
+    closed.poll()
+    os._exit(1)
 
 
 if __name__ == "__main__":

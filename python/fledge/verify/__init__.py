@@ -2,8 +2,8 @@
 """All requirements of a mission over its scenarios and targets, as `fledge verify` flies them and writes its report.
 
     flight.py     a scenario on a target: its hash, and its results
-    worker.py     a process that flies one
-    flights.py    flies all of them at a time, or takes them from the report before
+    judging.py    it is flown, and its requirements are judged
+    flights.py    all of them, by a pool, or from the report before
     evidence.py   the verdict of each requirement, what shows it, and the differences to an earlier report
     tables.py     the requirements as CSV, in and out; the verdicts as JUnit
     figure.py     the comparison that decided, with its limit

@@ -36,9 +36,6 @@ class Flight:
     coverage: bool
     folder: Path
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "folder", Path(self.folder))    # of JSON, a text
-
     @property
     def title(self) -> str:
         return f"{self.scenario} on {self.target}"

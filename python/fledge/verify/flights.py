@@ -4,74 +4,105 @@ before."""
 from __future__ import annotations
 
 import dataclasses
-import subprocess
+import os
 import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from fledge.montecarlo.shares import death
-from fledge.progress import completed
-from fledge.verify.flight import FILE, Flight, Flown, dumps
+from fledge import mission as missions
+from fledge.errors import Failure, SetupError
+from fledge.files import write_files
+from fledge.pool import Died, Work, anywhere, open_pool
+from fledge.verify.flight import FILE, Flight, Flown
+from fledge.verify.judging import judged
 
-LOG = "flight.log"      # of a worker, in the folder of its flight
+LOG = "flight.log"      # what a flight prints, in its folder
 
 
-def fly(flights: Sequence[Flight], mission: Path, jobs: int, again: bool, tell: Callable[[Flown], None],
-        progress: Callable[[int, int], None] = lambda done, all_: None) -> list[Flown]:
-    """The results of all flights, in their order. mission: its folder; jobs: processes at a time; again: fly all of
-    them; tell: is called with each result as it comes; progress(done, all), of what is flown, about every second."""
+class Verification(Work[tuple[Flight, str], dict[str, bytes]]):
+    """Flights with their hashes, as the work of a pool. The results are files in the folder of the flight; far: on
+    another machine, which returns them: name -> bytes."""
+
+    fresh = True
+
+    def __init__(self, mission: str, far: bool = False) -> None:
+        # Here, so that the process of each flight has them: it draws.
+        import matplotlib.backends.backend_svg  # noqa: F401
+        import matplotlib.style  # noqa: F401
+
+        self.mission, self.far, self.folder = mission, far, missions.find(mission).folder
+
+    @property
+    def recipe(self) -> tuple[Callable[..., Verification], tuple[Any, ...]]:
+        return Verification, (anywhere(self.mission), True)
+
+    def fly(self, item: tuple[Flight, str]) -> dict[str, bytes]:
+        flight, hash = item
+        if not self.far:
+            _fly(flight, hash)
+            return {}
+        with TemporaryDirectory() as folder:
+            there = Path(folder)
+            found = _fly(dataclasses.replace(flight, mission=self.mission, folder=there), hash)
+            return {name: (there / name).read_bytes() for name in (FILE, LOG, found.record) if name}
+
+
+def fly(flights: Sequence[Flight], mission: Path, jobs: int | None, again: bool, tell: Callable[[Flown], None],
+        progress: Callable[[int, int], None] = lambda done, all_: None, scheduler: str | None = None) -> list[Flown]:
+    """The results of all flights, in their order. mission: its folder; jobs: processes at a time; scheduler: the
+    address of a Dask scheduler, whose workers fly instead; again: fly all of them; tell: is called with each result as
+    it comes; progress(done, all), of what is flown, about every second."""
     results: dict[int, Flown] = {}
-    running: set[subprocess.Popen] = set()
-    with ThreadPoolExecutor(jobs) as pool:
-        try:
-            tasks = {}
-            for i, flight in enumerate(flights):
-                hash = flight.hash(mission)
-                before = None if again else Flown.read(flight.folder / FILE)
-                if before and before.hash == hash and not before.error and (flight.folder / before.record).exists():
-                    results[i] = dataclasses.replace(before, before=True)
-                    tell(results[i])
-                else:
-                    tasks[pool.submit(_by_worker, flight, hash, running)] = i
+    items: list[tuple[Flight, str]] = []
+    places: list[int] = []      # of the items
+    for place, flight in enumerate(flights):
+        hash = flight.hash(mission)
+        before = None if again else Flown.read(flight.folder / FILE)
+        if before and before.hash == hash and not before.error and (flight.folder / before.record).exists():
+            results[place] = dataclasses.replace(before, before=True)
+            tell(results[place])
+        else:
+            flight.folder.mkdir(parents=True, exist_ok=True)
+            for name in (FILE, LOG):
+                (flight.folder / name).unlink(missing_ok=True)
+            items.append((flight, hash))
+            places.append(place)
+    done = 0
+    if items:
+        work = Verification(flights[0].mission)
+        with open_pool(jobs, scheduler) as pool, closing(
+                pool.fly(work, items, lambda: progress(done, len(items)))) as flown:
+            for place, files in flown:
+                results[places[place]] = _result(*items[place], files)
+                done += 1
+                tell(results[places[place]])
+    return [results[place] for place in range(len(flights))]
 
-            def tick():
-                progress(sum(task.done() for task in tasks), len(tasks))
 
-            tick()
-            for task in completed(tasks, tick):
-                results[tasks[task]] = task.result()
-                tell(task.result())
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in list(running):
-                process.kill()
-    return [results[i] for i in range(len(flights))]
+def _fly(flight: Flight, hash: str) -> Flown:
+    """In a process of its own: fly, print into the flight's folder, and write the results there."""
+    log = (flight.folder / LOG).open("w", encoding="utf-8", errors="replace", buffering=1)
+    os.dup2(log.fileno(), 1)
+    os.dup2(log.fileno(), 2)
+    sys.stdout = sys.stderr = log
+    try:
+        found = judged(flight, hash)
+    except (Failure, SetupError, OSError) as error:
+        found = Flown(flight.scenario, flight.target, flight.seed, hash, str(error))
+    write_files({FILE: found.as_json()}, flight.folder)
+    return found
 
 
-def _by_worker(flight, hash, running):
-    """The results of a flight in a new process."""
-    flight.folder.mkdir(parents=True, exist_ok=True)
-    (flight.folder / FILE).unlink(missing_ok=True)
-    job = dumps({"flight": {**dataclasses.asdict(flight), "folder": str(flight.folder)}, "hash": hash})
-    with open(flight.folder / LOG, "w+", encoding="utf-8", errors="replace") as log:
-        process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.verify.worker"], stdin=subprocess.PIPE,
-                                   stdout=log, stderr=subprocess.STDOUT)
-        pipe: Any = process.stdin
-        running.add(process)
-        try:
-            # The pipe stays open: its end would end the worker.
-            pipe.write(job.encode().replace(b"\n", b"") + b"\n")
-            pipe.flush()
-            code = process.wait()
-            pipe.close()
-        except BrokenPipeError:     # it has ended already
-            code = process.wait()
-        running.discard(process)
+def _result(flight: Flight, hash: str, files: dict[str, bytes] | Died[Any]) -> Flown:
+    """Of a flight that has ended."""
+    if not isinstance(files, Died):
+        write_files(files, flight.folder)
         found = Flown.read(flight.folder / FILE)
-        if found and not code:
-            return found
-        log.seek(0)
-        last = "\n    ".join(log.read().splitlines()[-5:])
-        return Flown(flight.scenario, flight.target, flight.seed, hash, death(code) + (f"\n    {last}" if last else ""))
+        assert found
+        return found
+    log = flight.folder / LOG
+    last = log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:] if log.exists() else []
+    return Flown(flight.scenario, flight.target, flight.seed, hash, "\n    ".join([files.text, *last]))

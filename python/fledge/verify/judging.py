@@ -1,20 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process that flies one flight, `python3 -m fledge.verify.worker`: what happens in it cannot end the others. It
-reads a Flight as a line of JSON, and ends when its input is closed; its results are a file in the folder of the flight.
-"""
+"""One flight: it is flown, and all requirements that its scenario shows are judged."""
 from __future__ import annotations
 
-import json
-import os
-import sys
-import threading
 from collections.abc import Sequence
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from fledge.requirements.judge import UNKNOWN, Outcome, problem_of
-from fledge.verify.flight import FILE, Flight, Flown, Shown
+from fledge.verify.flight import Flight, Flown, Shown
 
 if TYPE_CHECKING:
     from fledge.archive import Archive
@@ -25,7 +18,7 @@ if TYPE_CHECKING:
 COVERAGE = "flight.info"    # in the folder of each process
 
 
-def fly(flight: Flight, hash: str) -> Flown:
+def judged(flight: Flight, hash: str) -> Flown:
     """Fly it, and judge all requirements that its scenario shows."""
     from fledge import __version__, mission as missions
     from fledge.requirements import Requirements
@@ -143,28 +136,3 @@ def _packets(job: Job, target: str) -> dict[str, Any]:
 
     return {one.process: read_script(one.telemetry(target).read_text()) for one in job.parts
             if one.telemetry(target).exists()}
-
-
-# --- the process -----------------------------------------------------------------------------------
-
-def main() -> None:
-    from fledge.errors import Failure, SetupError
-    from fledge.files import write_files
-
-    job: dict[str, Any] = json.loads(sys.stdin.readline())
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    flight = Flight(**job["flight"])
-    try:
-        found = fly(flight, job["hash"])
-    except (Failure, SetupError, OSError) as error:
-        found = Flown(flight.scenario, flight.target, flight.seed, job["hash"], str(error))
-    write_files({FILE: found.as_json()}, flight.folder)
-
-
-def _end_with_parent() -> None:
-    sys.stdin.read()
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

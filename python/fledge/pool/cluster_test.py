@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns on a Dask scheduler: the same bits although a worker is killed, and names for what is wrong."""
+"""A pool of the workers of a Dask scheduler: the same bits although a worker is killed, and names for what is wrong."""
 
 import os
 import re
@@ -10,13 +10,16 @@ import sys
 import time
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 
 import fledge
 from fledge import cli
+from fledge.falsify import Flights, search
 from fledge.montecarlo import Campaign, Sweep
 from fledge.montecarlo.dispersions_test import mission
 from fledge.montecarlo.montecarlo_test import RELEASE, same
+from fledge.pool.pool_test import OfFaults, OfFlips, OfSweep, OfVerify, compiled
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")    # of tornado
@@ -44,7 +47,7 @@ def scheduler(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scheduler")
     child, address = start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
                            folder=folder, until=r"Scheduler at:\s+(tcp://[\d.:]+)")
-    with patch("fledge.montecarlo.scheduler.PATIENCE", PATIENCE):
+    with patch("fledge.pool.cluster.PATIENCE", PATIENCE):
         yield address
     child.kill()
     child.wait()
@@ -113,7 +116,7 @@ def test_a_worker_with_another_mission_is_refused(scheduler, worker, tmp_path, m
     assert re.search(r"the worker tcp://[\d.:]+ has another mission: .* with files \w+, not .* with files \w+\n",
                      capsys.readouterr().err)
     # One that comes later is sent away, and those that come after it fly.
-    monkeypatch.setattr("fledge.montecarlo.scheduler._check_workers", lambda *_: 1)
+    monkeypatch.setattr("fledge.pool.cluster.Cluster._check", lambda *_: None)
     others = []
 
     def progress(finished, failed):
@@ -135,6 +138,29 @@ def test_a_sweep_flies_on_workers_too(scheduler, worker, tmp_path):
     assert far.draws["mass"].tolist() == [1, 2, 3] * 6 and same(far, sweep.fly(3, seed=1, threads=2))
 
 
+def test_a_search_flies_on_workers_too(scheduler, worker, tmp_path):
+    mission(tmp_path, RELEASE)
+    (tmp_path / "requirements.py").write_text(
+        "from fledge.requirements import always\n\ndef pointing(r):\n    r.require('PNT-1', 'It turns slowly.', always("
+        "r.signal('flight.tracking.error.omega_BR_B').norm() < 0.1))\n")
+    worker()
+    found = []
+    for address in (None, scheduler):
+        with Flights(tmp_path, "PNT-1", seed=2, threads=2, scheduler=address) as flights:
+            found.append(search(flights, flights.space, 60, seed=1))
+    near, far = found
+    assert len(near.margins) > 30 and near.stages == far.stages
+    assert np.array_equal(near.margins, far.margins) and np.array_equal(near.values, far.values)
+
+
+@pytest.mark.long("flies all that a pool flies on workers")
+@pytest.mark.parametrize("user", [OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled)])
+def test_workers_give_what_processes_give(scheduler, worker, tmp_path, user):
+    worker(), worker()
+    one = user(tmp_path)
+    assert one.fly(2) == one.fly(scheduler=scheduler)
+
+
 @pytest.mark.long("starts a scheduler and workers")
 def test_functions_go_to_the_workers_as_they_are(scheduler, worker, tmp_path):
     low = 1.0
@@ -151,14 +177,14 @@ def test_functions_go_to_the_workers_as_they_are(scheduler, worker, tmp_path):
 
 @pytest.mark.long("waits for schedulers that do not answer")
 def test_a_scheduler_that_is_not_there(tmp_path, capsys, monkeypatch, scheduler):
-    monkeypatch.setattr("fledge.montecarlo.scheduler.PATIENCE", 1.0)
+    monkeypatch.setattr("fledge.pool.cluster.PATIENCE", 1.0)
     monkeypatch.chdir(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         for address in ("tcp://127.0.0.1:9", f"tcp://127.0.0.1:{silent.getsockname()[1]}", "nonsense://x"):
             assert cli.main(["montecarlo", "nadir_spin", "--runs", "2", "--scheduler", address]) == 2
             err = capsys.readouterr().err
             assert f"there is no scheduler at {address} (" in err and err.count("\n") == 1, err
-    monkeypatch.setattr("fledge.montecarlo.scheduler.PATIENCE", 10.0)
+    monkeypatch.setattr("fledge.pool.cluster.PATIENCE", 10.0)
     with pytest.raises(fledge.SetupError, match="has no workers: start them with ./fledge exec dask-worker tcp://"):
         Campaign("nadir_spin").fly(2, scheduler=scheduler)
     assert not list(tmp_path.glob("runs/*/*/*/*"))

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many flights at a time, in processes of this machine or on a cluster.
+
+    from fledge.pool import Died, Work, open_pool
+
+    class Squares(Work[int, int]):
+        def fly(self, item: int) -> int:
+            return item * item
+
+    with open_pool(jobs=2) as pool:
+        for place, found in pool.fly(Squares(), [1, 2, 3]):     # as they come; in_order() has the order of the items
+            print(place, found.text if isinstance(found, Died) else found)
+
+A process that dies costs its item alone: a Died stands in place of its result, and the others go on. An error of Fledge
+(SetupError, RunError, Failure) is raised where the results are read; any other exception ends its process, with a
+traceback. Ctrl-C is for the reader of the results: when that ends, for whatever reason, the processes end.
+
+    work        what is flown, item by item
+    children    copies of this process, which answer through pipes
+    local       a pool of them
+    cluster     the workers of a Dask scheduler
+    worker      what such a worker does with an item
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fledge.pool.children import Children, cores, fork
+from fledge.pool.local import Local
+from fledge.pool.work import Died, Work, anywhere, in_order
+
+if TYPE_CHECKING:
+    from fledge.pool.cluster import Cluster
+
+__all__ = ["Children", "Died", "Local", "Work", "anywhere", "cores", "fork", "in_order",
+           "open_pool"]
+
+
+def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Local | Cluster:
+    """A pool of so many processes, default: one for each core; or of the workers of the Dask scheduler at an address,
+    as "tcp://127.0.0.1:8786". A context manager. Raises SetupError if there is none, or no worker."""
+    if scheduler:
+        from fledge.pool.cluster import Cluster
+
+        return Cluster(scheduler)
+    return Local(jobs)

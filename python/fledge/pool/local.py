@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pool of processes of this machine."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from multiprocessing.connection import Connection
+from typing import Any, Self
+
+from fledge.errors import SetupError
+from fledge.pool.children import Children, cores
+from fledge.pool.work import Died, Item, Result, Work, answer, opened
+
+
+class Local:
+    """jobs: processes at a time; default: one for each core."""
+
+    def __init__(self, jobs: int | None = None) -> None:
+        self.threads = cores() if jobs is None else jobs
+        if self.threads < 1:
+            raise SetupError(f"jobs must be >= 1, found {jobs}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def fly(self, work: Work[Item, Result], items: Sequence[Item],
+            tick: Callable[[], Any] = lambda: None) -> Iterator[tuple[int, Result | Died[Item]]]:
+        """(place, result) of each item, as they come; tick() is called before the first, and some times a second."""
+        children = Children()
+        waiting = iter(range(len(items)))
+
+        def start(place: int) -> None:
+            pipe = children.fork(place)
+            if pipe:
+                _serve(work, items, place, pipe)
+
+        try:
+            for place in islice(waiting, self.threads):
+                start(place)
+            while children:
+                tick()
+                for place, found, pipe in children.answers():
+                    following = next(waiting, None)
+                    if pipe and following is not None and not work.fresh:
+                        children.give(pipe, following)
+                    else:
+                        if pipe:
+                            children.dismiss(pipe)
+                        if following is not None:
+                            start(following)
+                    yield place, Died(items[place], found) if isinstance(found, str) else opened(found)
+        finally:
+            children.end()
+
+
+def _serve(work: Work[Item, Any], items: Sequence[Item], place: int | None, pipe: Connection) -> None:
+    """Fly items in this copy of the process until there is none, or nothing reads the results; does not return."""
+    code = 1
+    try:
+        work.begin()
+        while place is not None:
+            found = answer(work, items[place])
+            try:
+                pipe.send_bytes(found)
+                place = pipe.recv()
+            except (EOFError, OSError):
+                break
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)

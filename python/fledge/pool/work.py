@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a pool flies, and what comes of an item."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from fledge.errors import Failure, RunError, SetupError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class Work(Generic[Item, Result]):
+    """Flies items, one after the other. Each process of a pool has a copy; items and results are pickled.
+
+    fresh: each item needs a process of its own. folder: of the mission, which a worker of a cluster must have too;
+    facts: name -> what else must be the same there, in words
+    """
+
+    fresh = False
+    folder: Path
+    facts: dict[str, str] = {}
+
+    @property
+    def recipe(self) -> tuple[Callable[..., Work[Item, Result]], tuple[Any, ...]]:
+        """(a function, its arguments) that make this work on another machine."""
+        raise SetupError("this flies on this machine alone, not by a scheduler")
+
+    def begin(self) -> None:
+        """Called once in each process, before its first item."""
+
+    def fly(self, item: Item) -> Result:
+        raise NotImplementedError
+
+    def parts(self, item: Item) -> Sequence[Item]:
+        """Smaller items in place of one in which a process died; none: it is what died."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Died(Generic[Item]):
+    """The process that flew an item has ended; text: how, as "the process that flew it was ended by SIGKILL"."""
+    item: Item
+    text: str
+
+
+def anywhere(mission: str | os.PathLike[str]) -> str:
+    """A mission as a process with another working directory names it: its name, or the whole path of its folder."""
+    path = Path(mission)
+    return str(path.resolve() if path.is_dir() else path)
+
+
+def death(code: int) -> str:
+    """Why a process ended, by its exit code, < 0 of a signal."""
+    if code < 0:
+        return f"the process that flew it was ended by {signal.Signals(-code).name}"
+    return f"the process that flew it ended with code {code}"
+
+
+def in_order(found: Iterable[tuple[int, Result]]) -> Iterator[Result]:
+    """The results of a pool in the order of the items, each as soon as those before it are there."""
+    early: dict[int, Result] = {}
+    following = 0
+    for place, result in found:
+        early[place] = result
+        while following in early:
+            yield early.pop(following)
+            following += 1
+
+
+_ERRORS: tuple[type[Exception], ...] = SetupError, RunError, Failure
+
+
+class _Raised(NamedTuple):
+    """An error, to be raised by the process that reads the result. kind: its place in _ERRORS"""
+    kind: int
+    text: str
+
+
+def answer(work: Work[Item, Any], item: Item) -> bytes:
+    """The result of an item, or the error that it raises, for opened()."""
+    try:
+        return pickle.dumps(work.fly(item))
+    except _ERRORS as error:
+        kind = next(place for place, one in enumerate(_ERRORS) if isinstance(error, one))
+        return pickle.dumps(_Raised(kind, str(error)))
+
+
+def opened(found: bytes) -> Any:
+    """The result of answer(); raises its error."""
+    result = pickle.loads(found)
+    if isinstance(result, _Raised):
+        raise _ERRORS[result.kind](result.text)
+    return result
