@@ -26,6 +26,7 @@ NOTEBOOKS = "build/docs/notebooks"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "README"
 include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "*/README.md", "*/*/README.md",
+                    "flight/services/*.md",
                     f"{REFERENCE}/*", f"{NOTEBOOKS}/*.md"]
 exclude_patterns = ["build/[!d]*/**", "build/debug/**", "python/*/*/README.md"]     # build/docs has the reference
 myst_heading_anchors = 4
