@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a worker of a Dask scheduler does with an item.
 
-The worker hands it to a child process of its own, `python3 -m fledge.pool.worker`, which makes the work once: what
+The worker hands it to a child process of its own, `python3 -m fledge.pool.worker PIPE`, which makes the work once: what
 happens in a flight cannot end a worker. A child says first whether its Fledge and its mission are those of the work.
 """
 
@@ -10,10 +10,13 @@ from __future__ import annotations
 import os
 import pickle
 import select
+import signal
 import subprocess
 import sys
 import threading
-from typing import Any, BinaryIO
+from contextlib import suppress
+from multiprocessing.connection import Connection, Pipe
+from typing import Any
 
 from fledge.errors import Failure, SetupError
 from fledge.mission.provenance import identity
@@ -33,8 +36,12 @@ class _Child:
     """A process that flies items of a job."""
 
     def __init__(self, job: bytes) -> None:
-        self._process = subprocess.Popen([sys.executable, "-P", "-m", "fledge.pool.worker"],
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._pipe, theirs = Pipe()
+        with theirs:
+            # What the mission prints goes where errors go.
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "fledge.pool.worker", str(theirs.fileno())], stdin=subprocess.DEVNULL,
+                stdout=2, pass_fds=[theirs.fileno()])
         problem = self.ask(job).decode()
         if problem:
             self.end()
@@ -42,16 +49,14 @@ class _Child:
 
     def ask(self, request: bytes) -> bytes:
         """The answer to a request. Raises _Died."""
-        assert self._process.stdin and self._process.stdout
         try:
-            _send(self._process.stdin, request)
-            return _receive(self._process.stdout)
+            self._pipe.send_bytes(request)
+            return self._pipe.recv_bytes()
         except (OSError, EOFError):
             raise _Died(death(self._process.wait())) from None
 
     def end(self) -> None:
-        assert self._process.stdin
-        self._process.stdin.close()
+        self._pipe.close()
         self._process.wait()
 
 
@@ -100,20 +105,6 @@ def _rest(job: bytes, child: _Child) -> None:
 
 # --- the child -------------------------------------------------------------------------------------
 
-def _send(pipe: BinaryIO, message: bytes) -> None:
-    pipe.write(len(message).to_bytes(8, "little") + message)
-    pipe.flush()
-
-
-def _receive(pipe: BinaryIO) -> bytes:
-    size = pipe.read(8)
-    n = int.from_bytes(size, "little")
-    message = pipe.read(n)
-    if len(size) < 8 or len(message) < n:
-        raise EOFError
-    return message
-
-
 class _Apart(Work[Item, Result | Died[Item]]):
     """Flies each item in a copy of this process."""
 
@@ -138,37 +129,27 @@ def _made(job: dict[str, Any]) -> tuple[Work[Any, Any] | None, str]:
                            for name, wanted in job["identity"].items() if ours.get(name) != wanted)
 
 
-def _serve() -> None:
+def _serve(pipe: Connection) -> None:
     """Answer a job, then items of it, until the worker closes the pipe."""
-    import signal
-
     signal.signal(signal.SIGINT, lambda *_: None)
-    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)       # what the mission prints
-    with open(os.devnull, "rb") as nothing:
-        os.dup2(nothing.fileno(), 0)
-    threading.Thread(target=_end_with_worker, args=[requests], daemon=True).start()
-    work, problem = _made(pickle.loads(_receive(requests)))
-    _send(answers, problem.encode())
-    if work is None:
-        return
-    work.begin()
-    flying = _Apart(work) if work.fresh else work
-    while True:
-        try:
-            item = pickle.loads(_receive(requests))
-        except EOFError:
-            return
-        _send(answers, answer(flying, item))
+    threading.Thread(target=_end_with_worker, args=[pipe.fileno()], daemon=True).start()
+    work, problem = _made(pickle.loads(pipe.recv_bytes()))
+    pipe.send_bytes(problem.encode())
+    if work is not None:
+        work.begin()
+        flying = _Apart(work) if work.fresh else work
+        with suppress(EOFError):
+            while True:
+                pipe.send_bytes(answer(flying, pickle.loads(pipe.recv_bytes())))
 
 
-def _end_with_worker(requests: BinaryIO) -> None:
+def _end_with_worker(pipe: int) -> None:
     """End this process in the middle of an item, when nothing reads its answer any more."""
     closed = select.poll()
-    closed.register(requests, 0)
+    closed.register(pipe, 0)
     closed.poll()
     os._exit(1)
 
 
 if __name__ == "__main__":
-    _serve()
+    _serve(Connection(int(sys.argv[1])))
