@@ -121,13 +121,13 @@ def write_reference(app):
 def routes_page():
     """Who may what in the control room, by the rows from which its server checks that."""
     from fledge.ground.server.live import Browser
+    from fledge.ground.server.logins import Logins
     from fledge.ground.server.routes import MESSAGE, rows
-    from fledge.ground.server.users import Guard
     from fledge.ground.server.handlers import TOPICS
 
     crafts = {"": "", "path": "the one that is named", "run": "all that its run flies"}
     found = sorted({(row.method == MESSAGE, row.path.partition(":[")[0], row.method, row)
-                    for holder in (*TOPICS, Guard, Browser) for row, _ in rows(holder)}, key=lambda one: one[:3])
+                    for holder in (*TOPICS, Logins, Browser) for row, _ in rows(holder)}, key=lambda one: one[:3])
     return "\n".join([
         "# Who may what in the control room", "",
         "The server checks each HTTP request, and each message of the WebSocket `/api/live`, by this table. Where no "

@@ -18,7 +18,8 @@ from fledge.errors import Failure
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from typing import Any
+    from contextlib import AbstractContextManager
+    from typing import Any, NoReturn
 
 
 def add(command: Callable) -> None:
@@ -27,7 +28,7 @@ def add(command: Callable) -> None:
                        "the control room: serve it, run scripts, its users", "ground serve ground.toml")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
-    def action(name, function, text, example):
+    def action(name: str, function: Callable[..., int], text: str, example: str) -> Any:
         a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
                              epilog=f"example: ./fledge ground {example}")
         a.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
@@ -143,20 +144,20 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _ended_as_by_ctrl_c():
+def _ended_as_by_ctrl_c() -> AbstractContextManager[None]:
     """SIGTERM, too, ends a script so that its page is written; in the program's first thread."""
     import signal
     import threading
 
     from fledge.interruption import handled
 
-    def interrupt(*_):
+    def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
     return handled([signal.SIGTERM] * (threading.current_thread() is threading.main_thread()), interrupt)
 
 
-def _craft(options, kind):
+def _craft(options: argparse.Namespace, kind: Any) -> Any:
     """The spacecraft of --to."""
     import re
 
@@ -177,7 +178,7 @@ def _craft(options, kind):
     return ground.connect(sim, process=options.process, radio=options.radio, kind=kind)
 
 
-def _show(entry):
+def _show(entry: dict[str, Any]) -> None:
     """An entry as a line of the terminal."""
     texts = {"step": " / ".join(entry.get("step", [])), "command": entry.get("text"), "confirm": entry.get("why"),
              "stage": f"{entry.get('id')} {entry.get('stage')} {entry.get('text')}", "file": entry.get("text"),
@@ -188,7 +189,7 @@ def _show(entry):
         say(f"  {entry['t_ns'] / 1e9:10.3f} s  {entry['kind']:9} {text}".rstrip())
 
 
-def _ask(question, yes, asked):
+def _ask(question: str, yes: bool, asked: Callable[[str], tuple[bool, str]] | None) -> tuple[bool, str]:
     """(the answer of the operator, who that was)."""
     if yes:
         return True, "by --yes"
@@ -201,7 +202,7 @@ def _ask(question, yes, asked):
 
 
 def password(options: argparse.Namespace) -> int:
-    from fledge.ground.server.users import PASSWORD_LEAST, PASSWORD_MOST, hashed
+    from fledge.ground.server.passwords import PASSWORD_LEAST, PASSWORD_MOST, hashed
 
     if sys.stdin.isatty():
         given = getpass.getpass("password: ")
@@ -219,7 +220,7 @@ def password(options: argparse.Namespace) -> int:
 def token(options: argparse.Namespace) -> int:
     from json import dumps
 
-    from fledge.ground.server.users import token as made
+    from fledge.ground.server.passwords import token as made
 
     word, kept = made()
     say(f"# the token: {word}")

@@ -7,7 +7,7 @@ import pytest
 
 from fledge.ground.console.testing.console import browse, checks, served
 from fledge.ground.server.testing.services import imager_with_services
-from fledge.ground.server.users import hashed
+from fledge.ground.server.passwords import hashed
 
 SCRIPT = Path(__file__).with_suffix(".mjs")
 CHEAP = (16, 8, 1)      # of scrypt

@@ -16,6 +16,7 @@ the browser (docs/control-room.md).
         run_control.py  the run in which it flies: of the server itself, or of a co-simulation
     replay.py       plays a session again, as a further spacecraft
     journal.py      commands, events, alarms, transfers and the operators' log, in SQLite; reporter.py: of one craft
-    users.py        users with roles, sessions, tokens, and limits on what clients without a login use
+    guard.py        checks each request; access.py: users with roles, and tokens; passwords.py, sessions.py, logins.py,
+                    request_log.py; connections.py: limits on what clients without a login use
     web.py          HTTP and WebSocket: api.yaml describes them; handlers/ answers requests, live.py has the WebSocket
 """

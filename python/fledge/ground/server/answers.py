@@ -11,7 +11,6 @@ from typing import Any
 from aiohttp import web
 
 from fledge.ground.server.alarms import CONCERNS
-from fledge.ground.server.users import Refusal
 from fledge.errors import field
 
 PART = 8192     # values of a series that become text at once
@@ -122,7 +121,10 @@ def json_answer(content: Any) -> web.Response:
     return web.Response(body=dumps(content).encode(), content_type="application/json")
 
 
-def refusal(status: int, why: str, **more: str) -> Refusal:
-    made = Refusal(status, why)
-    made.text = dumps({"error": why} | more)
-    return made
+class Refusal(web.HTTPException):
+    """An answer with a sentence why. more: what its JSON has besides."""
+
+    def __init__(self, status: int, why: str, headers: dict[str, str] | None = None, **more: str) -> None:
+        self.status_code = status
+        super().__init__(text=dumps({"error": why} | more), content_type="application/json", headers=headers)
+        self.why = why

@@ -18,13 +18,15 @@ from aiohttp import WSMsgType
 from aiohttp.test_utils import TestClient, TestServer
 from yarl import URL
 
+from fledge.ground.server.access import ROLES
 from fledge.ground.server.handlers import TOPICS
 from fledge.ground.server.journal import Journal
-from fledge.ground.server.live import MESSAGES, Browser
+from fledge.ground.server.live import MESSAGES
+from fledge.ground.server.logins import Logins
+from fledge.ground.server.passwords import hashed, token
 from fledge.ground.server.room import Room
 from fledge.ground.server.routes import rows
 from fledge.ground.server.settings import read
-from fledge.ground.server.users import ROLES, Guard, hashed, token
 from fledge.ground.server.web import Server
 from fledge.ground.server.web_test import console, flown
 from fledge.errors import SetupError
@@ -44,7 +46,7 @@ mission = "nadir_spin"
 speed = 1
 """
 FILES = FILE.replace("nadir_spin", "flatsat", 1)
-ROWS = [row for holder in (*TOPICS, Guard) for row, _ in rows(holder)]
+ROWS = [row for holder in (*TOPICS, Logins) for row, _ in rows(holder)]
 WORDS = ["", "0", "-1", "1e999", "flight.write.control.K", "<img src=x onerror=alert(1)>", "../../etc/passwd", "\ud800",
          "\x00\x1b[2J", "%00", "n" * 5000, "nadir_spin", "99999999999999999999999", "NaN", "☃", "K=3", "a" * 100_000]
 KEYS = ["name", "arguments", "confirmed", "hex", "action", "speed", "seconds", "fault", "limits", "persistence",
@@ -140,7 +142,7 @@ async def test_every_row_asks_who_one_is_and_what_one_may(folder):
         cookie, csrf = await login("logged out")
         assert (await page.client.post("/api/logout", headers={**cookie, **csrf})).status == 200
         await login("idle")
-        page.server.guard.clock = lambda: time.monotonic() + 31 * 60
+        page.server.guard.sessions.clock = lambda: time.monotonic() + 31 * 60
         assert (await page.client.get("/api/crafts", headers=who["idle"].headers)).status == 401
         who["logged out"].roles = who["idle"].roles = None
         who["without the word"] = SimpleNamespace(roles=ROLES, crafts=None, csrf=False)

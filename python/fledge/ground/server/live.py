@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from aiohttp import WebSocketError, WSMsgType, web
 
-from fledge.ground.server.answers import dumps
+from fledge.ground.server.answers import Refusal, dumps
 from fledge.ground.server.bounds import Bounds, Recent, bound_socket
 from fledge.ground.server.routes import USER, loads, message, rows
 from fledge.ground.server.spacecraft import Spacecraft
-from fledge.ground.server.users import Refusal
 from fledge.errors import SetupError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 from fledge import cli, ground
 from fledge.ground.server.spacecraft import Spacecraft
 from fledge.ground.server.uplink_test import mission
-from fledge.ground.server.users import token
+from fledge.ground.server.passwords import token
 from fledge.ground.server.web_test import console, flown
 from fledge.errors import Failure, SetupError
 from fledge.export.run_test import FLIGHT, WORLD

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fledge.ground.server.users import KEYS, Access, own
+from fledge.ground.server.access import KEYS, Access, own
 from fledge.errors import SetupError
 from fledge.frames import Frames
 from registers.checked_toml import Tables, TomlError, parse, shown, text_of

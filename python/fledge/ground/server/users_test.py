@@ -20,9 +20,11 @@ from aiohttp import (ClientError, ClientSession, CookieJar, StreamReader, WSMsgT
                      web)
 
 from fledge import cli
+from fledge.ground.server.access import PLAIN, ROLES, Access
+from fledge.ground.server.guard import HEADERS, LOGGED, Guard
 from fledge.ground.server.nothing_lost_test import DATABASE
+from fledge.ground.server.passwords import hashed, scrypt, token
 from fledge.ground.server.settings import read
-from fledge.ground.server.users import HEADERS, LOGGED, PLAIN, ROLES, Access, Guard, hashed, token
 from fledge.errors import SetupError
 from fledge.ground.scripts.served import Served
 from tests.waiting import PATIENCE
@@ -47,7 +49,7 @@ class Server:
 
     @property
     def log(self):
-        self.guard._writer.submit(bool).result()    # what is written before
+        self.guard.log.thread.submit(bool).result()    # what is written before
         return self._log
 
     async def __aenter__(self):
@@ -58,7 +60,7 @@ class Server:
         app.router.add_post("/api/crafts/{c}/send", self.send)
         app.router.add_get("/api/live", self.live)
         self.runner = await self.guard.listen(app)
-        self.port = self.guard.addresses[0][1]
+        self.port = self.guard.connections.addresses[0][1]
         self.url = f"http{'s' if self.access.certificate else ''}://127.0.0.1:{self.port}"
         self.client = ClientSession(cookie_jar=CookieJar(unsafe=True))
         return self
@@ -208,7 +210,7 @@ def test_a_session_ends_by_itself(tmp_path):
 def test_guesses_are_counted_by_address_and_by_name(tmp_path, monkeypatch):
     """The name's limit is the sum over addresses; monkeypatched, for a loopback has few."""
     here = ["192.0.2.1"]
-    monkeypatch.setattr("fledge.ground.server.users._address", lambda _: here[0])
+    monkeypatch.setattr("fledge.ground.server.logins.network_of", lambda _: here[0])
 
     @served(tmp_path)
     async def _(server):
@@ -291,7 +293,7 @@ def test_a_request_whose_body_comes_after_its_session_is_not_done(ends, tmp_path
             "POST /api/crafts/imager/send HTTP/1.1", f"Host: 127.0.0.1:{server.port}", "Content-Length: 2",
             *([f"Authorization: Bearer {TOKEN}"] if ends == "token" else
               [f"Cookie: {cookies}", f"X-Fledge-CSRF: {csrf['X-Fledge-CSRF']}"]), "", "{"]).encode())
-        while not server.guard._bodies:     # it waits for the rest
+        while not server.guard.bodies:     # it waits for the rest
             await asyncio.sleep(0.01)
         if ends == "logout":
             await server.ask("POST", "/api/logout", headers=csrf)
@@ -454,12 +456,12 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
         ended = await asyncio.gather(*[asyncio.wait_for(reader.read(), PATIENCE) for reader, _ in opened[20:]],
                                      return_exceptions=True)
         assert all(one == b"" or isinstance(one, ConnectionError) for one in ended)
-        assert len(server.guard.doors) == 20
+        assert len(server.guard.connections.handshakes) == 20
         with pytest.raises(ClientError):
             await server.client.get(f"{server.url}/api/session", **trust)
         for _, writer in opened:
             writer.close()
-        while server.guard.doors:
+        while server.guard.connections.handshakes:
             await asyncio.sleep(0.01)
         bounds["first request"] = 0.2
         reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
@@ -467,7 +469,7 @@ def test_handshakes_count_as_connections_and_end(tmp_path):
         with suppress(ConnectionError):
             assert await reader.read() == b""       # it ends
         writer.close()
-        assert not server.guard.doors
+        assert not server.guard.connections.handshakes
         bounds["first request"] = PATIENCE
         async with server.client.get(f"{server.url}/api/session", **trust) as answer:
             assert answer.status == 200
@@ -560,14 +562,14 @@ def test_who_reads_nothing_or_does_not_log_in_gives_his_place_back(tmp_path):
         for bounds["requests at once"] in (10**9, 64):
             for _ in range(8):
                 deaf.append(await asyncio.open_connection("127.0.0.1", server.port, limit=1))
-            while len(server.guard._there()) < 8:
+            while len(server.guard.connections.all()) < 8:
                 await asyncio.sleep(0.02)
             for _, writer in deaf[-8:]:
                 writer.write(ask * 5_000)
             if bounds["requests at once"] > 64:
                 with pytest.raises(ClientError):
                     await server.ask("GET", "/api/session")
-            while server.guard._there():
+            while server.guard.connections.all():
                 await asyncio.sleep(0.1)
         assert bounds.all["requests at once"].refused > 4       # or they were deaf for too long already
         bounds["connection without a login"] = 0.5
@@ -599,7 +601,7 @@ def test_a_user_fills_neither_journal_nor_memory(tmp_path):
         await server.ask("POST", "/api/crafts/imager/send", json={}, headers=csrf)
         bounds["bodies at once"] = 100
         await server.ask("POST", "/api/crafts/imager/send", 429, data=b" " * 101, headers=csrf)
-        assert server.guard._bodies == 0
+        assert server.guard.bodies == 0
 
 
 def test_slow_and_large_requests_end(tmp_path):
@@ -710,8 +712,7 @@ def test_a_password_is_not_in_its_line():
     line = hashed("correct horse", CHEAP)
     assert "horse" not in line and line != hashed("correct horse", CHEAP)
     # RFC 7914, chapter 12
-    from fledge.ground.server.users import _scrypt
-    assert _scrypt("pleaseletmein", b"SodiumChloride", 1 << 14, 8, 1).hex().startswith("7023bdcb3afd7348461c06cd81fd38")
+    assert scrypt("pleaseletmein", b"SodiumChloride", 1 << 14, 8, 1).hex().startswith("7023bdcb3afd7348461c06cd81fd38")
 
 
 def test_the_lines_of_the_command_are_what_the_file_takes(capsys, monkeypatch, tmp_path):

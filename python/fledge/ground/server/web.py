@@ -15,9 +15,11 @@ from typing import Any, TypeVar
 
 from aiohttp import web
 
-from fledge.ground.server.answers import dumps, json_answer, owner, refusal
+from fledge.ground.server.access import ROLES
+from fledge.ground.server.answers import dumps, json_answer, owner, Refusal
 from fledge.ground.server.bounds import LoopWatch, raise_descriptors
 from fledge.ground.server.commanding import ArgumentError, Hazardous
+from fledge.ground.server.guard import Guard
 from fledge.ground.server.handlers import TOPICS, common
 from fledge.ground.server.handlers.common import number_of, user_of
 from fledge.ground.server.journal import JournalError
@@ -28,7 +30,6 @@ from fledge.ground.server.room import Room
 from fledge.ground.server.settings import read, stamp
 from fledge.ground.server.routes import RUN, Row, add_routes, row_of, rows, whole
 from fledge.ground.server.spacecraft import Spacecraft
-from fledge.ground.server.users import ROLES, Guard, Refusal
 from fledge.errors import Failure, SetupError
 
 _log = logging.getLogger("fledge.ground.server")
@@ -168,15 +169,15 @@ class Server:
         try:
             return await handler(request)
         except ArgumentError as error:
-            raise refusal(400, str(error), argument=error.argument) from None
+            raise Refusal(400, str(error), argument=error.argument) from None
         except Hazardous as error:
-            raise refusal(409, f"this command is hazardous: {error}", hazardous=str(error)) from None
+            raise Refusal(409, f"this command is hazardous: {error}", hazardous=str(error)) from None
         except (JournalError, Failure) as error:
-            raise refusal(409, str(error)) from None
+            raise Refusal(409, str(error)) from None
         except SetupError as error:
-            raise refusal(400, str(error)) from None
+            raise Refusal(400, str(error)) from None
         except asyncio.TimeoutError:
-            raise refusal(409, f"the spacecraft's link did not answer within {common.PATIENCE:g} s") from None
+            raise Refusal(409, f"the spacecraft's link did not answer within {common.PATIENCE:g} s") from None
 
     # --- who may what ---
 
@@ -196,12 +197,12 @@ class Server:
         try:
             craft = self.room.craft(name, there)
         except SetupError as error:
-            raise refusal(404, str(error)) from None
+            raise Refusal(404, str(error)) from None
         self.guard.require(request, owner(name), row.role)
         if row.craft == RUN and craft.control and not all(
                 self.guard.allowed(request, owner(one.name), row.role) for one in self.room.crafts.values()
                 if one.control is craft.control):
-            raise refusal(403, f"other spacecraft fly in the run of {name}, for which {user_of(request)} lacks the "
+            raise Refusal(403, f"other spacecraft fly in the run of {name}, for which {user_of(request)} lacks the "
                                f"role '{row.role}'")
         return craft
 
@@ -213,7 +214,7 @@ class Server:
 
     def rows(self) -> Iterator[Row]:
         """Those of all its routes."""
-        for holder in (*TOPICS, self.guard):
+        for holder in (*TOPICS, self.guard.logins):
             yield from (row for row, _ in rows(holder))
 
     # --- answers ---
@@ -229,7 +230,7 @@ class Server:
     async def query(self, what: Callable[[], Answer]) -> Answer:
         """Something of the archive, in one of its threads."""
         if self.bounds.over("queries that wait", self._queries_now + 1 - self.bounds["queries"]):
-            raise refusal(429, self.bounds.says("queries that wait"))
+            raise Refusal(429, self.bounds.says("queries that wait"))
         self._queries_now += 1
         try:
             return await asyncio.get_running_loop().run_in_executor(self._queries, what)
@@ -247,7 +248,7 @@ class Server:
     def file(path: Path) -> web.FileResponse:
         """A file of the console, or of a mission."""
         if not path.is_file():
-            raise refusal(404, f"{path.name} was not built: ./fledge setup --view builds the console, with Node")
+            raise Refusal(404, f"{path.name} was not built: ./fledge setup --view builds the console, with Node")
         return web.FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     def describe(self) -> dict[str, Any]:
@@ -264,7 +265,7 @@ async def serve(room: Room, ready: Callable[[str], Any], over: asyncio.Event) ->
     runner = await server.guard.listen(server.app)
     try:
         room.start()
-        host, port = server.guard.addresses[0][:2]
+        host, port = server.guard.connections.addresses[0][:2]
         scheme = "https" if room.settings.access.certificate else "http"
         ready(f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/")
         await over.wait()

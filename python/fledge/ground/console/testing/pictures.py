@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from fledge.ground.console.testing.console import run_script, served
-from fledge.ground.server.users import hashed
+from fledge.ground.server.passwords import hashed
 
 USER, PASSWORD = "vera", "verification"
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from aiohttp import web
 
-from fledge.ground.server.answers import answer, refusal
+from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.commanding import Hazardous
 from fledge.ground.server.handlers import common
 from fledge.ground.server.handlers.common import body_of, id_of, in_thread, user_of
@@ -43,13 +43,13 @@ async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamR
     body = await body_of(request, hex=str, confirmed=bool)
     flight = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
     if flight is None:
-        raise refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
+        raise Refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
     try:
         packet = bytes.fromhex(body.get("hex", ""))
     except ValueError:
         packet = b""
     if not 8 <= len(packet) <= 1 << 16:
-        raise refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
+        raise Refusal(400, "hex has the digits of a packet of 8 to 65536 bytes")
     if not body.get("confirmed", False) and (why := craft.commanding.hazard(packet)):
         raise Hazardous(f"{why}; a script says confirmed=True in its command")
     # So that a refusal of its number is the server's alone to mend. Once: in the blind, nothing answers.
@@ -72,7 +72,7 @@ async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamR
 @route("GET", "/api/crafts/{c}/dictionary", "view")
 async def dictionary(_: Server, _request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if craft.mission is None:
-        raise refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
+        raise Refusal(404, f"{craft.name} is of no mission of Fledge; it has a database of XTCE alone")
     return web.Response(text=craft.mission.dictionary.text(), content_type="application/json")
 
 
@@ -103,5 +103,5 @@ async def question(server: Server, request: web.Request, craft: Spacecraft) -> w
 async def answer_question(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     body = await body_of(request, answer=bool)
     if "answer" not in body:
-        raise refusal(400, 'give {"answer": true} or {"answer": false}')
+        raise Refusal(400, 'give {"answer": true} or {"answer": false}')
     return answer(server.questions.answer(craft.name, id_of(request), user_of(request), body["answer"]))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from aiohttp import web
 
-from fledge.ground.server.answers import refusal
+from fledge.ground.server.answers import Refusal
 from fledge.ground.server.routes import loads
 
 if TYPE_CHECKING:
@@ -30,14 +30,14 @@ async def body_of(request: web.Request, **kinds: tuple[type, ...] | type) -> dic
     try:
         found = loads(await request.read() or b"{}")
     except ValueError as error:
-        raise refusal(400, f"the body: {error}") from None
+        raise Refusal(400, f"the body: {error}") from None
     if not isinstance(found, dict):
-        raise refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
+        raise Refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
     for key, value in found.items():
         if key not in kinds:
-            raise refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
+            raise Refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
         if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
-            raise refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
+            raise Refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
     return found
 
 
@@ -51,7 +51,7 @@ def number_of(request: web.Request, key: str, default: Default, least: int = -2*
     except ValueError:
         value = least - 1
     if not least <= value < 2**63:
-        raise refusal(400, f"{key} is a whole number; found '{text[:40]}'")
+        raise Refusal(400, f"{key} is a whole number; found '{text[:40]}'")
     return value
 
 
@@ -65,7 +65,7 @@ def slot_of(request: web.Request, craft: Spacecraft) -> int:
     """The slot of its path."""
     text, n = request.match_info["slot"], len(craft.telemetry.slot_names)
     if not text.isdecimal() or len(text) > 9 or int(text) >= n:
-        raise refusal(404, f"{craft.name} has the slots 0 to {n - 1}; found '{text[:40]}'")
+        raise Refusal(404, f"{craft.name} has the slots 0 to {n - 1}; found '{text[:40]}'")
     return int(text)
 
 

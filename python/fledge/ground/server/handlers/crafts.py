@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from aiohttp import web
 
-from fledge.ground.server.answers import answer, refusal
+from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.displays import displays as read_displays
 from fledge.ground.server.handlers.common import body_of, in_thread, number_of, slot_of, user_of
 from fledge.ground.server.mission import PICTURES
@@ -25,7 +25,7 @@ async def crafts(server: Server, request: web.Request) -> web.StreamResponse:
 @route("GET", "/api/crafts/{c}/picture", "view")
 async def picture(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if craft.mission is None or craft.mission.picture is None:
-        raise refusal(404, f"{craft.name} has no picture: its mission's folder has none of {', '.join(PICTURES)}")
+        raise Refusal(404, f"{craft.name} has no picture: its mission's folder has none of {', '.join(PICTURES)}")
     return server.file(craft.mission.picture)
 
 
@@ -39,11 +39,11 @@ async def limits(server: Server, request: web.Request, craft: Spacecraft) -> web
     body = await body_of(request, limits=(dict, type(None)), persistence=int)
     slot, levels, persistence = slot_of(request, craft), body.get("limits", {}), body.get("persistence", 1)
     if not 1 <= persistence <= 1000:
-        raise refusal(400, f"persistence is from 1 to 1000 values; found {persistence}")
+        raise Refusal(400, f"persistence is from 1 to 1000 values; found {persistence}")
     for level, pair in (levels or {}).items():
         if not isinstance(pair, list) or len(pair) != 2 or not all(
                 one is None or isinstance(one, (int, float)) and not isinstance(one, bool) for one in pair):
-            raise refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
+            raise Refusal(400, f"limits of '{level}' are [low, high], null where open; found {str(pair)[:80]}")
     await in_thread(craft, lambda: craft.limits.change(user_of(request), slot, levels, persistence))
     server.room.publish("slots", craft.name, {"first": slot})
     return answer(craft.telemetry.slots(slot, 1)[0])
@@ -70,7 +70,7 @@ async def alarm(_: Server, request: web.Request, craft: Spacecraft) -> web.Strea
     if "shelve_s" in body:
         return answer(await in_thread(craft, lambda: craft.alarms.shelve(name, body["shelve_s"])))
     if not body.get("acknowledge"):
-        raise refusal(400, "give {\"acknowledge\": true, \"note\": ...} or {\"shelve_s\": ...}")
+        raise Refusal(400, "give {\"acknowledge\": true, \"note\": ...} or {\"shelve_s\": ...}")
     return answer(await in_thread(craft, lambda: craft.alarms.acknowledge(
         name, user_of(request), body.get("note", ""))))
 

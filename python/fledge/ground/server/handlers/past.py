@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from aiohttp import web
 
 from fledge.errors import SetupError
-from fledge.ground.server.answers import PART, answer, in_binary, in_csv, in_json, json_answer, refusal
+from fledge.ground.server.answers import PART, answer, in_binary, in_csv, in_json, json_answer, Refusal
 from fledge.ground.server.handlers.common import body_of, number_of, user_of
 from fledge.ground.server.routes import route
 
@@ -22,7 +22,7 @@ async def inspect(_: Server, request: web.Request, craft: Spacecraft) -> web.Str
     try:
         packet = bytes.fromhex(body.get("hex", ""))
     except ValueError:
-        raise refusal(400, "hex has hexadecimal digits, two a byte") from None
+        raise Refusal(400, "hex has hexadecimal digits, two a byte") from None
     return answer(craft.telemetry.inspect(packet))
 
 
@@ -38,7 +38,7 @@ async def packets(server: Server, request: web.Request, craft: Spacecraft) -> we
 async def packet(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     found = await server.query(lambda: craft.past.packet_of(request.match_info["id"]))
     if found is None:
-        raise refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
+        raise Refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
     return answer(found)
 
 
@@ -47,7 +47,7 @@ async def scene(server: Server, _: web.Request, craft: Spacecraft) -> web.Stream
     try:
         return web.Response(body=await server.aside(craft.feed.pack), content_type="application/octet-stream")
     except SetupError as error:
-        raise refusal(404, str(error)) from None
+        raise Refusal(404, str(error)) from None
 
 
 @route("GET", "/api/crafts/{c}/passes", "view")
@@ -60,7 +60,7 @@ async def passes(server: Server, _: web.Request, craft: Spacecraft) -> web.Strea
 
 def _archived(craft: Spacecraft) -> None:
     if craft.telemetry.history is None:
-        raise refusal(404, f"{craft.name} has no archive of its own")
+        raise Refusal(404, f"{craft.name} has no archive of its own")
 
 
 @route("GET", "/api/crafts/{c}/sessions", "view")
@@ -74,12 +74,12 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
     _archived(craft)
     names = list(dict.fromkeys(one for one in request.query.get("names", "").split(",") if one))
     if server.bounds.over("names of a query", len(names)) or not names:
-        raise refusal(400, f"{server.bounds.says('names of a query')}; found {len(names)}")
+        raise Refusal(400, f"{server.bounds.says('names of a query')}; found {len(names)}")
     begin, end, points, session = (number_of(request, key, default, least) for key, default, least in (
         ("from_ns", 0, -2**63), ("to_ns", 2**63 - 1, -2**63), ("points", 2000, 0), ("session", -1, -1)))
     form = request.query.get("format", "json")
     if form not in ("json", "csv", "binary"):
-        raise refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
+        raise Refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
 
     found = await server.query(lambda: craft.past.series(names, begin, end, points, session, form != "binary"))
     kind, parts = {"json": ("application/json", in_json), "csv": ("text/csv", in_csv),
@@ -91,7 +91,7 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
         return web.Response(body=await server.aside(lambda: b"".join(parts(found))), headers=headers)
     for bound, held in (("values read by a user", reads[user]), ("values read", reads.total())):
         if server.bounds.over(bound, held + n):
-            raise refusal(429, server.bounds.says(bound))
+            raise Refusal(429, server.bounds.says(bound))
     reads[user] += n
     try:    # in parts, so that neither the loop nor the memory has a whole one
         response, rest = web.StreamResponse(headers=headers), parts(found)
@@ -113,15 +113,15 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
     try:
         begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
     except ValueError:
-        raise refusal(400, "from_ns and to_ns are whole numbers") from None
+        raise Refusal(400, "from_ns and to_ns are whole numbers") from None
     if not -2**63 <= begin <= end < 2**63:
-        raise refusal(400, "from_ns comes before to_ns")
+        raise Refusal(400, "from_ns comes before to_ns")
     session = body.get("session", -1)
     if not -1 <= session < 2**31:
-        raise refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
+        raise Refusal(400, f"session is a number of the list of sessions, or -1 for the newest; found {session}")
     async with server.replaying:
         if server.bounds.over("replays", 1 + room.replays):
-            raise refusal(409, server.bounds.says("replays"))
+            raise Refusal(409, server.bounds.says("replays"))
         made = await server.aside(lambda: Replay(room, craft, session, begin, end, body.get("speed", 1.0)))
         room.add(made)
     made.start()
@@ -132,6 +132,6 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
 @route("DELETE", "/api/crafts/{c}/replay", "view")
 async def end_replay(server: Server, _: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if not craft.source:
-        raise refusal(409, f"{craft.name} is no replay")
+        raise Refusal(409, f"{craft.name} is no replay")
     await server.aside(server.room.remove, craft.name)
     return answer({})

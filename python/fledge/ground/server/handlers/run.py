@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from aiohttp import web
 
-from fledge.ground.server.answers import answer, refusal
+from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.handlers.common import body_of, in_thread, user_of
 from fledge.ground.server.routes import RUN, route
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def _control(craft: Spacecraft) -> RunControl:
     if craft.control is None:
-        raise refusal(404, f"{craft.name} has no run control: neither the server nor its co-simulation flies it")
+        raise Refusal(404, f"{craft.name} has no run control: neither the server nor its co-simulation flies it")
     return craft.control
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from aiohttp import web
 
-from fledge.ground.server.answers import answer, refusal
+from fledge.ground.server.answers import answer, Refusal
 from fledge.ground.server.handlers import common
 from fledge.ground.server.handlers.common import body_of, id_of, in_thread, user_of
 from fledge.ground.server.routes import route
@@ -45,7 +45,7 @@ async def fetch(_: Server, request: web.Request, craft: Spacecraft) -> web.Strea
 @route("POST", "/api/crafts/{c}/directory", "command")
 async def directory(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     if not craft.mission or not craft.mission.has("Files"):
-        raise refusal(404, f"the flight software of {craft.name} has no Files")
+        raise Refusal(404, f"the flight software of {craft.name} has no Files")
     body = await body_of(request, path=str)
     listing = await in_thread(craft, lambda: craft.transfers.directory(body.get("path", "")))
     return answer({"names": await asyncio.wait_for(asyncio.wrap_future(listing), 6 * common.PATIENCE)})
@@ -60,7 +60,7 @@ async def files(server: Server, _: web.Request, craft: Spacecraft) -> web.Stream
 async def file(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     name = request.match_info["name"]
     if name not in [one["name"] for one in await server.aside(craft.transfers.files)]:
-        raise refusal(404, f"there is no file '{name[:80]}'")
+        raise Refusal(404, f"there is no file '{name[:80]}'")
     return web.FileResponse(craft.transfers.folder / name, headers={
         "Content-Type": "application/octet-stream", "Content-Disposition": "attachment"})
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from aiohttp import web
 
 from fledge import __version__
-from fledge.ground.server.answers import refusal
+from fledge.ground.server.answers import Refusal
 from fledge.ground.server.bounds import memory
 from fledge.ground.server.live import Browser
 from fledge.ground.server.routes import ANYONE, USER, described, route
@@ -42,7 +42,7 @@ async def asset(server: Server, request: web.Request) -> web.StreamResponse:
 
     name = request.match_info["name"]
     if Path(name).suffix not in (".js", ".css", ".svg", ".png", ".webp"):
-        raise refusal(404, f"there is no {name}")
+        raise Refusal(404, f"there is no {name}")
     return server.file(folder() / name)
 
 
