@@ -15,6 +15,10 @@ from typing import Any
 
 from fledge import _ground
 
+History = _ground.History
+Monitor = _ground.Monitor
+PacketArchive = _ground.PacketArchive
+
 
 class Database:
     """What packets and commands are. Its lists have the paths of `containers`, `parameters` and `commands`; `notes`
@@ -62,17 +66,17 @@ class Database:
         """Path of each container -> its name in Fledge's words, or the path."""
         return dict(self._read.container_names())
 
-    def monitor(self, root: str | None = None) -> Any:
+    def monitor(self, root: str | None = None) -> Monitor:
         """What decodes batches of packets, whose container extends `root`, checks their limits and has their newest
         values (ground/monitor)."""
         return _ground.Monitor(self._read, root)
 
-    def archive(self, folder: str | os.PathLike[str], craft: str) -> Any:
+    def archive(self, folder: str | os.PathLike[str], craft: str) -> PacketArchive:
         """What writes the packets of a craft into a folder (ground/packets). Raises SetupError if another program
         does."""
         return _ground.PacketArchive(os.fspath(folder), craft, self._read)
 
-    def history(self, folder: str | os.PathLike[str], craft: str, root: str | None = None) -> Any:
+    def history(self, folder: str | os.PathLike[str], craft: str, root: str | None = None) -> History:
         """What reads them, also while they are written."""
         return _ground.History(os.fspath(folder), craft, self._read, root)
 
