@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many flights at a time, in processes of this machine or on a cluster.
 
+Example:
+
     from fledge.pool import Died, Work, open_pool
 
     class Squares(Work[int, int]):

@@ -46,12 +46,12 @@ def begun(monkeypatch):
     """The processes that pools have begun."""
     found, fork = [], children.fork
 
-    def noted(*arguments, **options):
+    def listed(*arguments, **options):
         process = fork(*arguments, **options)
         found.append(process)
         return process
 
-    monkeypatch.setattr(children, "fork", noted)
+    monkeypatch.setattr(children, "fork", listed)
     return found
 
 
