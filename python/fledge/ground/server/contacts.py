@@ -9,9 +9,14 @@ from __future__ import annotations
 import math
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.ground.server.scene import Feed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from fledge.mission.simulation import Simulation
 
 DAY = 86400.0           # [s] ahead
 STEP = 10.0             # [s] between the times at which passes are looked for; shorter ones may be missed
@@ -35,7 +40,7 @@ class Station:
         self.place, self.up = place_on(self._body.radius, FLATTENING.get(self._body.name, 0.0), station.latitude,
                                        station.longitude, station.altitude)
 
-    def direction(self, times: Any, r: Any) -> tuple[Any, Any]:
+    def direction(self, times: NDArray[Any], r: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """(elevation [rad], range [m]) of places r [m] (n, 3) in N at times [s] (n,)."""
         import numpy as np
 
@@ -60,7 +65,7 @@ class Station:
         flight = orbit(body, pole, r - at, v - speed)
         times = np.append(np.arange(0.0, DAY, STEP), DAY)
 
-        def over(after: Any) -> Any:
+        def over(after: Any) -> NDArray[Any]:
             after = np.atleast_1d(after)
             place = flight(after)[:3].T + origin(body, sky, t + after)[0]
             return self.direction(t + after, place)[0] - self.mask
@@ -81,7 +86,7 @@ class Station:
         return found
 
 
-def origin(body: Any, sky: Any, times: Any) -> tuple[Any, Any]:
+def origin(body: Any, sky: Any, times: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """(r [m], v [m/s]), each (n, 3): of a body in N."""
     import numpy as np
 
@@ -94,7 +99,7 @@ def origin(body: Any, sky: Any, times: Any) -> tuple[Any, Any]:
             np.tile(np.array(body.v_PN_N, dtype=float), (len(times), 1)))
 
 
-def orbit(body: Any, pole: Any, r: Any, v: Any) -> Any:
+def orbit(body: Any, pole: NDArray[Any], r: NDArray[Any], v: NDArray[Any]) -> Any:
     """The motion (r, v) about a body in the coming day, as a function of the time from now [s]: by its mass, and by its
     J2 if the mission has more than its mass."""
     import numpy as np
@@ -105,7 +110,7 @@ def orbit(body: Any, pole: Any, r: Any, v: Any) -> Any:
     oblate = body.J[0] or (BODIES[body.name].zonal(2).J[0] if body.field is not None and body.name in BODIES else 0.0)
     factor = 1.5 * oblate * body.radius**2
 
-    def rate(_: float, y: Any) -> Any:
+    def rate(_: float, y: NDArray[Any]) -> NDArray[Any]:
         place = y[:3]
         square = float(place @ place)
         z = float(place @ pole)
@@ -121,12 +126,12 @@ class Contacts:
     """The stations and radios of a mission's world, and what the feed has of its spacecraft. radio: the name of that by
     which the server's packets pass, or "" """
 
-    def __init__(self, feed: Feed, simulation: Any, radio: str = "") -> None:
+    def __init__(self, feed: Feed, simulation: Simulation | None, radio: str = "") -> None:
         self._feed, self._used = feed, radio
         self._lock = Lock()
         self._made: tuple[float, list[dict[str, Any]]] = (-math.inf, [])
         self.state: dict[str, Any] = {"stations": [], "radios": []}   #: the present state, for any thread
-        self._states: dict[str, tuple[float, Any, Any]] = {}        # station -> t [s], r [m], v [m/s]
+        self._states: dict[str, tuple[float, NDArray[Any], NDArray[Any]]] = {}      # station -> t [s], r [m], v [m/s]
         self._stations: list[Station] = []
         self._radios: dict[str, tuple[str, Any]] = {}               # radio -> its station, itself
         if simulation is None:

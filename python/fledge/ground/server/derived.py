@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fledge.ground.server.limits import Change, InForce
 from fledge.ground.server.settings import Derived
@@ -19,8 +20,9 @@ from fledge.ground.database import Database
 if TYPE_CHECKING:
     from fledge.ground.database import History, Monitor
     from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.telemetry import Note
 
-Array = Any
+Array = NDArray[Any]
 FUNCTIONS = {name: getattr(np, name) for name in (
     "abs", "arccos", "arcsin", "arctan", "arctan2", "ceil", "clip", "cos", "cosh", "degrees", "exp", "floor", "hypot",
     "log", "log10", "log2", "maximum", "minimum", "radians", "sign", "sin", "sinh", "sqrt", "tan", "tanh", "where")}
@@ -106,9 +108,9 @@ class DerivedParameters:
             found |= dict.fromkeys(self._of_packets(path, (*above, name)) if path in self._all else [path])
         return list(found)
 
-    def turn(self) -> list[Any]:
+    def turn(self) -> list[Note]:
         """Compute them from the packets since the last turn; returns the notes."""
-        notes: list[Any] = []
+        notes: list[Note] = []
         for name, trigger, slot in self._rows:
             data = self.monitor.rows(trigger)
             if data:

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 from fledge.errors import SetupError, printable
+
+Answer = TypeVar("Answer")
 
 LISTS = ("sent", "events", "alarms", "limits", "transfers", "stored", "log")
 MOST = 500          # rows of an answer
@@ -111,7 +113,7 @@ class Journal:
         with self._lock:
             self._db.close()
 
-    def _write(self, what: Any) -> Any:
+    def _write(self, what: Callable[[], Answer]) -> Answer:
         with self._lock:
             try:
                 self._db.execute("BEGIN IMMEDIATE")

@@ -35,9 +35,9 @@ class InForce:
         """When [ns, UTC] the next change is."""
         return int(self.changes[self._next]["time_ns"]) if self._next < len(self.changes) else EVER
 
-    def at(self, received: int) -> list[Any]:
+    def at(self, received: int) -> list[Note]:
         """Go on to a time [ns, UTC]; the monitor's notes."""
-        notes: list[Any] = []
+        notes: list[Note] = []
         while self._next < len(self.changes) and self.until <= received:
             change = self.changes[self._next]
             self._next += 1
@@ -45,7 +45,7 @@ class InForce:
             notes += self.apply(change["name"])
         return notes
 
-    def apply(self, name: str) -> list[Any]:
+    def apply(self, name: str) -> list[Note]:
         """Let the newest change of a parameter count in the monitor, if it fits what that has."""
         change, about = self.newest.get(name), self.about(name)
         if about is None:
@@ -53,7 +53,7 @@ class InForce:
         levels = change["limits"] if change and fits(change, about) else None
         return list(self.monitor.set_limits(about["slot"], levels, change["persistence"] if change else 1))
 
-    def learn(self, first: int) -> list[Any]:
+    def learn(self, first: int) -> list[Note]:
         """The monitor has new slots."""
         if self._known is None:
             return []
@@ -67,7 +67,7 @@ class InForce:
             self._known = {one["name"]: one for one in self.monitor.slots(0)}
         return self._known.get(name)
 
-    def parts(self, rows: Packets) -> Iterator[tuple[list[Any], Packets]]:
+    def parts(self, rows: Packets) -> Iterator[tuple[list[Note], Packets]]:
         """Packets in pieces of the same limits, each after the notes of the changes before it."""
         begin = 0
         while begin < len(rows):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fledge.commands import Dictionary
 from fledge.errors import SetupError, did_you_mean, listed
@@ -66,7 +66,7 @@ class LoadedMission:
         return service in {one.type for one in self.dictionary.blocks}
 
 
-def epoch_of(sim: Any) -> int | None:
+def epoch_of(sim: Simulation) -> int | None:
     """[ns] since 1970, UTC, of the run's start, if its world stands in a sky."""
     from datetime import datetime, timezone
 

@@ -9,12 +9,15 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from aiohttp import web
 
 from fledge.ground.server.bounds import DEPTH
 from fledge.errors import SetupError
+
+if TYPE_CHECKING:
+    from fledge.ground.server.web import Server
 
 USER, ANYONE = "user", "anyone"     # in the place of a role: each user, and who has not logged in, too
 MESSAGE = "message"                 # in the place of a method: of the WebSocket
@@ -49,7 +52,7 @@ def message(key: str, role: str, craft: str = OWN) -> Callable[[Handler], Handle
     return route(MESSAGE, key, role, craft)
 
 
-def rows(holder: Any) -> Iterator[tuple[Row, Any]]:
+def rows(holder: object) -> Iterator[tuple[Row, Any]]:
     """The rows of a module, a class or an object, with their handlers, as they stand in its file."""
     of = holder if isinstance(holder, (type, ModuleType)) else type(holder)
     for one in vars(of).values():
@@ -57,7 +60,7 @@ def rows(holder: Any) -> Iterator[tuple[Row, Any]]:
             yield one.row, one if of is holder else getattr(holder, one.__name__)
 
 
-def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, server: Any
+def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, server: Server
           ) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """A handler of a module as the application calls it: of a server, and of the spacecraft that its path names."""
     async def made(request: web.Request) -> web.StreamResponse:
@@ -67,7 +70,7 @@ def bound(handler: Callable[..., Awaitable[web.StreamResponse]], row: Row, serve
     return made
 
 
-def add_routes(app: web.Application, holder: Any, server: Any = None) -> None:
+def add_routes(app: web.Application, holder: object, server: Server | None = None) -> None:
     """Those of the rows of an object, or of a module whose handlers are of a server."""
     for row, handler in rows(holder):
         handler = bound(handler, row, server) if server else handler

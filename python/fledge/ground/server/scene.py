@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping
 from math import inf, prod
 from threading import Lock
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from fledge import objects
 from fledge.errors import SetupError, listed
@@ -24,6 +24,11 @@ from fledge.scene import add_of_mission, facts_of_simulation, page
 from fledge.scene.derive import Derivation, Facts
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from fledge.ground.database import Monitor
+    from fledge.ground.scripts.links import Link
+    from fledge.mission.simulation import Simulation
     from fledge.scene.scene import Scene
 
 PERIOD = 0.25       # [s] of wall time between two samples
@@ -33,6 +38,18 @@ RADIO = ("RadioLink", "RadioTraffic")       # beside what the scene shows
 SAID = ("NavAttitude", "NavOrbit", "AttReference", "AttError")      # what flight says, in telemetry
 
 Sample = dict[str, tuple[float, bytes]]     # port -> (t [s], message)
+
+
+@runtime_checkable
+class Observing(Protocol):
+    """A link that has other messages of a co-simulation besides packets."""
+
+    @property
+    def topics(self) -> Any:
+        """All that the run shows to observers."""
+
+    def watch(self, topics: Iterable[str], hear: Callable[[Any], None]) -> None:
+        """Give the messages of these topics to a function, as they come."""
 
 
 class Port:
@@ -90,16 +107,16 @@ class Window(Records):
             self._found[port.name] = (np.array([t for t, _ in rows], dtype=float),
                                       np.frombuffer(b"".join(message for _, message in rows), port.dtype))
 
-    def _ports(self):
+    def _ports(self) -> list[Port]:
         return self._all
 
-    def _time(self, port):
+    def _time(self, port: Port) -> NDArray[Any]:
         return self._found[port.name][0]
 
-    def _values(self, port):
+    def _values(self, port: Port) -> NDArray[Any]:
         return self._found[port.name][1]
 
-    def executives(self):
+    def executives(self) -> list[Any]:
         return []
 
 
@@ -112,8 +129,8 @@ class Feed:
     zero: [ns] of the spacecraft's clock at the time 0 of the mission's simulation
     """
 
-    def __init__(self, craft: str, simulation: Any, monitor: Any = None, flown: bool = True,
-                 link: Callable[[], Any] = lambda: None, zero: int = 0) -> None:
+    def __init__(self, craft: str, simulation: Simulation | None, monitor: Monitor | None = None, flown: bool = True,
+                 link: Callable[[], Link | None] = lambda: None, zero: int = 0) -> None:
         self.craft, self._simulation, self._monitor, self._flown, self._link = craft, simulation, monitor, flown, link
         self._zero = zero
         self._lock = Lock()
@@ -125,7 +142,7 @@ class Feed:
         self._used: set[str] | None = None
         self._next = 0.0
         self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
-        self._watched: Any = None                       # the link whose messages are heard
+        self._watched: Observing | None = None          # the link whose messages come here
         self._heard: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
         self.said: dict[str, Port] = {}
@@ -252,9 +269,9 @@ class Feed:
         return found
 
     def _watch(self) -> None:
-        """Hear the messages of a co-simulation."""
-        link: Any = None if self._flown else self._link()
-        if link is self._watched or not hasattr(link, "watch"):
+        """Take the messages of a co-simulation."""
+        link = None if self._flown else self._link()
+        if link is self._watched or not isinstance(link, Observing):
             return
         self._watched = link
         topics = {topic_of(name): port for name, port in self._truth.items()}
@@ -395,7 +412,7 @@ class Feed:
                 "modes": {process: began[-1] for process, began in self._modes.items()}}
 
 
-def periods_of(simulation: Any) -> dict[str, float]:
+def periods_of(simulation: Simulation) -> dict[str, float]:
     """[s] The periods of the instances that tasks run."""
     found: dict[str, float] = {}
     for process in simulation.processes:
