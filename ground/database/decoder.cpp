@@ -254,12 +254,14 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
         return Operand{calibrated ? field.value : field.raw, calibrated ? value : raw, &db_.types[field.type], raw,
                        text};
     };
-    const bool named = reference.of == Reference::Of::argument; // a member beside the one that refers
+    const bool named = reference.of == Reference::Of::argument; // or a member beside the one that refers
     for (std::size_t i = fields_.size(); i-- > 0;) {
         const Field &field = fields_[i];
         const PathNode &node = nodes_[field.node];
-        if (named ? field.node != 0 && db_.types[node.type].sort == Sort::aggregate &&
-                        db_.types[node.type].members[node.place].name == reference.name
+        if (named ? (field.node != 0 ? db_.types[node.type].sort == Sort::aggregate &&
+                                           db_.types[node.type].members[node.place].name == reference.name
+                                     : field.parameter >= db_.arguments &&
+                                           db_.parameters[field.parameter].name == reference.name)
                   : field.parameter == reference.parameter && leads(reference, nodes_, field.node)) {
             const bool text = field.raw == Kind::text || field.raw == Kind::binary;
             auto found =
@@ -330,6 +332,14 @@ std::optional<std::int64_t> Decoder::number(const Quantity &quantity)
         return std::nullopt;
     }
     return nearest(*value * quantity.slope + quantity.intercept);
+}
+
+/// A size [bits] of what begins at a bit.
+std::optional<std::int64_t> Decoder::size_at(const Quantity &quantity, std::size_t at)
+{
+    return quantity.from.of == Reference::Of::rest
+               ? static_cast<std::int64_t>(n_bits_ - at) + static_cast<std::int64_t>(quantity.intercept)
+               : number(quantity);
 }
 
 // --- conditions
@@ -618,7 +628,7 @@ std::uint64_t Decoder::copy(std::size_t bit, std::size_t bits)
 
 bool Decoder::take_binary(const Type &type, Walk &walk, std::uint64_t &raw)
 {
-    const auto bits = number(type.encoding.size);
+    const auto bits = size_at(type.encoding.size, walk.at);
     if (!bits || *bits < 0 || walk.at + static_cast<std::size_t>(*bits) > n_bits_) {
         return broken(
             !type.encoding.algorithm.empty() && bits && *bits < 0
@@ -638,7 +648,7 @@ bool Decoder::take_text(const Type &type, Walk &walk, std::uint64_t &raw, std::u
     const Encoding &encoding = type.encoding;
     std::size_t room = n_bits_ - walk.at, tag = 0, content = 0, behind = 0;
     if (encoding.sized) {
-        const auto bits = number(encoding.size);
+        const auto bits = size_at(encoding.size, walk.at);
         if (!bits || *bits < 0 || static_cast<std::size_t>(*bits) > room) {
             return broken(!bits || *bits < 0 ? "the size of " + type.name + " is not known"
                                              : "the packet ends within " + type.name + ", a text of " +

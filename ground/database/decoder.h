@@ -154,6 +154,7 @@ private:
     std::string shown(const Operand &operand) const;
     std::string_view text_of(std::uint64_t word) const;
     std::optional<std::int64_t> number(const Quantity &quantity);
+    std::optional<std::int64_t> size_at(const Quantity &quantity, std::size_t at);
     const Labels &labels(Id type) const { return *labels_[type]; }
     std::uint64_t label(const Type &type, std::int64_t raw) const;
     void hold(const Condition &condition);

@@ -37,7 +37,12 @@ struct Named {
 
 /// A value that is known while a packet is decoded or a command is encoded.
 struct Reference {
-    enum class Of : std::uint8_t { nothing, parameter, argument };
+    enum class Of : std::uint8_t {
+        nothing,
+        parameter,
+        argument,
+        rest ///< of a size: the bits that the packet has left
+    };
     Of of = Of::nothing;
     bool calibrated = true;
     Id parameter = no_id;
@@ -281,6 +286,7 @@ struct Database {
     std::vector<Named> systems;
     std::vector<Type> types;
     std::vector<Parameter> parameters;
+    Id arguments = no_id; ///< the first of those that are arguments of commands; no_id: none are
     std::vector<Container> containers;
     std::vector<Command> commands;
     std::vector<std::string> notes;    ///< "file:line: what was read but is not computed here"

@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/database/command_decoder.h"
+
+#include "ground/database/xtce.h"
+
+#include <algorithm>
+
+namespace fledge::ground {
+
+namespace {
+
+using Sort = Type::Sort;
+using Size = std::optional<std::size_t>; // [bits], if it is the same in all packets
+
+/// From a raw number to one in units, of an encoder's calibrator; one that gives none if it has no inverse.
+Calibrator inverse(const Calibrator &one)
+{
+    Calibrator made;
+    if (one.what == Calibrator::What::none) {
+        return made;
+    }
+    made.what = Calibrator::What::polynomial; // without coefficients
+    if (one.what == Calibrator::What::polynomial && one.coefficients.size() == 2 && one.coefficients[1] != 0) {
+        made.coefficients = {-one.coefficients[0] / one.coefficients[1], 1 / one.coefficients[1]};
+    } else if (one.what == Calibrator::What::spline && one.order == 1) {
+        std::vector<Calibrator::Point> points;
+        for (const Calibrator::Point &point : one.points) {
+            points.push_back({point.calibrated, point.raw});
+        }
+        if (points.size() > 1 && points.front().raw > points.back().raw) {
+            std::reverse(points.begin(), points.end());
+        }
+        const auto falls = [](const Calibrator::Point &a, const Calibrator::Point &b) { return a.raw >= b.raw; };
+        if (std::adjacent_find(points.begin(), points.end(), falls) == points.end()) {
+            made.what = one.what;
+            made.points = std::move(points);
+            made.extrapolate = one.extrapolate;
+        }
+    }
+    return made;
+}
+
+Condition all_of(std::vector<Condition> parts)
+{
+    Condition made;
+    if (!parts.empty()) {
+        made.what = Condition::What::all;
+        made.parts = std::move(parts);
+    }
+    return made;
+}
+
+} // namespace
+
+class CommandDecoder::Builder {
+public:
+    Builder(const Database &from, Header header) : from_(from), header_(header)
+    {
+        Database &db = built_.database;
+        db.files = from.files;
+        db.types = from.types;
+        db.parameters = from.parameters;
+        db.containers = from.containers;
+        for (Type &type : db.types) {
+            type.alarms.clear();
+            const bool time = type.sort == Sort::absolute_time || type.sort == Sort::relative_time;
+            type.encoding.calibrator = time ? Calibrator() : inverse(type.encoding.calibrator);
+            for (auto &[condition, calibrator] : type.encoding.contexts) {
+                calibrator = inverse(calibrator);
+            }
+        }
+        db.arguments = built_.first_argument = static_cast<Id>(db.parameters.size());
+        for (Id i = 0; i < from.commands.size(); i++) {
+            if (from.commands[i].container != no_id) {
+                owners_.try_emplace(from.commands[i].container, i);
+            }
+        }
+        Container root;
+        root.path = root.name = "a command";
+        root.is_abstract = true;
+        built_.root = add(root, no_id);
+        for (Id i = 0; i < from.commands.size(); i++) { // first, so that a command that extends another one counts
+            if (const Id container = container_of(i); container != no_id) {
+                node(container);
+            }
+        }
+        for (Container &one : db.containers) { // one that asks for nothing may be longer than the packet of another
+            std::stable_partition(one.heirs.begin(), one.heirs.end(), [&](Id heir) { return asking_.contains(heir); });
+        }
+        for (Id i = 0; i < from.commands.size(); i++) {
+            if (const Id container = container_of(i); container != no_id && !from.commands[i].is_abstract) {
+                command(i, container);
+            }
+        }
+    }
+
+    Built take() { return std::move(built_); }
+
+private:
+    /// A command's container, with those that it extends.
+    struct Node {
+        Id container = no_id;            ///< in the new database
+        std::map<std::string, Id> names; ///< of its arguments, also of those that it extends
+        std::vector<Condition> fixed;    ///< what its own entries have in every packet
+        Size end;                        ///< [bits] behind its last entry
+    };
+
+    Id add(Container container, Id base)
+    {
+        const auto id = static_cast<Id>(built_.database.containers.size());
+        container.base = base;
+        container.of_command = true;
+        container.heirs.clear();
+        built_.database.containers.push_back(std::move(container));
+        if (base != no_id) {
+            built_.database.containers[base].heirs.push_back(id);
+        }
+        return id;
+    }
+
+    Id container_of(Id command) const
+    {
+        for (; command != no_id; command = from_.commands[command].base) {
+            if (from_.commands[command].container != no_id) {
+                return from_.commands[command].container;
+            }
+        }
+        return no_id;
+    }
+
+    const Node &node(Id id)
+    {
+        if (const auto known = nodes_.find(id); known != nodes_.end()) {
+            return known->second;
+        }
+        const Container &one = from_.containers[id];
+        Node made;
+        made.end = 0;
+        if (one.base != no_id) {
+            made = node(one.base);
+        }
+        std::vector<Condition> parts = std::move(made.fixed);
+        made.fixed.clear();
+        const std::size_t inherited = parts.size();
+        const auto owner = owners_.find(id);
+        if (one.restriction.what != Condition::What::always) {
+            parts.push_back(one.restriction);
+        }
+        if (owner != owners_.end()) {
+            assignments(owner->second, made, parts);
+        }
+        const bool asks = parts.size() > inherited;
+        Container copy = one;
+        copy.path = copy.name = owner != owners_.end() ? from_.commands[owner->second].path : one.path;
+        copy.is_abstract = true;
+        copy.restriction = all_of(std::move(parts));
+        copy.entries.clear();
+        for (std::size_t i = 0; i < one.entries.size(); i++) {
+            entry(one.entries, i, owner != owners_.end() ? owner->second : no_id, made, copy.entries);
+        }
+        made.container = add(std::move(copy), one.base != no_id ? nodes_.at(one.base).container : built_.root);
+        if (asks) {
+            asking_.insert(made.container);
+        }
+        return nodes_.emplace(id, std::move(made)).first->second;
+    }
+
+    void command(Id id, Id container)
+    {
+        const Node &at = nodes_.at(container);
+        Container leaf;
+        std::vector<Condition> parts = at.fixed;
+        for (Id one = id; one != no_id && from_.commands[one].container != container; one = from_.commands[one].base) {
+            assignments(one, at, parts);
+        }
+        leaf.path = leaf.name = from_.commands[id].path;
+        leaf.restriction = all_of(std::move(parts));
+        const Id made = add(std::move(leaf), at.container);
+        for (Id one = id; one != no_id; one = from_.commands[one].base) {
+            for (const auto &[name, value] : from_.commands[one].assignments) {
+                built_.assigned[made].insert(name);
+            }
+        }
+    }
+
+    void assignments(Id command, const Node &at, std::vector<Condition> &parts)
+    {
+        for (const auto &[name, value] : from_.commands[command].assignments) {
+            if (const auto parameter = at.names.find(name); parameter != at.names.end()) {
+                equals(parameter->second, value, parts);
+            }
+        }
+    }
+
+    /// A parameter has the value that the encoder makes of a text.
+    void equals(Id parameter, std::string text, std::vector<Condition> &parts) const
+    {
+        const Type &type = built_.database.types[built_.database.parameters[parameter].type];
+        const Encoding &encoding = type.encoding;
+        if (encoding.what == Encoding::What::none || encoding.what == Encoding::What::binary ||
+            encoding.calibrator.what != Calibrator::What::none || !encoding.contexts.empty()) {
+            return;
+        }
+        if (std::none_of(type.enumerators.begin(), type.enumerators.end(),
+                         [&](const Enumerator &one) { return one.label == text; })) {
+            std::vector<std::string> endings;
+            for (const Enumerator &one : type.enumerators) {
+                if (one.label.ends_with("_" + text)) {
+                    endings.push_back(one.label);
+                }
+            }
+            text = endings.size() == 1 ? endings.front() : text;
+        }
+        Condition made;
+        made.what = Condition::What::compare;
+        made.left.of = Reference::Of::parameter;
+        made.left.parameter = parameter;
+        made.literal = literal_of(text);
+        if (type.sort == Sort::real && encoding.what == Encoding::What::real && made.literal.real) {
+            std::uint64_t rounded = 0;
+            const auto bits = bits_of(encoding, *made.literal.real);
+            if (!bits || !number_of(encoding, *bits, rounded)) {
+                return;
+            }
+            made.literal.real = std::bit_cast<double>(rounded);
+        }
+        made.text = built_.database.parameters[parameter].name + " == " + text;
+        parts.push_back(std::move(made));
+    }
+
+    // --- entries
+
+    void entry(const std::vector<Entry> &all, std::size_t place, Id owner, Node &at, std::vector<Entry> &made)
+    {
+        Entry one = all[place];
+        const bool plain = one.include.what == Condition::What::always && !one.repeats;
+        Size begin = plain && one.offset.is_fixed() && one.from == Entry::From::start ? Size(0) : at.end;
+        begin = begin && plain && one.offset.is_fixed() && one.from != Entry::From::end
+                    ? Size(*begin + static_cast<std::size_t>(one.offset.fixed))
+                    : std::nullopt;
+        const Size bits = bits_of_entry(one, owner);
+        if (one.from != Entry::From::end) {
+            at.end = begin && bits ? Size(*begin + *bits) : std::nullopt;
+        }
+        if (one.what == Entry::What::fixed && plain && (one.from != Entry::From::end || one.bits <= 64)) {
+            fixed(one, at, made);
+            return;
+        }
+        if (one.what == Entry::What::argument) {
+            if (const Id type = type_of(one.name, owner); type != no_id) {
+                one.what = Entry::What::parameter;
+                one.id = argument(one.name, type, all, place, owner, at);
+                at.names[one.name] = one.id;
+            }
+        } else if (one.what == Entry::What::parameter && plain) {
+            const Parameter &parameter = from_.parameters[one.id];
+            const auto &initial = parameter.initial ? parameter.initial : from_.types[parameter.type].initial;
+            if (parameter.source == "constant" && initial && !is_set_by_the_sender(begin, bits)) {
+                equals(one.id, *initial, at.fixed);
+            }
+        }
+        made.push_back(std::move(one));
+    }
+
+    bool is_set_by_the_sender(Size begin, Size bits) const
+    {
+        const auto within = [&](std::size_t first, std::size_t end) {
+            return begin && bits && *begin >= first && *begin + *bits <= end;
+        };
+        return (header_ != Header::none && (within(18, 32) || within(32, 48))) ||
+               (header_ == Header::cfs && within(56, 64));
+    }
+
+    /// A fixed value becomes numbers of up to 64 bits without names.
+    void fixed(const Entry &whole, Node &at, std::vector<Entry> &made)
+    {
+        std::vector<std::uint8_t> bytes = whole.bytes;
+        const std::size_t skip = 8 * bytes.size() - whole.bits;
+        bytes.resize(bytes.size() + 16);
+        for (std::size_t done = 0; done < whole.bits || done == 0;) {
+            const auto n = static_cast<unsigned>(std::min<std::size_t>(64, whole.bits - done));
+            Entry one = done == 0 ? whole : Entry();
+            if (n > 0) {
+                Type type;
+                type.is_signed = false;
+                type.encoding.what = Encoding::What::integer;
+                type.encoding.bits = n;
+                one.what = Entry::What::parameter;
+                one.id = parameter("", add_type(std::move(type)));
+                one.place = whole.place;
+                equals(one.id, std::to_string(load_bits(bytes.data(), skip + done, n)), at.fixed);
+                at.fixed.back().text = "a fixed value of " + std::to_string(n) + " bits";
+            }
+            made.push_back(std::move(one));
+            done += std::max(n, 1u);
+        }
+    }
+
+    /// The parameter of an argument.
+    Id argument(const std::string &name, Id type_id, const std::vector<Entry> &all, std::size_t place, Id owner,
+                const Node &at)
+    {
+        Type type = built_.database.types[type_id];
+        const Quantity size = type.encoding.size;
+        const bool counted = size.from.of == Reference::Of::argument && !at.names.contains(size.from.name);
+        const bool open = type.encoding.sized && !size.looked_up && (counted || (size.is_fixed() && size.fixed < 0));
+        if (!open) {
+            return parameter(name, type_id);
+        }
+        std::size_t behind = 0;
+        for (std::size_t i = place + 1; i < all.size(); i++) {
+            behind += bits_of_entry(all[i], owner).value_or(0);
+        }
+        type.encoding.size = Quantity();
+        type.encoding.size.from.of = Reference::Of::rest;
+        type.encoding.size.intercept = -static_cast<double>(behind);
+        const Id made = parameter(name, add_type(std::move(type)));
+        if (counted && size.slope != 0) {
+            built_.counters[made] = {size.from.name, size.slope, size.intercept};
+        }
+        return made;
+    }
+
+    Id parameter(const std::string &name, Id type)
+    {
+        Parameter made;
+        made.name = made.path = name;
+        made.type = type;
+        built_.database.parameters.push_back(std::move(made));
+        return static_cast<Id>(built_.database.parameters.size() - 1);
+    }
+
+    Id add_type(Type type)
+    {
+        built_.database.types.push_back(std::move(type));
+        return static_cast<Id>(built_.database.types.size() - 1);
+    }
+
+    /// Of an argument of a command, or of one that it extends.
+    Id type_of(const std::string &name, Id command) const
+    {
+        Id found = no_id;
+        for (; command != no_id; command = from_.commands[command].base) {
+            for (const Argument &one : from_.commands[command].arguments) {
+                found = one.name == name ? one.type : found;
+            }
+        }
+        return found;
+    }
+
+    Size bits_of_entry(const Entry &one, Id owner) const
+    {
+        if (one.include.what != Condition::What::always || one.repeats) {
+            return std::nullopt;
+        }
+        switch (one.what) {
+        case Entry::What::fixed: return one.bits;
+        case Entry::What::parameter: return bits_of_type(from_.parameters[one.id].type, &one.dimensions);
+        case Entry::What::argument: {
+            const Id type = type_of(one.name, owner);
+            return type != no_id ? bits_of_type(type, &one.dimensions) : std::nullopt;
+        }
+        default: return std::nullopt;
+        }
+    }
+
+    Size bits_of_type(Id id, const std::vector<Dimension> *dimensions) const
+    {
+        const Type &type = from_.types[id];
+        if (type.sort == Sort::aggregate) {
+            Size all = 0;
+            for (const Member &member : type.members) {
+                const Size one = bits_of_type(member.type, nullptr);
+                all = all && one ? Size(*all + *one) : std::nullopt;
+            }
+            return all;
+        }
+        if (type.sort == Sort::array) {
+            Size all = bits_of_type(type.element, nullptr);
+            for (const Dimension &one : dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
+                const bool is_fixed = one.first.is_fixed() && one.last.is_fixed();
+                all = all && is_fixed ? Size(*all * static_cast<std::size_t>(one.last.fixed - one.first.fixed + 1))
+                                      : std::nullopt;
+            }
+            return all;
+        }
+        const Encoding &encoding = type.encoding;
+        return encoding.bits != 0 ? Size(encoding.bits)
+               : encoding.sized && encoding.size.is_fixed() && encoding.size.fixed >= 0
+                   ? Size(static_cast<std::size_t>(encoding.size.fixed))
+                   : std::nullopt;
+    }
+
+    const Database &from_;
+    const Header header_;
+    Built built_;
+    std::map<Id, Id> owners_; ///< of containers: the command whose own it is
+    std::map<Id, Node> nodes_;
+    std::set<Id> asking_; ///< containers that ask for more than constants of those that they extend
+};
+
+CommandDecoder::CommandDecoder(const Database &database, Header header)
+    : built_(Builder(database, header).take()), decoder_(built_.database)
+{
+}
+
+CommandDecoder::Role CommandDecoder::role(const Decoded &packet, std::size_t field) const
+{
+    const Id id = packet.fields[field].parameter;
+    const std::string &name = built_.database.parameters[id].name;
+    if (id < built_.first_argument) {
+        return Role::header;
+    }
+    const auto assigned = built_.assigned.find(packet.container);
+    const bool given = !name.empty() && (assigned == built_.assigned.end() || !assigned->second.contains(name));
+    return given ? Role::given : Role::assigned;
+}
+
+std::optional<std::pair<std::string, double>> CommandDecoder::counter(const Decoded &packet, std::size_t field) const
+{
+    const auto found = built_.counters.find(packet.fields[field].parameter);
+    if (found == built_.counters.end()) {
+        return std::nullopt;
+    }
+    const auto bits = static_cast<double>(8 * (packet.raw[field] & 0xFFFFFFFF));
+    return std::pair(found->second.name, (bits - found->second.intercept) / found->second.slope);
+}
+
+} // namespace fledge::ground
