@@ -258,10 +258,10 @@ std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool e
     for (std::size_t i = fields_.size(); i-- > 0;) {
         const Field &field = fields_[i];
         const PathNode &node = nodes_[field.node];
-        if (named ? (field.node != 0 ? db_.types[node.type].sort == Sort::aggregate &&
-                                           db_.types[node.type].members[node.place].name == reference.name
-                                     : field.parameter >= db_.arguments &&
-                                           db_.parameters[field.parameter].name == reference.name)
+        if (named ? (field.node != 0
+                         ? db_.types[node.type].sort == Sort::aggregate &&
+                               db_.types[node.type].members[node.place].name == reference.name
+                         : field.parameter >= db_.arguments && db_.parameters[field.parameter].name == reference.name)
                   : field.parameter == reference.parameter && leads(reference, nodes_, field.node)) {
             const bool text = field.raw == Kind::text || field.raw == Kind::binary;
             auto found =
