@@ -207,10 +207,10 @@ def _peer(transport: asyncio.BaseTransport) -> str:
 
 def logger() -> logging.Logger:
     """aiohttp's, without a trace of each request that is none: those are answered with 400."""
-    made = logging.getLogger("fledge.ground.server")
-    if not made.filters:
+    log = logging.getLogger("fledge.ground.server")
+    if not log.filters:
         # The latter: aiohttp goes on with the requests of a connection that is gone.
-        made.addFilter(lambda record: not (record.exc_info and (
+        log.addFilter(lambda record: not (record.exc_info and (
             isinstance(record.exc_info[1], HttpProcessingError) or
             isinstance(record.exc_info[1], AssertionError) and record.msg == "Unhandled exception")))
-    return made
+    return log

@@ -145,9 +145,9 @@ class Guard:
             raise Refusal(403, f"a page of {origin} may not do this here")
         if request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site") and request.path.startswith("/api/"):
             raise Refusal(403, "a page of another site may not ask this")
-        found, by_token = self._session(request)
-        user, session = found.user if found else None, None if by_token else found
-        request["user"], request["session"], request["live"] = user, session, found.live if found else None
+        active, by_token = self._session(request)
+        user, session = active.user if active else None, None if by_token else active
+        request["user"], request["session"], request["live"] = user, session, active.live if active else None
         row = row_of(request)
         if times := self.connections.times(request):
             times.known = user is not None
@@ -160,15 +160,15 @@ class Guard:
         self.check(request)
         if _changes(request) and not request.match_info.http_exception:     # a route that there is
             await self._read(request, row.logged if row else True, row.body if row else "body")
-            if user and not (row and row.role == ANYONE) and self._session(request)[0] is not found:    # while it came
+            if user and not (row and row.role == ANYONE) and self._session(request)[0] is not active:    # while it came
                 raise Refusal(401, "the session has ended meanwhile: log in again")
         task = asyncio.current_task()
         try:
             return await handler(request)
         finally:
-            if found and task in found.live:
-                found.live.discard(task)
-                found.used = self.sessions.clock()
+            if active and task in active.live:
+                active.live.discard(task)
+                active.used = self.sessions.clock()
 
     def _session(self, request: web.Request) -> tuple[Session | None, bool]:
         """The session of a cookie, or of a token and True."""

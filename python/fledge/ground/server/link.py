@@ -76,11 +76,11 @@ class Connection:
             else:
                 sim = self._mission.simulation
                 radio = getattr(sim.world, settings.radio) if settings.radio else None
-                made = connect(sim, process=settings.process, radio=radio, keys=settings.keys, role=settings.role) \
+                craft = connect(sim, process=settings.process, radio=radio, keys=settings.keys, role=settings.role) \
                     if self._flown else connect(settings.link, self._mission.dictionary, keys=settings.keys,
                                                 role=settings.role)
-                self.link, self.craft = made.link, before or made
-                self.craft.link = made.link
+                self.link, self.craft = craft.link, before or craft
+                self.craft.link = craft.link
         finally:
             self.opening = False
         self.state = "up"
@@ -128,9 +128,9 @@ class Connection:
     def describe(self) -> dict[str, Any]:
         """The state for browsers."""
         link, craft = self.link, self.craft
-        made: dict[str, Any] = {"address": self._settings.link, "state": self.state, "up": link is not None}
+        state: dict[str, Any] = {"address": self._settings.link, "state": self.state, "up": link is not None}
         if link is not None:
-            made |= {"skipped": link.skipped, "dropped": link.dropped}
+            state |= {"skipped": link.skipped, "dropped": link.dropped}
         if isinstance(link, Framed):
-            made |= link.counts | {"cop1": link.cop1}
-        return made | ({"refused": craft.refused} if craft else {})
+            state |= link.counts | {"cop1": link.cop1}
+        return state | ({"refused": craft.refused} if craft else {})

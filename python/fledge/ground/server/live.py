@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FRAME = 32          # [bytes] of a frame without values
 FEED_S, FEED_AT_ONCE = 0.05, 1 << 18    # [s] between the packets for a script; [bytes] of them in one text
-PAUSE = 0.005, 0.25     # [s] until the next look, and until that at one that does not read
+PAUSE = 0.005, 0.25     # [s] until the next turn of a browser, and of one that does not read
 PACKET = 200        # [bytes] that one takes besides its own
 SLICE = 0.005       # [s] that browsers are served before the loop does something else
 PIECE = 2048        # [bytes] whose frames are looked at before they are counted
@@ -33,7 +33,7 @@ MESSAGE_TYPES = WSMsgType.TEXT, WSMsgType.BINARY, WSMsgType.PING, WSMsgType.PONG
 
 class _Socket(web.WebSocketResponse):
     """A WebSocket that takes a bounded number of frames: aiohttp alone would read and keep any number of empty ones,
-    pings and parts of a message, which no count of bytes bounds, and serve nobody else meanwhile."""
+    pings and parts of a message, which no count of bytes bounds, and serve no other client meanwhile."""
 
     def __init__(self, bounds: Bounds) -> None:
         super().__init__(heartbeat=30, autoping=False, max_msg_size=int(bounds["message"]), compress=False)
@@ -73,11 +73,11 @@ _shared = lru_cache(16)(framed)     # of texts that go to all
 
 
 class Sender:
-    """Serves the browsers for which something is due, in turn, a slice of time at once. What several get is made once:
-    in `made`, for as long as a turn of all lasts."""
+    """Serves the browsers for which something is due, in turn, a slice of time at once. Frames that several get are in
+    `frames`, for as long as a turn of all lasts."""
 
     def __init__(self) -> None:
-        self.made: dict[Any, Any] = {}
+        self.frames: dict[Any, Any] = {}
         self._due: deque[Browser] = deque()
         self._wake = asyncio.Event()
 
@@ -104,7 +104,7 @@ class Sender:
                     if loop.time() >= end:
                         await asyncio.sleep(0)
                         end = loop.time() + SLICE
-                self.made.clear()
+                self.frames.clear()
 
 
 class Browser:
@@ -115,10 +115,10 @@ class Browser:
         self.server, self.request, self.bounds = server, request, server.room.bounds
         self.socket = _Socket(self.bounds)
         self.wanted: dict[str, _Subscription] = {}
-        self.skipped = self._told = 0
+        self.skipped = self._reported = 0
         self._texts: deque[bytes] = deque()     # framed
         self.waiting_texts = 0  #: [bytes] of them
-        self._asked = Recent()  # its messages
+        self._messages = Recent()  # its messages
         self._pause, self._queued = PAUSE[0], False
         self._timer: asyncio.TimerHandle | None = None
         self._feeds: dict[str, _PacketFeed] = {}
@@ -164,7 +164,7 @@ class Browser:
         try:
             async for message in self.socket:
                 if message.type in MESSAGE_TYPES and self.bounds.over(
-                        "messages", self._asked.count(1, time.monotonic())):
+                        "messages", self._messages.count(1, time.monotonic())):
                     await self.socket.close(code=1008, message=self.bounds.says("messages").encode())
                     break
                 if message.type == WSMsgType.PING:
@@ -187,17 +187,17 @@ class Browser:
     def _take(self, text: str) -> None:
         """What the browser asks for. Raises SetupError and Refusal."""
         try:
-            found = loads(text)
+            message = loads(text)
         except ValueError as error:
             raise SetupError(f"a message is JSON: {error}") from None
-        asked = MESSAGES.get(next(iter(found)), None) if isinstance(found, dict) and len(found) == 1 else None
-        wish = next(iter(found.values())) if asked else None
-        name = wish.get("craft") if isinstance(wish, dict) else wish
-        if not asked or not isinstance(name, str):
+        entry = MESSAGES.get(next(iter(message)), None) if isinstance(message, dict) and len(message) == 1 else None
+        content = next(iter(message.values())) if entry else None
+        name = content.get("craft") if isinstance(content, dict) else content
+        if not entry or not isinstance(name, str):
             raise SetupError('a message is {"subscribe": {"craft": ..., "slots": [...], "hz": 10}}, '
                              '{"unsubscribe": ...} or {"subscribe_packets": ...}')
-        row, does = asked
-        does(self, self.server.seen(self.request, name, row) if row.craft else name, wish)
+        row, handler = entry
+        handler(self, self.server.seen(self.request, name, row) if row.craft else name, content)
         self.wake()
 
     @message("unsubscribe", USER, craft="")
@@ -211,10 +211,10 @@ class Browser:
             craft.telemetry.sinks.append(self._feeds[craft.name].take)
 
     @message("subscribe", "view")
-    def _subscribe(self, craft: Spacecraft, wish: Any) -> None:
-        if not isinstance(wish, dict):
+    def _subscribe(self, craft: Spacecraft, content: Any) -> None:
+        if not isinstance(content, dict):
             raise SetupError('subscribe is {"craft": ..., "slots": [...], "hz": 10}')
-        slots, hz = wish.get("slots", []), wish.get("hz", 10)
+        slots, hz = content.get("slots", []), content.get("hz", 10)
         if isinstance(slots, list) and self.bounds.over("values of a subscription", len(slots)):
             raise SetupError(self.bounds.says("values of a subscription"))
         if slots != "all" and not (isinstance(slots, list) and all(
@@ -223,7 +223,7 @@ class Browser:
         if not isinstance(hz, (int, float)) or isinstance(hz, bool) or not 0.01 <= hz <= 60:
             raise SetupError("hz is from 0.01 to 60")
         packed = None if slots == "all" else struct.pack(f"<{len(slots)}I", *slots)
-        self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(wish.get("truth")))
+        self.wanted[craft.name] = _Subscription(craft, packed, 1 / hz, bool(content.get("truth")))
 
     def turn(self, now: float) -> None:
         """Write what is due, and set the time of the next turn."""
@@ -233,8 +233,8 @@ class Browser:
         free = not transport.get_write_buffer_size()
         self._pause = PAUSE[0] if free else min(2 * self._pause, PAUSE[1])     # one that does not read costs little
         self._values(now, transport)
-        if free and self.skipped != self._told:
-            self._told = self.skipped
+        if free and self.skipped != self._reported:
+            self._reported = self.skipped
             self._texts.appendleft(frame := framed(dumps({"kind": "skipped", "count": self.skipped})))
             self.waiting_texts += len(frame)
         for feed in list(self._feeds.values()):
@@ -250,7 +250,7 @@ class Browser:
             self._timer = asyncio.get_running_loop().call_later(max(wait, self._pause), self.wake)
 
     def _values(self, now: float, transport: asyncio.Transport) -> None:
-        made = self.server.sender.made
+        frames = self.server.sender.frames
         key: tuple[Any, ...]
         for name, one in list(self.wanted.items()):
             if now < one.due:
@@ -262,10 +262,10 @@ class Browser:
                 continue
             if one.truth and not transport.get_write_buffer_size():
                 key = one.craft.feed, one.number
-                if key not in made:
+                if key not in frames:
                     number, texts = one.craft.feed.since(one.number)
-                    made[key] = number, b"".join(framed(dumps(text)) for text in texts)
-                one.number, frame = made[key]
+                    frames[key] = number, b"".join(framed(dumps(text)) for text in texts)
+                one.number, frame = frames[key]
                 transport.write(frame)
             monitor = one.craft.telemetry.monitor
             if monitor is not one.monitor:      # another database: all anew
@@ -273,13 +273,13 @@ class Browser:
             if transport.get_write_buffer_size():
                 self.skipped += monitor.version != one.version
                 continue
-            if (key := (one.craft, monitor, one.version, one.slots)) not in made:
-                made[key] = one.frame()
-            one.version, frame = made[key]
+            if (key := (one.craft, monitor, one.version, one.slots)) not in frames:
+                frames[key] = one.frame()
+            one.version, frame = frames[key]
             transport.write(frame)
 
 
-MESSAGES = {row.path: (row, does) for row, does in rows(Browser)}
+MESSAGES = {row.path: (row, handler) for row, handler in rows(Browser)}
 
 
 class _PacketFeed:
@@ -328,6 +328,6 @@ class _Subscription:
         version, frame = self.monitor.changes(self.version, self.slots)
         if len(frame) == FRAME:
             return version, b""
-        made = bytearray(frame)
-        struct.pack_into("<I", made, 4, self.craft.index)
-        return version, framed(bytes(made))
+        numbered = bytearray(frame)
+        struct.pack_into("<I", numbered, 4, self.craft.index)
+        return version, framed(bytes(numbered))

@@ -26,7 +26,7 @@ class LoadedMission:
     process: str                #: of flight, to which the link leads
     dictionary: Dictionary
     folder: Path | None
-    files: list[Path]           #: that the mission was made of
+    files: list[Path]           #: of Python, of which the mission is
     picture: Path | None
     epoch_ns: int | None        #: [ns] UTC at the time 0 of the simulation, if its world has a sky
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.limits import SetLimits
     from fledge.ground.server.telemetry import Telemetry
 
-AT_ONCE = 100_000       # packets of one time among which one is found by its id
+AT_ONCE = 100_000       # packets of one time among which one is sought by its id
 LISTED = 1 << 22        # [bytes] of packets in a list, which ends then
 
 
@@ -27,10 +27,10 @@ class Past:
         inspect = telemetry.monitor.inspect
         if telemetry.history is not None:
             with telemetry.reading:
-                found = telemetry.history.packets(
+                kept = telemetry.history.packets(
                     0, before, "undecoded" if undecoded else container or None, limit, True, most_bytes=LISTED)
             rows += ((t, received, name, packet, inspect(packet)["reason"] if name is None else "")
-                     for t, received, name, packet in found)
+                     for t, received, name, packet in kept)
         elif undecoded:
             rows += [(t, received, None, packet, reason) for t, received, packet, reason in reversed(telemetry.bad)
                      if t <= before][:limit]
@@ -84,11 +84,11 @@ class Past:
             history = self._telemetry.history
             assert history is not None
             limits = {name: self._limits.of(name) for name in plain}
-            found = history.series(plain, begin, end, points, session, limits, exact) if plain else {}
-            return {name: found[name] if name in found else derived.series(
+            series = history.series(plain, begin, end, points, session, limits, exact) if plain else {}
+            return {name: series[name] if name in series else derived.series(
                 name, history, begin, end, session, points) for name in names}
 
 
 def number_of(t: int, packet: bytes) -> str:
-    """By which a packet is found again."""
+    """The id of a packet in lists."""
     return f"{t}-{zlib.crc32(packet):08x}"

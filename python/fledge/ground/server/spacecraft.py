@@ -116,12 +116,12 @@ class Spacecraft:
 
     def call(self, what: Callable[[], Answer]) -> Future[Answer]:
         """Do something in the spacecraft's thread."""
-        made: Future[Answer] = Future()
+        answer: Future[Answer] = Future()
         if self._over.is_set():
-            made.set_exception(SetupError(f"{self.name} has ended"))
+            answer.set_exception(SetupError(f"{self.name} has ended"))
         else:
-            self._requests.put((what, made))
-        return made
+            self._requests.put((what, answer))
+        return answer
 
     def describe(self) -> dict[str, Any]:
         """The state for browsers."""
@@ -256,7 +256,7 @@ class Spacecraft:
         try:
             while True:
                 what, answer = self._requests.get_nowait()
-                if not answer.set_running_or_notify_cancel():   # its thread has given up, and said that it is not done
+                if not answer.set_running_or_notify_cancel():   # its thread has given up
                     continue
                 try:
                     answer.set_result(what())
@@ -314,7 +314,7 @@ class Spacecraft:
             self.alarms.take(concerns)
 
     def _report(self, packet: bytes) -> None:
-        """Take a packet of flight's own services: what it says becomes events."""
+        """Take a packet of flight's own services: its contents become events."""
         craft = self.connection.craft
         if craft is None:
             return

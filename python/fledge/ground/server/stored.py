@@ -44,7 +44,7 @@ class StoredLists:
         running, held, inhibited = (self._newest_number(name) or 0 for name in ("running", "held", "inhibited"))
         ahead = self._ahead()
         now = self._clock.now - ahead        # of flight
-        made = []
+        lists = []
         for number in range(LISTS):
             bit = 1 << number
             if not running & bit and (self._newest_number("head.t") or 0) > self._begun.get(number, now):
@@ -54,42 +54,42 @@ class StoredLists:
             if number == 0 and not held & bit:      # they leave the store when they are due
                 rows = [one for one in rows if int(one["time_ns"]) > now]
             due = None if held & bit or inhibited & bit else 0 if number == 0 else begun
-            made.append({
+            lists.append({
                 "list": number, "read_ns": when, "t_ns": None if begun is None else str(now - begun),
                 "state": "inhibited" if inhibited & bit else "held" if held & bit else "running" if running & bit
                 else "idle",
                 "commands": [one | {"due_ns": None if due is None else str(due + ahead + int(one["time_ns"]))}
                              for one in rows]})
         due = self._newest_number("next")
-        return {"lists": made, "text": "", "flight_ns": str(now),
+        return {"lists": lists, "text": "", "flight_ns": str(now),
                 "next_ns": None if due is None or due < 0 else str(due + ahead),
                 **{name: self._newest_number(name) for name in ("stored", "released", "skipped")}}
 
-    def act(self, user: str, wish: dict[str, Any]) -> dict[str, Any]:
+    def act(self, user: str, request: dict[str, Any]) -> dict[str, Any]:
         """What a browser asks of a list: the row of the command. Raises SetupError."""
-        craft, number = self._connection.reach(), wish.get("list", 0)
+        craft, number = self._connection.reach(), request.get("list", 0)
         if not self.path:
             raise SetupError(self.describe()["text"])
         if not isinstance(number, int) or not 0 <= number < LISTS:
             raise SetupError(f"a list is a number from 0 to {LISTS - 1}; found {number!r}")
-        action, step = wish.get("action"), wish.get("step", ALL)
+        action, step = request.get("action"), request.get("step", ALL)
         if not isinstance(step, int):
             raise SetupError(f"a step is a whole number; found {step!r}")
         commanding = self._commanding
         if action is None:
-            packet = commanding.made(str(wish.get("name", "")), wish.get("arguments", {}),
-                                     wish.get("confirmed", False))
+            packet = commanding.made(str(request.get("name", "")), request.get("arguments", {}),
+                                     request.get("confirmed", False))
             try:
-                made = craft.made("store", number, step, int(wish.get("time_ns", 0)), packet)
+                packets = craft.made("store", number, step, int(request.get("time_ns", 0)), packet)
             except ValueError:
-                raise SetupError(f"time_ns is a whole number; found '{wish['time_ns']}'") from None
-            self._names[int.from_bytes(made[0][10:12], "big")] = craft.dictionary.command(packet)
+                raise SetupError(f"time_ns is a whole number; found '{request['time_ns']}'") from None
+            self._names[int.from_bytes(packets[0][10:12], "big")] = craft.dictionary.command(packet)
         elif action == "report":
-            made = craft.made("stored", number)
+            packets = craft.made("stored", number)
         elif action == "delete":
-            made = craft.made("delete", number, step)
+            packets = craft.made("delete", number, step)
         elif isinstance(action, str) and action.upper() in Action.__members__:
-            made = craft.made("control", Action[action.upper()], number)
+            packets = craft.made("control", Action[action.upper()], number)
         else:
             raise SetupError(f"a list can report, delete, {', '.join(one.name.lower() for one in Action)}; found "
                              f"'{action}'")
@@ -109,8 +109,8 @@ class StoredLists:
                 self._begun[number] += sent.reports[-1].t - self._held.pop(number)      # its time stood
             self._save(number)
 
-        given = {key: value for key, value in wish.items() if key != "action"}
-        return commanding.release(user, action or "store", given, made, then)
+        given = {key: value for key, value in request.items() if key != "action"}
+        return commanding.release(user, action or "store", given, packets, then)
 
     def _known(self, number: int) -> list[Stored]:
         return [Stored(int(one["time_ns"]), *(one[name] for name in ("step", "size", "crc", "code")))

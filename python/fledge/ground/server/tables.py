@@ -71,10 +71,10 @@ class Tables:
         self._reporter.publish("table", self._shown(block))
 
     def _block(self, name: str) -> Block:
-        found = {one.path: one for one in self._blocks}
-        if name not in found:
-            raise SetupError(f"{self._reporter.name} has no table '{name}'{did_you_mean(name, list(found))}")
-        return found[name]
+        blocks = {one.path: one for one in self._blocks}
+        if name not in blocks:
+            raise SetupError(f"{self._reporter.name} has no table '{name}'{did_you_mean(name, list(blocks))}")
+        return blocks[name]
 
 
 def _spare(one: Field) -> bool:

@@ -53,14 +53,14 @@ class Telemetry:
         self.history: History | None = None             #: that reads what the archive keeps
         self.reading = Lock()                           #: of the history
         self.archive_problem = ""                       #: why packets are not kept now; empty: they are
-        self._archives, self._missed = Path(), 0        # missed: packets of which an event has told
+        self._archives, self._missed = Path(), 0        # missed: packets that an event has reported
         self.packets = self.undecoded = self.bytes = 0
         self.recent: deque[tuple[int, int, bytes]] = deque(maxlen=RECENT)
         self.bad: deque[tuple[int, int, bytes, str]] = deque(maxlen=RECENT)     #: not decoded, with the reason
         self.sinks: list[Callable[[Packets], None]] = []        #: get each batch after it is shown
         self._reasons: set[str] = set()
         self._last = -1     # [ns] of the newest packet; of a co-simulation also that of the session before
-        self._gaps: list[tuple[str, int]] = []          # of which no event has told
+        self._gaps: list[tuple[str, int]] = []          # that no event has reported
         self._written: dict[Path, int] = {}     # when files were
         self._written, self._checked = self._times(), 0.0
         self.slot_names: list[str] = []
@@ -82,9 +82,9 @@ class Telemetry:
 
     def inspect(self, packet: bytes) -> dict[str, Any]:
         """A packet in words."""
-        found = dict(self.monitor.inspect(packet))
-        found["rows"] = [[one.hex() if isinstance(one, bytes) else one for one in row] for row in found["rows"]]
-        return found | {"hex": packet.hex(), "size": len(packet)}
+        words = dict(self.monitor.inspect(packet))
+        words["rows"] = [[one.hex() if isinstance(one, bytes) else one for one in row] for row in words["rows"]]
+        return words | {"hex": packet.hex(), "size": len(packet)}
 
     def describe(self) -> dict[str, Any]:
         """The counts for browsers."""
@@ -193,7 +193,7 @@ class Telemetry:
 
     def reload(self) -> bool:
         """Take a database whose files have changed; returns whether there is a new one. A wrong one is refused, and
-        the old one stays. What a mission was made of cannot be taken while it flies."""
+        the old one stays. The files of a mission cannot be read again while it flies."""
         if time.monotonic() - self._checked < AGAIN or self.archive_problem:    # which still has to take packets
             return False
         self._checked, before, self._written = time.monotonic(), self._written, self._times()

@@ -78,10 +78,10 @@ class Transfers:
 
     def directory(self, path: str) -> Future[list[str]]:
         """The names in a directory on board."""
-        made: Future[list[str]] = Future()
-        made.set_running_or_notify_cancel()     # who asks may go: it is answered all the same
-        self._listings.append((self._files().listing(path), made))
-        return made
+        answer: Future[list[str]] = Future()
+        answer.set_running_or_notify_cancel()   # it is answered also if its client has gone
+        self._listings.append((self._files().listing(path), answer))
+        return answer
 
     def action(self, number: int, what: str) -> dict[str, Any]:
         """cancel, suspend or resume. Raises SetupError."""
@@ -99,9 +99,9 @@ class Transfers:
 
     def files(self) -> list[dict[str, Any]]:
         """The files that have come down. For any thread."""
-        found = [one for one in self.folder.glob("[!.]*") if one.is_file()] if self.folder.is_dir() else []
+        files = [one for one in self.folder.glob("[!.]*") if one.is_file()] if self.folder.is_dir() else []
         return [{"name": one.name, "size": one.stat().st_size, "t_ns": str(one.stat().st_mtime_ns)}
-                for one in sorted(found)]
+                for one in sorted(files)]
 
     def poll(self) -> None:
         """Publish how far they are."""
@@ -166,8 +166,8 @@ class Transfers:
         """Tell the entity how many bytes it may still write: what comes beyond is refused on its way."""
         began, bounds = time.monotonic(), self._reporter.bounds
         size = 0
-        with os.scandir(self.folder) as found:
-            for one in found:
+        with os.scandir(self.folder) as entries:
+            for one in entries:
                 with suppress(FileNotFoundError):       # somebody has taken it away
                     size += one.stat(follow_symlinks=False).st_blocks * 512 + FILE
         self.bytes = size

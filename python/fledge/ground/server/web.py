@@ -46,7 +46,7 @@ class Server:
         self.questions = Questions(room.publish)
         self.browsers: set[Browser] = set()
         self.sender = Sender()
-        self.replaying = asyncio.Lock()     #: replays are counted, made and added one at a time
+        self.replaying = asyncio.Lock()     #: replays are counted, begun and added one at a time
         self.crowded = False    #: all together, browsers and scripts take too little of what waits for them
         self._loop: asyncio.AbstractEventLoop | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -131,14 +131,14 @@ class Server:
                 continue
             looked = now
             try:
-                found = await asyncio.to_thread(read, old.file)
-                found.guarded()
-                later = self.guard.take(found.access)
+                settings = await asyncio.to_thread(read, old.file)
+                settings.guarded()
+                later = self.guard.take(settings.access)
             except Exception as error:      # whatever it is, the next change is looked at
                 await asyncio.to_thread(self._report, "critical", f"{old.file.name} has changed and is refused, users "
                                         "and tokens stay", str(error))
                 continue
-            later = later or (found.crafts, found.folder, found.more) != (old.crafts, old.folder, old.more)
+            later = later or (settings.crafts, settings.folder, settings.more) != (old.crafts, old.folder, old.more)
             await asyncio.to_thread(
                 self._report, "info", f"{old.file.name} has changed, users and tokens are as it says now"
                 + "; what else it says counts when the server starts again" * later)
@@ -179,7 +179,7 @@ class Server:
         except asyncio.TimeoutError:
             raise Refusal(409, f"the spacecraft's link did not answer within {common.PATIENCE:g} s") from None
 
-    # --- who may what ---
+    # --- access ---
 
     def _check(self, request: web.Request) -> None:
         """Raises the answer to who may not ask this, by the row of its route."""

@@ -28,17 +28,17 @@ def user_of(request: web.Request) -> str:
 async def body_of(request: web.Request, **kinds: tuple[type, ...] | type) -> dict[str, Any]:
     """The JSON object of a request. kinds: what its keys must be, if they are there."""
     try:
-        found = loads(await request.read() or b"{}")
+        body = loads(await request.read() or b"{}")
     except ValueError as error:
         raise Refusal(400, f"the body: {error}") from None
-    if not isinstance(found, dict):
-        raise Refusal(400, f"the body is an object, as {{}}; found {type(found).__name__}")
-    for key, value in found.items():
+    if not isinstance(body, dict):
+        raise Refusal(400, f"the body is an object, as {{}}; found {type(body).__name__}")
+    for key, value in body.items():
         if key not in kinds:
             raise Refusal(400, f"only known keys count: {', '.join(kinds)}; found '{key}'")
         if not isinstance(value, kinds[key]) or isinstance(value, bool) and kinds[key] is not bool:
             raise Refusal(400, f"'{key}' is of the wrong kind; found {str(value)[:80]}")
-    return found
+    return body
 
 
 def number_of(request: web.Request, key: str, default: Default, least: int = -2**63) -> int | Default:

@@ -36,10 +36,10 @@ async def packets(server: Server, request: web.Request, craft: Spacecraft) -> we
 
 @route("GET", "/api/crafts/{c}/packets/{id}", "view")
 async def packet(server: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
-    found = await server.query(lambda: craft.past.packet_of(request.match_info["id"]))
-    if found is None:
+    words = await server.query(lambda: craft.past.packet_of(request.match_info["id"]))
+    if words is None:
         raise Refusal(404, f"{craft.name} has no packet {request.match_info['id'][:60]}")
-    return answer(found)
+    return answer(words)
 
 
 @route("GET", "/api/crafts/{c}/scene", "view")
@@ -81,20 +81,20 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
     if form not in ("json", "csv", "binary"):
         raise Refusal(400, f"format is json, csv or binary; found '{form[:40]}'")
 
-    found = await server.query(lambda: craft.past.series(names, begin, end, points, session, form != "binary"))
+    series = await server.query(lambda: craft.past.series(names, begin, end, points, session, form != "binary"))
     kind, parts = {"json": ("application/json", in_json), "csv": ("text/csv", in_csv),
                    "binary": ("application/octet-stream", in_binary)}[form]
     headers = {"Content-Type": kind} | ({"Content-Disposition": "attachment; filename=history.csv"}
                                         if form == "csv" else {})
-    n, user, reads = sum(len(one[0]) for one in found.values()), user_of(request), server.reads
+    n, user, reads = sum(len(one[0]) for one in series.values()), user_of(request), server.reads
     if n <= PART:
-        return web.Response(body=await server.aside(lambda: b"".join(parts(found))), headers=headers)
+        return web.Response(body=await server.aside(lambda: b"".join(parts(series))), headers=headers)
     for bound, held in (("values read by a user", reads[user]), ("values read", reads.total())):
         if server.bounds.over(bound, held + n):
             raise Refusal(429, server.bounds.says(bound))
     reads[user] += n
     try:    # in parts, so that neither the loop nor the memory has a whole one
-        response, rest = web.StreamResponse(headers=headers), parts(found)
+        response, rest = web.StreamResponse(headers=headers), parts(series)
         await response.prepare(request)
         while part := await server.aside(next, rest, b""):
             await response.write(part)
@@ -108,8 +108,8 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
     from fledge.ground.server.replay import Replay
 
     _archived(craft)
-    body, room = await body_of(request, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float)), \
-        server.room
+    body = await body_of(request, session=int, from_ns=(str, int), to_ns=(str, int), speed=(int, float))
+    room = server.room
     try:
         begin, end = int(body.get("from_ns", 0)), int(body.get("to_ns", 2**63 - 1))
     except ValueError:
@@ -122,11 +122,11 @@ async def replay(server: Server, request: web.Request, craft: Spacecraft) -> web
     async with server.replaying:
         if server.bounds.over("replays", 1 + room.replays):
             raise Refusal(409, server.bounds.says("replays"))
-        made = await server.aside(lambda: Replay(room, craft, session, begin, end, body.get("speed", 1.0)))
-        room.add(made)
-    made.start()
+        further = await server.aside(lambda: Replay(room, craft, session, begin, end, body.get("speed", 1.0)))
+        room.add(further)
+    further.start()
     room.publish("crafts", "", {})
-    return answer(made.describe())
+    return answer(further.describe())
 
 
 @route("DELETE", "/api/crafts/{c}/replay", "view")
