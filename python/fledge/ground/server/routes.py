@@ -95,7 +95,7 @@ async def whole(app: web.Application) -> None:
 
 def loads(text: str | bytes) -> Any:
     """JSON whose texts are Unicode and whose numbers are finite. Raises ValueError with a sentence."""
-    def number(kind: type) -> Callable[[str], Any]:
+    def number(kind: Callable[[str], Any]) -> Callable[[str], Any]:
         def made(digits: str) -> Any:
             value = kind(digits) if len(digits) <= DIGITS else float("inf")
             if not isfinite(value):

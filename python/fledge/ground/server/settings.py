@@ -108,11 +108,11 @@ def read(file: Path) -> Settings:
 
 
 class _Reader(Tables):
-    def __init__(self, file: Path, lines: dict) -> None:
+    def __init__(self, file: Path, lines: dict[Any, int]) -> None:
         super().__init__(str(file), lines)
         self.at = file.resolve().parent
 
-    def read(self, data: dict) -> Settings:
+    def read(self, data: dict[str, Any]) -> Settings:
         self.keys(data, (), ("folder", "craft", *MORE, *sorted(KEYS)))
         access = Access()
         try:
@@ -130,7 +130,7 @@ class _Reader(Tables):
             Path(self.file), self.at / (self.text(data, (), "folder", "") or Settings.folder), tuple(crafts), access,
             {key: data[key] for key in MORE if key in data})
 
-    def craft(self, table: dict, at: tuple) -> CraftSettings:
+    def craft(self, table: dict[str, Any], at: tuple[Any, ...]) -> CraftSettings:
         self.keys(table, at, tuple(CraftSettings.__dataclass_fields__))
         mission = self.text(table, at, "mission", "")
         files = self.files(table, at)
@@ -172,7 +172,7 @@ class _Reader(Tables):
             tuple(self.derived(self.table(table["derived"], (*at, "derived"), key), (*at, "derived", key), key)
                   for key in self.table(table, at, "derived")))
 
-    def address(self, link: str, at: tuple, frames: Frames | None) -> None:
+    def address(self, link: str, at: tuple[Any, ...], frames: Frames | None) -> None:
         """frames: those of a mission, which may speak them, so that the address may have their options."""
         from fledge.ground.scripts.address import link_of
 
@@ -181,7 +181,7 @@ class _Reader(Tables):
         except SetupError as error:
             self.refuse(at, "a link has an address", str(error), "docs/ground.md lists them")
 
-    def files(self, table: dict, at: tuple) -> tuple[Path, ...]:
+    def files(self, table: dict[str, Any], at: tuple[Any, ...]) -> tuple[Path, ...]:
         given = self.value(table, at, "database", (list, str), "files of XTCE", []) or []
         names = [given] if isinstance(given, str) else given
         found = [self.at / name for name in names if isinstance(name, str)]
@@ -191,7 +191,7 @@ class _Reader(Tables):
                             "it is relative to this file's folder")
         return tuple(found)
 
-    def derived(self, table: dict, at: tuple, name: str) -> Derived:
+    def derived(self, table: dict[str, Any], at: tuple[Any, ...], name: str) -> Derived:
         self.keys(table, at, ("of", "expression", "function", "unit", "description", "limits"))
         inputs = self.table(table, at, "of")
         if not inputs or not all(isinstance(path, str) and key.isidentifier() for key, path in inputs.items()):

@@ -14,7 +14,7 @@ from fledge.ground.server.web import Server
 
 def asked(file: Path, method: str, path: str, text: str) -> tuple[int, str]:
     """(status, text) of what a server of a file answers to one request, before its flights begin."""
-    async def ask():
+    async def ask() -> tuple[int, str]:
         room = Room(read(file))
         try:
             async with TestClient(TestServer(Server(room).app)) as client:
