@@ -5,8 +5,8 @@
     ./fledge bench orbiter --repeat 100
 
 It is missions/mars_orbiter/up.toml as fast as it goes: world, panel, flight on an emulated LEON3 by its boards, and the
-server of the control room, which decodes and archives all telemetry. When Goldstone sees it, the orbiter is told to
-turn its antenna to the Earth; a figure is of what follows the first packets. A program's part is the processor time of
+server of the control room, which decodes and archives all telemetry. When Goldstone sees it, a command turns its
+antenna to the Earth; a figure is of what follows the first packets. A program's part is the processor time of
 its processes for a simulated second.
 
 --repeat flies test 1 in place of that, so many times in a new process each, and compares a hash of all its telemetry.

@@ -59,7 +59,7 @@ class Orbiter:
                                        registers=[ROOT / "missions/mars_orbiter/boards"])
         self.sim = self.board.sim
         self.sim.step()
-        # The program's record of all outputs has a status, which says that it cannot be sent: nobody reads it here.
+        # The program's record of all outputs has a status, which says that it cannot be sent: no program reads it here.
         self.board.poke(self.board.address("kept") + 12, (1).to_bytes(4, "big"))
         self.sim.run(until=self.board.in_flight.script[-1][0] / 1e9 + SETTLES, progress=False)
 

@@ -18,7 +18,7 @@ def test_geometry_finds_the_direction_and_what_does_not_fit():
 
 
 @pytest.mark.long("many faults of sun sensors")
-def test_what_geometry_shows_is_found_and_nobody_blamed_wrongly():
+def test_what_geometry_shows_is_found_and_no_sensor_blamed_wrongly():
     table = sun_faults.study(10, seed=2)
     for kind, row in table.items():
         assert row["wrongly"] == 0 and row["faults"] == 80

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The communications operation procedure COP-1 (CCSDS 232.1-B-2): frames of type AD arrive once and in order, or the
  * sender knows. FARM-1 accepts frames on board; FOP-1 sends them, and sends again what the CLCW says is missing.
- * Neither has a clock: FOP-1 is told the time, and says until when it waits. */
+ * Neither has a clock: FOP-1 takes the time from its caller, and says until when it waits. */
 #ifndef CCSDS_COP1_H
 #define CCSDS_COP1_H
 

@@ -485,7 +485,7 @@ Bytes frame_of(const Bytes &cltu)
     return held;
 }
 
-/// Commands as CLTUs through a link, and CLCWs back. Each command is executed once and in order, or its sender is told
+/// Commands as CLTUs through a link, and CLCWs back. Each command is executed once and in order, or its sender learns
 /// that it failed. FLEDGE_FRAMES sets how many are sent. secured: an attacker sends any frame of the past again, and
 /// frames of his own.
 void command_through_a_bad_link(bool secured)

@@ -2,7 +2,7 @@
 /* Packets over a link of frames: the two ends, each as one state machine. The spacecraft's end takes telecommand
  * frames, bare or in CLTUs, gives the packets in them, and puts packets of telemetry into frames of one length with the
  * CLCW. The ground's end does the reverse, starts COP-1 by itself and again when it ends, and says of each command what
- * became of it. Both count what they refuse. They have no clock: the ground's is told the time.
+ * became of it. Both count what they refuse. They have no clock: the ground's takes the time from its caller.
  *
  * Frames are protected (sdls.h) if the caller gives `security`; a program that gives none links nothing of it. Then the
  * ground waits for authentic telemetry, and numbers commands from that one's number on: a spacecraft which forgot what
@@ -154,7 +154,7 @@ void space_link_ground_take(SpaceLinkGround *ground, const uint8_t *bytes, size_
 /** It is t [ns]. */
 void space_link_ground_time(SpaceLinkGround *ground, int64_t t);
 
-/** [ns] when it must be told the time; INT64_MAX: never. */
+/** [ns] when it needs the time again; INT64_MAX: never. */
 int64_t space_link_ground_due(const SpaceLinkGround *ground);
 
 #ifdef __cplusplus

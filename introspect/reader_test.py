@@ -210,7 +210,7 @@ def test_cpp_headers_are_left_alone_but_watched(tmp_path):
     assert str(tmp_path / "w/model.h") in model.files
 
 
-def test_structs_that_are_nobodys_interface_may_be_as_they_like(tmp_path):
+def test_structs_that_are_no_interface_may_be_as_they_like(tmp_path):
     write_header(tmp_path, "m/x.h", """
 typedef struct List {
     struct List *next;

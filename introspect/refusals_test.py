@@ -67,7 +67,7 @@ def problems(root):
     return str(error.value).split("\n")
 
 
-def test_all_problems_are_told_at_once_in_order(tmp_path):
+def test_all_problems_are_reported_at_once_in_order(tmp_path):
     b = write_header(tmp_path, "m/b.h", MESSAGE % "double *p; ///< [m] p\nint n; ///< [-] n")
     a = write_header(tmp_path, "m/a.h", MESSAGE.replace("Msg", "A") % "double x;")
     found = problems(tmp_path)
@@ -112,7 +112,7 @@ def test_a_header_that_needs_an_operating_system(tmp_path):
         "clang says: 'unistd.h' file not found; correct it"]
 
 
-def test_a_struct_of_the_users_that_breaks_a_rule_is_told_where_it_is_declared(tmp_path):
+def test_a_struct_of_the_users_that_breaks_a_rule_is_reported_where_it_is_declared(tmp_path):
     part = write_header(tmp_path, "lib/part.h", "typedef struct Part {\n    double x;\n} Part;")
     write_header(tmp_path, "m/x.h", '#include "lib/part.h"\n' + MESSAGE % "Part part;")
     assert problems(tmp_path)[0].startswith(f"{part}:6: a number has a unit; `x` has none; ")

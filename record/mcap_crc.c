@@ -106,7 +106,7 @@ uint32_t mcap_crc_update(const McapCrc *c, uint32_t crc, const void *bytes, size
     }
 #endif
 #if MCAP_CRC_TABLES == 1
-    for (; n >= 4u; n -= 4u) { /* a compiler that is told to make code small counts after each byte */
+    for (; n >= 4u; n -= 4u) { /* a compiler that optimises for size counts after each byte */
         r = (r >> 8) ^ c->table[0][(r ^ p[0]) & 0xFFu];
         r = (r >> 8) ^ c->table[0][(r ^ p[1]) & 0xFFu];
         r = (r >> 8) ^ c->table[0][(r ^ p[2]) & 0xFFu];

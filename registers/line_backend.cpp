@@ -21,7 +21,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::int64_t second = 1'000'000'000;
-constexpr std::int64_t silence = second;  ///< [ns] that is told
+constexpr std::int64_t silence = second;  ///< [ns] after which it is reported
 constexpr std::uint32_t misses_told = 10; ///< by name; the others are counted
 constexpr std::array late_ms = {1, 2, 5, 10, 20, 50, 100, 200, 500, 1000};
 

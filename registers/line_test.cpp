@@ -335,7 +335,7 @@ TEST(Line, EitherEndStartsFirst)
             link.greet();
         } else {
             std::size_t n = 0;
-            for (int i = 0; i < first; i++) { // nobody hears it
+            for (int i = 0; i < first; i++) { // no program hears it
                 link.now++;
                 while (line_output(&link.outside, link.now * ms, &n) != nullptr) {
                 }
@@ -560,7 +560,7 @@ TEST(Line, NothingIsLostAddedOrChanged)
     EXPECT_GT(taken, cases);
 }
 
-/// Bytes that nobody sends so, to ends in any state. The sanitizers see what goes wrong.
+/// Bytes that no end sends so, to ends in any state. The sanitizers see what goes wrong.
 TEST(Line, FuzzAnyBytes)
 {
     const std::uint32_t cases = number_of("FLEDGE_CASES", 2000);

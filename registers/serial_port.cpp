@@ -178,7 +178,7 @@ void SerialPort::open()
         vanished(errno);
         throw Error(path_ + " is no serial device" + devices());
     }
-    // Nobody else may open it from now on; the user root may, but not a program that takes the lock.
+    // No other program may open it from now on; the user root may, but not a program that takes the lock.
     if (flock(fd_, LOCK_EX | LOCK_NB) != 0 || ioctl(fd_, TIOCEXCL) != 0 || !holder(s).empty()) {
         refuse_held(path_, s);
     }

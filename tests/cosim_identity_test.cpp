@@ -377,7 +377,7 @@ private:
     int ticks_;
 };
 
-TEST(CosimIdentity, NobodySeesThatFlightDiedAndAnotherWentOnFromItsSnapshot)
+TEST(CosimIdentity, NoOtherSeesThatFlightDiedAndAnotherWentOnFromItsSnapshot)
 {
     sim::Simulation one(seed), world(0), first(0), other(0);
     build_world(one);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A crash of a user's module is told: which module, in which task, when, and how to look into it."""
+"""A crash of a user's module is reported: which module, in which task, when, and how to look into it."""
 
 import os
 import re
@@ -251,7 +251,7 @@ def test_other_handlers_do_what_they_did(own, before, later):
     assert said.count("Fatal Python error: Segmentation fault") == ("faulthandler" in later + before), said
 
 
-def test_signals_that_are_sent_are_told_too(own):
+def test_signals_that_are_sent_are_reported_too(own):
     for name in ("SIGBUS", "SIGABRT"):
         code, said = script(own, f"os.kill(os.getpid(), signal.{name})")
         assert code == -getattr(signal, name)

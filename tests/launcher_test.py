@@ -796,7 +796,7 @@ def test_exec_names_the_package_of_a_tool_that_is_not_installed(launch, tool, fo
 @pytest.mark.parametrize("arguments", [["test", "--bogus"], ["setup", "--bogus"], ["demo", "now"], ["test", "-k"],
                                        ["test", "--share", "x"],
                                        ["package", "--bogus"], ["package", "--out"], ["--preset", "debug", "package"]])
-def test_a_wrong_command_line_is_told_from_a_failure(launch, arguments):
+def test_a_wrong_command_line_differs_from_a_failure(launch, arguments):
     assert launch(*arguments).returncode == 2
 
 

@@ -6,7 +6,7 @@ fault.
     python3 -m tests.line_faults [--runs 1000] [--seed 1] [--first 0] [--mission nadir_spin] [--duration 5]
 
 The faults of a flight follow from the seed, its number, and how many bytes an undisturbed flight needs; they come at
-numbers of bytes, not at times. A flight that is neither equal nor named is told, with the command that repeats it.
+numbers of bytes, not at times. A flight that is neither equal nor named is reported, with the command that repeats it.
 """
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class Line:
         if self.master in ready:
             bytes_ = self.receive(lambda: os.read(self.master, 4096))
             if not bytes_:
-                time.sleep(0.002)       # nobody has the other end open
+                time.sleep(0.002)       # no program has the other end open
             try:
                 self.ours.send(self.disturbed(bytes_, board))
             except OSError:

@@ -436,7 +436,7 @@ def test_projects_are_checked_too(tmp_path, folder, answer):
         new.project(tmp_path / folder)
 
 
-def test_files_are_never_overwritten_and_a_list_that_is_not_found_is_told(tmp_path):
+def test_files_are_never_overwritten_and_a_list_that_is_not_found_is_reported(tmp_path):
     new.project(tmp_path / "p")
     (tmp_path / "p/flight/spin.c").write_text("mine\n")
     with pytest.raises(new.NewError, match="flight/spin.c is there already, and stays as it is"):

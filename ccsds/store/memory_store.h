@@ -5,7 +5,7 @@
  * pages' checksums. So a copy that was made page by page, while files changed, or that was damaged later, mounts with
  * those files that are whole: a file is as it was written, or is dropped and counted.
  *
- * Whoever copies the pages asks memory_store_dirty() which one is next. In its order a rename takes effect at once: the
+ * memory_store_dirty() says which page is to be copied next. In its order a rename takes effect at once: the
  * copy has the old file or the new one. Numbers in pages are big-endian, so pages are the same on each computer.
  *
  * Example:

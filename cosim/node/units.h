@@ -19,7 +19,7 @@ Schema units_schema(std::size_t room);
 /// Such a message from this program to others.
 class UnitsOut {
 public:
-    /// Another node asks for it, or nobody does; every: the time between the instants at which it may be written.
+    /// Another node asks for it, or none does; every: the time between the instants at which it may be written.
     Publication open(std::uint32_t channel, std::size_t room, Ns every);
     void close() { channel_.reset(); }
     explicit operator bool() const { return channel_.has_value(); }

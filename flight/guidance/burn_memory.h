@@ -23,7 +23,7 @@ typedef enum BurnMemoryEventId {
  *
  *  A burn that ran when flight or the computer was reset is BURN_CUT from then on: BurnPlan begins with it, and
  *  BurnExecution lets it go on where it was, if flight lets them: an event of flight.py may enter their mode. A burn
- *  that ran when its mode was left, so that its state is older than `silent`, is aborted as BURN_LEFT: nobody knows
+ *  that ran when its mode was left, so that its state is older than `silent`, is aborted as BURN_LEFT: it is not known
  *  whether to go on. What has ended or was aborted is not flown again.
  *
  *  The slot is written as often as the memory answers. What the engines gave after the last writing before a reset is

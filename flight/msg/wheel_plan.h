@@ -21,7 +21,7 @@ typedef struct WheelPlanState {
     WheelPlanPhase phase;
     uint32_t in_band;   ///< [-] wheels that are slower than Omega_min, now
     uint32_t crossing;  ///< [-] wheels that shall turn the other way than now
-    uint32_t crossings; ///< [-] wheels that were told to do so, since the reset
+    uint32_t crossings; ///< [-] wheels that were commanded to do so, since the reset
 } WheelPlanState;
 
 #endif

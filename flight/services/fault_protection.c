@@ -7,7 +7,7 @@ enum { UNIT = 10, STATE = 12, EVEN = 14 };       /* [bytes] places in COMMAND_UN
 enum { STATES = 0, RESPONSES = 2, PRESENT = 6 }; /* words of the slot of the non-volatile memory */
 
 #define MARK 0x46500000u /* of what it stores */
-#define NOBODY (-1)
+#define NO_UNIT (-1)
 
 static int has(uint32_t set, uint32_t i)
 {
@@ -69,7 +69,7 @@ static uint32_t spare_of(const FaultProtection *m, uint32_t unit)
     return i;
 }
 
-/* Let a unit become something, and another one take over if it was needed. Returns that one, or NOBODY. */
+/* Let a unit become something, and another one take over if it was needed. Returns that one, or NO_UNIT. */
 static int set_state(FaultProtection *m, uint32_t unit, UnitState state)
 {
     const uint32_t kind = m->par.units[unit].kind;
@@ -77,7 +77,7 @@ static int set_state(FaultProtection *m, uint32_t unit, UnitState state)
     become(m, unit, state);
     const uint32_t spare = spare_of(m, unit);
     if (!leaves || spare == UNITS_MAX || count_of(m, kind, 0) >= count_of(m, kind, 1)) {
-        return NOBODY;
+        return NO_UNIT;
     }
     become(m, spare, UNIT_PRIMARY);
     return (int)spare;
@@ -162,12 +162,12 @@ static void respond(FaultProtection *m, uint32_t place, int64_t t)
     m->mem.modes |= (rule->mode > 0u ? 1u : 0u) << place;
     m->mem.lists |= (rule->check.list > 0u ? 1u : 0u) << place;
     if (rule->unit == 0u) {
-        say(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, NOBODY, NOBODY);
+        say(m, t, FAULT_PROTECTION_FIRED, EVENT_MEDIUM, place, value, NO_UNIT, NO_UNIT);
         return;
     }
     const uint32_t unit = rule->unit - 1u, kind = m->par.units[unit].kind;
     const int was_lost = is_lost(m, kind);
-    const int successor = rule->becomes == UNIT_ABSENT ? NOBODY : set_state(m, unit, rule->becomes);
+    const int successor = rule->becomes == UNIT_ABSENT ? NO_UNIT : set_state(m, unit, rule->becomes);
     if (is_lost(m, kind) && !was_lost) {
         say(m, t, FAULT_PROTECTION_LOST, EVENT_HIGH, place, value, unit, kind);
     } else {
@@ -286,7 +286,7 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     FaultProtection *m = module;
     const uint32_t unit = ccsds_get16(packet + UNIT);
     const UnitState state = (UnitState)ccsds_get16(packet + STATE);
-    int successor = NOBODY;
+    int successor = NO_UNIT;
     (void)report;
     (void)data;
     begin(m, context->t);
@@ -309,7 +309,7 @@ static CommandReason execute(const CommandContext *context, void *module, const 
     }
     m->mem.changed = 1u;
     m->mem.kept = 0u;
-    say(m, context->t, FAULT_PROTECTION_SET, EVENT_INFO, unit == COMMAND_ALL ? NOBODY : (double)unit,
+    say(m, context->t, FAULT_PROTECTION_SET, EVENT_INFO, unit == COMMAND_ALL ? NO_UNIT : (double)unit,
         unit == COMMAND_ALL ? 0.0 : (double)m->mem.state[unit], successor, 0.0);
     write_table(m, context->t);
     return COMMAND_OK;

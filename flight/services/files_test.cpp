@@ -612,7 +612,7 @@ TEST_F(FilesTest, a_reset_of_flight_leaves_transactions_and_files)
     EXPECT_EQ(reported(31).back(), (std::vector<int>{COMMAND_DONE, COMMAND_OK, 0}));
 }
 
-TEST_F(FilesTest, after_a_reset_of_the_computer_numbers_go_on_and_the_ground_is_told)
+TEST_F(FilesTest, after_a_reset_of_the_computer_numbers_go_on_and_the_ground_is_informed)
 {
     loss_ = 0;
     put_file(ground_.store(), "up", any_bytes(1, 60'000));

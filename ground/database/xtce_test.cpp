@@ -218,7 +218,7 @@ TEST(Xtce, LenientlyTheRestIsRead)
     Decoder decoder(database);
     EXPECT_EQ(text(database, decoder, decoder.decode(Bytes{7})), "a=7");
     EXPECT_TRUE(read_xtce_text(file(integer("u8", 8), "", ""), "s.xml", true).left_out.empty());
-    EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // what is in it, nobody knows
+    EXPECT_THROW(read_xtce_text("<SpaceSystem name='S'>", "s.xml", true), Refusal); // what is in it is not known
 }
 
 TEST(Xtce, HostileDatabasesAreRefusedSoon)

@@ -101,7 +101,7 @@ TEST(Monitor, AnArchiveThatFailsIsNotedOnceAndTelemetryGoesOn)
     EXPECT_EQ(monitor.newest(0)->newest.count, 5U);
 }
 
-TEST(Monitor, RowsThatNobodyCollectsAreDroppedWithANote)
+TEST(Monitor, RowsThatAreNotCollectedAreDroppedWithANote)
 {
     Monitor monitor(database());
     const std::uint32_t trigger = monitor.trigger(std::vector<std::uint32_t>(1000, 0));

@@ -42,7 +42,7 @@ class Flown:
 
 
 def telemetry(commands: Any) -> list[bytes]:
-    """A list that fills with the packets that a flight process' take_packets() gives, whoever calls it."""
+    """A list that fills with the packets that a flight process' take_packets() gives, to any caller."""
     packets: list[bytes] = []
     take = commands.take_packets
 

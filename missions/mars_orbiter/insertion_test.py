@@ -89,7 +89,7 @@ def test_an_engine_that_is_10_percent_weak():
 
 @pytest.mark.long("flies the insertion again")
 def test_resets_in_the_main_burn():
-    """Two that nobody planned: the burn goes on each time, and no command is executed twice."""
+    """Two unplanned ones: the burn goes on each time, and no command is executed twice."""
     one = flown(power=lambda planned: {"reset_at": [planned.start + 600, planned.start + 900, 0, 0]})
     insertion.check_captured(one, hours=6, miss=0.5)
     assert [event.name for event in one.said("burned.event")][-3:] == ["RESUMED", "CUT", "RESUMED"]    # least is low

@@ -69,7 +69,7 @@ def flown(changes, lasts=5 * minute, **fields):
 @pytest.mark.parametrize("changes, off", [
     ({}, 0.002), (blinks(2, 20), 0.002), ({0: {"a": fault("BABBLE")}, 2: {"a": []}}, 0.002)],
     ids=["nothing", "now and then", "clears at once"])
-def test_nobody_is_blamed(changes, off):
+def test_no_sensor_is_blamed(changes, off):
     log, said, _ = flown(changes)
     assert not log["status.faulty"].any() and not log["table.faulted"].any() and not said
     assert sun_off(log).max() < off
@@ -105,7 +105,7 @@ def test_the_right_one_is_named_and_stays_out(which, changes, within, fields):
     assert said["pyramids", "FAULTY"] < within and sun_off(log).max() < 0.002
 
 
-def test_an_eclipse_blames_nobody_and_the_gyro_holds_the_sun():
+def test_an_eclipse_blames_no_sensor_and_the_gyro_holds_the_sun():
     """41 minutes in the shadow of Mars, 600 km above it, in a plane with the Sun."""
     sky = world.Sky(DATE, center=world.MARS)
     sun = array(sky.state(world.SUN, 0).r_PN_N)

@@ -27,7 +27,7 @@ def clock(monkeypatch):
 
 
 def lines(clock, bar, seconds, done):
-    """The times at which a line is written, and the lines, if `done(t)` is told every half second."""
+    """The times at which a line is written, and the lines, if `done(t)` is called every half second."""
     found = []
     for half in range(2 * seconds + 1):
         clock.now = half / 2

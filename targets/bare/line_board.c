@@ -384,7 +384,7 @@ void bare_shout(const char *words, size_t n)
         mcap_crc_init(&line.crc);
     }
     const size_t size = line_shout(&line, words, n, ++shouts, frame);
-    for (int i = 0; i < SHOUTS; i++) { /* nobody acknowledges it */
+    for (int i = 0; i < SHOUTS; i++) { /* it is not acknowledged */
         board_send(frame, size);
     }
 }

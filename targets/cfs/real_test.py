@@ -103,7 +103,7 @@ def test_a_mission_is_built_and_flown_in_a_copy_of_a_tree(tree, tmp_path, capsys
     assert not (out / "cfs_tree/.git").exists()
 
 
-def test_what_its_build_says_is_told(tree, tmp_path, capsys):
+def test_what_its_build_says_is_reported(tree, tmp_path, capsys):
     (tree / "Makefile").write_text("prep:\n\t@echo no toolchain; false\n")
     (tree / "sample_defs").mkdir()
     (tree / "sample_defs/targets.cmake").write_text("")
@@ -142,7 +142,7 @@ def test_a_bundle_of_configurations_is_built_by_goals_of_its_own_and_its_script_
     assert not (out / "cfs_tree/build-native_std").exists()
 
 
-def test_a_queue_that_is_too_short_is_told(tree, tmp_path, capsys):
+def test_a_queue_that_is_too_short_is_reported(tree, tmp_path, capsys):
     lists = tree / "cfe/CMakeLists.txt"
     (tree / "core.c").write_text('#include <stdio.h>\nint main(void)\n{\n    puts("the msg_max parameter");\n'
                                  '    return 1;\n}\n')

@@ -17,7 +17,7 @@ static struct {
 static void put(const char *text)
 {
     if (write(STDERR_FILENO, text, strlen(text)) < 0) {
-        return; /* there is nobody to tell */
+        return; /* there is no reader */
     }
 }
 

@@ -170,7 +170,7 @@ def test_plot_compare_and_convert_cannot_tell_where_a_run_was_made(target, flown
 
 # --- the figures -----------------------------------------------------------------------------------
 
-def test_the_heap_and_the_updates_of_a_script_are_told():
+def test_the_heap_and_the_updates_of_a_script_are_reported():
     assert heap_of("0:100:300 4:100:300 8:120:310") == (100, 120, 310) and heap_of("") is None
     flat = SimpleNamespace(heap=(4096, 4096, 5120), steps=7, script=("flight.slew 7 updates of the script",))
     grown = SimpleNamespace(heap=(4096, 5120, 5120), steps=7, script=())

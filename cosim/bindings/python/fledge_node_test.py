@@ -563,7 +563,7 @@ def test_the_c_library_takes_names_from_the_environment_and_limits_of_time(monke
     library = c_library()
     monkeypatch.setenv("FLEDGE_SIMULATION", "spring")
     monkeypatch.setenv("FLEDGE_NODE", "mass")
-    node = ctypes.c_void_p(library.fledge_node_create(None, None, b"ipc://@fledge-c-nobody", ctypes.c_int64(ms),
+    node = ctypes.c_void_p(library.fledge_node_create(None, None, b"ipc://@fledge-c-none", ctypes.c_int64(ms),
                                                       ctypes.c_int64(0)))
     assert (library.fledge_node_simulation(node), library.fledge_node_name(node)) == (b"spring", b"mass")
     assert library.fledge_node_set(node, None, ctypes.c_double(0.2)) == 0
@@ -908,7 +908,7 @@ def test_garbage_from_a_controller_is_refused(programs, language, frame, why):
 
 
 def test_without_a_controller_it_gives_up():
-    node = Node("spring", "mass", f"ipc://@fledge-nobody-{os.getpid()}", every=ms, timeout=0.2)
+    node = Node("spring", "mass", f"ipc://@fledge-none-{os.getpid()}", every=ms, timeout=0.2)
     with pytest.raises(NodeError, match="no controller answers"):
         node.run()
 

@@ -57,7 +57,7 @@ def test_the_first_difference_is_named_with_both_values(run, tmp_path, capsys):
     assert " of 21 messages, by up to " in capsys.readouterr().out
 
 
-def test_what_the_runs_began_with_is_told_apart_from_what_they_did(run, tmp_path, capsys):
+def test_what_the_runs_began_with_is_reported_apart_from_what_they_did(run, tmp_path, capsys):
     def differ(sim):
         sim.world.wheels.Omega_max[1] = 900      # which these runs do not reach
         sim.seed = 5

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission that cannot fly is told before it flies, at the lines that composed it, in one list, by every command."""
+"""A mission that cannot fly is refused by every command, with one list that has the lines which composed it."""
 
 import pytest
 

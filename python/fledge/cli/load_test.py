@@ -143,7 +143,7 @@ def test_a_program_is_refused_wherever_it_is_cut_off(tmp_path):
     ("Error: JTAG tap: riscv.cpu UNEXPECTED: 0x1000563d", "but not this processor"),
     ("Error: the moon is full\nshutdown command invoked", "Error: the moon is full"), ("", "it gives no reason"),
 ])
-def test_what_openocd_says_is_told_with_a_remedy(text, reason, tmp_path, openocd, capsys):
+def test_what_openocd_says_is_reported_with_a_remedy(text, reason, tmp_path, openocd, capsys):
     openocd(text, 1)
     file = program(tmp_path / "a.elf", probe.board("nucleo-h743zi"))
     assert cli.main(["load", "nucleo-h743zi", str(file)]) == 1
@@ -275,13 +275,13 @@ def test_a_host_that_cannot_fly_is_refused_before_anything_is_built(server, tmp_
     (tmp_path / "user.pub").write_text("")      # it does not know this user
     assert cli.main(["load", host, "nadir_spin", "--ssh", ssh]) == 1
     assert "Permission denied" in (error := capsys.readouterr().err) and "must work before" in error
-    (tmp_path / "known").write_text("")         # nobody has said that it is the right host
+    (tmp_path / "known").write_text("")         # the user has not said that it is the right host
     assert cli.main(["load", host, "nadir_spin", "--ssh", ssh]) == 1
     assert "Host key verification failed" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
 
-def test_what_a_host_cannot_keep_is_told(server, tmp_path, monkeypatch, capsys):
+def test_what_a_host_cannot_keep_is_reported(server, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").write_text("a file")
     assert cli.main(["load", f"ssh:{getpass.getuser()}@board", "nadir_spin", "--ssh", server(), "--to",

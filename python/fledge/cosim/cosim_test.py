@@ -277,4 +277,4 @@ def test_ctrl_c_leaves(running):
 
 def test_a_node_without_a_controller_is_an_error(mission):
     with pytest.raises(fledge.RunError, match="no controller answers at"):
-        cosim.split(mission(), "flight").serve(f"ipc://@fledge-nobody-{os.getpid()}", timeout=0.05)
+        cosim.split(mission(), "flight").serve(f"ipc://@fledge-none-{os.getpid()}", timeout=0.05)

@@ -221,7 +221,7 @@ def test_a_mission_that_cannot_be_exported_says_why(old, new, says, tmp_path):
         export.read(fledge.load(mission_of(tmp_path, FLIGHT.replace(old, new))))
 
 
-def test_a_fault_of_the_world_is_told_with_its_own_file(tmp_path):
+def test_a_fault_of_the_world_is_reported_with_its_own_file(tmp_path):
     world = WORLD.replace("w.craft.state   >> [w.nav.truth, w.slow.truth],", "w.craft.state >> w.nav.truth,")
     with pytest.raises(SetupError, match=r"world\.py, line 12: world\.slow\.truth"):
         export.read(fledge.load(mission_of(tmp_path, FLIGHT, world)))

@@ -133,7 +133,7 @@ def fill(store, random):
     store.least, store.most = random.choice([-2**31, 2**31 - 1, -3]), random.choice([2**32 - 1, 2**31, 4])
     store.small, store.big = [-2**15, 0, 2**15 - 1], 65535
     store.drop, store.signs = 0.1, [-128, 127, 0, -1]
-    store.hint.level = finite(random, 4)            # an input that nobody writes keeps what it was given
+    store.hint.level = finite(random, 4)            # an input without a writer keeps what it was given
 
 
 def store_mission(mine, random, n=3):

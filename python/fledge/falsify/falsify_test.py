@@ -135,7 +135,7 @@ def test_bad_input_is_named_before_the_first_run(tumbler, arguments, told, capsy
     assert re.search(told, capsys.readouterr().err)
 
 
-def test_a_mission_without_requirements_is_told(tumbler, capsys):
+def test_a_mission_without_requirements_is_reported(tumbler, capsys):
     (tumbler / "requirements.py").unlink()
     assert cli.main(["falsify", str(tumbler), "R-1"]) == 2
     assert "the mission tumbler declares no requirements; expected them in" in capsys.readouterr().err

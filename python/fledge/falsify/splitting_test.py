@@ -63,7 +63,7 @@ def test_uniform_numbers_and_choices():
     assert found.low <= p <= found.high and found.high < 10 * found.low
 
 
-def test_the_repetition_is_told():
+def test_the_repetition_is_reported():
     seen = set()
     probability(lambda x, k: (seen.add(k), 3 - x[:, 0])[1], normals(1), 100, 3)
     assert seen == {0, 1, 2}

@@ -23,7 +23,7 @@ from fledge.mission.state import Number, State, flat
 from fledge.objects.si import time_ns
 
 STEP = 2.0**-10     # of a number's size. Errors: its fourth power, and rounding over it
-BENT = 0.02         # slopes that differ by more, on both sides, are told
+BENT = 0.02         # slopes that differ by more, on both sides, are reported
 SLIGHT = 1e-4       # a part of a row that is smaller is not
 NEARER = (2.0**-8, 2.0**-16)    # shorter steps, where a function bends in reach of the first
 MOST = 1_000_000    # instants in a period

@@ -331,7 +331,7 @@ def test_nothing_of_it_changes_the_run():
 
 # --- what is not smooth ----------------------------------------------------------------------------
 
-def test_limits_and_steps_are_told():
+def test_limits_and_steps_are_reported():
     sim = loop()
     command = "world.wheels.command.u[0]"
     sim.world.wheels.u_max[0] = 0.25
@@ -354,7 +354,7 @@ def test_a_limit_near_by_is_not_at_the_point():
     assert abs(lin.u0[0]) == pytest.approx(0.2499) and lin.B[0, 0] == pytest.approx(-0.1, rel=1e-9) and not lin.notes
 
 
-def test_a_memory_without_names_is_told():
+def test_a_memory_without_names_is_reported():
     sim = loop()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -389,7 +389,7 @@ def test_every_kind_of_field_is_recorded_by_name(tmp_path):
     ("parts[1].shape", "there is no 'parts[1].shape'; did you mean parts.share? "
      "flight.noise.kinds.parts has phase, share, pairs.count, pairs.x, steps"),
 ])
-def test_a_wrong_place_in_an_array_of_structs_is_told(key, text):
+def test_a_wrong_place_in_an_array_of_structs_is_reported(key, text):
     sim = fledge.Simulation()
     sim.flight.noise = kinds()[1]["Noise"]()
     with pytest.raises(SetupError) as error:

@@ -2,7 +2,7 @@
 """What functions of a prototype remember outside of its memory, which no snapshot, clone or reset has.
 
 That is: global variables, variables of an enclosing function, defaults of arguments, attributes of classes and
-functions, and the random numbers of `random` and numpy. It is told where the class is defined, as far as the code says
+functions, and the random numbers of `random` and numpy. It is reported at the class, as far as the code says
 it; else where an update changes it. Not seen: objects that pickle cannot write, what a change hides behind them,
 variables of other modules, and files.
 """

@@ -146,12 +146,12 @@ def test_its_draws_are_those_of_a_model_in_cpp():
         sim.world.it.normal()
 
 
-def test_what_prepare_refuses_is_told_before_the_run():
+def test_what_prepare_refuses_is_reported_before_the_run():
     with pytest.raises(SetupError, match=r"model_test.py, line \d+: world.drag before the run: ValueError: that much"):
         damped(damping=11).prepare()
 
 
-def test_what_its_update_does_wrong_is_told_with_its_line():
+def test_what_its_update_does_wrong_is_reported_with_its_line():
     class Broken(Drag):
         """Divides by zero."""
 

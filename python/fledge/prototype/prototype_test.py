@@ -322,7 +322,7 @@ def test_state_that_the_code_shows_is_refused_where_the_class_is_defined(functio
         define(value=mem(float, "[-] a number"), update=function)
 
 
-# --- what is told during a run ---------------------------------------------------------------------
+# --- what is reported during a run ---------------------------------------------------------------------
 
 seen = []
 noise = np.random.default_rng(1)
@@ -357,7 +357,7 @@ def own_attribute(self, t, dt):
     (lambda self, t, dt: random.random(), None, "Tried changed the random numbers of Python or numpy, .* draws by "),
     (lambda self, t, dt: np.random.normal(), None, "Tried changed the random numbers of Python or numpy"),
 ])
-def test_state_outside_of_the_memory_is_told_with_its_line(function, line, complaint):
+def test_state_outside_of_the_memory_is_reported_with_its_line(function, line, complaint):
     cls = define(value=mem(float, "[-] a number"), update=function, LIST=[], ARRAY=np.zeros(3))
     sim = Simulation("outside")
     sim.flight.it = cls()
@@ -370,7 +370,7 @@ def test_state_outside_of_the_memory_is_told_with_its_line(function, line, compl
     assert abs(int(re.search(r"line (\d+)", str(error.value))[1]) - line) <= 1
 
 
-def test_state_that_changes_late_is_told_too():
+def test_state_that_changes_late_is_reported_too():
     calls = []
 
     def update(self, t, dt):
@@ -400,7 +400,7 @@ def test_state_that_changes_late_is_told_too():
     (lambda self: (self.reference.sigma_RN.fill(np.nan), self.publish(self.reference)),
      r"ValueError: flight.slew.reference says GOOD, but its sigma_RN\[0\] is nan"),
 ])
-def test_what_an_update_does_wrong_is_told_with_its_line(wrong, complaint):
+def test_what_an_update_does_wrong_is_reported_with_its_line(wrong, complaint):
     made = define(value=mem(float, "[-] a number"), gain=par(float, "[-] a number"), reference=out(fsw.AttReference),
                   base=input(fsw.AttReference, "optional: another"), update=lambda self, t, dt: wrong(self))
     line = wrong.__code__.co_firstlineno
@@ -467,7 +467,7 @@ def test_a_campaign_disperses_its_parameters(mission):
     np.testing.assert_allclose(omega, 5 * np.ravel(flown.draws["flight.turn.rate"]), rtol=1e-14)
 
 
-def test_what_breaks_a_rule_is_told_once_with_its_own_line(mission):
+def test_what_breaks_a_rule_is_reported_once_with_its_own_line(mission):
     source = mission / "prototypes.py"
     source.write_text(PROTOTYPES.replace("[rad] so far", "so far"))
     with pytest.raises(fledge.MissionError) as error:

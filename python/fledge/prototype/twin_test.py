@@ -47,7 +47,7 @@ def otherwise(change):
     return Other
 
 
-def test_the_first_difference_is_told():
+def test_the_first_difference_is_reported():
     def a_bit(self, t):
         if t >= 2:
             self.error.sigma_BR[1] *= 1 + 2**-52
@@ -58,7 +58,7 @@ def test_the_first_difference_is_told():
     assert 0 < compare("nadir_spin", otherwise(a_bit), fsw.TrackingError, 10 * s, within=1e-15) <= 2**-52
 
 
-def test_a_head_that_differs_is_told_whatever_the_bound():
+def test_a_head_that_differs_is_reported_whatever_the_bound():
     def degrade(self, t):
         self.publish(self.error, quality="DEGRADED")
 
@@ -66,7 +66,7 @@ def test_a_head_that_differs_is_told_whatever_the_bound():
         compare("nadir_spin", otherwise(degrade), fsw.TrackingError, 10 * s, within=1)
 
 
-def test_the_c_that_nobody_translated_differs():
+def test_c_that_was_not_translated_differs():
     """What `fledge new --from` writes puts nothing out."""
     class Silent(TrackingError):
         """Puts nothing out."""

@@ -43,7 +43,7 @@ def mission(tmp_path, monkeypatch):
     return write
 
 
-def test_a_comparison_of_outputs_of_two_rates_is_told_unless_it_is_sampled_where_both_are_new(mission, capsys):
+def test_a_comparison_of_outputs_of_two_rates_is_reported_unless_it_is_sampled_where_both_are_new(mission, capsys):
     sim = mission('turn = r.signal("world.craft.state.omega_BN_B")[0]',
                   'found = r.signal("flight.tracking.error.omega_BR_B")[0]',
                   'r.require("S-1", "", always(turn - found < -1 * deg / s))',

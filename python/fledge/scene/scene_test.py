@@ -288,7 +288,7 @@ def test_a_record_without_an_attitude_says_what_to_record(tmp_path, viewer):
     assert not (tmp_path / "view.html").exists()
 
 
-def test_navigation_stands_for_a_truth_that_nobody_recorded():
+def test_navigation_stands_for_a_truth_that_was_not_recorded():
     sim = fledge.Simulation("test_craft")
     w = craft_of(sim)
     log = sim.record(w.nav.attitude, every=1 * s)

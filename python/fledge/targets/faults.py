@@ -20,7 +20,7 @@ _CALLS = re.compile(r"(?:^|: )[oi](?: [0-9a-f]{8}){7} ([0-9a-f]{8})$", re.M)    
 
 def named(log: str, program: Path, tool: str, mission: Mission, roots: Sequence[Path]) -> str:
     """What the last fault in a log was, and in which module of the mission; "" if there is none. tool: addr2line of the
-    program's processor; roots: folders from which the names of files are told."""
+    program's processor; roots: folders that the names of files are relative to."""
     found = [*_FAULT.finditer(log), *_TRAP.finditer(log)]
     if not found:
         return ""

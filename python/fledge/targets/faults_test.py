@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a board says of a fault is told as module, function, file and line."""
+"""What a board says of a fault is reported as module, function, file and line."""
 import re
 import subprocess
 
@@ -14,7 +14,7 @@ SAID = {"leon3": "flight: trap 0x00000009 at 0x{pc:08x}: the program stops\n"
 
 
 @pytest.mark.parametrize("name", ["cortex-m7", pytest.param("leon3", marks=pytest.mark.long("builds an image"))])
-def test_a_fault_is_told_with_its_module_and_line(name, tmp_path):
+def test_a_fault_is_reported_with_its_module_and_line(name, tmp_path):
     """Here as if flight had stopped at the beginning of a module's update, and in a function that it calls."""
     target = TARGETS[name]
     if target.missing():
@@ -38,6 +38,6 @@ def test_a_fault_is_told_with_its_module_and_line(name, tmp_path):
     assert target.advice("world: flown 1 s\n", part) == ""
 
 
-def test_the_last_of_several_faults_is_told(tmp_path):
+def test_the_last_of_several_faults_is_reported(tmp_path):
     said = "a: fault: one at 0x10\na: fault: two, with a comma, at 0x20, called from 0x30\n"
     assert faults._FAULT.findall(said)[-1] == ("two, with a comma,", "20", "30")

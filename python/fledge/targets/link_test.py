@@ -343,8 +343,8 @@ writes = []
 
 @pytest.mark.long("flies on targets by the wall clock")
 def test_foreign_tools_command_a_target_by_links(place, capfd):
-    """What they send is in the record of the exchange, from which flight flies again to the same bits. The run waits
-    for nobody."""
+    """What they send is in the record of the exchange, from which flight flies again to the same bits. The run does
+    not wait for them."""
     port, back, second = (free_port() for _ in range(3))
     (place / "bridge.toml").write_text(BRIDGE.format(port=port, back=back, second=second) + steered(place))
     run = subprocess.Popen([sys.executable, "-m", "fledge.cli", "up", "bridge.toml"], stdout=subprocess.PIPE,

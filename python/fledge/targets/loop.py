@@ -100,7 +100,7 @@ def _run(job, name, commands):
             if None not in results.values():
                 break
             if ends is None and any(code is not None for code in results.values()):
-                # What is wrong with a board at a line is known: nobody needs to wait for the others' reasons.
+                # What is wrong with a board at a line is known: the others' reasons need no wait.
                 at_line = any(code and programs[which].device for which, code in results.items())
                 ends = time.monotonic() + (2.0 if at_line else 20.0)
             time.sleep(0.01)

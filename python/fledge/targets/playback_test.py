@@ -164,7 +164,7 @@ def test_the_checks_of_a_scenario_judge_the_record(tmp_path, capsys):
 
 @pytest.mark.long("builds a target with another gain")
 def test_a_target_that_flies_badly_fails_the_scenario(tmp_path, capsys, monkeypatch):
-    """Its checks are told beside a requirement that it violates, as the desktop does."""
+    """Its checks are reported beside a requirement that it violates, as the desktop does."""
     real, mission = Linux.build, tmp_path / "nadir_spin"
     shutil.copytree(NADIR_SPIN, mission)
     (mission / "requirements.py").write_text(

@@ -145,7 +145,7 @@ def test_a_burn_goes_on_after_a_reset_on_every_target(mission, tmp_path, capsys,
     assert [t for t, _ in done] == [20.3, 25.3, 39.7, 45.6, 80.3] and {why for _, why in done} == {Reason.OK}
     assert f.gains.sigma_RN[0] == 0.3, "as built it would be 0"
 
-    # The whole change of velocity, and what the engine gave while nobody counted.
+    # The whole change of velocity, and what the engine gave while it was not counted.
     gained = sim.world.engine.output.impulse[0] / 299
     assert f.memory.kept.phase.name == "COMPLETE" and abs(f.memory.kept.gained - 20) < 0.2
     assert 0 < gained - 20 < 1, gained

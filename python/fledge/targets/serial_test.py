@@ -46,7 +46,7 @@ class Cable:
     def _carry(self):
         while self.open:
             ready = select.select([self.end, self.ours], [], [], 0.05)[0]
-            with contextlib.suppress(OSError):      # nobody has the device open, or the board is being reset
+            with contextlib.suppress(OSError):      # no program has the device open, or the board is being reset
                 if self.ours in ready and (data := self.ours.recv(4096)) and not self.cut:
                     os.write(self.end, bytes(map(self.damage, data)))
                     self.carried += len(data)
@@ -287,7 +287,7 @@ def test_a_run_goes_on_after_a_cut_as_its_file_says(board, cables, tmp_path, cap
     code = cli.main(["up", str(file), "--out", str(tmp_path / "run")])
     thread.join()
     said = log.read_text()
-    # The reset hits flight or its record, whose loss is told.
+    # The reset hits flight or its record, whose loss is reported.
     whole = not resets or "the record failed: the board was reset while it was sent" not in said
     assert code == (0 if whole else 1) and told("begins flight there") == bool(resets), said
     assert not whole or re.search(rf"[1-9]\d* cuts, {resets} resets", said), said

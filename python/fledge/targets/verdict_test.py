@@ -186,7 +186,7 @@ def mission(tmp_path):
 
 
 @pytest.mark.long("builds and flies on a target")
-def test_a_refused_command_is_told_in_words(mission, tmp_path, capsys):
+def test_a_refused_command_is_reported_in_words(mission, tmp_path, capsys):
     """One that the scenario itself sends in vain, on the desktop too, is no failure."""
     assert cli.main(["fly", str(mission), "vain", "--on", "linux", "--out", str(tmp_path / "out")]) == 0, (
         capsys.readouterr().err)

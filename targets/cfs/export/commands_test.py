@@ -154,7 +154,7 @@ def test_what_is_refused_is_an_event_a_report_and_a_counter(core, packet, reason
 
 
 @pytest.mark.parametrize("packet", [command(SEND_HK, 0, b"xx"), command(WAKEUP, 0, b"xx")])
-def test_a_request_of_the_wrong_length_is_told(core, packet):
+def test_a_request_of_the_wrong_length_is_reported(core, packet):
     core.send(packet)
     core.until("NAV 22: A request has 10 bytes, expected 8")
     assert housekeeping(core)["request_errors"] == 1
@@ -267,7 +267,7 @@ def test_outputs_go_out_as_packets_at_the_rate_that_is_asked_for(core):
         assert struct.unpack(">H", wheels[2:4])[0] == 0xC000 + k and struct.unpack("<q", wheels[16:24])[0] == t
 
 
-def test_flight_begins_anew_where_it_is_told_to(core):
+def test_flight_begins_anew_where_it_is_commanded_to(core):
     core.outside.tick(-1)
     core.outside.tick(0)
     core.outside.tick(700_000_000)
@@ -351,7 +351,7 @@ def test_what_is_kept_outlives_the_app_and_the_rest_begins_anew(built, tmp_path)
         outside.close()
 
 
-def test_two_apps_at_one_register_file_are_told(tmp_path, built):
+def test_two_apps_at_one_register_file_are_reported(tmp_path, built):
     mission, _, _, _, outside = built
     apps = [(cfs.App("nav"), tmp_path / "nav"), (cfs.App("two", 0xE0), tmp_path / "two")]
     for app, folder in apps:
@@ -378,7 +378,7 @@ def test_an_app_tells_what_it_waits_for(built):
         core.kill()
 
 
-def test_a_restart_in_the_middle_of_a_table_load_loses_the_load_and_is_told(core, built):
+def test_a_restart_in_the_middle_of_a_table_load_loses_the_load_and_is_reported(core, built):
     core.outside.tick(-1)
     core.outside.tick(0)
     file = table_file(built, "Vehicle", I_B=[600.0, 0, 0, 0, 700, 0, 0, 0, 800])

@@ -222,7 +222,7 @@ class Bus(Core):
 
 
 @pytest.mark.long("builds an app")
-def test_wakeups_that_are_missing_or_too_many_are_told_and_counted(on_bus):
+def test_wakeups_that_are_missing_or_too_many_are_reported_and_counted(on_bus):
     core = Bus(*on_bus[0])
     try:
         core.wake(met=10)
@@ -296,7 +296,7 @@ def test_a_reset_and_no_operation_need_no_wakeup(on_bus):
         core.kill()
 
 
-def test_inputs_that_never_came_are_told_and_configuration_comes_again(on_bus):
+def test_inputs_that_never_came_are_reported_and_configuration_comes_again(on_bus):
     core = Bus(*on_bus[0])
     try:
         vehicle = core.ids["FSW_VEHICLE_VEHICLE_TLM_MID"]
@@ -317,7 +317,7 @@ def test_inputs_that_never_came_are_told_and_configuration_comes_again(on_bus):
         core.kill()
 
 
-def test_an_input_that_stops_coming_is_told_once_and_counted_until_it_comes(on_bus):
+def test_an_input_that_stops_coming_is_reported_once_and_counted_until_it_comes(on_bus):
     core = Bus(*on_bus[0])
 
     def come():

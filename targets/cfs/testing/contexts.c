@@ -36,7 +36,7 @@ BareContext bare_context(void *stack, size_t size, void (*entry)(uint32_t), uint
 
 void bare_switch(BareContext *from, const BareContext *to)
 {
-    if (from->sp == 0u) { /* the first task, which nobody made */
+    if (from->sp == 0u) { /* the first task, which was not made by a call */
         from->sp = (uintptr_t)&contexts[0];
     }
     (void)swapcontext((ucontext_t *)from->sp, (const ucontext_t *)to->sp);

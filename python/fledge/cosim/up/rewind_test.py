@@ -64,7 +64,7 @@ def step(t):
 
 node.run()
 """
-# Pushes once, and again when it is told to.
+# Pushes once, and again when the other program says so.
 GROUND = """
 import os, sys, time
 from fledge_node import Observer

@@ -272,7 +272,7 @@ def test_one_that_joins_later_sees_what_it_would_have_seen(mark, tmp_path):
     assert done.returncode == 0, done.stderr
     assert [line.split()[1] for line in whole] == ["0", "1", "2", "3", "4", "5"]
     assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
-    done = up(with_eye(tmp_path / "late", "joins = 2", until=5, top="pace = 20"), mark=mark)    # nobody waits for it
+    done = up(with_eye(tmp_path / "late", "joins = 2", until=5, top="pace = 20"), mark=mark)    # none waits for it
     assert done.returncode == 0, done.stderr
     assert logs(tmp_path / "late")["eye"].splitlines() == whole[3:]
 
@@ -504,7 +504,7 @@ time.sleep(60)
 @pytest.mark.long("flies with each answer to a loss")
 @pytest.mark.parametrize("policy", ["hold", "drop", "restart"])
 def test_one_that_is_killed_at_a_time_is_lost_there(mark, tmp_path, policy):
-    """Whatever the speed of the programs, and whoever lets the run go on."""
+    """Whatever the speed of the programs, and of any program that lets the run go on."""
     import numpy as np
     from fledge.archive import Archive
     from fledge.archive.compare import compare

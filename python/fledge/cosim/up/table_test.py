@@ -146,7 +146,7 @@ def test_logs_are_gathered_line_by_line(tmp_path):
     assert text == ["mass   | one", "mass   | two", "spring | \ufffd and", "mass   | three", "mass   | ",
                     "mass   | --- started again", "mass   | four", "spring | no end"]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["all.log", "mass.log", "spring.log"]
-    assert logs.last("mass", 2) == ["--- started again", "four"] and logs.last("nobody", 3) == []
+    assert logs.last("mass", 2) == ["--- started again", "four"] and logs.last("none", 3) == []
 
 
 def test_control_characters_are_not_shown():

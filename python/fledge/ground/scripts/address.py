@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Addresses of links.
 
-    udp://HOST:PORT?listen=[ADDRESS:]PORT   datagrams to HOST:PORT, and from whoever sends to the other port
+    udp://HOST:PORT?listen=[ADDRESS:]PORT   datagrams to HOST:PORT, and from any that sends to the other port
     tcp://HOST:PORT                         a stream, as a client
     listen://[ADDRESS:]PORT                 a stream, as a server of any number of clients
     serial:/dev/ttyUSB0?baud=115200         a serial device

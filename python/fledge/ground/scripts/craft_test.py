@@ -270,7 +270,7 @@ def test_a_report_that_is_lost_ends_in_no_answer():
     (lambda craft: ground.connect(fledge.load("constellation")), "4 flight processes; choose one"),
     (lambda craft: ground.connect(fledge.load("constellation"), process="sat1_flght"), "did you mean 'sat1_flight'"),
 ])
-def test_what_a_script_gets_wrong_is_told_at_once(craft, call, says):
+def test_what_a_script_gets_wrong_is_reported_at_once(craft, call, says):
     with pytest.raises(SetupError, match=says):
         call(craft)
     assert craft.sent == [] and craft.link.t == 0

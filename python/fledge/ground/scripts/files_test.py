@@ -296,7 +296,7 @@ class Hostile(Board):
                            GROUND if source == CRAFT else CRAFT) + body
 
     def forged(self, own):
-        """One more PDU: mostly of a transaction that nobody began."""
+        """One more PDU: mostly of a transaction that was not begun."""
         r = self.chance
         other, at, name = r.randrange(500, 5000), r.choice([0, 2**32 - 1, 2**32, 2**62, 2**63, 2**64 - 1]), r.choice(
             self.names)

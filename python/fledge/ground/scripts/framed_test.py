@@ -264,7 +264,7 @@ def secured(tmp_path):
 
 
 @pytest.mark.parametrize("cop1", [0, 1])
-def test_resets_of_the_computer_let_nothing_old_pass_and_lock_nobody_out(secured, cop1):
+def test_resets_of_the_computer_let_nothing_old_pass_and_lock_no_ground_out(secured, cop1):
     """Over a link that loses and replays: each command is executed once and in order, or reported."""
     sim = secured([40.2, 90.0, 90.6], cop1)
     commands = sim.flight.commands
@@ -299,7 +299,7 @@ def test_a_command_without_its_key_or_of_the_wrong_role_changes_nothing_and_is_c
         other.command("write", "flight.loads", clear_after=9 * s).completed()
     craft, commands = ground.connect(sim, sequence=5), sim.flight.commands
     craft.command("write", "flight.loads", clear_after=4 * s).completed()
-    with pytest.raises(ground.NoAnswer, match="initial value"):     # nobody gives himself more
+    with pytest.raises(ground.NoAnswer, match="initial value"):     # no role gives itself more
         craft.send(craft._packets.write("flight.link", roles=[{"key": 1, "barred": 0, "spare": 0}] * 4)).completed()
     accepted = commands.counters.accepted
     frames = commands.dictionary.frames

@@ -167,7 +167,7 @@ class Udp(_ByTheClock):
     def send(self, packet: bytes) -> None:
         try:
             self._socket.sendto(packet, self._to)
-        except (BlockingIOError, ConnectionRefusedError):   # nobody listens there now; a datagram may be lost
+        except (BlockingIOError, ConnectionRefusedError):   # no program listens there now; a datagram may be lost
             self.dropped += 1
 
     def close(self) -> None:
@@ -181,7 +181,7 @@ class Udp(_ByTheClock):
                     whole, rest = ([data], b"") if self.raw else split(data)
                     self._arrived.extend(Timed(self.t, one) for one in whole)
                     self.skipped += len(rest)
-            except (BlockingIOError, ConnectionRefusedError):   # no more; an earlier datagram found nobody
+            except (BlockingIOError, ConnectionRefusedError):   # no more; an earlier datagram found no receiver
                 pass
 
 

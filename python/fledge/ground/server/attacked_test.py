@@ -95,7 +95,7 @@ async def test_a_route_without_a_row_does_not_start(folder):
 
 
 def people(word):
-    """Who asks, and the server's tables of them: roles None: nobody; crafts None: all; csrf: with the word."""
+    """Who asks, and the server's tables of them: roles None: no user; crafts None: all; csrf: with the word."""
     tables, found = [], {"nobody": SimpleNamespace(roles=None, crafts=None, headers={}, csrf=True)}
     for name, roles, crafts in (("viewer", ROLES[:1], None), ("commander", ROLES[:2], None), ("all", ROLES, None),
                                 ("blind", ROLES[1:], None), ("own", ROLES, ["a"]), ("stranger", ROLES, ["b", "ghost"])):

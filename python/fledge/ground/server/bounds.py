@@ -25,7 +25,7 @@ from fledge.ground.scripts.links import CLIENTS, USER_TIMEOUT
 
 MIB = 1 << 20
 SENDING = 1 << 18       # [bytes] that the operating system keeps for a connection
-READ = 1 << 14          # [bytes] that are read from one at once, so that a read holds nobody up
+READ = 1 << 14          # [bytes] that are read from one at once, so that a read delays no other
 DEPTH = 32
 # name, figure, unit, refusal, of which {most} is the figure
 TABLE: tuple[tuple[str, float, str, str], ...] = (
@@ -60,7 +60,7 @@ TABLE: tuple[tuple[str, float, str, str], ...] = (
     ("files of a spacecraft", 4 << 30, "bytes", "the files of a spacecraft have at most {most} bytes"),
     ("disk that stays free", 512 * MIB, "bytes", "files leave {most} bytes of the disk free"),
 )
-TICK, SLOW = 0.01, 0.05     # [s] between looks of the loop at itself; a block that is told
+TICK, SLOW = 0.01, 0.05     # [s] between looks of the loop at itself; a block that is reported
 
 
 @dataclass
@@ -149,7 +149,7 @@ def bound_socket(transport: asyncio.BaseTransport, unread: float) -> None:
 
 class LoopWatch:
     """The event loop's own measure: how late a tick comes [s], and how long its thread computed between two, without
-    waits for a processor or another thread. slow: is told of a block, once a minute at most."""
+    waits for a processor or another thread. slow: called for a block, once a minute at most."""
 
     def __init__(self, slow: Callable[[float], Any]) -> None:
         self.longest = 0.0          #: since the start

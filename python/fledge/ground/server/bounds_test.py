@@ -174,7 +174,7 @@ async def test_a_socket_that_does_not_read_costs_little_and_one_that_asks_too_mu
 
 
 @flown
-async def test_empty_frames_are_bounded_and_hold_nobody_up(folder):
+async def test_empty_frames_are_bounded_and_delay_no_client(folder):
     """Pings, and parts of a message without content: neither are messages, nor do they have bytes to be counted."""
     async with served(folder) as page:
         bounds = page.server.bounds

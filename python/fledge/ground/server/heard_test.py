@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control room of a co-simulation has every packet of the run, however busy the machine; what a killed server did
-not hear is told."""
+not hear is noted as a gap."""
 import json
 import os
 import re

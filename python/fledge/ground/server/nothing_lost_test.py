@@ -342,7 +342,7 @@ def test_an_alarm_ends_after_a_restart_by_the_values_that_come_then(tmp_path, cr
     finally:
         server.kill()
     craft.drop()
-    craft.send(100)         # nobody reads them
+    craft.send(100)         # no client reads them
     with sqlite3.connect(tmp_path / "out/journal.sqlite") as journal:
         ended = json.dumps(json.loads(journal.execute("SELECT content FROM alarms").fetchone()[0]) | {
             "name": "stream", "ended_ns": "1"})
@@ -424,7 +424,7 @@ def test_a_link_that_breaks_costs_what_is_sent_meanwhile_and_no_more(tmp_path, c
         assert sum("link is down" in one for one in texts) == 3 and sum("link is up" in one for one in texts) == 4
 
 
-def test_a_full_disk_is_told_and_what_came_meanwhile_is_written_when_there_is_room(tmp_path, craft):
+def test_a_full_disk_is_reported_and_what_came_meanwhile_is_written_when_there_is_room(tmp_path, craft):
     """No file of the server may grow beyond its present size for a while."""
     with serving(tmp_path, craft) as server:
         craft.send(500)
@@ -493,7 +493,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no such thing"), SystemExit(3)])
-def test_a_thread_that_fails_is_told_and_begins_again_and_no_other_craft_suffers(tmp_path, craft, capsys, monkeypatch,
+def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft, capsys, monkeypatch,
                                                                                  error):
     for module in (link, spacecraft):
         monkeypatch.setattr(module, "AGAIN", 0.1)

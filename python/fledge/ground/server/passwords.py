@@ -70,7 +70,7 @@ class Password:
         raise SetupError(f"{where}: password is no line of `fledge ground password`, which begins with \"scrypt:")
 
     def proof(self) -> str:
-        """What a browser gets that has logged in by it: nobody has it who did not, and a new password ends it."""
+        """What a browser gets that has logged in by it: no other browser has it, and a new password ends it."""
         return hmac.digest(self.key, b"a browser of this user", "sha256").hex()
 
     def fits(self, password: str) -> bool:

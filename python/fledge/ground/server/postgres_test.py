@@ -244,7 +244,7 @@ def test_nothing_is_missing_or_twice_after_outages_of_either_side(tmp_path, base
     assert ends[0][0] > 1 and [one for one in server.events if "caught up" in one[3]]
 
 
-def test_two_servers_of_one_spacecraft_are_told_apart_and_a_view_has_each_packet_once(tmp_path, base):
+def test_two_servers_of_one_spacecraft_are_distinguished_and_a_view_has_each_packet_once(tmp_path, base):
     """Each misses some packets, and receives the others at its own times."""
     chance = random.Random(3)
     names = ["north", "south"]
@@ -311,7 +311,7 @@ def test_wrong_settings_are_refused(table, says):
         PostgresSettings.read(table)
 
 
-def test_what_is_wrong_in_the_database_is_told_and_the_server_goes_on(tmp_path, base):
+def test_what_is_wrong_in_the_database_is_reported_and_the_server_goes_on(tmp_path, base):
     with Server(tmp_path, base):
         wait_for(lambda: base.rows("select to_regclass('fledge.setting')")[0][0] is not None)
     with Server(folder_of(tmp_path, "other"), base, partition="2 days") as other:

@@ -639,7 +639,7 @@ def test_slow_and_large_requests_end(tmp_path):
 
 
 def test_fuzzed_requests_and_messages(tmp_path):
-    """Whatever comes, the server answers the next one, nobody gets further than he may, and nothing ends in a 500."""
+    """Whatever comes, the server answers the next one, no user gets further than allowed, and nothing ends in a 500."""
     draw = random.Random(5)
     lines = [b"GET /api/crafts HTTP/1.1", b"POST /api/login HTTP/1.1", b"POST /api/crafts/imager/send HTTP/1.1",
              b"GET /api/live HTTP/1.1", b"Host: localhost", b"Host: [::1", b"Host: localhost:x", b"Content-Length: 3",

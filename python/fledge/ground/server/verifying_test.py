@@ -112,7 +112,7 @@ class Craft(asyncio.DatagramProtocol):
         self.got.put_nowait(data)
 
     def error_received(self, _):
-        """Nobody listens yet."""
+        """No client listens yet."""
 
     def say(self, apid, *words):
         self.wire.sendto(packet(apid, *words))
@@ -324,8 +324,8 @@ def test_a_clock_that_is_set_ends_no_window_and_no_alarm_s_shelving(desk, monkey
 
 
 def test_a_server_that_starts_goes_on_with_the_commands_of_the_last_one(tmp_path, monkeypatch):
-    """A stage that was passed stays; one that is waited for is passed later; of one whose window has ended meanwhile
-    nobody knows."""
+    """A stage that was passed stays; one that is waited for is passed later; the fate of one
+    whose window has ended meanwhile is not known."""
     clock = SimpleNamespace(monotonic=time.monotonic, now=time.time_ns())      # which the test sets
     clock.time_ns = clock.monotonic_ns = lambda: clock.now
     monkeypatch.setattr(clock_module, "time", clock)

@@ -269,7 +269,7 @@ async def test_what_is_wrong_is_said(tmp_path):
 
 @pytest.mark.long("waits for limits of time")
 @flown
-async def test_a_browser_that_does_not_read_disturbs_nobody(tmp_path):
+async def test_a_browser_that_does_not_read_disturbs_no_other(tmp_path):
     async with console(tmp_path, '[[craft]]\nmission = "nadir_spin"\nspeed = 0\n') as c:
         await c.until("crafts/nadir_spin/slots", lambda found: SIGMA in [one["name"] for one in found])
         asleep = await c.client.ws_connect("/api/live", max_msg_size=0)
@@ -431,7 +431,7 @@ def power(i, head=2049):
 
 
 async def sending(port, packets):
-    """A spacecraft that sends packets to whoever connects, once; then it is gone."""
+    """A spacecraft that sends packets to each client that connects, once; then it is gone."""
     over = asyncio.Event()
 
     async def serve(_, writer):
@@ -493,7 +493,7 @@ async def test_a_link_that_breaks_comes_back_and_a_changed_database_is_read(tmp_
 
 
 @flown
-async def test_a_mission_that_changes_is_told(tmp_path):
+async def test_a_mission_that_changes_is_reported(tmp_path):
     mission = tmp_path / "own"
     copytree(ROOT / "missions" / "nadir_spin", mission)
     async with console(tmp_path, NADIR.replace("nadir_spin", str(mission))) as c:

@@ -31,7 +31,7 @@ export class Alarms {
         this.live.emit("alarms", {craft});
     }
 
-    /** Those of a craft: what nobody has acknowledged first, the worst before others. */
+    /** Those of a craft: what is not acknowledged first, the worst before others. */
     of(craft) {
         return [...(this.byCraft.get(craft)?.values() ?? [])].sort((a, b) => rank(a) - rank(b) || b.worst - a.worst ||
             (a.name < b.name ? -1 : 1));

@@ -13,10 +13,10 @@ const wire = (value) => (typeof value === "bigint" ? String(value) : value);
 export class Api {
     constructor() {
         this.session = null;
-        this.refused = () => {};    // called when nobody is logged in any more
+        this.refused = () => {};    // called when the user is no longer logged in
     }
 
-    /** Who is here: {user, roles, csrf, version}; user null: nobody. */
+    /** Who is here: {user, roles, csrf, version}; user null: no user is. */
     async begin() {
         this.session = await this.get("/api/session");
         return this.session;

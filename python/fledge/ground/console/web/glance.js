@@ -43,7 +43,7 @@ export class Glance {
         topic(TOPICS.power);
         topic(TOPICS.link);
         for (const row of this.rows) row.label = row.about?.label ?? short(row.one.name);
-        for (const row of this.rows)        // several of one name are told apart by what has them
+        for (const row of this.rows)        // what has them distinguishes several of one name
             if (row.one && this.rows.some((other) => other !== row && other.label === row.label))
                 row.label = short(row.one.name, 2);
         /** What has to be known for the rows. */

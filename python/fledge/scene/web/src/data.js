@@ -172,7 +172,7 @@ export const unit = (a) => {
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export {sub};
 
-/** The unit vector from a place to the Sun; null if nobody knows it. */
+/** The unit vector from a place to the Sun; null if it is not known. */
 export function toSun(scene, place, t) {
     if (scene.sun) return unit(sub(position(scene.sun, t), place));
     return scene.sun_N ? unit(scene.sun_N) : null;
