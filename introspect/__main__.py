@@ -15,6 +15,10 @@ from introspect.model import Kind, Model
 from introspect.reader import read
 from introspect.sources import Source
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
 _HELP = """\
 Read C headers of modules, models and messages, and write the files that the emitters make from them.
 
@@ -28,7 +32,8 @@ single library its place does not matter. Files are written only where their tex
 class _InOrder(argparse.Action):
     """Keep (option, value) pairs in the order of the command line."""
 
-    def __call__(self, parser, namespace, value, option=None):
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, value: Any,
+                 option: str | None = None) -> None:
         namespace.ordered = [*(getattr(namespace, "ordered", None) or []), (self.dest, value)]
 
 

@@ -2,6 +2,7 @@
 """How a header is refused: where, by which rule, what was found, and what to do."""
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -21,7 +22,7 @@ class Problem:
 class HeaderError(Exception):
     """All that is wrong with the headers of one read, in the order of file and line."""
 
-    def __init__(self, problems):
+    def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(set(problems))
         super().__init__("\n".join(str(problem) for problem in self.problems))
 

@@ -8,6 +8,7 @@ import math
 import re
 import tomllib
 from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from registers.location import line_of, lines_of
@@ -66,7 +67,7 @@ class Tables:
 
     # ---- values
 
-    def value(self, table: dict, path: tuple, key: str, kinds: tuple, words: str, default: Any):
+    def value(self, table: dict, path: tuple, key: str, kinds: tuple, words: str, default: Any) -> Any:
         """The value of a key; of `...` as default: it must be there."""
         if key not in table:
             if default is ...:
@@ -81,7 +82,8 @@ class Tables:
             return None if default is ... else default
         return value
 
-    def integer(self, table, path, key, low, high, default=..., multiple=1):
+    def integer(self, table: dict, path: tuple, key: str, low: int, high: int, default: Any = ...,
+                multiple: int = 1) -> Any:
         value = self.value(table, path, key, (int,), "a whole number", default)
         if key not in table or value is None or not isinstance(table[key], int):
             return value
@@ -92,7 +94,7 @@ class Tables:
             return None
         return value
 
-    def choice(self, table, path, key, choices, default=...):
+    def choice(self, table: dict, path: tuple, key: str, choices: Sequence[Any], default: Any = ...) -> Any:
         value = table.get(key, default)
         if value is ... or value not in choices:
             found = "it is not there" if value is ... else f"it is {shown(value)}"
@@ -101,10 +103,10 @@ class Tables:
             return None
         return value
 
-    def text(self, table, path, key, default=...):
+    def text(self, table: dict, path: tuple, key: str, default: Any = ...) -> str:
         return self.value(table, path, key, (str,), "a text", default) or ""
 
-    def number(self, table, path, key, default=...):
+    def number(self, table: dict, path: tuple, key: str, default: Any = ...) -> float:
         value = self.value(table, path, key, (int, float), "a number", default)
         if value is not None and not math.isfinite(value):
             self.refuse((*path, key), f"`{key}` is finite", f"it is {value}", "give a finite one")

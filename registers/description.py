@@ -11,6 +11,7 @@ import os.path
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 from pathlib import Path
 
 from introspect.files import fnv1a
@@ -295,7 +296,7 @@ class _Reader(Tables):
         self.taken: list[tuple[int, int, str, tuple]] = []    # address, end, what it is, path
         self.raised: dict[str, tuple[bool, str]] = {}         # line: whether flight raises it, what raises it
 
-    def name(self, table, path, used: dict, what: str) -> str:
+    def name(self, table: dict, path: tuple, used: dict, what: str) -> str:
         name = self.text(table, path, "name")
         if "name" not in table:
             return "?"
@@ -352,7 +353,7 @@ class _Reader(Tables):
                      tuple(self.bound(table, ("bound", i))
                            for i, table in enumerate(self.tables(data, (), "bound"))), slave)
 
-    def slave(self, data, lines) -> Slave:
+    def slave(self, data: dict, lines: list[str]) -> Slave:
         table = self.table(data, (), "slave_clock")
         path = ("slave_clock",)
         self.keys(table, path, _SLAVE_KEYS)
@@ -368,7 +369,7 @@ class _Reader(Tables):
             rates[key] = round(value * factor)
         return Slave(address or 0, self.line(table, path, "interrupt", lines, False, "the slave clock"), **rates)
 
-    def bound(self, table, path) -> Bound:
+    def bound(self, table: dict, path: tuple) -> Bound:
         self.keys(table, path, _BOUND_KEYS)
         at_most = self.number(table, path, "at_most")
         after = self.number(table, path, "after", 0.0)
@@ -378,7 +379,7 @@ class _Reader(Tables):
         return Bound(self.text(table, path, "field"), at_most, after, self.text(table, path, "scenario", "") or None,
                      line_of(self.lines, (*path, "field")))
 
-    def line(self, table, path, key, lines, from_flight, what) -> str | None:
+    def line(self, table: dict, path: tuple, key: str, lines: list[str], from_flight: bool, what: str) -> str | None:
         if key not in table:
             return None
         if not lines:
@@ -394,7 +395,7 @@ class _Reader(Tables):
                             "use another line")
         return line
 
-    def place(self, table, path, key, size, what, multiple=8) -> int | None:
+    def place(self, table: dict, path: tuple, key: str, size: int, what: str, multiple: int = 8) -> int | None:
         """The address that the key gives; without it, behind all before."""
         address = self.integer(table, path, key, 0, 0xFFFFFFFC // multiple * multiple, None, multiple=multiple)
         if key not in table:
@@ -424,7 +425,8 @@ class _Reader(Tables):
 
     # ---- a snorkel
 
-    def snorkel(self, table, path, names, board_order, lines) -> Snorkel | None:
+    def snorkel(self, table: dict, path: tuple, names: dict[str, tuple], board_order: str,
+                lines: list[str]) -> Snorkel | None:
         self.keys(table, path, _SNORKEL_KEYS)
         name = self.name(table, path, names, "snorkel")
         form = self.choice(table, path, "form", FORMS)
@@ -494,7 +496,7 @@ class _Reader(Tables):
         return Snorkel(name, self.text(table, path, "doc", ""), direction, tuple(lanes),
                        message, header, message_size)
 
-    def numbers(self, table, path, prefix, form) -> list[Number] | None:
+    def numbers(self, table: dict, path: tuple, prefix: str, form: str) -> list[Number] | None:
         """The numbers that `carries` of a packet names."""
         key = prefix + "carries"
         value = table.get(key)
@@ -516,7 +518,7 @@ class _Reader(Tables):
             found += numbers or []
         return found or None
 
-    def capacity(self, table, path, form, known) -> tuple[bool, int, int | None]:
+    def capacity(self, table: dict, path: tuple, form: str, known: bool) -> tuple[bool, int, int | None]:
         """(variable, bytes in a slot, bytes of a message's struct). known: by the numbers of each packet."""
         if form == "word":
             return False, 4, None
@@ -534,7 +536,7 @@ class _Reader(Tables):
             return given[0] == "capacity", n + CDR_HEAD, n
         return given[0] == "capacity", n, None
 
-    def message(self, table, path, variable) -> tuple[str | None, str | None]:
+    def message(self, table: dict, path: tuple, variable: bool) -> tuple[str | None, str | None]:
         name, header = self.text(table, path, "message"), self.text(table, path, "header")
         if "message" in table and not _TYPE_NAME.fullmatch(name):
             self.refuse((*path, "message"), "`message` is the name of a type",
@@ -547,7 +549,8 @@ class _Reader(Tables):
                         "it has a `capacity`", "give `size`, or no `message`")
         return name, header
 
-    def lane(self, table, path, prefix, name, from_flight, lines, shape, numbers) -> Lane:
+    def lane(self, table: dict, path: tuple, prefix: str, name: str, from_flight: bool, lines: list[str],
+             shape: dict[str, Any], numbers: list[Number] | None) -> Lane:
         form, queued, depth = shape["form"], shape["queued"], shape["depth"]
         remove = self.integer(table, path, prefix + "remove", 0, 65535, 0) or 0
         add = table.get(prefix + "add", [])
@@ -579,7 +582,7 @@ class _Reader(Tables):
                     carries=None if numbers else self.text(table, path, prefix + "carries", "") or None,
                     line=line_of(self.lines, (*path, prefix + "carries")), **shape)
 
-    def descriptor(self, table, path, prefix, name, shape) -> Descriptor:
+    def descriptor(self, table: dict, path: tuple, prefix: str, name: str, shape: dict[str, Any]) -> Descriptor:
         key = prefix + "descriptor"
         if key not in table:
             if table.get("direction") == "both" and prefix and "descriptor" in table:
@@ -608,7 +611,7 @@ class _Reader(Tables):
                         f"{bits} bits do not hold {shape['capacity']}", "give it more bits")
         return Descriptor(address, **parts)
 
-    def bits(self, table, path, key, fewest, default=...) -> tuple[int, int]:
+    def bits(self, table: dict, path: tuple, key: str, fewest: int, default: Any = ...) -> tuple[int, int]:
         value = table.get(key, default)
         if value is ... or not isinstance(value, (list, tuple)) or len(value) != 2 \
                 or not all(type(v) is int for v in value) \
@@ -619,7 +622,7 @@ class _Reader(Tables):
             return (0, 32)
         return value[0], value[1]
 
-    def fields(self, table, path, key, names) -> tuple[Field, ...]:
+    def fields(self, table: dict, path: tuple, key: str, names: dict[str, tuple]) -> tuple[Field, ...]:
         fields, used = [], 0
         for i, given in enumerate(self.tables(table, path, key)):
             here = (*path, key, i)
@@ -645,7 +648,8 @@ class _Reader(Tables):
                                 line_of(self.lines, (*here, "carries"))))
         return tuple(fields)
 
-    def carried_fields(self, numbers, names, lane, order, path) -> tuple[Field, ...]:
+    def carried_fields(self, numbers: list[Number], names: dict[str, tuple], lane: Lane, order: str,
+                       path: tuple) -> tuple[Field, ...]:
         """The numbers of packets behind one side's header, in their order."""
         fields = []
         common = os.path.commonprefix([number.path for number in numbers]).rpartition(".")[0]
@@ -662,7 +666,8 @@ class _Reader(Tables):
                         f"they end at {fields[-1].end} of {lane.capacity} bytes", "leave out its size, or enlarge it")
         return tuple(fields)
 
-    def packet_fields(self, table, path, key, names, lane, order) -> tuple[Field, ...]:
+    def packet_fields(self, table: dict, path: tuple, key: str, names: dict[str, tuple], lane: Lane,
+                      order: str) -> tuple[Field, ...]:
         """The fields of packets. Only one side's header may be in front of them: the outside drops the other."""
         fields: list[Field] = []
         first = lane.remove if lane.from_flight else len(lane.add)

@@ -7,6 +7,10 @@ from __future__ import annotations
 from introspect.emit import ctext
 from introspect.model import Kind, Library, Struct
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 
 def emit(library: Library) -> dict[str, str]:
     messages = [s for s in library.structs if s.kind is Kind.MESSAGE]
@@ -41,7 +45,7 @@ def runs(s: Struct) -> list[tuple[int, int]]:
     return merged
 
 
-def _runs(s: Struct):
+def _runs(s: Struct) -> Iterator[tuple[int, int]]:
     for field in s.fields:
         if field.struct:
             for _ in range(field.size // field.struct.size):

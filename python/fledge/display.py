@@ -38,13 +38,13 @@ def table(title: str, groups: Iterable[tuple[str, Iterable[Sequence[str]]]], col
     return f'<div style="overflow-x: auto"><strong>{_text(title)}</strong>{table if rows else ""}{below}</div>'
 
 
-def _cell(text, name, span):
+def _cell(text: object, name: bool, span: int) -> str:
     shown = f'<code style="background: none; padding: 0; font-size: 1em">{_text(text)}</code>' if name else _text(text)
     whole = "; white-space: nowrap" if len(str(text)) <= _WHOLE else ""
     return f'<td colspan="{span}" style="{_CELL}{whole}">{shown}</td>'
 
 
-def _text(text):
+def _text(text: object) -> str:
     """Its lines stay lines."""
     return "<br>".join(escape(line) for line in str(text).splitlines())
 
@@ -68,7 +68,7 @@ def shown_by_pyplot(figure: Any) -> None:
         return
     cell = shell.execution_count
 
-    def show():
+    def show() -> None:
         if shell.execution_count != cell:
             from IPython.display import display
 

@@ -72,7 +72,7 @@ def read(path: Path | str) -> Elf:
         raise Failure(f"{path} is cut off: it ends within its headers; build or copy it again") from None
 
 
-def _read(path, data):
+def _read(path: Path, data: bytes) -> Elf:
     bits, order = 32 * data[4], "<>"[data[5] - 1]
 
     kind, machine, _ = struct.unpack_from(order + "HHI", data, 16)

@@ -46,7 +46,7 @@ class Part:
         finally:
             os.close(self._lock)
 
-    def _named(self, error):
+    def _named(self, error: OSError) -> OSError:
         return OSError(error.errno, f"cannot be written: {error.strerror}", str(self.path))
 
 

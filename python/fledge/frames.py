@@ -104,7 +104,7 @@ def cltu(frame: bytes) -> bytes:
     return b"\xEB\x90" + b"".join(one + bytes([_parity(one)]) for one in blocks) + b"\xC5" * 7 + b"\x79"
 
 
-def _parity(block):
+def _parity(block: bytes) -> int:
     rest = 0
     for i in range(55, -1, -1):
         out = rest >> 6 & 1 ^ int.from_bytes(block, "big") >> i & 1
@@ -112,7 +112,7 @@ def _parity(block):
     return (rest ^ 0x7F) << 1
 
 
-def _noise(n):
+def _noise(n: int) -> bytes:
     """The sequence of the randomiser of telecommands: x^8 + x^6 + x^4 + x^3 + x^2 + x + 1."""
     bits = [1] * 8
     while len(bits) < 8 * n:

@@ -110,11 +110,11 @@ def read_all(source: str | os.PathLike[str]) -> list[MeanElements]:
     return found
 
 
-def _is_text(source):
+def _is_text(source: object) -> bool:
     return isinstance(source, str) and ("\n" in source or source.lstrip()[:1] in ("<", "{", "["))
 
 
-def _is_named(one, name):
+def _is_named(one: MeanElements, name: object) -> bool:
     text = str(name).strip()
     return one.name.casefold() == text.casefold() or (text.isdecimal() and one.number == int(text))
 
@@ -367,13 +367,13 @@ def _xml(text: str, where: str) -> Iterator[MeanElements]:
     before = text.index("<")            # no line feed may stand before the declaration
     skipped = text.count("\n", 0, before)
 
-    def start(name, attributes):
+    def start(name: str, attributes: dict[str, str]) -> None:
         name, line = name.rpartition(":")[2], parser.CurrentLineNumber + skipped
         if name == "omm":
             found.append((line, {}))
         open_ones.append((name, line, attributes.get("units", ""), []))
 
-    def end(_):
+    def end(_: str) -> None:
         name, line, unit, pieces = open_ones.pop()
         if found and name.isupper():
             fields = found[-1][1]

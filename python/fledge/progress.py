@@ -54,7 +54,7 @@ class Bar:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         if self._drawn and self._live.there:
             self._live.show("")
         elif self._drawn:

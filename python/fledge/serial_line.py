@@ -51,7 +51,7 @@ def read(word: str) -> tuple[str, dict[str, str]]:
     return device, options
 
 
-def _is_seconds(text):
+def _is_seconds(text: str) -> bool:
     return re.fullmatch(r"\d+(\.\d+)?", text) and float(text) <= 1e6
 
 

@@ -15,6 +15,13 @@ only add, compare and convert between like dimensions.
 targets/micropython/units.c does the same under MicroPython, with the units of this file.
 """
 
+from __future__ import annotations
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from typing import Any
+
 # The order of the exponents, the same as in the tables made from the C headers.
 BASE = ("m", "kg", "s", "A", "K", "mol", "cd", "rad")
 
@@ -23,14 +30,14 @@ class UnitError(ValueError):
     """Quantities of unlike dimensions were added, compared or converted."""
 
 
-def _map(f, value):
+def _map(f: Callable[[Any], Any], value: Any) -> Any:
     """Apply f to a number, to each number of a nested list, or to an array as a whole."""
     if isinstance(value, (list, tuple)):
         return [_map(f, x) for x in value]
     return f(value)
 
 
-def _zip(f, a, b):
+def _zip(f: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
     """Apply f to two values of the same shape, or to a value and a number."""
     if isinstance(a, (list, tuple)):
         if isinstance(b, (list, tuple)):
@@ -43,11 +50,11 @@ def _zip(f, a, b):
     return f(a, b)
 
 
-def _multiply(a, b):
+def _multiply(a: Any, b: Any) -> Any:
     return a * b
 
 
-def _power(x, n):
+def _power(x: Any, n: float) -> Any:
     """x to the power of n. Of a whole n by products, whose bits do not depend on a library."""
     if n != int(n) or n == 0:
         return x**n
@@ -57,13 +64,13 @@ def _power(x, n):
     return product if n > 0 else 1 / product
 
 
-def unit_text(dims):
+def unit_text(dims: Iterable[int]) -> str:
     """The SI unit of those exponents as text: "N m", "rad/s", "kg m^2/s"; "" if dimensionless."""
     known = _NAMES.get(tuple(dims))
     if known is not None:
         return known
 
-    def factors(sign):
+    def factors(sign: int) -> list[str]:
         return [name if n == sign else "%s^%d" % (name, n * sign) for name, n in zip(BASE, dims) if n * sign > 0]
 
     above, below = factors(1), factors(-1)
@@ -79,81 +86,81 @@ class Quantity:
     # numpy must leave `array * m` to __rmul__ below instead of looking into the quantity.
     __array_ufunc__ = None
 
-    def __init__(self, value, dims):
+    def __init__(self, value: Any, dims: Iterable[int]) -> None:
         self.value = value
         self.dims = tuple(dims)
 
     # --- making new ones ---
 
-    def __mul__(self, other):
+    def __mul__(self, other: Any) -> Quantity:
         if isinstance(other, Quantity):
             dims = [a + b for a, b in zip(self.dims, other.dims)]
             return Quantity(_zip(_multiply, self.value, other.value), dims)
         return Quantity(_zip(_multiply, self.value, other), self.dims)
 
-    def __rmul__(self, other):
+    def __rmul__(self, other: Any) -> Quantity:
         return Quantity(_zip(_multiply, other, self.value), self.dims)
 
-    def __truediv__(self, other):
+    def __truediv__(self, other: Any) -> Quantity:
         if not isinstance(other, Quantity):
             other = Quantity(other, _NONE)
         dims = [a - b for a, b in zip(self.dims, other.dims)]
         return Quantity(_zip(lambda a, b: a / b, self.value, other.value), dims)
 
-    def __rtruediv__(self, other):
+    def __rtruediv__(self, other: Any) -> Quantity:
         return Quantity(other, _NONE) / self
 
-    def __pow__(self, n):
+    def __pow__(self, n: float) -> Quantity:
         dims = [a * n for a in self.dims]
         whole = [int(round(a)) for a in dims]
         if any([abs(a - b) > 1e-9 for a, b in zip(dims, whole)]):
             raise UnitError("%s to the power of %s has no whole exponents" % (self._unit(), n))
         return Quantity(_map(lambda x: _power(x, n), self.value), whole)
 
-    def __neg__(self):
+    def __neg__(self) -> Quantity:
         return Quantity(_map(lambda x: -x, self.value), self.dims)
 
-    def __pos__(self):
+    def __pos__(self) -> Quantity:
         return self
 
-    def __abs__(self):
+    def __abs__(self) -> Quantity:
         return Quantity(_map(abs, self.value), self.dims)
 
-    def __add__(self, other):
+    def __add__(self, other: Any) -> Quantity:
         return Quantity(_zip(lambda a, b: a + b, self.value, self._like(other, "add")), self.dims)
 
-    def __radd__(self, other):
+    def __radd__(self, other: Any) -> Quantity:
         return self + other
 
-    def __sub__(self, other):
+    def __sub__(self, other: Any) -> Quantity:
         return Quantity(_zip(lambda a, b: a - b, self.value, self._like(other, "subtract")), self.dims)
 
-    def __rsub__(self, other):
+    def __rsub__(self, other: Any) -> Quantity:
         return -self + other
 
     # --- comparing: unlike dimensions are never equal, and have no order ---
 
-    def __eq__(self, other):
+    def __eq__(self, other: object) -> bool:
         try:
             return self.value == self._like(other, "compare")
         except UnitError:
             return False
 
-    def __lt__(self, other):
+    def __lt__(self, other: Any) -> bool:
         return self.value < self._like(other, "compare")
 
-    def __le__(self, other):
+    def __le__(self, other: Any) -> bool:
         return self.value <= self._like(other, "compare")
 
-    def __gt__(self, other):
+    def __gt__(self, other: Any) -> bool:
         return self.value > self._like(other, "compare")
 
-    def __ge__(self, other):
+    def __ge__(self, other: Any) -> bool:
         return self.value >= self._like(other, "compare")
 
     # --- reading ---
 
-    def to(self, unit):
+    def to(self, unit: Quantity) -> Any:
         """The value in another unit, as a number, list or array: `(2 * minute).to(s)` is 120.0.
 
         Raises UnitError if the dimensions differ.
@@ -163,34 +170,34 @@ class Quantity:
         self._like(unit, "convert")
         return _map(lambda x: x / unit.value, self.value)
 
-    def __float__(self):
+    def __float__(self) -> float:
         return float(self._like_number())
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.value)
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Quantity:
         return Quantity(self.value[index], self.dims)
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Quantity]:
         return iter([Quantity(x, self.dims) for x in self.value])
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         return bool(self.value)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         unit = self._unit()
         return str(self.value) + (" " + unit if unit else "")
 
-    def _unit(self):
+    def _unit(self) -> str:
         return unit_text(self.dims)
 
-    def _like_number(self):
+    def _like_number(self) -> Any:
         if any(self.dims[:7]):
             raise UnitError("%s is not a plain number; write x.to(unit) or x.value" % (self,))
         return self.value
 
-    def _like(self, other, verb):
+    def _like(self, other: Any, verb: str) -> Any:
         """The other's value if its dimensions are like these; rad is ignored."""
         if isinstance(other, Quantity):
             if self.dims[:7] == other.dims[:7]:
@@ -206,11 +213,11 @@ class Quantity:
 _NONE = (0, 0, 0, 0, 0, 0, 0, 0)
 
 
-def _base(index):
+def _base(index: int) -> Quantity:
     return Quantity(1.0, [int(i == index) for i in range(8)])
 
 
-def _times(factor, unit):
+def _times(factor: float, unit: Quantity) -> Quantity:
     return Quantity(factor * unit.value, unit.dims)
 
 
@@ -289,7 +296,7 @@ for _name, _unit in (
     _NAMES[_unit.dims] = _name
 
 
-def unit_of(text):
+def unit_of(text: str) -> Quantity:
     """The unit of a text, as headers and unit_text() write it: "deg/s", "N m / s", "kg m^2"; "" and "-" are 1.
 
     Raises UnitError for a name that is no unit.
@@ -307,7 +314,7 @@ def unit_of(text):
     return result
 
 
-def nanoseconds(t):
+def nanoseconds(t: Any) -> int:
     """A time, a quantity or a number of seconds, as the nearest whole number of nanoseconds.
 
     Raises UnitError for what is no time, texts included, ValueError for what is not finite or beyond 292 years, which
@@ -330,7 +337,7 @@ def nanoseconds(t):
     return ns
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name[:2] == "__":
         raise AttributeError(name)
     # ImportError, because units are reached by `from fledge.units import ...`, which would replace

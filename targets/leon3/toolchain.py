@@ -16,6 +16,10 @@ from fledge.errors import Failure
 from fledge.files import write_files
 from fledge.targets.build import once, run_ninja
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 COMPILER, SIZE = "sparc64-linux-gnu-gcc", "sparc64-linux-gnu-size"
 NEWLIB = Path("/usr/src/newlib")
 
@@ -77,13 +81,13 @@ def link(script: Path, **symbols: int) -> list[str | Path]:
             *(f"-Wl,--defsym={name}={value:#x}" for name, value in symbols.items()), library() / "libc.a"]
 
 
-def _headers(folder):
+def _headers(folder: Path) -> list[str]:
     own = subprocess.run([COMPILER, "-print-file-name=include"], capture_output=True, text=True, check=True)
     return ["-nostdinc", "-isystem", str(folder / "include"), "-isystem", str(folder / "source/libc/include"),
             "-isystem", own.stdout.strip()]
 
 
-def _build(archive, folder):
+def _build(archive: Path, folder: Path) -> None:
     source = folder / "source"
     for old in (source, folder / "o"):
         shutil.rmtree(old, ignore_errors=True)
@@ -106,7 +110,7 @@ def _build(archive, folder):
     run_ninja(folder, "libc.a")
 
 
-def _objects(source):
+def _objects(source: Path) -> Iterator[tuple[str, Path, str]]:
     """(name, source, definitions) of each object of the library."""
     for part in FOLDERS:
         for file in sorted((source / part).glob("*.c")):

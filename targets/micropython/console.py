@@ -19,6 +19,8 @@ from fledge.targets import build
 from fledge.targets.micropython import toolchain
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from fledge.targets.job import Part
     from fledge.targets.target import Target
 
@@ -52,7 +54,7 @@ class Console:
         self._meet()
         return self
 
-    def _meet(self):
+    def _meet(self) -> None:
         """Wait until flight answers. It forgets what came before it began."""
         end = time.monotonic() + self.timeout
         while time.monotonic() < end and self.lives():
@@ -78,7 +80,7 @@ class Console:
     def lives(self) -> bool:
         return self.flight.poll() is None and self.outside.poll() is None
 
-    def _listen(self):
+    def _listen(self) -> None:
         assert self.outside.stdout
         for line in self.outside.stdout:
             self.heard.put(decoded(self.dictionary, bytes.fromhex(line)))
@@ -99,7 +101,7 @@ class Console:
         """Stop the procedure."""
         self._ask([self.packets.stop()], _executed)
 
-    def _ask(self, packets, is_answer):
+    def _ask(self, packets: Sequence[bytes], is_answer: Callable[[Any], bool]) -> None:
         """Send packets, and print what comes until the answer to the last, or a refusal."""
         sequence = self.packets.sequence - 1 & 0x3FFF
         self._send(packets)
@@ -115,7 +117,7 @@ class Console:
             if getattr(one, "sequence", None) == sequence and (is_answer(one) or _refused(one)):
                 return
 
-    def _send(self, packets):
+    def _send(self, packets: Sequence[bytes]) -> None:
         with contextlib.suppress(BrokenPipeError):      # the relay has ended: what is heard ends, too
             assert self.outside.stdin
             self.outside.stdin.write("".join(f"{packet.hex()}\n" for packet in packets))

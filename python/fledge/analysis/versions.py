@@ -78,7 +78,7 @@ class Kept:
         return requirement["limit"] - values if comparison[0] == "<" else values - requirement["limit"]
 
 
-def _head(name, unit):
+def _head(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
@@ -224,7 +224,7 @@ def fly(mission: str, against: str, campaign: str | None = None, runs: int = 100
     return this, _by_launcher(tree, theirs, ours.name if campaign else None, runs, seed, folder / "other", threads)
 
 
-def _flown(campaign, runs, seed, folder, threads):
+def _flown(campaign: Campaign, runs: int, seed: int, folder: Path, threads: int | None) -> Kept:
     result = campaign.fly(runs, seed, threads)
     if result.interrupted:
         raise KeyboardInterrupt
@@ -266,19 +266,19 @@ def _version(mission: Path, against: str, scratch: Path) -> tuple[Path | None, P
     return (None if same else tree), tree / inside
 
 
-def _differ(top, revision, beside):
+def _differ(top: str, revision: str, beside: Sequence[str]) -> bool:
     """Whether the files of a repository differ from those of a revision, but for some."""
     done = subprocess.run([*GIT, "-C", top, "diff", "--quiet", revision, "--", ".", *beside], check=False)
     return done.returncode != 0
 
 
-def _builds(tree):
+def _builds(tree: Path) -> bool:
     """Whether a tree has C of its own to be built: Fledge itself, or a project."""
     file = tree / "CMakeLists.txt"
     return (tree / "fledge").is_file() or (file.exists() and "fledge_project" in file.read_text("utf-8"))
 
 
-def _extract(top, revision, paths, folder):
+def _extract(top: str, revision: str, paths: Sequence[str], folder: Path) -> None:
     """The files of a revision, in a folder."""
     part = folder.with_name(f"{folder.name}.part-{os.getpid()}")
     part.mkdir(parents=True)

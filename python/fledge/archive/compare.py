@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,8 @@ from fledge.errors import listed
 from fledge.records.series import part
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from fledge.archive import Archive
 
     Times = Callable[[Any], Any]    # from an array of times [ns]: which of them count
@@ -47,7 +49,7 @@ class Difference:
     worst: float = 0.0
     unit: str = ""
 
-    def __str__(self):
+    def __str__(self) -> str:
         full = f"{self.topic}.{self.name}" if self.name else self.topic
         if self.t == STRUCTURE:
             return f"{full}: {self.what}"
@@ -98,7 +100,7 @@ def origins(a: Archive, b: Archive) -> list[tuple[str, str, str]]:
     return found
 
 
-def _element(a, b):
+def _element(a: str, b: str) -> str:
     """The indices of the first element in which two texts of lists differ: "[2][0]"; "" if they are no like lists."""
     import json
 
@@ -113,7 +115,7 @@ def _element(a, b):
     return indices
 
 
-def _at(text, element):
+def _at(text: str, element: str) -> str:
     """That element of a list in a text, with the unit that follows the list."""
     import json
 
@@ -144,7 +146,8 @@ def chosen(a: Archive, b: Archive, topics: Iterable[str] | None = None) -> list[
     return wanted
 
 
-def _topic(a, b, topic, ignore, tolerance, times):
+def _topic(a: Archive, b: Archive, topic: str, ignore: Sequence[str], tolerance: float,
+           times: Times | None) -> Iterator[Difference]:
     import numpy as np
 
     name = topic.strip("/").replace("/", ".")
@@ -171,7 +174,7 @@ def _topic(a, b, topic, ignore, tolerance, times):
     yield from _values(one, name, va[:n], vb[:n], ta[:n], ignore, tolerance)
 
 
-def _definitions_differ(one, two):
+def _definitions_differ(one: Channel, two: Channel) -> str:
     if one.schema != two.schema:
         return f"a {one.schema.split('/')[-1]} here, a {two.schema.split('/')[-1]} there"
     fields, others = one.fields, two.fields
@@ -187,7 +190,7 @@ def _definitions_differ(one, two):
     return ""
 
 
-def _unpaired(a, b, name, ta, tb, n):
+def _unpaired(a: Archive, b: Archive, name: str, ta: NDArray[Any], tb: NDArray[Any], n: int) -> Difference:
     """The first message without a partner of the same time."""
     if n < len(ta) and n < len(tb):
         early, here = (ta[n], a) if ta[n] < tb[n] else (tb[n], b)
@@ -198,7 +201,8 @@ def _unpaired(a, b, name, ta, tb, n):
                       f"{seconds(t[-1])}")
 
 
-def _values(channel, topic, va, vb, t, ignore, tolerance):
+def _values(channel: Channel, topic: str, va: NDArray[Any], vb: NDArray[Any], t: NDArray[Any], ignore: Sequence[str],
+            tolerance: float) -> Iterator[Difference]:
     """The first difference of each field."""
     import numpy as np
 
@@ -234,7 +238,7 @@ def _values(channel, topic, va, vb, t, ignore, tolerance):
                          worst=float(distance.max()), unit=field.unit)
 
 
-def _ulps(p, q):
+def _ulps(p: Any, q: Any) -> int | None:
     """The steps from one floating-point number to another, over representable ones; None if it has no meaning."""
     import math
     import struct
@@ -243,7 +247,7 @@ def _ulps(p, q):
         return None
     code, mask = (("<d", "<q"), 1 << 63) if p.dtype.itemsize == 8 else (("<f", "<i"), 1 << 31)
 
-    def place(v):
+    def place(v: Any) -> int:
         n = struct.unpack(code[1], struct.pack(code[0], float(v)))[0]
         return n if n >= 0 else -(n + mask)
     return abs(place(p) - place(q))

@@ -17,6 +17,14 @@ from array import array
 
 from fledge.archive import rosmsg
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    import mmap
+    from collections.abc import Callable
+    from typing import Any
+
+    Data = bytes | mmap.mmap    # of a file, or of a record of it
+
 MAGIC = b"\x89MCAP0\r\n"
 (HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS,
  METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END) = range(1, 16)
@@ -37,7 +45,7 @@ _message = struct.Struct("<BQHIQ").unpack_from  # up to log_time
 class Damage(Exception):
     """A fault at a byte of the file."""
 
-    def __init__(self, offset, what):
+    def __init__(self, offset: int, what: str) -> None:
         super().__init__(what)
         self.offset = offset
         self.what = what
@@ -50,23 +58,24 @@ class Unsupported(Exception):
 class RawChannel:
     """A Channel record, its Schema, and where its messages are."""
 
-    def __init__(self, key, topic, schema, encoding, metadata):
+    def __init__(self, key: tuple[Any, ...], topic: str, schema: tuple[str, str, str], encoding: str,
+                 metadata: dict[str, str]) -> None:
         self.key = key            # equal for identical records
         self.topic = topic
         self.schema_name, self.schema_encoding, self.schema_text = schema
         self.encoding = encoding
         self.metadata = metadata
         self.offsets = array("Q")  # of its Message records in the file
+        self.struct: rosmsg.Struct | None = None
+        self.why_not: str | None = None
         try:
             self.struct = self._parse()
-            self.why_not = None
         except rosmsg.DefinitionError as error:
-            self.struct = None
             self.why_not = str(error)
         # The length that every Message record of a fixed-size type must state.
         self.length = self.struct and PAYLOAD_AT - _PREFIX + self.struct.size
 
-    def _parse(self):
+    def _parse(self) -> rosmsg.Struct:
         if (self.schema_encoding, self.encoding) != ("ros2msg", "cdr"):
             raise rosmsg.DefinitionError(
                 f'schema encoding "{self.schema_encoding}" and message encoding "{self.encoding}"; '
@@ -77,25 +86,25 @@ class RawChannel:
 class _Fields:
     """The fields of one record, in order."""
 
-    def __init__(self, data, start, begin, end):
+    def __init__(self, data: Data, start: int, begin: int, end: int) -> None:
         self.data, self.start, self.at, self.end = data, start, begin, end
 
-    def take(self, n):
+    def take(self, n: int) -> bytes:
         if n > self.end - self.at:
             raise Damage(self.start, "a field reaches beyond its record")
         self.at += n
         return self.data[self.at - n:self.at]
 
-    def number(self, n):
+    def number(self, n: int) -> int:
         return int.from_bytes(self.take(n), "little")
 
-    def text(self):
+    def text(self) -> str:
         try:
             return bytes(self.take(self.number(4))).decode()
         except UnicodeDecodeError:
             raise Damage(self.start, "a text is not UTF-8") from None
 
-    def pairs(self, key=text, value=text):
+    def pairs(self, key: Callable[[_Fields], Any] = text, value: Callable[[_Fields], Any] = text) -> dict[Any, Any]:
         size = self.number(4)
         inner = _Fields(self.data, self.start, self.at, self.at + len(self.take(size)))
         found = {}
@@ -137,22 +146,23 @@ class Scan:
     problem_at: its byte; t_good: [ns] the time before which all messages are present and right, or None if unknown.
     """
 
-    def __init__(self, data):
+    def __init__(self, data: Data) -> None:
         self.data = data
         self.size = len(data)
-        self.channels = {}
-        self.metadata = {}
+        self.channels: dict[int, RawChannel] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
         self.profile = self.library = ""
-        self.problem = self.problem_at = None
-        self.t_good = None
-        self._schemas = {}
-        self._statistics = None
-        self._t_last = None
+        self.problem: str | None = None
+        self.problem_at: int | None = None
+        self.t_good: int | None = None
+        self._schemas: dict[int, tuple[str, str, str]] = {}
+        self._statistics: dict[int, int] | None = None
+        self._t_last: int | None = None
         self._loose = False         # messages outside of chunks: no checksum of their own
         self._cut = False           # the file ends within a chunk, whose checksum is then of no use
         self._passed_over = False   # some records were not, or not wholly, decoded
-        self._data_end_at = None    # the DataEnd record, once it is reached
-        self._data_is_right = None  # whether its checksum is right; None: it has none
+        self._data_end_at: int | None = None        # the DataEnd record, once it is reached
+        self._data_is_right: bool | None = None     # whether its checksum is right; None: it has none
         try:
             self._summary(self._data_section(len(MAGIC)))
         except Damage as damage:
@@ -160,10 +170,10 @@ class Scan:
         self._judge()
 
     @property
-    def count(self):
+    def count(self) -> int:
         return sum(len(c.offsets) for c in self.channels.values())
 
-    def _judge(self):
+    def _judge(self) -> None:
         """Set t_good, and add to `problem` which data are good."""
         self.t_good = self._t_last
         if self._data_is_right is False:
@@ -185,12 +195,12 @@ class Scan:
         elif self.problem and self._loose:
             self.problem += "; the messages before it have no checksum of their own"
 
-    def _counts(self):
+    def _counts(self) -> dict[int, int]:
         return {id: len(c.offsets) for id, c in self.channels.items()}
 
     # ---- records ----
 
-    def _record(self, at, end):
+    def _record(self, at: int, end: int) -> tuple[int, int, int]:
         """Operation code, beginning and end of the content of the record at a byte."""
         if end - at < _PREFIX:
             raise Damage(at, f"the file ends within a record ({end - at} bytes of it are there)"
@@ -202,7 +212,7 @@ class Scan:
             raise Damage(at, f"the {name} record states {length} bytes, {there} are there")
         return op, at + _PREFIX, at + _PREFIX + length
 
-    def _data_section(self, at):
+    def _data_section(self, at: int) -> int:
         op, begin, end = self._record(at, self.size)
         if op != HEADER:
             raise Damage(at, f"expected the Header, found record 0x{op:02x}")
@@ -216,11 +226,11 @@ class Scan:
             self._data_is_right = crc == self._crc(0, at)
         return end
 
-    def _crc(self, begin, end):
+    def _crc(self, begin: int, end: int) -> int:
         with memoryview(self.data) as view, view[begin:end] as part:
             return zlib.crc32(part)
 
-    def _contents(self, at, end, in_chunk):
+    def _contents(self, at: int, end: int, in_chunk: bool) -> int:
         """Read the records of a chunk to its end, or of the data section to its DataEnd."""
         data, channels = self.data, self.channels
         t_last = -1
@@ -259,7 +269,7 @@ class Scan:
             raise Damage(at, "the file ends before its DataEnd record")
         return at
 
-    def _other(self, op, at, begin, end, in_chunk):
+    def _other(self, op: int, at: int, begin: int, end: int, in_chunk: bool) -> None:
         fields = _Fields(self.data, at, begin, end)
         if op == SCHEMA:
             self._schema(fields)
@@ -281,7 +291,7 @@ class Scan:
         # into one.
         self._passed_over = self._passed_over or fields.at != end
 
-    def _schema(self, fields):
+    def _schema(self, fields: _Fields) -> None:
         id = fields.number(2)
         schema = (fields.text(), fields.text(), fields.text())
         if self._data_end_at is not None and id not in self._schemas:
@@ -289,7 +299,7 @@ class Scan:
         if self._schemas.setdefault(id, schema) != schema:
             raise Damage(fields.start, f"schema {id} is declared twice, differently")
 
-    def _channel(self, fields):
+    def _channel(self, fields: _Fields) -> None:
         id, schema = fields.number(2), fields.number(2)
         if schema and schema not in self._schemas:
             raise Damage(fields.start, f"channel {id} has schema {schema}, which is not declared")
@@ -303,7 +313,7 @@ class Scan:
         elif self.channels[id].key != key:
             raise Damage(fields.start, f"channel {id} is declared twice, differently")
 
-    def _chunk(self, fields):
+    def _chunk(self, fields: _Fields) -> None:
         fields.take(16)  # earliest and latest time
         size, crc, compression = fields.number(8), fields.number(4), fields.text()
         if compression in ("lz4", "zstd"):
@@ -321,7 +331,7 @@ class Scan:
                          f"0x{crc:08x} was written")
         self._contents(begin, fields.end, in_chunk=True)
 
-    def _cut_chunk(self, at):
+    def _cut_chunk(self, at: int) -> None:
         """Read what is there of a chunk in which the file ends."""
         if self.size - at >= _CHUNK_HEAD and _prefix(self.data, at)[0] == CHUNK and not any(
                 self.data[at + _COMPRESSION_AT:at + _COMPRESSION_AT + 4]):
@@ -332,7 +342,7 @@ class Scan:
                 pass        # the end of the file, which the caller names
             self._cut = self.count > before
 
-    def _summary(self, start):
+    def _summary(self, start: int) -> None:
         at = start
         while True:
             op, begin, end = self._record(at, self.size)
@@ -359,7 +369,7 @@ class Scan:
             raise Damage(start, f"the Statistics count {sum(self._statistics.values())} messages, "
                          f"{self.count} were found")
 
-    def _read_statistics(self, fields):
+    def _read_statistics(self, fields: _Fields) -> None:
         total = fields.number(8)
         fields.take(2 + 4 * 4 + 2 * 8)
         found = fields.pairs(lambda f: f.number(2), lambda f: f.number(8))

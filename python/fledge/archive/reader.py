@@ -27,7 +27,7 @@ import re
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from fledge.archive import mcap
 from fledge.errors import cell, listed, printable
@@ -35,6 +35,9 @@ from fledge.files import Part
 from fledge.archive.rosmsg import Field
 from fledge.records.series import (
     HEAD, Records, frame_of, head_column, head_columns, in_words, nested_names, part, words_of)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
@@ -55,7 +58,7 @@ class Channel:
     problem: why its messages cannot be decoded, as those that have no fixed size; None if they can
     """
 
-    def __init__(self, raw, path):
+    def __init__(self, raw: mcap.RawChannel, path: Path) -> None:
         self._raw = raw
         self._path = path
         self.topic = raw.topic
@@ -75,7 +78,7 @@ class Channel:
         """
         return {f.name: f for f in self._struct().fields()}
 
-    def _struct(self):
+    def _struct(self) -> rosmsg.Struct:
         if self.problem is not None:
             raise ArchiveError(f"{self._path}: {self.topic} ({self.schema}) cannot be decoded: {self.problem}")
         return self._raw.struct
@@ -90,7 +93,7 @@ class Channel:
         """The names and shapes of the parts of each field's name."""
         return {f.name: f.parts for f in self._struct().fields()}
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Channel {self.topic}: {self.count} x {self.schema}>"
 
 
@@ -157,37 +160,38 @@ class Archive(Records):
         """Close the file. Arrays and frames that were read stay valid."""
         self._data.close()
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         run = self.metadata.get("run", {})
         about = ", ".join(run[key] for key in ("mission", "scenario") if key in run)
         return self._table(f"{self.path}{f', {about}' if about else ''}{'' if self.complete else ', incomplete'}")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = [f"<Archive {self.path}{'' if self.complete else ', incomplete'}>"]
         lines += [f"  {c.topic}  {c.count} x {c.schema}" for c in self.topics.values()]
         return "\n".join(lines)
 
     # ---- names ----
 
-    def _ports(self):
+    def _ports(self) -> list[Channel]:
         return list(self.topics.values())
 
-    def _time(self, port):
+    def _time(self, port: Channel) -> Any:
         return self.time(port.topic)
 
-    def _find(self, key):
+    def _find(self, key: str) -> tuple[Channel, str | None, tuple[Any, ...]]:
         return (self.topics[key], None, ()) if key in self.topics else super()._find(key)
 
-    def _channel(self, key):
+    def _channel(self, key: str) -> Channel:
         return self._find(key)[0]
 
-    def _select(self, topics, head):
+    def _select(self, topics: str | Iterable[str] | None,
+                head: bool) -> list[tuple[Channel, list[Field], dict[str, str]]]:
         """Patterns or names of topics or fields -> [(Channel, [Field], columns for the head)], in the archive's order.
 
         head: whether whole messages have columns for their heads.
@@ -229,7 +233,7 @@ class Archive(Records):
         """The simulated times of a topic's (or field's) messages: (n,) float64 [s]."""
         return self.time_ns(topic) / 1e9
 
-    def _gather(self, channel, at, dtype):
+    def _gather(self, channel: Channel, at: int, dtype: Any) -> NDArray[Any]:
         """The values `at` bytes into each of the channel's Message records: (n,) of the dtype."""
         import numpy as np
         dtype = np.dtype(dtype)
@@ -241,7 +245,7 @@ class Archive(Records):
                                        strides=(1,))
         return items[offsets + np.uint64(at)].view(dtype)
 
-    def _values(self, channel):
+    def _values(self, channel: Channel) -> NDArray[Any]:
         import numpy as np
         if channel.topic in self._decoded:
             return self._decoded[channel.topic]
@@ -297,7 +301,7 @@ class Archive(Records):
             tables.append((self.time_ns(channel.topic), columns))
         return frame_of(tables, units, meanings)
 
-    def _elements(self, channel, field):
+    def _elements(self, channel: Channel, field: Field) -> NDArray[Any]:
         """A field's values as one (n,) array per element, in the order of Field.columns()."""
         values = self._field(channel, field.name).reshape(channel.count, len(field.columns()))
         return values.astype(values.dtype.newbyteorder("="), copy=False).T
@@ -331,7 +335,7 @@ class Archive(Records):
                 self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)
         return list(files)
 
-    def _write_csv(self, writer, channel, fields, heads):
+    def _write_csv(self, writer: Any, channel: Channel, fields: list[Field], heads: dict[str, str]) -> None:
         headings, columns = ["time [s]"], []
         missing = self._missing(channel)
         for field in fields:
@@ -401,12 +405,12 @@ def missing_of(metadata: dict[str, dict[str, str]]) -> str:
     return f"the data up to t = {time} are missing: {about.get('why', 'the reason is unknown')}"
 
 
-def _exact(times):
+def _exact(times: NDArray[Any]) -> list[str]:
     """Times [ns] as texts in seconds, exact to the nanosecond."""
     return [f"{'-' * (t < 0)}{abs(t) // 10**9}.{abs(t) % 10**9:09d}" for t in times.tolist()]
 
 
-def _map(path):
+def _map(path: Path) -> mmap.mmap:
     """The file's bytes, mapped into memory, if it begins as an MCAP file does."""
     try:
         with open(path, "rb") as file:

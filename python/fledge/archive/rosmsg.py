@@ -164,12 +164,13 @@ def parse(text: str) -> Struct:
     return struct
 
 
-def _short(name):
+def _short(name: str) -> str:
     """fledge/msg/Head, fledge/Head and Head are the same: the package is ignored."""
     return name.rpartition("/")[2]
 
 
-def _struct(name, sections, known, inside):
+def _struct(name: str | None, sections: dict[Any, list[tuple[int, str]]], known: dict[str | None, Struct],
+            inside: tuple[str | None, ...]) -> Struct:
     if name not in known:
         members = []
         for number, line in sections[name]:
@@ -185,7 +186,8 @@ def _struct(name, sections, known, inside):
     return known[name]
 
 
-def _member(number, code, comment, sections, known, inside):
+def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple[int, str]]],
+            known: dict[str | None, Struct], inside: tuple[str | None, ...]) -> Member:
     match = _FIELD.fullmatch(code)
     if not match:
         raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, '

@@ -61,7 +61,7 @@ class Replay:
                 "for a clock, os.urandom, id(), an environment variable, the order of a set, or a file; both are in "
                 f"{self._folder}"), ""
 
-    def _compare(self, sim):
+    def _compare(self, sim: Any) -> tuple[str, str]:
         """(the first difference or "", what is the same)"""
         from fledge.archive import Archive
         from fledge.archive.compare import compare

@@ -67,7 +67,7 @@ def compare(options: argparse.Namespace) -> int:
     return 1
 
 
-def _short(text):
+def _short(text: str) -> str:
     """A value on one line: its beginning, if it is long."""
     line = " ".join(text.split())
     return line if len(line) <= 60 else line[:57] + "..."

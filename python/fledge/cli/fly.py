@@ -20,14 +20,18 @@ from fledge.targets import TARGETS
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
     from typing import Any
 
+    from fledge.archive import Archive
+    from fledge.archive.compare import Difference
     from fledge.requirements import Outcome
     from fledge.targets.flown import Flown
-    from fledge.targets.job import Part
+    from fledge.targets.job import Job, Part
     from fledge.targets.target import Target
+
+    Bound = tuple[str, float, float, str]   # a field, how much, [s] from when on, where it stands
 
 
 def add(command: Callable) -> None:
@@ -84,7 +88,7 @@ def add(command: Callable) -> None:
     one.set_defaults(needs=_needed)
 
 
-def _needed(options):
+def _needed(options: argparse.Namespace) -> list[str]:
     names, apart = _chosen(options.on)
     chosen = [*names, *apart.values()]
     by_ssh = any(one.startswith(serial_line.BY_SSH) for one in chosen)
@@ -164,7 +168,8 @@ def fly(options: argparse.Namespace) -> int:
         return _fly(options, job, runs, bounds, lacking)
 
 
-def _refuse(prepare, others, lacking):
+def _refuse(prepare: Callable[[Target, Part], object], others: list[tuple[Part, Target]],
+            lacking: dict[str, str]) -> None:
     """Call prepare(target, part) of all that fly, before anything does. Print why a target refuses, and add it to
     `lacking`; its other parts are left out."""
     from fledge.errors import Failure, SetupError
@@ -178,7 +183,7 @@ def _refuse(prepare, others, lacking):
                 print(f"  {target.name}: {error}", file=sys.stderr)
 
 
-def _checked(options, job, others, settled):
+def _checked(options: argparse.Namespace, job: Job, others: list[tuple[Part, Target]], settled: float) -> list[Bound]:
     """The bounds by which the flight is judged: (field, how much, [s] from when on, where it stands) of each. Raises
     Failure if options do not fit the mission."""
     from fledge.errors import Failure
@@ -203,7 +208,7 @@ def _checked(options, job, others, settled):
     return bounds
 
 
-def _ready(names):
+def _ready(names: Sequence[str]) -> tuple[dict[str, Any], dict[str, str]]:
     """(the targets by name, why some of them cannot fly). Raises Failure if there is no such target."""
     from fledge.errors import Failure
 
@@ -217,7 +222,7 @@ def _ready(names):
     return found, lacking
 
 
-def _at_lines(options, names, apart):
+def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, str]) -> dict[str, Any]:
     """The boards at serial lines and computers that --on names, by their names."""
     from fledge.errors import Failure
     from fledge.targets.serial import Serial
@@ -245,7 +250,7 @@ def _at_lines(options, names, apart):
     return found
 
 
-def _with_tools(options, chosen):
+def _with_tools(options: argparse.Namespace, chosen: Iterable[str]) -> dict[str, Any]:
     """The one target on a LEON3, or for --gdb on another emulated board, with what a developer wants of it."""
     from fledge.errors import Failure
 
@@ -253,7 +258,7 @@ def _with_tools(options, chosen):
              for word in (f"--{name}", os.path.abspath(getattr(options, name)))]
     words += ["--gdb", options.gdb] if options.gdb else []
 
-    def takes(target):
+    def takes(target: Target) -> bool:
         return target.takes_tools or (words[:1] == ["--gdb"] and target.takes_gdb)
 
     flown = [name for name in chosen if takes(TARGETS[name])]
@@ -264,7 +269,7 @@ def _with_tools(options, chosen):
     return {name: target(words) for name, target in made.items()} if words else {}
 
 
-def _in_tree(tree, targets):
+def _in_tree(tree: str, targets: dict[str, Any]) -> dict[str, Any]:
     """Those of the targets that fly in a tree of cFS, by name."""
     from fledge.errors import Failure
     from fledge.targets.cfs.real import RealCfs
@@ -277,7 +282,7 @@ def _in_tree(tree, targets):
     return found
 
 
-def _chosen(text):
+def _chosen(text: str) -> tuple[list[str], dict[str, str]]:
     """(names of targets, a run each; process -> name of its target, in one more run) of --on."""
     from fledge.errors import Failure
 
@@ -298,7 +303,7 @@ def _chosen(text):
     return names, apart
 
 
-def _by_process(words):
+def _by_process(words: Iterable[str]) -> dict[str, list[str]]:
     """Process -> its files and folders, of the words FILE and PROCESS=FILE."""
     found: dict[str, list[str]] = {}
     for word in words:
@@ -307,7 +312,8 @@ def _by_process(words):
     return found
 
 
-def _fly(options, job, runs, bounds, lacking):
+def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target]], bounds: list[Bound],
+         lacking: dict[str, str]) -> int:
     """runs: name -> the target of each process. lacking: why a target, by its name, cannot fly."""
     from fledge.cli.console import say
     from fledge.cli.judge import show_required
@@ -331,7 +337,7 @@ def _fly(options, job, runs, bounds, lacking):
     code = 1
     flights: dict[str, dict[str, Target]] = {"desktop": {}, **runs}
 
-    def absent(name):
+    def absent(name: str) -> None:
         rows.append((name, None, "", "did not fly"))
         wrong[name].append("did not fly")
 
@@ -420,20 +426,20 @@ def _fly(options, job, runs, bounds, lacking):
     return _verdict({_title(name, runs): problems for name, problems in wrong.items()}, code)
 
 
-def _plot_late(flown, title):
+def _plot_late(flown: Flown, title: str) -> Path:
     from fledge.plot import save
     from fledge.targets import serial
 
     return save(serial.plot(flown.line, title), flown.record.parent, f"{flown.record.stem}_late")
 
 
-def _title(name, runs):
+def _title(name: str, runs: dict[str, dict[str, Target]]) -> str:
     """The name of a run; of one with targets for some of several processes, these, as --on has them."""
     return name if name != "apart" else ",".join(f"{process}={one.name}" for process, one in runs[name].items()
                                                  if one.name != "desktop") or "apart"
 
 
-def _verdict(wrong, code=1):
+def _verdict(wrong: dict[str, list[str]], code: int = 1) -> int:
     """Print the last line, which has every target; returns the exit code. wrong: what is, by target."""
     from fledge.cli.console import say
 
@@ -444,7 +450,8 @@ def _verdict(wrong, code=1):
     return code if failed else 0
 
 
-def _judged(options, job, name, flown):
+def _judged(options: argparse.Namespace, job: Job, name: str,
+            flown: dict[str, Archive]) -> tuple[str | None, int, list[Outcome]]:
     """The same as of attempt(), of what a target put out."""
     from fledge.archive import Archive, ArchiveError
     from fledge.cli.judge import judge
@@ -456,7 +463,7 @@ def _judged(options, job, name, flown):
         return str(error), 2, []
 
 
-def _build(job, others):
+def _build(job: Job, others: list[tuple[Part, Target]]) -> int:
     from fledge.cli.console import say
     from fledge.targets import table
 
@@ -468,7 +475,7 @@ def _build(job, others):
     return 0
 
 
-def _clock(job, others):
+def _clock(job: Job, others: list[tuple[Part, Target]]) -> int:
     import dataclasses
     import json
 
@@ -494,7 +501,7 @@ def _clock(job, others):
     return _verdict({target.name: [] if paced.same else ["its outputs are not the desktop's"]})
 
 
-def _join(job, part, target, address, keys):
+def _join(job: Job, part: Part, target: Target, address: str, keys: str | None) -> int:
     from fledge.cli.console import say
     from fledge.targets import table
 
@@ -510,14 +517,14 @@ def _join(job, part, target, address, keys):
     return 0
 
 
-def _rounded(desktop, archive, part, flown, bounds):
+def _rounded(desktop: Archive, archive: Archive, part: Part, flown: Flown, bounds: list[Bound]) -> tuple[str, str]:
     """(the text for the table, what is wrong or "") of a flight through words that round.
 
     bounds: (field, bound, [s] from when on, place) of each."""
     from fledge.archive.compare import compare
 
     @functools.cache
-    def differences(after):
+    def differences(after: float) -> list[Difference]:
         return compare(desktop, archive, part.outputs, ignore=["sequence"],
                        times=lambda t: part.is_instant(t) & (t >= after * 1e9))
 
@@ -547,11 +554,11 @@ def _rounded(desktop, archive, part, flown, bounds):
     return "; ".join(texts), problem
 
 
-def _plain(name):
+def _plain(name: str) -> str:
     return re.sub(r"\[\d+\]", "", name)
 
 
-def _bound(text):
+def _bound(text: str) -> tuple[str, float]:
     field, equals, value = text.rpartition("=")
     try:
         return field, float(value) if equals and field and float(value) >= 0 else 1 / 0

@@ -14,9 +14,9 @@ from fledge.cli.arguments import number
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Callable
     from typing import Any
-    import argparse
 
 
 def add(command: Callable) -> None:
@@ -136,7 +136,7 @@ def fetch(options: argparse.Namespace) -> int:
                  lambda craft, progress: craft.fetch(options.file, name, class1=options.class1, progress=progress))
 
 
-def _move(options, done, begin):
+def _move(options: argparse.Namespace, done: str, begin: Callable[[Any, Callable[[Any], None]], Any] | None) -> int:
     """Begin a transfer, and wait for it; without `begin`, print a directory."""
     import sys
 
@@ -158,7 +158,7 @@ def _move(options, done, begin):
                 say(line)
             return 0
         with Bar(options.file) as bar:
-            def draw(one):
+            def draw(one: Any) -> None:
                 bar.at(one.done / max(one.size, 1), f"{one.done} of {one.size} bytes")
 
             start = craft.link.t

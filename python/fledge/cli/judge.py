@@ -37,7 +37,8 @@ def attempt(options: argparse.Namespace, sim: Simulation, scenario: str, fly: Ca
     return verdict or None, code or int(verdict != ""), outcomes
 
 
-def _attempt(options, sim, fly, stop):
+def _attempt(options: argparse.Namespace, sim: Simulation, fly: Callable[[Simulation], object],
+             stop: Path | None) -> tuple[str | None, int]:
     from fledge import mission as missions
 
     try:
@@ -85,7 +86,8 @@ def reported(options: argparse.Namespace, sim: Simulation, scenario: str, where:
         return _reported(options, sim, scenario, where, folder, metadata)
 
 
-def _reported(options, sim, scenario, where, folder, metadata):
+def _reported(options: argparse.Namespace, sim: Simulation, scenario: str, where: str, folder: Path,
+              metadata: dict[str, str]) -> tuple[str | None, int, list[Outcome]]:
     import fledge
     from fledge import report as pages
 

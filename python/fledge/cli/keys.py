@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
+    from fledge.cosim.keys import Key
+
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
@@ -26,7 +28,8 @@ def add(command: Callable) -> None:
                        "keys new controller world flight")
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
-    def action(name, function, text, example, folder=True):
+    def action(name: str, function: Callable[[argparse.Namespace], None], text: str, example: str,
+               folder: bool = True) -> Any:
         a = kinds.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
                              epilog=f"example: ./fledge keys {example}")
         if folder:
@@ -52,8 +55,8 @@ def add(command: Callable) -> None:
     a.add_argument("file", metavar="FILE")
 
 
-def _spoken(function):
-    def spoken(options):
+def _spoken(function: Callable[[argparse.Namespace], None]) -> Callable[[argparse.Namespace], int]:
+    def spoken(options: argparse.Namespace) -> int:
         from fledge.cosim.keys import KeysError
 
         try:
@@ -112,7 +115,7 @@ def allow(options: argparse.Namespace) -> None:
             + ("any node" if "*" in nodes else ", ".join(nodes)))
 
 
-def _confirm(key):
+def _confirm(key: Key) -> None:
     """Ask whether the owner of a key that somebody sent may take part under the file's name."""
     name = key.path.stem
     called = f", which calls itself {key.name}" if key.name != name else ""

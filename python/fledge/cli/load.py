@@ -16,8 +16,8 @@ from fledge.serial_line import BY_SSH
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
     import argparse
+    from collections.abc import Callable
 
 
 def add(command: Callable) -> None:
@@ -66,7 +66,7 @@ def load(options: argparse.Namespace) -> int:
     return 0
 
 
-def _by_ssh(options):
+def _by_ssh(options: argparse.Namespace) -> int:
     from fledge.cli.console import say, size_of
     from fledge.targets import TARGETS, Job, remote
     from fledge.targets.ssh import Ssh

@@ -15,6 +15,13 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
+    from typing import Any
+
+    from _ground import Packet
+    from fledge.ground import Database
+    from fledge.ground.captures import Piece
+
+    Show = Callable[[Piece, Packet | None], None]       # prints a packet
 
 
 def add(command: Callable) -> None:
@@ -74,7 +81,7 @@ def packets(options: argparse.Namespace) -> int:
     return 0 if good else 1
 
 
-def _about(piece, found):
+def _about(piece: Piece, found: Packet | None) -> dict[str, Any]:
     """What is known of a packet before its fields."""
     from fledge.ground.captures import encapsulated, header
 
@@ -91,15 +98,15 @@ def _about(piece, found):
         {"reason": "; ".join(reasons) or None} if found or reasons else {})
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     return value.hex() if isinstance(value, bytes) else value
 
 
-def _text(database):
-    def line(text):
+def _text(database: Database | None) -> Show:
+    def line(text: str) -> None:
         print(printable(text, lines=False))     # a value does not look like another line
 
-    def show(piece, found):
+    def show(piece: Piece, found: Packet | None) -> None:
         about = _about(piece, found)
         when = f", {about['time'] / 1e9:.9f} s" if "time" in about else ""
         which = f"protocol {about['protocol']}" if "protocol" in about else \
@@ -118,13 +125,13 @@ def _text(database):
     return show
 
 
-def _csv(database):
-    def line(*row):
+def _csv(database: Database | None) -> Show:
+    def line(*row: Any) -> None:
         print(",".join("" if one is None else field(one) if isinstance(one, str) else str(one) for one in row))
 
     line("byte", "application", "count", "container", "field", "value", "raw", "kind", "reason")
 
-    def show(piece, found):
+    def show(piece: Piece, found: Packet | None) -> None:
         about = _about(piece, found)
         head = [about.get(key) for key in ("byte", "application", "count")]
         kind = f"encapsulation {about['protocol']}" if "protocol" in about else about["kind"]
@@ -137,8 +144,8 @@ def _csv(database):
     return show
 
 
-def _json(database):
-    def show(piece, found):
+def _json(database: Database | None) -> Show:
+    def show(piece: Piece, found: Packet | None) -> None:
         fields = {"values": found.values, "raw": found.raw} if found else {}
         text = json.dumps(_about(piece, found) | fields, default=_plain)
         print(text.replace("\x7f", "\\u007f"))     # the one control character that JSON leaves

@@ -13,6 +13,7 @@ from fledge.cli.node import add_parameters, given_parameters
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from typing import Any
 
 TARGET = "micropython-dev"
 HELP = """A line is Python, which flight evaluates at its next instant: f.control.K; f.control.K = 3.
@@ -81,7 +82,7 @@ def _texts(title: str) -> Iterator[str]:
             yield line
 
 
-def _answer(flight, text: str, turns: int) -> None:
+def _answer(flight: Any, text: str, turns: int) -> None:
     """Do what a text asks for, and print what flight says."""
     from fledge.errors import Failure, SetupError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
     import argparse
+    from collections.abc import Callable
 
 
 def add(command: Callable) -> None:
@@ -61,7 +61,7 @@ def replay(options: argparse.Namespace) -> int:
     if exchange.limited:
         say(f"  until    {exchange.known / 1e9:g} s: {exchange.limited}")
 
-    def listening(address):
+    def listening(address: str) -> None:
         if not command:
             say(f"  waiting  start the node now, with FLEDGE_ADDRESS={address} FLEDGE_NODE={options.node}"
                 f" FLEDGE_SIMULATION={exchange.simulation}")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
     import argparse
+    from collections.abc import Callable
 
 
 def add(command: Callable) -> None:
@@ -32,7 +32,7 @@ def add(command: Callable) -> None:
     one.set_defaults(needs=_needed)
 
 
-def _needed(options):
+def _needed(options: argparse.Namespace) -> list[str]:
     import json
 
     try:

@@ -48,7 +48,7 @@ def alone(folder: Path, instead: str = "give another folder with --out") -> Iter
         os.close(lock)
 
 
-def _lock(folder, instead):
+def _lock(folder: Path, instead: str) -> int:
     """A descriptor that holds the lock of a folder; -1 if another program has deleted the folder meanwhile."""
     try:
         lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -139,7 +139,7 @@ def open_run(name: str) -> Archive:
     return archive
 
 
-def _left(part):
+def _left(part: Path) -> str:
     return f"a run that has not ended left {part}, with {worth(part)}."
 
 

@@ -15,8 +15,11 @@ from fledge.files import build_folder
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from fledge.cosim.up.description import Plan
     from fledge.cosim.up.rewind import Past
+    from fledge.cosim.up.session import Outcome, Session
     from fledge.cosim.up.table import Lines
 
 _MOST_RECORDS = 8   # in the list; of more only the sum is shown
@@ -49,7 +52,7 @@ def add(command: Callable) -> None:
     one.set_defaults(needs=_needed)
 
 
-def _needed(options):
+def _needed(options: argparse.Namespace) -> list[str]:
     """The targets on which the nodes of a file fly, and the server of a control room. A wrong file needs no more: the
     command itself refuses it."""
     import tomllib
@@ -133,7 +136,7 @@ def fly(plan: Plan, folder: Path, view: Lines, past: Past | None = None) -> int:
     return _report(plan, folder, session, outcome)
 
 
-def _plan(options, description):
+def _plan(options: argparse.Namespace, description: ModuleType) -> Plan:
     from fledge.cli.arguments import parse_duration
 
     given = Path(options.simulation)
@@ -170,12 +173,12 @@ def _plan(options, description):
     return plan
 
 
-def _programs(plan):
+def _programs(plan: Plan) -> str:
     others = len(plan.programs) - len(plan.nodes)
     return counted(len(plan.nodes), "node") + (f" and {counted(others, 'asynchronous program')}" if others else "")
 
 
-def view_of(options):
+def view_of(options: argparse.Namespace) -> Lines:
     from fledge.cosim.up.table import Lines, Screen
 
     if sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb" and not options.logs:
@@ -183,7 +186,7 @@ def view_of(options):
     return Lines(show_logs=options.logs)
 
 
-def _report(plan, folder, session, outcome):
+def _report(plan: Plan, folder: Path, session: Session, outcome: Outcome) -> int:
     """Print the results of a run; returns the exit code."""
     from fledge.archive.mcap import metadata
     from fledge.archive.reader import missing_of

@@ -185,7 +185,7 @@ def link(path: Path | str) -> int:
     return max(ids) + 1
 
 
-def _keep_out_of_git(folder, pattern):
+def _keep_out_of_git(folder: Path, pattern: str) -> None:
     ignore = folder / ".gitignore"
     known = ignore.read_text(encoding="utf-8") if ignore.exists() else ""
     if pattern not in known.splitlines():
@@ -194,7 +194,7 @@ def _keep_out_of_git(folder, pattern):
                             encoding="utf-8")
 
 
-def _write_private(path, text):
+def _write_private(path: Path, text: str) -> None:
     path.unlink(missing_ok=True)
     with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
         file.write(text)

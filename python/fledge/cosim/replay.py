@@ -21,6 +21,14 @@ from fledge.archive import Archive, ArchiveError
 from fledge.archive.compare import compare
 from fledge.errors import SetupError
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    import _cosim
+
 __all__ = ["Exchange", "Replayed", "replay"]
 
 Member = namedtuple("Member", "name present rates any_time reads prefix topics")
@@ -70,7 +78,7 @@ class Exchange:
             raise ArchiveError(f"{path}: the record of the exchange is damaged: {error}") from None
 
     @staticmethod
-    def _member(name, metadata):
+    def _member(name: str, metadata: dict[str, str]) -> Member:
         rates = [tuple(map(int, line.split("+"))) for line in metadata[f"{name}.rates"].split()]
         reads = {}
         for line in metadata[f"{name}.reads"].splitlines():
@@ -85,7 +93,7 @@ class Exchange:
         """The topics that a node wrote, and others read."""
         return [c.topic for c in self.archive.topics.values() if c.metadata.get("writer") == node]
 
-    def _known(self):
+    def _known(self) -> tuple[int, str]:
         limits = [(self.end, "")]
         limits += [(t, f"nodes joined or left at {t / 1e9:g} s") for t in self.changes]
         end = self.archive.metadata.get("end", {})
@@ -157,19 +165,19 @@ def replay(exchange: Exchange, node: str, command: list[str] | None = None, *, o
         return Replayed(None, topics, last, 0, [], outcome or "there was no message")
     again = Archive(record)
 
-    def compared(times):
+    def compared(times: NDArray[Any]) -> NDArray[Any]:
         return times <= last
 
     messages = sum(int(compared(exchange.archive.time_ns(topic)).sum()) for topic in topics)
     return Replayed(record, topics, last, messages, compare(exchange.archive, again, topics, times=compared), outcome)
 
 
-def _with(command, core, variables):
+def _with(command: list[str], core: _cosim.Replay, variables: dict[str, str]) -> str:
     """Start a command, run beside it, and end it."""
     process = subprocess.Popen(command, env=os.environ | variables)
     ended = []
 
-    def go_on():
+    def go_on() -> bool:
         # Its last messages may arrive after it has ended, so the run continues for a moment.
         ended.append(process.poll() is not None)
         return ended[-20:].count(True) < 20

@@ -101,7 +101,7 @@ class Board:
                              + did_you_mean(place, self.core.symbols()).rstrip(";"))
         return found[0]
 
-    def _changed(self, place):
+    def _changed(self, place: str | int) -> int:
         """address(), of what is to be changed. Raises SetupError on a variable of flight before it was booted."""
         if isinstance(place, str) and self.in_flight is not None and place.startswith(f"{self.in_flight.name}."):
             self.refuse_before_boot(place)
@@ -288,7 +288,7 @@ class Board:
         return self.in_flight.modules
 
 
-def _whole(value, low, high, what):
+def _whole(value: Any, low: int, high: int, what: str) -> int:
     """A whole number within bounds. Raises SetupError."""
     if not isinstance(value, (int, np.integer)) or not low <= value <= high:
         raise SetupError(f"{what} must be a whole number from {low} to {high}; found {value!r}")
@@ -298,21 +298,21 @@ def _whole(value, low, high, what):
 class _Modules:
     """The modules of a flight process, as attributes."""
 
-    def __init__(self, name, found):
+    def __init__(self, name: str, found: dict[str, Variable]) -> None:
         self._name, self._found = name, found
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._found:
             raise AttributeError(f"{self._name} has no '{name}'{did_you_mean(name, list(self._found))} there are "
                                  + ", ".join(self._found))
         return self._found[name]
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         if not name.startswith("_"):
             raise AttributeError(f"{self._name}.{name}: set a field of it, as in {self._name}.control.K = 3 * N * m")
         object.__setattr__(self, name, value)
 
-    def __dir__(self):
+    def __dir__(self) -> list[str]:
         return list(self._found)
 
 
@@ -341,15 +341,18 @@ class _Disturbed(NamedTuple):
 class _Flight:
     """The exchange between a simulation and the computer that is one of its flight processes."""
 
-    def __init__(self, board, sim, process, link):
+    def __init__(self, board: Board, sim: Any, process: Any, link: _emulator.Link) -> None:
         self.board, self.sim, self.link, self.name = board, sim, link, process.name
         self.kernel = sim.kernel.process(process.name)
-        self.answers = None             # with record(): (t [ns], what crossed the registers, None if no answer came)
-        self.script = []                # (after [ns], packet) of commands, in the order of time
-        self.telemetry = []             # (t [ns], packet)
-        self.links = {}                 # path of a message -> _Disturbed
+        # with record(): (t [ns], what crossed the registers, None if no answer came)
+        self.answers: list[tuple[int, bytes | None]] | None = None
+        self.script: list[tuple[int, bytes]] = []       # (after [ns], packet) of commands, in the order of time
+        self.telemetry: list[tuple[int, bytes]] = []    # (t [ns], packet)
+        self.links: dict[str, _Disturbed] = {}          # by the path of a message
         wires = {source: target for source, target, *_ in sim.wires if target.startswith(f"{process.name}.")}
-        self.inputs, self.carried, self.inside = [], [], []
+        self.inputs: list[tuple[int, Any]] = []
+        self.carried: list[tuple[int, Any]] = []
+        self.inside: list[tuple[int, int, Any, Any]] = []
         mission = link.mission()        # its address in the computer
         places = {}
         self.paths = {id: path for id, (path, *_) in enumerate(link.messages()) if link.carries(id)}
@@ -371,7 +374,7 @@ class _Flight:
             name: Variable(board, places[name], objects.struct(one), f"{process.name}.{name}")
             for name, one in process.instances.items() if name in places})
 
-    def exchange(self, t):
+    def exchange(self, t: int) -> None:
         """At an instant of flight: what it reads goes into its registers, it runs, and what it wrote comes out."""
         link = self.link
         if self.sim.kernel.now < 0:
@@ -397,12 +400,12 @@ class _Flight:
             outputs = (objects.memory(view) for _, view in self.carried)
             self.answers.append((t, b"".join(outputs) if answered else None))
 
-    def through(self, t, id, message):
+    def through(self, t: int, id: int, message: bytes) -> bytes | None:
         """What comes of a message through its link; None: nothing new."""
         found = self.links and self.links.get(self.paths.get(id))
         return found.passes(t, message) if found else message
 
-    def tick(self, t):
+    def tick(self, t: int) -> bool:
         """Returns whether flight has answered; a world that records it goes on without an answer."""
         missed = self.link.missed
         if self.link.tick(t):
@@ -413,13 +416,13 @@ class _Flight:
                            + (f"the program's last words:\n{said}" if said else ""))
         return False
 
-    def record(self):
+    def record(self) -> list[tuple[int, bytes | None]]:
         """From now on, into a new list, which this returns."""
         self.answers = []
         return self.answers
 
 
-def _reversal(struct):
+def _reversal(struct: Any) -> np.ndarray:
     """Of each byte of a message, its place in the other byte order."""
     order: list[int] = []
     at = 0

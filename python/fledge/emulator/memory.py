@@ -26,7 +26,7 @@ class Variable:
     def __init__(self, board: Any, address: int, struct: Any, path: str) -> None:
         object.__setattr__(self, "_place", (board, address, struct, path))
 
-    def _field(self, name):
+    def _field(self, name: str) -> Any:
         _, _, struct, path = self._place
         known = [one for one in struct.fields if not one.spare]
         found = next((one for one in known if one.name == name), None)
@@ -35,7 +35,7 @@ class Variable:
             raise AttributeError(f"{path} has no '{name}'{did_you_mean(name, names)} there are {', '.join(names)}")
         return found
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         field = self._field(name)
@@ -51,7 +51,7 @@ class Variable:
         values = np.frombuffer(raw, ">" + ELEMENTS[field.type].dtype).astype(ELEMENTS[field.type].dtype)
         return values.reshape(field.shape) if field.shape else values[0].item()
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         field = self._field(name)
         board, address, _, path = self._place
         if field.type in ("struct", "char"):
@@ -66,10 +66,10 @@ class Variable:
         board.refuse_before_boot(whole)
         board.poke(address + field.offset, np.broadcast_to(values, field.shape).astype(">" + dtype).tobytes())
 
-    def __dir__(self):
+    def __dir__(self) -> list[str]:
         return [one.name for one in self._place[2].fields if not one.spare]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         _, address, struct, path = self._place
         lines = [f"{path}, a {struct.name} at 0x{address:08x}"]
         for one in struct.fields:

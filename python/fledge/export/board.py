@@ -26,7 +26,7 @@ from fledge.export.read import ExportError, Message, Mission
 from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
-    from registers.description import Board, Number
+    from registers.description import Board, Number, Snorkel
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
 PACKETS = {"commands": "packets to flight, flight/command/command.h",
@@ -115,16 +115,16 @@ def board_name(mission: Mission) -> str:
     return _distinct([f"{mission.name}_board"])[0]
 
 
-def _typed(message):
+def _typed(message: Message) -> str:
     return f'message   = "{message.struct.name}"\nheader    = "{message.struct.header}"\n'
 
 
-def _doc(message):
+def _doc(message: Message) -> str:
     ends = ", ".join(message.ends)
     return f"{message.path} >> {ends}" if ends else message.path
 
 
-def _distinct(texts):
+def _distinct(texts: Iterable[str]) -> list[str]:
     """Names as boards have them: lower case, no two underscores in a row."""
     found = names.distinct([re.sub("_+", "_", text.lower()).strip("_") or "unnamed" for text in texts])
     return [name.strip("_") if name.rstrip("_") not in C | CPP else name + "2" for name in found.values()]
@@ -197,15 +197,15 @@ def lanes(mission: Mission, boards: Sequence[Board]) -> list[Lane]:
 
 
 class _Finder:
-    def __init__(self, mission):
+    def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
         self.found, self.wrong, self.taken, self.kinds = [], [], {}, {}
 
-    def refuse(self, board, line, text):
+    def refuse(self, board: Board, line: int, text: str) -> None:
         self.wrong.append(f"{board.path}:{line}: {text}")
 
-    def snorkel(self, board, i, snorkel, lane, place):
+    def snorkel(self, board: Board, i: int, snorkel: Any, lane: Any, place: int) -> None:
         if snorkel.carries in PACKETS:
             self.packets(board, snorkel, lane)
         elif lane.carries:
@@ -226,7 +226,7 @@ class _Finder:
             if field.carries:
                 self.field(board, i, lane, place, k, field)
 
-    def packets(self, board, snorkel, lane):
+    def packets(self, board: Board, snorkel: Any, lane: Any) -> None:
         """A snorkel of commands or telemetry."""
         what = snorkel.carries
         found = dictionary(self.mission)
@@ -242,7 +242,7 @@ class _Finder:
         else:
             self.taken[what] = f"{board.path}:{snorkel.line}"
 
-    def message(self, board, line, path, lane):
+    def message(self, board: Board, line: int, path: str, lane: Any) -> tuple[int, Message] | None:
         """(id, message) of a path, if it passes in that direction."""
         if path not in self.messages:
             self.refuse(board, line, f"there is no message {path} in {self.mission.title}; choose of "
@@ -255,7 +255,7 @@ class _Finder:
             return None
         return id, message
 
-    def field(self, board, i, lane, place, k, field):
+    def field(self, board: Board, i: int, lane: Any, place: int, k: int, field: Any) -> None:
         parts = field.carries.split(".")
         found = self.message(board, field.line, ".".join(parts[:3]), lane) if len(parts) > 3 else \
             self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "
@@ -284,7 +284,7 @@ class _Finder:
         elif self.take(board, field.line, message, range(offset, offset + count * ELEMENTS[type_].size)):
             self.found.append(Lane(message, id, i, place, k, offset, type_, count, field.scale, tag))
 
-    def take(self, board, line, message, places):
+    def take(self, board: Board, line: int, message: Message, places: range) -> bool:
         """Each byte of a message passes once."""
         taken = self.taken.setdefault(message.path, {})
         first = next((taken[b] for b in places if b in taken), None)
@@ -294,7 +294,7 @@ class _Finder:
         taken.update(dict.fromkeys(places, f"{board.path}:{line}"))
         return True
 
-    def complete(self, boards):
+    def complete(self, boards: Sequence[Board]) -> None:
         files = ", ".join(str(board.path) for board in boards)
         for message in (*self.mission.inputs, *self.mission.outputs):
             if message.path not in self.taken and message.direction != "inside" and not message.optional:
@@ -304,7 +304,7 @@ class _Finder:
                                   f"with carries = \"{message.path}\", or words for its fields")
 
 
-def _numbers(struct, parts, path):
+def _numbers(struct: Any, parts: Sequence[str], path: str) -> tuple[str, str, int, int]:
     """(type, unit, offset, how many to the end of the field) of a path such as ["wheels[2]", "axis_B"]."""
     offset = 0
     for depth, part in enumerate(parts):

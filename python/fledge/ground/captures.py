@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fledge.errors import Failure
 
@@ -31,6 +31,10 @@ class Piece(NamedTuple):
     time: int | None = None     # [ns] since 1970, of a capture; of a record: simulated
     problem: str = ""
     note: str = ""              # of a packet: why it may be damaged
+
+
+# (place, time, kind of link, bytes) of a packet of the network, or (place, None, None, problem).
+Captured = tuple[int, int | None, int | None, Any]
 
 
 class Format(NamedTuple):
@@ -99,7 +103,7 @@ def read(path: str | os.PathLike[str], format: Format = Format()) -> Iterator[Pi
     yield from _recorded(path, format.skip) if data[:8] == MCAP else pieces(data, format)
 
 
-def _recorded(path, skip):
+def _recorded(path: str | os.PathLike[str], skip: int) -> Iterator[Piece]:
     from fledge.archive import Archive
 
     record = Archive(path)
@@ -118,7 +122,7 @@ def _recorded(path, skip):
         yield Piece(0, b"", None, record.problem or "a record without packets: fledge convert writes its values")
 
 
-def _archived(data, at):
+def _archived(data: Any, at: int) -> tuple[int, int, bytes]:
     """(time, place, packet) of a message of the control room's archive; b"": its sizes do not agree."""
     size = struct.unpack_from("<Q", data, at + 1)[0] - 46   # behind two heads, t and received, and the packet's size
     at += 35
@@ -136,7 +140,7 @@ def packets(data: bytes, skip: int = 0, base: int = 0, time: int | None = None) 
 
 # --- captures --------------------------------------------------------------------------------------
 
-def _pcap(data):
+def _pcap(data: bytes) -> Iterator[Captured]:
     """(place, time, kind of link, bytes) of each packet of the network, or (place, None, None, problem)."""
     order, tick = PCAP[data[:4]]
     if len(data) < 24:
@@ -156,7 +160,7 @@ def _pcap(data):
         at += 16 + n
 
 
-def _pcapng(data):
+def _pcapng(data: bytes) -> Iterator[Captured]:
     at, order = 0, "<"
     links: list[tuple[int, int]] = []       # kind, ticks of a second
     while at < len(data):
@@ -184,7 +188,7 @@ def _pcapng(data):
         at += n
 
 
-def _resolution(options, order):
+def _resolution(options: bytes, order: str) -> int:
     """Ticks of a second."""
     at = 0
     while at + 4 <= len(options):
@@ -196,7 +200,7 @@ def _resolution(options, order):
     return 10**6
 
 
-def _datagrams(captured, skip):
+def _datagrams(captured: Iterable[Captured], skip: int) -> Iterator[Piece]:
     other = 0
     for at, time, link, content in captured:
         if link is None:
@@ -211,7 +215,7 @@ def _datagrams(captured, skip):
         yield Piece(0, b"", None, f"{other} packets of the network are no whole UDP datagrams: they are left out")
 
 
-def _udp(frame, link):
+def _udp(frame: bytes, link: int) -> tuple[int | None, bytes]:
     """(place, bytes) of the payload of a datagram; place None: it is none, or a fragment."""
     if link == ETHERNET:
         at = 12

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
 
     from fledge.mission.simulation import Simulation
 
@@ -167,7 +168,7 @@ class Batch:
         self._check_clone(clone)
         return self._simulation._around(self._core.copy(clone))
 
-    def _check_clone(self, clone):
+    def _check_clone(self, clone: int) -> None:
         if not 0 <= clone < self.n:
             raise SetupError(f"batch: there is no clone {clone}; there are {self.n}")
 
@@ -186,7 +187,7 @@ class Batch:
                              f"found {rows.shape}")
         return self._simulation._around(self._core.repeat(clone, rows))
 
-    def _chosen(self, which):
+    def _chosen(self, which: Any) -> NDArray[Any]:
         import numpy as np
 
         if which is None:
@@ -202,7 +203,7 @@ class Batch:
                              f"found {which!r:.60}")
         return found
 
-    def _rows(self, actions):
+    def _rows(self, actions: Any) -> NDArray[Any]:
         """The actions as the kernel takes them."""
         import numpy as np
 
@@ -224,7 +225,7 @@ class Batch:
             raise SetupError(f"batch: actions: expected the shape {shape}, found {rows.shape}")
         return rows
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         from fledge.display import table
 
         groups = [(title, [(b.path, "x".join(map(str, b.shape)), b.unit, b.meaning) for b in blocks.values()])
@@ -232,17 +233,18 @@ class Batch:
         return table(repr(self).partition("\n")[0], groups, ("", "shape", "unit", "meaning"),
                      [f"clone {i}: {text}" for i, text in self.failures.items()])
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.n
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = [f"{self.n} clones of {self._simulation.name}, steps of {self.every:g} s"]
         for title, blocks in (("action", self.actions), ("observation", self.observations)):
             lines += [f"  {title:<12} {b.path}  {b.shape or ''} {b.unit}".rstrip() for b in blocks.values()]
         return "\n".join(lines)
 
 
-def _blocks(simulation, paths, add, what):
+def _blocks(simulation: Simulation, paths: str | Iterable[str],
+            add: Callable[[Any, _core.Field, int, list[str]], object], what: str) -> tuple[dict[str, Block], list[str]]:
     """(path -> Block, the names of all columns) of fields, which `add` adds to the plan."""
     blocks: dict[str, Block] = {}
     names: list[str] = []
@@ -264,7 +266,7 @@ def _blocks(simulation, paths, add, what):
     return blocks, names
 
 
-def _floats(values, what):
+def _floats(values: Any, what: str) -> NDArray[Any]:
     import numpy as np
 
     array = np.asarray(values)
@@ -273,7 +275,7 @@ def _floats(values, what):
     return np.ascontiguousarray(array, float)
 
 
-def _numbers(values, n, what):
+def _numbers(values: Any, n: int, what: str) -> NDArray[Any]:
     """Whole numbers from 0 to 2^64 - 1, one for each."""
     import numpy as np
 
@@ -283,7 +285,7 @@ def _numbers(values, n, what):
     return np.array(found, np.uint64)
 
 
-def _seed(value, what="seed"):
+def _seed(value: Any, what: str = "seed") -> int:
     try:
         number = int(value)
     except (TypeError, ValueError):

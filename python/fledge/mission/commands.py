@@ -67,7 +67,7 @@ class Commands:
         self._procedures = Procedures(process, core)
         self._attach()
 
-    def _attach(self):
+    def _attach(self) -> None:
         """Give the dictionary to the kernel. A clone has it, with the commands that wait."""
         if self._core.dictionary == self.dictionary.version:
             return
@@ -313,11 +313,11 @@ class Commands:
             self._core.command(self._unit(packet))
         return self.reports[before:]
 
-    def _unit(self, packet):
+    def _unit(self, packet: bytes) -> bytes:
         """As the link carries it."""
         return self.dictionary.frames.command(packet) if self.dictionary.frames else packet
 
-    def _module(self, module):
+    def _module(self, module: Any) -> tuple[str, Any]:
         """(path, object) of what a caller names."""
         process = self._process()
         names = {id(one): name for name, one in process.instances.items()}
@@ -326,7 +326,7 @@ class Commands:
         return f"{process.name}.{name}", process.instances[name]
 
 
-def _without_spares(value):
+def _without_spares(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _without_spares(one) for name, one in value.items() if not name.startswith("spare")}
     return [_without_spares(one) for one in value] if isinstance(value, list) else value

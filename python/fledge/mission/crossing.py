@@ -40,11 +40,11 @@ def crossing_wires(simulation: Simulation) -> list[Crossing]:
     return found
 
 
-def _instance(simulation, path):
+def _instance(simulation: Simulation, path: str) -> _core.Module | _core.Model:
     process, name = path.split(".")
     return simulation.process(process).instances[name]
 
 
-def _field(simulation, port):
+def _field(simulation: Simulation, port: str) -> _core.Field:
     path, _, name = port.rpartition(".")
     return next(f for f in _core.struct(_instance(simulation, path)).fields if f.name == name)

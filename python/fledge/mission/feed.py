@@ -19,7 +19,10 @@ from fledge.records.series import HEAD, HEAD_COLUMNS, Records, element_names, wo
 from fledge.units import s
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import numpy as np
+    from numpy.typing import NDArray
 
 
 def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic: str | None = None,
@@ -54,11 +57,11 @@ def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic
     _core.context(_core.root(port))().declare(path, caller())
 
 
-def _own(struct):
+def _own(struct: _core.Struct) -> list[str]:
     return [f.name for f in struct.fields if f.name != "head" and not f.spare]
 
 
-def _linear(what, struct, linear, always):
+def _linear(what: str, struct: _core.Struct, linear: bool | Iterable[str], always: bool) -> list[int]:
     """[bytes] of the doubles that change linearly."""
     names = [] if linear is False else _own(struct) if linear is True else list(linear)
     if names and always:
@@ -74,7 +77,8 @@ def _linear(what, struct, linear, always):
 
 # --- fields ----------------------------------------------------------------------------------------
 
-def _by_fields(what, struct, time, quality, fields):
+def _by_fields(what: str, struct: _core.Struct, time: Any, quality: Any,
+               fields: dict[str, Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     import numpy as np
 
     times = np.zeros(1, np.int64) if time is None else _times(what, time)
@@ -88,7 +92,7 @@ def _by_fields(what, struct, time, quality, fields):
     return times, messages
 
 
-def _times(what, time):
+def _times(what: str, time: Any) -> NDArray[Any]:
     import numpy as np
 
     seconds = np.asarray(_array(f"{what}: time", to_si(time, f"{what}: time", "s", s.dims, "times in s")), float)
@@ -99,7 +103,7 @@ def _times(what, time):
     return np.rint(seconds * 1e9).astype(np.int64)
 
 
-def _array(path, values):
+def _array(path: str, values: Any) -> NDArray[Any]:
     import numpy as np
 
     try:
@@ -108,7 +112,7 @@ def _array(path, values):
         raise SetupError(f"{path}: expected an array, whose rows have one length") from None
 
 
-def _fill(messages, struct, values, path, timed):
+def _fill(messages: NDArray[Any], struct: _core.Struct, values: Any, path: str, timed: bool) -> None:
     """Write values, constants or one for each message, into messages."""
     if not isinstance(values, dict):
         raise SetupError(f"{path}: expected a dict of {listed(_own(struct))}; found {values!r:.80}")
@@ -143,7 +147,7 @@ def _fill(messages, struct, values, path, timed):
             messages[field.count] = rows
 
 
-def _numbers(path, field, value, n, timed):
+def _numbers(path: str, field: _core.Field, value: Any, n: int, timed: bool) -> NDArray[Any]:
     """An array of the field's shape, or one for each message; of fewer rows where the first ones are given, but not of
     vectors."""
     import numpy as np
@@ -172,7 +176,8 @@ def _numbers(path, field, value, n, timed):
 
 # --- records ---------------------------------------------------------------------------------------
 
-def _by_record(what, path, struct, record, topic):
+def _by_record(what: str, path: str, struct: _core.Struct, record: Any,
+               topic: str | None) -> tuple[NDArray[Any], NDArray[Any]]:
     import numpy as np
 
     ports = {port.name: port for port in record._ports()}
@@ -196,12 +201,12 @@ def _by_record(what, path, struct, record, topic):
     return _last_of_each(what, times, messages)
 
 
-def _type_of(port):
+def _type_of(port: Any) -> str:
     """The name of a port's message, of a Log or an Archive."""
     return port.core.struct.name if hasattr(port, "core") else port.schema.rpartition("/")[2]
 
 
-def _copy(to, source, path):
+def _copy(to: NDArray[Any], source: NDArray[Any], path: str) -> None:
     """The same fields by name: a record may be of another version of the header."""
     ours, theirs = set(to.dtype.names), {name for name in source.dtype.names if not name.startswith("spare")}
     if ours != theirs:
@@ -216,7 +221,7 @@ def _copy(to, source, path):
             to[name] = source[name]
 
 
-def _last_of_each(what, times, messages):
+def _last_of_each(what: str, times: NDArray[Any], messages: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Of several messages at one instant, the last is what a reader saw."""
     import numpy as np
 
@@ -226,12 +231,12 @@ def _last_of_each(what, times, messages):
     return times[last], messages[last]
 
 
-def _by_frame(what, struct, frame, topic):
+def _by_frame(what: str, struct: _core.Struct, frame: Any, topic: str | None) -> tuple[NDArray[Any], NDArray[Any]]:
     """frame: as frame() of a Log or an Archive gives it, by time [s]; columns by the names of fields, "sigma_BN[0]", or
     behind the name of a topic, "attitude.sigma_BN[0]"."""
     import numpy as np
 
-    def found(name):
+    def found(name: str) -> str | None:
         fitting = [c for c in columns if c == f"{prefix}{name}" or not prefix and c.endswith(f".{name}")]
         if len(fitting) > 1:
             raise SetupError(f"{what}: {name} may be {listed(fitting)}; choose one by topic=")

@@ -73,7 +73,7 @@ class FieldPath:
         self.full, self.stored = at, self.field
         self.elements, self.shape = self._select(indices)
 
-    def _of_mode(self, process):
+    def _of_mode(self, process: Any) -> None:
         """The mode of a process, as its executive says it."""
         if not process.modes:
             raise SetupError(f"{self.path}: the process {process.name} has no modes")
@@ -84,7 +84,7 @@ class FieldPath:
         self.port, self.offset, self.group, self.full = self.path, self.stored.offset, "out", self.path
         self.elements, self.shape = [0], ()
 
-    def _row(self, indices, at):
+    def _row(self, indices: tuple[int, ...], at: str) -> tuple[int, str]:
         """(index, "[index]") of a struct, in an array of them."""
         shape = self.field.shape
         if len(indices) != len(shape) or any(i >= n for i, n in zip(indices, shape)):
@@ -95,7 +95,7 @@ class FieldPath:
             raise SetupError(f"{self.path}: of the rows of {at} the mission gives {used}")
         return (indices[0], f"[{indices[0]}]") if shape else (0, "")
 
-    def _select(self, indices):
+    def _select(self, indices: tuple[int, ...]) -> tuple[list[int], tuple[int, ...]]:
         """(flat indices, shape) of [0, 1] or [2], in the rows that are in use."""
         shape = self.field.shape
         if shape and self.field.count and self.port is None:
@@ -168,7 +168,7 @@ def names_of(struct: Any, groups: Sequence[str] = ("", "in", "out", "par")) -> l
     return [f.name for f in struct.fields if f.group in groups and not f.spare]
 
 
-def _member(struct, name, owner, path):
+def _member(struct: _core.Struct, name: str, owner: str, path: str) -> _core.Field:
     for field in struct.fields:
         if field.name == name and not field.spare:
             return field

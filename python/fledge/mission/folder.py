@@ -20,6 +20,7 @@ import re
 import sys
 import types
 import weakref
+from collections.abc import Callable
 from typing import Any
 from pathlib import Path
 
@@ -76,7 +77,7 @@ class Mission:
         """
         return folders.summaries(self.folder)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<mission {self.name} in {self.folder}>"
 
 
@@ -167,13 +168,13 @@ def _load(name: str | os.PathLike[str], seed: int, parameters: dict[str, Any], p
     return simulation
 
 
-def _required(simulation, flights):
+def _required(simulation: Simulation, flights: Any) -> list[str]:
     """What these processes lack, which may be why composing the next one has failed, with its places."""
     return [f"{file}, line {line}: {text}" for file, line, text in simulation.problems
             if " is required" in text and text.startswith(tuple(f"{one.name}." for one in flights))] if flights else []
 
 
-def _parameters(build, taken):
+def _parameters(build: Callable[..., Any], taken: int) -> dict[str, Any]:
     """The arguments of a build function after the first `taken`: name -> default."""
     import inspect
 
@@ -181,7 +182,7 @@ def _parameters(build, taken):
             if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
 
 
-def _composed(process):
+def _composed(process: Any) -> set[str]:
     """The names of what a process runs. Its events are not among them, because a world's file may look at both; nor is
     what chooses among commands for the world, which exports add too."""
     chooses = {one.name for one in process.command_choices}
@@ -189,7 +190,7 @@ def _composed(process):
                                                   *(name for name, _ in process.modes)) if name not in chooses}
 
 
-def _refuse_names(file, build):
+def _refuse_names(file: Path, build: Callable[..., Any]) -> None:
     """Raise SetupError if the arguments of a build function are called as those of the other file, or in its order."""
     expected = _TAKES[file].split(", ")
     code: Any = getattr(build, "__code__", None)    # of a function
@@ -201,7 +202,7 @@ def _refuse_names(file, build):
                              f"{meant[name]} '{given}'")
 
 
-def _refuse_unsuitable(mission, given, builds):
+def _refuse_unsuitable(mission: Mission, given: dict[str, Any], builds: Any) -> None:
     """Raise SetupError for a parameter that the mission does not have, and for a text where its default is a number."""
     known = {name: default for build, arguments in builds for name, default in
              _parameters(build, len(arguments)).items()}
@@ -221,13 +222,13 @@ class MissionFiles:
         self.mission = mission
         self.package = f"_mission_{mission.name}_{next(_package)}"
 
-    def __enter__(self):
+    def __enter__(self) -> MissionFiles:
         package = types.ModuleType(self.package)
         package.__path__ = list(map(str, self.mission.roots))
         sys.modules[self.package] = package
         return self
 
-    def __exit__(self, kind, *_):
+    def __exit__(self, kind: Any, *_: object) -> None:
         if kind:
             self.forget()
 

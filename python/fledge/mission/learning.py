@@ -27,6 +27,7 @@ from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
 
     from fledge.mission.simulation import Simulation
 
@@ -87,7 +88,7 @@ class Box:
         return isinstance(other, Box) and (self.shape, self.dtype) == (other.shape, other.dtype) \
             and bool((self.low == other.low).all() and (self.high == other.high).all())
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Box({self.low.min(initial=0):g}, {self.high.max(initial=0):g}, {self.shape}, {self.dtype})"
 
 
@@ -201,7 +202,7 @@ class VectorEnv:
         """End its threads."""
         self.batch = self._seen = None
 
-    def _begin(self, mask, **options):
+    def _begin(self, mask: Any, **options: Any) -> None:
         fresh = self.batch.reset(mask, **options)
         self._ended = self._ended & ~mask
         if self._seen is None:
@@ -212,7 +213,7 @@ class VectorEnv:
             i, text = next((i, t) for i, t in self.batch.failures.items() if mask[i])
             raise SetupError(f"run {self.batch.runs[i]} of seed {self.batch.seeds[i]} cannot begin: {text}")
 
-    def _checked(self, values, kind, what):
+    def _checked(self, values: Any, kind: Any, what: str) -> NDArray[Any]:
         import numpy as np
 
         found = np.asarray(values)
@@ -220,13 +221,13 @@ class VectorEnv:
             raise SetupError(f"{what}() must give an array of the shape {(self.num_envs,)}; found {found.shape}")
         return found.astype(kind)
 
-    def _typed(self, rows):
+    def _typed(self, rows: NDArray[Any]) -> NDArray[Any]:
         return rows.astype(self.observation_space.dtype)
 
-    def _info(self):
+    def _info(self) -> dict[str, Any]:
         return {"time": self.batch.time, "run": self.batch.runs}
 
-    def _failures(self, failed):
+    def _failures(self, failed: NDArray[Any]) -> dict[str, Any]:
         if not failed.any():
             return {}
         return _masked("failure", {i: t for i, t in self.batch.failures.items() if failed[i]}, self.num_envs)
@@ -274,12 +275,12 @@ class Env:
         self._one.close()
 
 
-def _first(info):
+def _first(info: dict[str, Any]) -> dict[str, Any]:
     return {key: values[0].item() if hasattr(values[0], "item") else values[0] for key, values in info.items()
             if key[0] != "_"}
 
 
-def _masked(name, values, n):
+def _masked(name: str, values: dict[int, Any], n: int) -> dict[str, Any]:
     """What some of n environments have, as an object array and its mask."""
     import numpy as np
 

@@ -7,14 +7,17 @@
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import inf, nan, pi
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fledge.columns import columns
 from fledge.errors import SetupError, did_you_mean, listed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 class Mode(NamedTuple):
@@ -97,7 +100,7 @@ class Margins(NamedTuple):
         return Stable(self.modes)
 
     def __str__(self) -> str:
-        def decibel(x):
+        def decibel(x: float) -> str:
             return f"{20 * np.log10(x):.4g} dB" if 0 < x < inf else "none"
 
         rows = [["gain", decibel(self.gain), f"at {self.gain_at:.4g} rad/s"],
@@ -149,7 +152,7 @@ class Linear(tuple[Any, ...]):
         self.y0 = np.zeros(len(self.outputs)) if y0 is None else y0
         return self
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.__dict__,)
 
     # --- parts ---
@@ -277,11 +280,11 @@ class Linear(tuple[Any, ...]):
                                       textcoords="offset points", va="top", fontsize="small")
         return figure
 
-    def _ratio(self, lin):
+    def _ratio(self, lin: Linear) -> str:
         into, out = (self.units.get(path, "") for path in (lin.inputs[0], lin.outputs[0]))
         return "" if into == out else f"{out or '-'} per {into or '-'}"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kind = "continuous" if self.dt is None else f"discrete, every {self.dt:g} s"
         rows = [[word, str(i), name, self.units.get(name, "")]
                 for word, names in (("state", self.states), ("input", self.inputs), ("output", self.outputs))
@@ -291,13 +294,13 @@ class Linear(tuple[Any, ...]):
                           *(f"  note: {note}" for note in self.notes)])
 
 
-def _again(values):
+def _again(values: dict[str, Any]) -> Linear:
     matrices = ("A", "B", "C", "D", "dt")
     return Linear(*(values[name] for name in matrices),
                   **{name: value for name, value in values.items() if name not in matrices})
 
 
-def _place(names, which, word):
+def _place(names: Sequence[str], which: str | int, word: str) -> int:
     if isinstance(which, int) and -len(names) <= which < len(names):
         return which % len(names)
     if which in names:
@@ -306,7 +309,7 @@ def _place(names, which, word):
     raise SetupError(f"there is no {word} {which!r}{near} there are {listed(names)}")
 
 
-def _modes(A, dt, states):
+def _modes(A: NDArray[Any], dt: float | None, states: Sequence[str]) -> tuple[Mode, ...]:
     """The modes of a matrix; of one that is not finite, that of a loop that has no solution."""
     from scipy.linalg import eig, matrix_balance
 
@@ -336,14 +339,14 @@ def _modes(A, dt, states):
     return tuple(sorted(found, key=lambda mode: (mode.time >= 0, -mode.time)))
 
 
-def _duration(t):
+def _duration(t: float) -> str:
     """47.2 h, 3.1 s"""
     size, unit = next(one for one in ((86400 * 365.25, "years"), (86400, "days"), (3600, "h"), (60, "min"), (1, "s"))
                       if t >= 2 * one[0] or one[0] == 1)
     return f"{t / size:.3g} {unit}"
 
 
-def _grid(lin, more):
+def _grid(lin: Linear, more: Any) -> NDArray[Any]:
     """Frequencies [rad/s] from well below all that happens to well above, denser about lightly damped poles."""
     found = np.concatenate([lin.poles(), np.atleast_1d(more)])
     top = inf
@@ -363,22 +366,23 @@ def _grid(lin, more):
     return whole[(whole >= low) & (whole <= high)]
 
 
-def _margins(loop, grid, ends, modes):
+def _margins(loop: Callable[[Any], NDArray[Any]], grid: NDArray[Any], ends: Iterable[float],
+             modes: tuple[Mode, ...]) -> Margins:
     from scipy.optimize import brentq, minimize_scalar
 
     values = loop(grid)
 
-    def crossings(of):
+    def crossings(of: Callable[[Any], NDArray[Any]]) -> list[float]:
         """Where a real function of L changes its sign."""
         found = of(values)
         at = [brentq(lambda w: float(of(loop(w))[0]), grid[i], grid[i + 1], rtol=1e-13)
               for i in np.flatnonzero(found[:-1] * found[1:] < 0)]
         return [*at, *grid[found == 0]]
 
-    def best(pairs, key):
+    def best(pairs: list[tuple[float, float]], key: Callable[[tuple[float, float]], float]) -> tuple[float, float]:
         return min(pairs, key=key, default=(nan, nan))
 
-    def negative(w):
+    def negative(w: float) -> bool:
         try:
             value = loop(w)[0]
         except np.linalg.LinAlgError:   # a pole

@@ -21,6 +21,8 @@ from fledge.errors import SetupError, listed, suggesting
 from fledge.records.series import HEAD, Records, element_names, frame_of, head_column, head_columns, nested_names, part
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from fledge.mission.simulation import Simulation
 
 
@@ -61,7 +63,7 @@ def leaves(struct: Any, parts: tuple = ()) -> Iterator[tuple[str, Any, tuple]]:
 class _Samples:
     """The samples of one port; decoded again only when there are others."""
 
-    def __init__(self, core):
+    def __init__(self, core: _core.Log) -> None:
         self.core = core
         self.name = core.path
         self.type = core.struct.name
@@ -71,7 +73,7 @@ class _Samples:
         self.names = nested_names(self.fields)
         self._state: Any = None
 
-    def decoded(self):
+    def decoded(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """(times in ns, structured array), read-only copies of the present samples."""
         state = len(self.core), self.core.rewinds
         if self._state != state:
@@ -90,13 +92,13 @@ class Log(Records):
         self._simulation = simulation
         self._samples = {samples.name: samples for samples in map(_Samples, logs)}
 
-    def _ports(self):
+    def _ports(self) -> list[_Samples]:
         return list(self._samples.values())
 
-    def _values(self, port):
+    def _values(self, port: _Samples) -> NDArray[Any]:
         return port.decoded()[1]
 
-    def _time(self, port):
+    def _time(self, port: _Samples) -> NDArray[Any]:
         return port.decoded()[0] / 1e9
 
     @property
@@ -184,10 +186,10 @@ class Log(Records):
 
         return None if silent(self) else deliver(plot(self, *panels, **options), self)
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         return self._table(f"log of {self._simulation.name}")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return "\n".join(["log of"] + [f"  {path}, {len(s.core)} samples: "
                                        + listed([n for n in s.fields if not n.startswith(HEAD)], none="a head alone")
                                        for path, s in self._samples.items()])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from io import StringIO
-from typing import Any
+from typing import Any, NoReturn
 
 from fledge.errors import CompositionError, SetupError, did_you_mean, listed
 from fledge.objects.si import time_ns
@@ -52,10 +52,10 @@ def lacking(sim: Any, names: Iterable[str]) -> dict[str, list[tuple[str, int, st
 def set_up(sim: Any, function: Callable) -> float | None:
     """Execute a scenario up to its first run, without plots. Returns the duration of that run [s]; None if there is
     no run, or if a step comes first."""
-    def run(duration=None, *_, until=None, **__):
+    def run(duration: Any = None, *_: Any, until: Any = None, **__: Any) -> NoReturn:
         raise _Runs(time_ns(duration if until is None else until, "run") / 1e9)
 
-    def step(*_, **__):
+    def step(*_: Any, **__: Any) -> NoReturn:
         raise _Runs(None)
 
     sim.plots, sim.run, sim.step = False, run, step

@@ -90,7 +90,7 @@ class Simulation:
         refuse_misspelt(self, name, ("seed", "pace", "plots"))
         object.__setattr__(self, name, value)
 
-    def _adopt(self, core, name):
+    def _adopt(self, core: _core.Simulation, name: str) -> None:
         self._core = core
         self._processes: dict[str, Any] = {}    # by name, in the order in which they run
         self._gone: dict[str, str] = {}         # why a process is not in this program, by its name
@@ -142,14 +142,14 @@ class Simulation:
         """A further Flight, a process; it runs after the present ones."""
         return self._add(Flight, name)
 
-    def _add(self, kind, name):
+    def _add(self, kind: type[Process], name: str) -> Process:
         if not str(name).isidentifier():
             raise SetupError(f"process {name!r}: its name must be an identifier")
         self._core.add_process(name)
         self._processes[name] = kind(self._core, self._core.process(name))
         return self._processes[name]
 
-    def _only(self, kind, name):
+    def _only(self, kind: type[Process], name: str | None) -> Process:
         """The process of that name, or else the only one of its kind."""
         found = [p for p in self.processes if isinstance(p, kind)]
         if name in self._processes or name in self._gone or len(found) != 1:
@@ -329,7 +329,7 @@ class Simulation:
         self.open_archive()
         self._core.step(n)
 
-    def _begin(self):
+    def _begin(self) -> None:
         """Before a run: of the first one, warn of what is implausible."""
         if self._core.now < 0:
             for flight in self.flights:
@@ -426,7 +426,7 @@ class Simulation:
         """
         return self._around(self._core.clone())
 
-    def _around(self, core):
+    def _around(self, core: _core.Simulation) -> Simulation:
         """A clone of this simulation in the extension as one for users."""
         other = object.__new__(type(self))
         other._adopt(core, self.name)
@@ -555,7 +555,7 @@ class Simulation:
         self._finish_archive(metadata)
         return path
 
-    def _finish_archive(self, metadata):
+    def _finish_archive(self, metadata: Any) -> None:
         if self._revisions:
             revisions, self._revisions = self._revisions.read(), None
             if self._core.archiving and revisions:
@@ -565,27 +565,27 @@ class Simulation:
                 self._core.archive_metadata("health", [(f"{one.kind} {one.path}", one.text) for one in found])
             self._core.close_archive([(str(k), str(v)) for k, v in metadata.items()])
 
-    def _title(self):
+    def _title(self) -> str:
         at = f"at t = {self.time:g} s" if self._core.now >= 0 else "not yet run"
         return f"{self.name}, {at}, seed {self.seed}"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return "\n".join([self._title(), *map(repr, self.processes)])
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         from fledge.display import table
 
         return table(self._title(), [group for process in self.processes for group in process.tables()],
                      notes=[one.text for one in self.health])
 
 
-def _seed(seed):
+def _seed(seed: Any) -> int:
     if not isinstance(seed, int) or not 0 <= seed < 2**64:
         raise SetupError(f"seed: expected a whole number from 0 to 2^64 - 1; found {seed!r}")
     return seed
 
 
-def _next_name(path):
+def _next_name(path: str) -> str:
     """run.mcap -> run-2.mcap -> run-3.mcap"""
     import re
 

@@ -14,6 +14,8 @@ from fledge.mission.field_path import FieldPath, port
 from fledge.mission.wiring import Node, Wiring
 from fledge.records.series import element_names
 
+# (name, field, the names and shapes of which it is made, offset)
+Leaf = tuple[str, _core.Field, tuple[tuple[str, tuple[int, ...]], ...], int]
 FLOOR = 1e-2    # the size of a number whose array is zero, for steps of differences
 
 
@@ -62,7 +64,7 @@ class State:
 
     # --- names ---
 
-    def _differential(self, host, path, name, unit, at, _rate):
+    def _differential(self, host: str, path: str, name: str, unit: str, at: int, _rate: int) -> Number:
         return Number(f"{path}.{name}", unit, [self.blocks["model", host][0] + at])
 
     def states(self, path: str) -> list[Number]:
@@ -234,12 +236,12 @@ class State:
         return isinstance(self.nodes[owner].instance, _core.Model)
 
 
-def _kept(node):
+def _kept(node: Node) -> list[Leaf]:
     """The leaves of an instance's outputs and memory, with their offsets."""
     return [one for group in ("out", "mem") for one in flat(_core.struct(node.instance), (group,), 0)]
 
 
-def flat(struct, groups, offset):
+def flat(struct: _core.Struct, groups: tuple[str, ...], offset: int) -> Iterator[Leaf]:
     """(name, Field, parts, offset) of each leaf; of rows of structs, one each."""
     for one in struct.fields:
         if one.spare or groups and one.group not in groups:

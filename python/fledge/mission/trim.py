@@ -2,8 +2,8 @@
 """Where a simulation is at rest: states, inputs and parameters for which rates and outputs have chosen values."""
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from fledge.columns import columns
 from fledge.errors import RunError, SetupError, listed
 from fledge.mission.state import Number, State
 from fledge.objects.si import time_ns, to_si
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 STEP = 1e-4     # of a number's size, for differences
 ENOUGH = 1e-9   # of what the free numbers can change by their size
@@ -26,7 +29,7 @@ class Trim:
     def __init__(self, free: dict[str, float], left: dict[str, float], evaluations: int, units: dict[str, str]) -> None:
         self.free, self.left, self.evaluations, self.units = free, left, evaluations, units
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         rows = [[name, f"{value:.9g}", self.units[name]] for name, value in self.free.items()]
         rest = [[name, f"{value:.3g}", self.units[name]] for name, value in self.left.items()]
         return "\n".join([f"trimmed with {self.evaluations} evaluations", *columns(rows, {1}, "  "), "left",
@@ -59,13 +62,13 @@ def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Tr
     start, sizes = (np.array(x) for x in zip(*((one.value, one.size) for one in numbers)))
     count = 0
 
-    def data_of(x):
+    def data_of(x: NDArray[Any]) -> NDArray[Any]:
         data = state.base.copy()
         for one, value in zip(numbers, x):
             state.put(data, one, value)
         return data
 
-    def lacks(x):
+    def lacks(x: NDArray[Any]) -> NDArray[Any]:
         nonlocal count
         count += 1
         state.take(data_of(x), begin=True)
@@ -74,7 +77,7 @@ def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Tr
         state.core.follow(True)
         return state.read(state.snapshot(), places) - values
 
-    def slopes(x):
+    def slopes(x: NDArray[Any]) -> NDArray[Any]:
         return np.array([(lacks(_moved(x, i, h)) - lacks(_moved(x, i, -h))) / (2 * h)
                          for i, h in enumerate(STEP * sizes)]).T
 
@@ -104,13 +107,13 @@ def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Tr
     return result
 
 
-def _moved(x, i, h):
+def _moved(x: NDArray[Any], i: int, h: float) -> NDArray[Any]:
     x = x.copy()
     x[i] += h
     return x
 
 
-def _paths(paths, what):
+def _paths(paths: Any, what: str) -> list[str]:
     found = [paths] if isinstance(paths, str) else list(paths or ())
     for one in found:
         if not isinstance(one, str):
@@ -118,7 +121,7 @@ def _paths(paths, what):
     return found
 
 
-def _free(state, path) -> list[Number]:
+def _free(state: State, path: str) -> list[Number]:
     if not state.fresh and (found := state.states(path)):
         return found
     numbers = state.inputs(path)
@@ -136,14 +139,15 @@ def _free(state, path) -> list[Number]:
     return numbers
 
 
-def _rates(state, path) -> list[Number]:
+def _rates(state: State, path: str) -> list[Number]:
     found = state.states(path)
     if not found:
         raise state.unknown(path, "differential state")
     return [Number(f"the rate of {one.name}", f"{one.unit} per s", [at]) for one, at in zip(found, state.rates(found))]
 
 
-def _wanted(state, wanted, what, numbers):
+def _wanted(state: State, wanted: Any, what: str,
+            numbers: Callable[[State, str], list[Number]]) -> list[tuple[Number, float]]:
     """(Number, value) of each."""
     pairs = []
     items = wanted.items() if isinstance(wanted, Mapping) else [(path, 0) for path in _paths(wanted, what)]

@@ -14,6 +14,10 @@ from fledge import _core
 from fledge.mission.process import Event, Process, World
 from fledge.objects.script import prototype, script, short_function_text
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
 
 def kind_of(process: Process) -> str:
     """What a process is: "flight" or "world"."""
@@ -85,7 +89,7 @@ class Wiring:
     flight_only: leave out the world; the wires between it and flight end at names.
     """
 
-    def __init__(self, simulation, flight_only: bool = False):
+    def __init__(self, simulation: Any, flight_only: bool = False) -> None:
         self.name = simulation.name
         # Flight first, as it is what a mission is about.
         shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))
@@ -229,7 +233,7 @@ def event_text(event: Event) -> str:
     return f"{event.text}{rule_text(event)}: {action_text(event)}"
 
 
-def _notes(instance) -> list[str]:
+def _notes(instance: _core.Module | _core.Model) -> list[str]:
     """Notes beside its name and type: the bodies that attract a craft, a module's function in Python."""
     if cls := prototype(instance):
         return [f"Python: class {cls.__name__}"]
@@ -239,7 +243,7 @@ def _notes(instance) -> list[str]:
     return [f"gravity: {names}"] if names else []
 
 
-def _attached(instance, name: str):
+def _attached(instance: _core.Module | _core.Model, name: str) -> Any:
     """What Python has attached to a model under a name; a parameter may have the same one."""
     return getattr(instance, name) if isinstance(vars(type(instance)).get(name), property) else ()
 

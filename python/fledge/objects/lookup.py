@@ -19,12 +19,12 @@ def lookup(module: str, types: dict[str, Any],
     """The __getattr__ and __dir__ of a Python module that has `types` and the enumerations of their fields besides its
     own `extra`."""
     @cache
-    def enumerations():
+    def enumerations() -> dict[str, Any]:
         tables = [_core.struct(one) for one in types.values()]
         found = [f.enumeration for table in tables for f in table.fields] + [table.events for table in tables]
         return {one[0]: enumeration(*one) for one in found if one}
 
-    def __getattr__(name):
+    def __getattr__(name: str) -> Any:
         if name in types:
             return types[name]
         if name.startswith("__"):
@@ -41,7 +41,7 @@ def lookup(module: str, types: dict[str, Any],
         raise AttributeError(f"{module} has no '{name}'{near} " + (
             f"there are {', '.join(sorted(main + own))}" if near == ";" else "./fledge list names all"))
 
-    def __dir__():
+    def __dir__() -> list[str]:
         # Without the imports of the module: modules, and functions of others.
         own = [n for n, value in extra.items() if not isinstance(value, ModuleType)
                and not (isinstance(value, (FunctionType, BuiltinFunctionType)) and value.__module__ != module)]

@@ -36,12 +36,12 @@ class Measured:
                 f"{self._path}{list(index)}: expected {len(self._shape)} whole numbers below {self._shape}")
         return element
 
-    def _with(self, **changes):
+    def _with(self, **changes: Any) -> Any:
         other = copy(self)
         vars(other).update(changes)
         return other
 
-    def _reduced(self, measure, what):
+    def _reduced(self, measure: Any, what: str) -> Any:
         if not self._shape or self._measure:
             raise SetupError(f"{self!r}: {what} is for arrays")
         return self._with(_measure=measure)
@@ -53,7 +53,7 @@ class Measured:
             return f"{self._path}[{', '.join(map(str, self._measure))}]"
         return f"{self._measure}({self._path})" if self._measure else self._path
 
-    def _constant(self, constant, comparison):
+    def _constant(self, constant: Any, comparison: str) -> Any:
         """A constant to compare with, as a number in the field's unit."""
         if self._shape and not self._measure:
             raise SetupError(f"{self!r} has shape {self._shape}: compare an element, norm() or max_abs()")

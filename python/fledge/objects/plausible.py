@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from math import degrees, sqrt
 from struct import iter_unpack
 from typing import Any, NamedTuple
@@ -51,7 +51,7 @@ def _numbers(one: Any, field: Any) -> list[float]:
     return [x for x, in iter_unpack(code, _core.memory(one)[field.offset:field.offset + field.size])]
 
 
-def _of_instance(one):
+def _of_instance(one: _core.Module | _core.Model) -> Iterator[str]:
     """What is implausible of the parameters of a module or model, in words."""
     kind: Any = type(one)
     rules = _rules(kind)
@@ -139,6 +139,6 @@ def check_orbit(orbit: Any) -> None:
 _shown: dict[Any, Any] = {}     # each text once
 
 
-def _warn(text, at):
+def _warn(text: str, at: tuple[str, int]) -> None:
     file, line = at
     warnings.warn_explicit(text, UserWarning, file, line, registry=_shown)

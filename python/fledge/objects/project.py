@@ -40,7 +40,7 @@ def unbuilt(part: str, name: str) -> str:
 
 
 @cache
-def _types():
+def _types() -> dict[str, Any]:
     project = folder()
     if project is None:
         return {}

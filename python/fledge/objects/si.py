@@ -45,7 +45,7 @@ def to_si(value: Any, path: str, unit: str, dims: Any, expected: str) -> Any:
     return plain(value)
 
 
-def _rounded(value):
+def _rounded(value: Any) -> Any:
     """Numbers as a person reads them."""
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -54,7 +54,7 @@ def _rounded(value):
     return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
-def _short(value):
+def _short(value: object) -> str:
     text = repr(value).replace("\n", " ")
     return text if len(text) <= 80 else text[:77] + "..."
 
@@ -63,7 +63,7 @@ def _short(value):
 _PINT = ("[length]", "[mass]", "[time]", "[current]", "[temperature]", "[substance]", "[luminosity]")
 
 
-def _from_pint(x):
+def _from_pint(x: Any) -> Quantity:
     """A pint quantity as one of ours. pint itself is not imported."""
     base = x.to_base_units()
     dims = dict(base.dimensionality)

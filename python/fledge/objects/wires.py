@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NoReturn
 
 from fledge import _core
 from fledge.errors import SetupError
@@ -60,10 +60,10 @@ class Wire:
         self.options["stale_after"] = time_ns(age, f"{self!r}: stale_after")
         return self
 
-    def __rshift__(self, target):
+    def __rshift__(self, target: object) -> NoReturn:
         raise TypeError(f"{self!r} >> ...: a wire ends here; write a >> [b, c] for several")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         targets = [_core.path(t) for t in self.targets]
         return f"{_path(self.source)} >> " + (targets[0] if len(targets) == 1 else f"[{', '.join(targets)}]")
 
@@ -118,7 +118,7 @@ def by_mode(**outputs: Any) -> Choice:
     return Choice("by_mode", 4, [(one, mode) for mode, one in outputs.items()])
 
 
-def _path(source):
+def _path(source: Any) -> str:
     return repr(source) if isinstance(source, Choice) else _core.path(source)
 
 
@@ -156,10 +156,10 @@ def wire(source: Any, target: Any) -> Wire:
     return Wire(source, [target])
 
 
-def _groups(*ports):
+def _groups(*ports: _core.Message) -> list[str | None]:
     return [field and field.group for field in map(_core.field, ports)]
 
 
-def _ports(obj, group):
+def _ports(obj: _core.Module | _core.Model, group: str) -> str:
     names = [f.name for f in _core.struct(obj).fields if f.group == group]
     return ("the inputs " if group == "in" else "the outputs ") + (", ".join(names) or "(none)")

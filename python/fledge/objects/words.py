@@ -78,7 +78,7 @@ def title(obj: Any) -> str:
     return kind if path == kind else f"{path} ({kind})"
 
 
-def _groups(obj):
+def _groups(obj: Any) -> dict[str, list[tuple[str, ...]]]:
     """Group -> (name, value, unit or rule, meaning) of its fields."""
     groups: dict[str, list[tuple[str, ...]]] = {}
     for field in _core.struct(obj).fields:
@@ -91,7 +91,7 @@ def _groups(obj):
     return groups
 
 
-def _functions(obj):
+def _functions(obj: Any) -> list[str]:
     """What of it is Python, a line each."""
     if prototype(obj):
         return [f"in Python: {python_text(obj)}"]
@@ -126,7 +126,7 @@ def show(obj: Any) -> str:
 _WIDE = 48  # longer values do not set the width of their column
 
 
-def _property(obj, name):
+def _property(obj: Any, name: str) -> str:
     try:
         value = getattr(obj, name)
     except (SetupError, AttributeError):
@@ -136,7 +136,7 @@ def _property(obj, name):
     return repr(value)
 
 
-def _row(obj, field):
+def _row(obj: Any, field: _core.Field) -> tuple[str, str, str]:
     """(name, value, unit or rule) of a field."""
     unit = field.unit if field.unit not in ("", "-") else ""
     if field.group in ("in", "out"):
@@ -156,19 +156,19 @@ def _row(obj, field):
     return field.name, _value(obj, field), note.rstrip()
 
 
-def _any(obj, field):
+def _any(obj: Any, field: _core.Field) -> bool:
     value = getattr(obj, field.name)
     return bool(value.any()) if field.shape and field.type != "char" else bool(value)
 
 
-def _value(obj, field):
+def _value(obj: Any, field: _core.Field) -> str:
     value = getattr(obj, field.name)
     if not field.shape or field.type == "char":
         return f"{value:.7g}" if isinstance(value, float) else getattr(value, "name", repr(value))
     return _array(value.tolist(), enumerator_names(field))
 
 
-def _array(value, names={}):
+def _array(value: Any, names: dict[int, str] = {}) -> str:
     """A nested list on one line; a multiple of the identity and a diagonal as such. names: of an enumeration"""
     if isinstance(value, list) and value and isinstance(value[0], list) and len(value) == len(value[0]):
         diagonal = [row[i] for i, row in enumerate(value)]
@@ -181,7 +181,7 @@ def _array(value, names={}):
     return f"{value:.7g}" if isinstance(value, float) else names.get(value, str(value))
 
 
-def _wiring(obj, field):
+def _wiring(obj: Any, field: _core.Field) -> str:
     """The other ends of a port's wires."""
     context = _core.context(obj)
     process = context() if context is not None else None

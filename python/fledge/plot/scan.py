@@ -18,16 +18,19 @@ centre 1), then about the new axis after it (axis 2, pitch).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
 from fledge.plot import STYLE, TITLE, deliver, silent
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     import numpy as np
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from fledge.records.series import Records
 
@@ -83,7 +86,7 @@ class Path:
     def __len__(self) -> int:
         return len(self.time)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         span = f", {self.time[0]:g} s to {self.time[-1]:g} s" if len(self) else ""
         return f"<path of {len(self)} samples{span}>"
 
@@ -110,14 +113,14 @@ def path(source: Records, attitude: str, base: str | None = None, boresight: int
     return Path(one.time, np.einsum("nij,nj->ni", mrp_to_dcm(other.values), d_N))
 
 
-def _axis(axis):
+def _axis(axis: int) -> tuple[int, float]:
     """1 -> (0, 1.0), -3 -> (2, -1.0)"""
     if axis not in (1, 2, 3, -1, -2, -3):
         raise SetupError(f"expected an axis 1, 2, 3, -1, -2 or -3; found {axis!r}")
     return abs(axis) - 1, 1.0 if axis > 0 else -1.0
 
 
-def _vector(boresight):
+def _vector(boresight: Any) -> NDArray[Any]:
     import numpy as np
 
     if np.ndim(boresight) == 0:
@@ -186,13 +189,13 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
     return deliver(figure, source)
 
 
-def _stroke(color, colors, widths=(3.2, 1.1, 1.6)):
+def _stroke(color: Any, colors: Iterable[Any], widths: Sequence[float] = (3.2, 1.1, 1.6)) -> dict[str, float]:
     """The first curve is below and broad, so that both are visible where the second follows it."""
     place = min(list(colors).index(color), 2)
     return {"linewidth": widths[place], "zorder": (2, 3, 2.5)[place]}
 
 
-def _arrow(axis, xy, color):
+def _arrow(axis: Axes, xy: NDArray[Any], color: Any) -> None:
     """An arrow head a third along a line: off its middle, where lines cross."""
     import numpy as np
 
@@ -205,12 +208,12 @@ def _arrow(axis, xy, color):
     axis.annotate("", xy[i], xytext=before, zorder=4, arrowprops=_head(color, 15))
 
 
-def _head(color, size=10):
+def _head(color: Any, size: float = 10) -> dict[str, Any]:
     return {"arrowstyle": "-|>,head_length=0.55,head_width=0.28", "mutation_scale": size, "color": color,
             "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
 
 
-def _free(point, reach, curves, middle):
+def _free(point: NDArray[Any], reach: float, curves: NDArray[Any], middle: NDArray[Any]) -> NDArray[Any]:
     """A position beside a point, far from all curves and from the middle of the pattern."""
     import numpy as np
 
@@ -222,11 +225,11 @@ def _free(point, reach, curves, middle):
     return places[np.argmax(np.minimum(room, 0.8 * reach) + 0.1 * outward)]
 
 
-def _halo():
+def _halo() -> dict[str, Any]:
     return {"boxstyle": "round,pad=0.12", "facecolor": PAPER, "edgecolor": "none", "alpha": 0.75}
 
 
-def _size(extent):
+def _size(extent: NDArray[Any]) -> tuple[float, float]:
     """Inches for axes of equal scales."""
     width, height = extent / max(extent)
     return 1.0 + 5.4 * max(width, 0.5), 1.1 + 5.4 * max(height, 0.4)
@@ -297,7 +300,7 @@ def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int 
     return deliver(figure, source)
 
 
-def _screen(centre, view, beside):
+def _screen(centre: int, view: Sequence[float] | None, beside: float) -> NDArray[Any]:
     """(3, 3): rows are right, up and towards the eye, which is `beside` [rad] off the centre."""
     import numpy as np
 
@@ -316,7 +319,7 @@ def _screen(centre, view, beside):
     return np.stack([right, np.cross(eye, right), eye])
 
 
-def _globe(axis, screen):
+def _globe(axis: Axes, screen: NDArray[Any]) -> None:
     """The sphere: its outline, a little shade, and a net of 15 degrees."""
     import numpy as np
     from matplotlib.patches import Circle
@@ -333,20 +336,21 @@ def _globe(axis, screen):
         _net(axis, screen, ring, 1.0 if longitude == 0 else 0.6)
 
 
-def _net(axis, screen, ring, width):
+def _net(axis: Axes, screen: NDArray[Any], ring: NDArray[Any], width: float) -> None:
     xy = ring @ screen.T
     axis.plot(*_masked(xy, xy[:, 2] > 0), color=PALE, linewidth=width, zorder=1.6)
     axis.plot(*_masked(xy, xy[:, 2] <= 0), color="#e9edf2", linewidth=0.5, zorder=1.2)
 
 
-def _on_globe(axis, screen, direction, color, label, **stroke):
+def _on_globe(axis: Axes, screen: NDArray[Any], direction: NDArray[Any], color: Any, label: str | None,
+              **stroke: Any) -> None:
     xy = direction @ screen.T
     axis.plot(*_masked(xy, xy[:, 2] > 0), color=color, label=label, **stroke)
     faint = {**stroke, "linewidth": 0.7, "zorder": 1.4, "alpha": 0.25}
     axis.plot(*_masked(xy, xy[:, 2] <= 0), color=color, **faint)
 
 
-def _masked(xy, shown):
+def _masked(xy: NDArray[Any], shown: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     import numpy as np
 
     return np.where(shown, xy[:, 0], np.nan), np.where(shown, xy[:, 1], np.nan)
@@ -354,20 +358,20 @@ def _masked(xy, shown):
 
 # --- both ------------------------------------------------------------------------------------------
 
-def _groups(paths):
+def _groups(paths: Mapping[str, Path | Iterable[Path]]) -> dict[str, list[Path]]:
     groups = {label: [one] if isinstance(one, Path) else list(one) for label, one in paths.items()}
     if not any(len(p) for group in groups.values() for p in group):
         raise SetupError("scan: there is nothing to draw; give at least one path with samples")
     return groups
 
 
-def _style():
+def _style() -> AbstractContextManager[None]:
     import matplotlib.style
 
     return matplotlib.style.context(STYLE)
 
 
-def _figure(size, name):
+def _figure(size: tuple[float, float], name: str) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout="constrained")
@@ -375,11 +379,11 @@ def _figure(size, name):
     return figure
 
 
-def _legend(axis, entries):
+def _legend(axis: Axes, entries: int) -> None:
     if entries > 1:
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=entries)
 
 
-def _title(figure, title):
+def _title(figure: Figure, title: str) -> None:
     if title:
         figure.suptitle(title, **TITLE)

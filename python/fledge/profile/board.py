@@ -12,6 +12,7 @@ from fledge.profile.measure import Profile
 from fledge.targets.leon3.board import read_board
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from fledge.targets import Part
@@ -115,7 +116,7 @@ class Memory:
         return high - low - 4 * unused
 
 
-def _same(archive, messages, outputs):
+def _same(archive: Archive, messages: Sequence[Any], outputs: Sequence[tuple[int, bytes]]) -> bool:
     """Whether these outputs, all messages at each instant, are those of a record."""
     expected: dict[int, bytes] = {}
     for one in messages:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,7 +73,7 @@ class Profile:
                              f"the thirds of {where}, {third / first - 1:+.1%}")
         return found
 
-    def _stays(self):
+    def _stays(self) -> Iterator[tuple[int, int]]:
         """(begin, end) of the cycles in each mode, in whole points; another mode may well take more."""
         stops = [*(cycle for cycle, _ in self.instructions[1:]), self.cycles]
         for begin, end in zip([0, *self.changes], [*self.changes, self.cycles]):

@@ -39,7 +39,7 @@ def profile(job: Job, names: Sequence[str], process: str | None = None,
     return found
 
 
-def _changes(part, path):
+def _changes(part: Part, path: Path) -> list[int]:
     """The cycles at which the mode of a process changes."""
     import numpy as np
 

@@ -30,7 +30,7 @@ class Array:
     def __init__(self, name: str, shape: tuple[int, ...]) -> None:
         self.name, self.shape = name, shape
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.name
 
 
@@ -61,7 +61,7 @@ class Declaration:
     def __set_name__(self, owner: Any, name: str) -> None:
         self.name = name
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<{self.group.name.lower()} {self.name}: {self.text}>"
 
 

@@ -13,6 +13,8 @@ from fledge.commands import Code, Reason
 from fledge.records.series import ACTIVITY, MODE, Records
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from fledge.mission.simulation import Simulation
 
 EVENT, ACCEPTED, EXECUTED, RESET = 1, 2, 3, 4   # ActivityKind
@@ -40,7 +42,7 @@ def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
             for port in records.executives() if port.type == MODE and len(records._time(port))}
 
 
-def _of_port(records, port):
+def _of_port(records: Records, port: Any) -> Iterator[Happening]:
     process = port.name.rpartition(".")[0]
     told = None
     for row in records._values(port):

@@ -23,6 +23,8 @@ from fledge.errors import SetupError, listed, nearest
 if TYPE_CHECKING:
     from typing import Self
 
+    from numpy.typing import NDArray
+
 HEAD = "head."  # begins the names of the fields that every message has: time, quality, sequence
 MODE, ACTIVITY = "ProcessMode", "Activity"     # the messages of executives
 NONE, GOOD = 0, 3                              # of Quality: never written; with nothing to say against it
@@ -74,11 +76,11 @@ class Records:
     def _ports(self) -> Sequence[Any]:
         raise NotImplementedError
 
-    def _values(self, port):
+    def _values(self, port: Any) -> NDArray[Any]:
         """The messages as a structured array."""
         raise NotImplementedError
 
-    def _time(self, port):
+    def _time(self, port: Any) -> Any:
         """[s]"""
         raise NotImplementedError
 
@@ -86,14 +88,14 @@ class Records:
         """The ports with what the executives of processes said: ProcessMode and Activity."""
         return [port for port in self._ports() if port.type in (MODE, ACTIVITY)]
 
-    def _find(self, key):
+    def _find(self, key: str) -> tuple[Any, str | None, tuple[Any, ...]]:
         """(port, name of a field or None, indices) of a key. Ports come before fields, full names before endings."""
         tokens = re.findall(r"[^.\[\]]+(?:\[[\d, ]+\])*", key.replace("/", ".").strip("."))
         given = [tuple(int(i) for i in re.findall(r"\d+", one.partition("[")[2])) for one in tokens]
         dotted = ".".join(one.partition("[")[0] for one in tokens)
         tail, ports = "." + dotted, self._ports()
         for exact in (True, False):
-            def fits(full):
+            def fits(full: str) -> bool:
                 return full == dotted if exact else full.endswith(tail) and not key.startswith("/")
 
             # Every message has a head: a key means it only if it names it.
@@ -125,7 +127,7 @@ class Records:
                           + (f"did you mean {listed(near, most=12)}?" if near else
                              f"there are {listed([p.name for p in ports], most=12)}"))
 
-    def _index(self, key, port, name, given):
+    def _index(self, key: str, port: Any, name: str | None, given: list[tuple[int, ...]]) -> tuple[Any, ...]:
         """The index of samples, from the indices that a key gives to each part of a name: () of none, slices where an
         inner part alone is indexed, as in "parts.steps[2]"."""
         parts = self._parts(port, name)
@@ -142,7 +144,7 @@ class Records:
         raise self._error(f"{self._label}: '{key}' is out of range: {full_name(port, name)} has the shape "
                           f"{tuple(n for _, shape in parts for n in shape)}")
 
-    def _parts(self, port, name):
+    def _parts(self, port: Any, name: str | None) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """((name, shape), ...) of the parts of a field's name, or of a nested message's."""
         if not name:
             return ()
@@ -165,18 +167,18 @@ class Records:
         found._raw = True
         return found
 
-    def _quality(self, port):
+    def _quality(self, port: Any) -> NDArray[Any] | None:
         """(n,) the quality of each message; None if they have no head."""
         values = self._values(port)
         head = values.dtype["head"] if "head" in (values.dtype.names or ()) else None
         return values["head"]["quality"] if head is not None and "quality" in (head.names or ()) else None
 
-    def _missing(self, port):
+    def _missing(self, port: Any) -> Sequence[int] | NDArray[Any]:
         """The indices of the messages that were never written."""
         quality = self._quality(port)
         return [] if self._raw or quality is None else (quality == NONE).nonzero()[0]
 
-    def _field(self, port, name):
+    def _field(self, port: Any, name: str | None) -> NDArray[Any]:
         """The values of a field; NaN where its message was never written. Of heads and whole messages their bytes."""
         values = part(self._values(port), name)
         missing = self._missing(port)
@@ -186,7 +188,7 @@ class Records:
             values.setflags(write=False)
         return decoded(values) if values.dtype.kind == "S" else values
 
-    def _ipython_key_completions_(self):
+    def _ipython_key_completions_(self) -> list[str]:
         """What IPython offers behind [": each port and field, as short as its last names are unique, and in full."""
         full = [full_name(p, n) for p in self._ports() for n in (None, *p.names)
                 if not (n or "").startswith(HEAD.rstrip("."))]
@@ -194,7 +196,7 @@ class Records:
         seen = Counter(short)
         return [*(one for one in short if seen[one] == 1), *full]
 
-    def _table(self, title):
+    def _table(self, title: str) -> str:
         """The ports and their fields, for a notebook."""
         groups = []
         for port in self._ports():
@@ -230,7 +232,7 @@ class Records:
         return Series(key, short, port.name, self._time(port), self[key], field.unit,
                       _meaning(field), words, self._quality(port))
 
-    def _short_name(self, port):
+    def _short_name(self, port: Any) -> str:
         """The shortest ending of a port's name that is unique here: "error"."""
         parts = port.name.split(".")
         tails = (".".join(parts[-n:]) for n in range(1, len(parts)))
@@ -267,7 +269,7 @@ def element_names(parts: Sequence[tuple[str, Sequence[int]]]) -> list[str]:
     return names
 
 
-def _meaning(field):
+def _meaning(field: Any) -> str:
     """Of a field of a header, or of an archive."""
     return field.meaning if hasattr(field, "meaning") else field.doc
 

@@ -168,10 +168,10 @@ class _Value:
     @property
     def degrees(self) -> float | list | None:
         """The same angle or rate in degrees; None of other values, and of 0."""
-        def convert(x):
+        def convert(x: Any) -> Any:
             return list(map(convert, x)) if isinstance(x, list) else float(f"{math.degrees(x):.12g}")
 
-        def empty(x):
+        def empty(x: Any) -> bool:
             return all(map(empty, x)) if isinstance(x, list) else x == 0
 
         return convert(self.value) if re.fullmatch(r"rad(/s)?", self.unit) and not empty(self.value) else None
@@ -190,18 +190,18 @@ def _parameters(instance: objects.Module | objects.Model) -> list[_Value]:
     return rows
 
 
-def _rows(owner, field, given: bool) -> list[_Value]:
+def _rows(owner: Any, field: Any, given: bool) -> list[_Value]:
     return [_Value(name, plain(inner, leaf), leaf.unit, leaf.doc, leaf.rule, given)
             for name, inner, leaf in members(owner, field)]
 
 
-def _final(log) -> tuple:
+def _final(log: Any) -> tuple:
     """(log, time [ns], quality, rows) of its last sample; no rows if its message was never written."""
     import numpy as np
 
     sample = np.frombuffer(log.last(), dtype_of(log.struct))[0]
 
-    def read(name: str):
+    def read(name: str) -> Any:
         found = sample
         for part in name.split("."):
             found = found[part]
@@ -226,7 +226,7 @@ def _began(times: int, first: float | None) -> str:
     return "never" if first is None else f"t = {first:g} s" + (f", {times} times" if times > 1 else "")
 
 
-def _updates(process, task, now: int) -> str:
+def _updates(process: Any, task: Any, now: int) -> str:
     """How often a task ran until now [ns]; "" for one that modes start and stop."""
     if any(task.name in tasks.partition(";")[0].split(", ") for _, tasks in process.modes):
         return ""
@@ -238,7 +238,7 @@ def _paragraphs(doc: str | None) -> list[str]:
     return [" ".join(p.split()) for p in re.split(r"\n\s*\n", inspect.cleandoc(doc or "")) if p.strip()]
 
 
-def _documents(mission) -> list[tuple[str, list[str]]]:
+def _documents(mission: Any) -> list[tuple[str, list[str]]]:
     """(what it is about, its paragraphs) of the mission's files, from their docstrings."""
     found = []
     for file, word in (("mission.py", "the processes"), ("flight.py", "what flies"), ("world.py", "the world"),
@@ -251,7 +251,7 @@ def _documents(mission) -> list[tuple[str, list[str]]]:
     return [(word, paragraphs) for word, paragraphs in found if paragraphs]
 
 
-def _without_paths(message: str, mission) -> str:
+def _without_paths(message: str, mission: Any) -> str:
     """A message without the folders of this machine."""
     folders = {mission.folder: mission.name} if mission else {}
     for folder, shown in {**folders, Path.cwd(): ".", Path.home(): "~"}.items():

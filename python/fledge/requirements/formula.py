@@ -81,7 +81,7 @@ class Signal:
         """The largest magnitude of the elements."""
         return self._reduced("max_abs")
 
-    def _reduced(self, measure):
+    def _reduced(self, measure: str) -> Signal:
         if not self.shape:
             raise SetupError(f"{self.text}: {measure}() is for arrays")
         return self._made(measure, self, text=f"{measure}({self.text})", shape=())
@@ -111,11 +111,11 @@ class Signal:
 
     __rmul__ = __mul__
 
-    def _made(self, operation, *operands, **changes):
+    def _made(self, operation: str, *operands: Signal, **changes: Any) -> Signal:
         own: dict[str, Any] = {"shape": self.shape, "unit": self.unit, "dims": self.dims}
         return Signal(operation, operands, **{**own, **changes})
 
-    def _joined(self, sign, other):
+    def _joined(self, sign: str, other: Any) -> Signal:
         if not isinstance(other, Signal):
             value = to_si(other, f"{self.text} {sign} {other!r}", self.unit or "-", self.dims, "a number")
             if self.shape or not isinstance(value, (int, float)):
@@ -149,7 +149,7 @@ class Signal:
 
     __hash__ = object.__hash__
 
-    def _compare(self, relation, limit):
+    def _compare(self, relation: str, limit: Any) -> Comparison:
         if self.shape:
             raise SetupError(f"{self.text} has shape {self.shape}: compare an element, norm() or max_abs()")
         if isinstance(limit, Signal):
@@ -168,7 +168,7 @@ class Signal:
                              "compare it by < or >, as in abs(x - c) < 0.01")
         return Comparison(self, relation, float(value), f"{self.text} {relation} {number_text(value, self.unit)}")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.text
 
 
@@ -185,7 +185,7 @@ def turned(sigma: Any, v: Any) -> Signal:
                   unit=vector.unit, dims=vector.dims)
 
 
-def _vector(what, one):
+def _vector(what: str, one: Any) -> Signal:
     if not isinstance(one, Signal):
         numbers = to_vector(one, what, "-", _NUMBER)
         return Signal("constant", text=f"[{', '.join(f'{x:g}' for x in numbers)}]", shape=(3,), numbers=numbers)
@@ -194,7 +194,7 @@ def _vector(what, one):
     return one
 
 
-def _kind(signal):
+def _kind(signal: Signal) -> str:
     return f"{signal.shape or 'a number'} in {signal.unit or '-'}"
 
 
@@ -260,7 +260,7 @@ class Formula:
         own = self.begin if self.kind == "clock" else self.end or 0
         return own + max((one.reach for one in self.operands), default=0)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return str(self)
 
 
@@ -283,7 +283,7 @@ class Comparison(Formula):
         """Whether its margin is a distance, and not only true or false."""
         return self.relation not in ("==", "!=")
 
-    def __str__(self):
+    def __str__(self) -> str:
         return self.text
 
 
@@ -293,34 +293,34 @@ class Node(Formula):
         self.kind, self.operands, self.sentence, self.mathematics = kind, tuple(operands), sentence, mathematics
         self.begin, self.end, self.joins = begin, end, joins
 
-    def __str__(self):
+    def __str__(self) -> str:
         return self.sentence
 
 
-def _join(kind, word, sign, a, b):
+def _join(kind: str, word: str, sign: str, a: Formula, b: Formula) -> Node:
     for one in (a, b):
         if not isinstance(one, Formula):
             raise SetupError(f"{one!r} is no formula: compare a signal with a limit")
     return Node(kind, (a, b), f"{_inner(a)}{word}{_inner(b)}", f"{_symbols(a)}{sign}{_symbols(b)}", joins=True)
 
 
-def _inner(formula):
+def _inner(formula: Formula) -> str:
     """Its sentence as a part of another one."""
     return f"({formula})" if isinstance(formula, Node) and formula.operands else str(formula)
 
 
-def _symbols(formula):
+def _symbols(formula: Formula) -> str:
     joins = isinstance(formula, Node) and formula.joins
     return f"({formula.mathematics})" if joins or isinstance(formula, Comparison) else formula.mathematics
 
 
-def _formula(x, what):
+def _formula(x: Any, what: str) -> Formula:
     if not isinstance(x, Formula):
         raise SetupError(f"{what}({x!r}): expected a formula, such as a signal that is compared with a limit")
     return x
 
 
-def _window(begin, end, what):
+def _window(begin: Any, end: Any, what: str) -> tuple[int, int | None, str, str]:
     first = time_ns(begin, what)
     last = None if end is None else time_ns(end, what)
     if first < 0 or (last is not None and last < first):

@@ -45,7 +45,7 @@ class Outcome:
             return ""
         return number_text(self.margin, self.unit) if self.unit else f"{100 * self.margin:.3g} % of the limit"
 
-    def __str__(self):
+    def __str__(self) -> str:
         told = {HOLDS: f"margin {self.margin_text}" if self.margin_text else "",
                 VIOLATED: f"by {self.margin_text.lstrip('-')}" if self.margin_text else "",
                 UNKNOWN: self.reason}[self.verdict]
@@ -131,10 +131,10 @@ class Judged:
             judge.core.finish(end)
         return self._outcomes()
 
-    def _outcomes(self):
+    def _outcomes(self) -> list[Outcome]:
         return [self._outcome(one, judge, number) for one, (judge, number) in zip(self.requirements, self._formulas)]
 
-    def _outcome(self, requirement, judge, number):
+    def _outcome(self, requirement: Any, judge: _Judge, number: int) -> Outcome:
         low, high, low_t, low_atom, high_t, high_atom, unknown_t, unknown = judge.core.value(number)
         verdict = HOLDS if low > 0 else VIOLATED if high < 0 else UNKNOWN
         if judge.core.went_back:
@@ -148,7 +148,7 @@ class Judged:
         return Outcome(requirement, verdict, margin, low, high, unit_of(requirement.formula) or "",
                        t / 1e9 if t >= 0 else None, where, reason)
 
-    def _reason(self, requirement, judge, atom, t):
+    def _reason(self, requirement: Any, judge: _Judge, atom: int, t: int) -> str:
         if judge.core.went_back:
             return "the simulation went back to an earlier state"
         if atom >= 0:
@@ -196,7 +196,7 @@ class _Judge:
         node(formula)
         return self.core.formula(rows)
 
-    def _atom(self, one, scale):
+    def _atom(self, one: Comparison, scale: float) -> int:
         key = (one.key, scale)
         if key not in self._known:
             self._known[key] = self.core.atom(self._signal(one.signal), one.relation, one.limit, scale)
@@ -204,12 +204,12 @@ class _Judge:
             self.numbers.setdefault(one.key, self._known[key])
         return self._known[key]
 
-    def _signal(self, one):
+    def _signal(self, one: Signal) -> int:
         if one.key not in self._signals:
             self._signals[one.key] = self._made(one)
         return self._signals[one.key]
 
-    def _made(self, one):
+    def _made(self, one: Signal) -> int:
         if one.operation in ("source", "event"):
             source = self._source(one)
             self.sources.append(one)
@@ -220,7 +220,7 @@ class _Judge:
         a, b = [*operands, -1, -1][:2]
         return self.core.expression(one.operation, a, one.place if one.place >= 0 else b, one.number)
 
-    def _source(self, one):
+    def _source(self, one: Signal) -> int:
         if self._simulation is None:
             return self.core.given(math.prod(one.shape))
         kernel = self._simulation.kernel
@@ -257,7 +257,7 @@ class _Judge:
         self.core.play(times, columns)
         return int(end if end is not None else times[-1] if len(times) else 0)
 
-    def _series(self, records, one):
+    def _series(self, records: Records, one: Signal) -> tuple[Any, Any]:
         """(times [ns], values (n, elements)) of a source; of an event the times at which it fired."""
         import numpy as np
 

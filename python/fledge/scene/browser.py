@@ -16,6 +16,10 @@ from pathlib import Path
 
 from fledge.programs import without_preload
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
 PROGRAM = shutil.which("chromium")
 SWITCHES = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
             "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
@@ -99,7 +103,7 @@ class Browser:
         """What is seen, as PNG."""
         return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
-    def _call(self, method, **parameters):
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
         asked = {"id": self._number, "method": method, "params": parameters}
         if self._session:
@@ -113,7 +117,7 @@ class Browser:
                     raise RuntimeError(f"{method}: {answer['error']['message']}")
                 return answer["result"]
 
-    def _read(self, end):
+    def _read(self, end: float) -> dict[str, Any]:
         while b"\0" not in self._rest:
             if not select.select([self._from], [], [], max(0, end - time.monotonic()))[0]:
                 raise TimeoutError("the browser does not answer")
@@ -126,7 +130,7 @@ class Browser:
         self._note(found.get("method"), found.get("params", {}))
         return found
 
-    def _note(self, event, about):
+    def _note(self, event: str | None, about: dict[str, Any]) -> None:
         if event == "Runtime.exceptionThrown":
             self.problems.append(about["exceptionDetails"]["exception"].get("description", "an exception"))
         if event == "Runtime.consoleAPICalled" and about["type"] in ("error", "warning"):

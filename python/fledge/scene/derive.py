@@ -5,13 +5,20 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError
 from fledge.records.activity import happenings, modes
 from fledge.records.series import HEAD, NONE, Records, element_names, stale_after
 from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, RadioLink, Scene, Station
 from fledge.scene.tracks import Motion, Signal, Turning
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from fledge import world
 
 HAPPENINGS = 500    # on the time line
 LONG, WIDE = 4.0, 1.6   # [-] extents of a spacecraft that a cone at it is long, and half wide; half of that to keep out
@@ -83,21 +90,21 @@ class Derivation:
         self.used: set[str] = set()
         self.scene = Scene(facts.title, facts.about)
 
-    def _grows(self, make):
+    def _grows(self, make: Callable[[Derivation], Any]) -> Any:
         """The track that make(derivation) makes."""
         track = make(self)
         if self._live and track is not None:
             track.source = make
         return track
 
-    def add_plots(self):
+    def add_plots(self) -> None:
         self.scene.plots = [plot for name, port in self._ports.items() if not self._live or name in self.used
                             for plot in self._plots(port)]
         if not self.scene.crafts:
             times = [self._records._time(port) for port in self._ports.values()]
             self.scene.begin, self.scene.end = min(t[0] for t in times), max(t[-1] for t in times)
 
-    def add_flight(self):
+    def add_flight(self) -> None:
         records, scene = self._records, self.scene
         for path in self._of("CraftState"):
             scene.crafts.append(self._craft(path))
@@ -120,11 +127,11 @@ class Derivation:
 
     # --- what is recorded ----------------------------------------------------------------------------
 
-    def _of(self, *types):
+    def _of(self, *types: str) -> list[str]:
         """The names of recorded ports with messages of some types."""
         return [name for name, port in self._ports.items() if port.type in types]
 
-    def _rows(self, name, *fields):
+    def _rows(self, name: str, *fields: str) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """(messages of a port, whether each is the last of its instant, whether it was written, and is finite)"""
         import numpy as np
 
@@ -135,14 +142,14 @@ class Derivation:
             good &= np.isfinite(table[one]).all(axis=tuple(range(1, table[one].ndim)))
         return table, last, good
 
-    def _last(self, name):
+    def _last(self, name: str) -> NDArray[Any]:
         """Whether each message of a port is the last of its instant."""
         import numpy as np
 
         time = self._records._time(self._ports[name])
         return np.append(np.diff(time) > 0, True)[:len(time)]
 
-    def _values(self, name, *fields, gaps=False):
+    def _values(self, name: str, *fields: str, gaps: bool = False) -> tuple[NDArray[Any], ...]:
         """(times [s], values of each field) of a port's messages that were written, the last one of each instant.
 
         gaps: with NaN for those that were not written and follow one that was
@@ -156,7 +163,7 @@ class Derivation:
             one[~good[kept]] = np.nan
         return self._records._time(self._ports[name])[kept], *found
 
-    def _stale_after(self, name, table):
+    def _stale_after(self, name: str, table: NDArray[Any]) -> float:
         """[s] The age at which messages of a port are stale. Without its task's period, by what lies between two
         messages that it wrote one after the other; what is written once does not age."""
         import numpy as np
@@ -168,7 +175,7 @@ class Derivation:
         on = (apart > 0) & (more > 0)
         return stale_after((apart[on] / more[on]).min() / 1e9) if on.any() else math.inf
 
-    def _written(self, name, table):
+    def _written(self, name: str, table: NDArray[Any]) -> NDArray[Any]:
         """[s] When each message of a port was written, if it was stale when it was recorded; else NaN."""
         import numpy as np
 
@@ -176,7 +183,7 @@ class Derivation:
         old = self._records._time(self._ports[name]) - t > self._stale_after(name, table)
         return np.where(old & (table["head"]["quality"] != NONE), t, np.nan)
 
-    def _newest(self, names, *fields, gaps=True):
+    def _newest(self, names: list[str], *fields: str, gaps: bool = True) -> tuple[NDArray[Any], ...]:
         """(times [s], values of each field, when they were written [s]) of outputs that say the same: of each time the
         newest, of those as new the best, of those the first that is named. The last is NaN of what is not stale.
 
@@ -209,7 +216,7 @@ class Derivation:
         written, *values = (one[kept] for one in chosen)
         return times[kept], *values, written
 
-    def _aged(self, track, written):
+    def _aged(self, track: Any, written: NDArray[Any]) -> Any:
         """A track with when it was written, if that matters."""
         import numpy as np
 
@@ -217,12 +224,12 @@ class Derivation:
             track.written = written
         return track
 
-    def _signal(self, name, one, element=None):
+    def _signal(self, name: str, one: str, element: int | None = None) -> Signal | None:
         """The Signal of a field or of an element of it; None if the port was not recorded."""
         if name not in self._ports:
             return None
 
-        def make(found):
+        def make(found: Derivation) -> Signal:
             time, values = found._values(name, one, gaps=True)
             values = values.reshape(len(time), math.prod(values.shape[1:]))
             return Signal(time, values if element is None else values[:, [element]], read=True)
@@ -230,7 +237,7 @@ class Derivation:
         signal = self._grows(make)
         return signal if self._live or len(signal.time) else None
 
-    def _what_to_record(self):
+    def _what_to_record(self) -> str:
         crafts = self._facts.all_of("Spacecraft")
         if crafts:
             return "record " + ", ".join(f"{path}.state" for path in crafts)
@@ -238,8 +245,8 @@ class Derivation:
 
     # --- spacecraft ----------------------------------------------------------------------------------
 
-    def _craft(self, name):
-        def all_of(found):
+    def _craft(self, name: str) -> Craft:
+        def all_of(found: Derivation) -> tuple[NDArray[Any], ...]:
             return found._values(name, "r_BN_N", "v_BN_N", "sigma_BN")
 
         if not len(all_of(self)[0]):
@@ -255,7 +262,7 @@ class Derivation:
             craft.signals["rate"] = rate
         return craft
 
-    def _from_estimates(self):
+    def _from_estimates(self) -> None:
         """Spacecraft by what navigation says of them, in a record without the truth: of a real one."""
         import numpy as np
 
@@ -275,7 +282,7 @@ class Derivation:
             self.scene.crafts.append(Craft(process, self._facts.said(names)[0].rpartition(".")[0], motion, turning,
                                            self._facts.folder))
 
-    def _estimated_motion(self, process):
+    def _estimated_motion(self, process: str) -> Motion | None:
         """By what navigation says of its orbit; None if that is nothing."""
         names = self._facts.said([name for name in self._of("NavOrbit") if name.partition(".")[0] == process])
         if not names:
@@ -283,17 +290,17 @@ class Derivation:
         motion = self._grows(lambda found: Motion(*found._newest(names, "r_BN_N", "v_BN_N", gaps=False)[:3]))
         return motion if self._live or len(motion.time) else None
 
-    def _turning(self, names, one, gaps=True):
+    def _turning(self, names: list[str], one: str, gaps: bool = True) -> Turning:
         """The Turning of a field with MRP, of outputs that say the same."""
         names = self._facts.said(names)
 
-        def make(found):
+        def make(found: Derivation) -> Turning:
             time, sigma, written = found._newest(names, one, gaps=gaps)
             return found._aged(Turning.of_mrp(time, sigma), written)
 
         return self._grows(make)
 
-    def _home(self, process):
+    def _home(self, process: str) -> Craft | None:
         """The spacecraft that a process belongs to: whose world it commands, or else whose world it reads. None if
         that is not one."""
         crafts = {craft.process: craft for craft in self.scene.crafts}
@@ -307,7 +314,7 @@ class Derivation:
                 return crafts[(found & crafts.keys()).pop()]
         return None
 
-    def _fit_out(self, craft):
+    def _fit_out(self, craft: Craft) -> None:
         """Add its parts, sensors, estimates, references and directions."""
         facts = self._facts
         parts = [one for one in facts.of(craft.path, "parts", "").split("; ") if one]
@@ -332,12 +339,12 @@ class Derivation:
             if self._home(name.partition(".")[0]) is craft:
                 craft.directions.append(Direction("magnetic field", self._unit(name, "B_N")))
 
-    def _said_of(self, craft, kind):
+    def _said_of(self, craft: Craft, kind: str) -> list[str]:
         """The outputs with messages of a type that flight says of a spacecraft; where it says none, its world."""
         names = [name for name in self._of(kind) if self._home(name.partition(".")[0]) is craft]
         return [name for name in names if name.partition(".")[0] != craft.process] or names
 
-    def _add_pose(self, craft, kind, names, one):
+    def _add_pose(self, craft: Craft, kind: str, names: list[str], one: str) -> None:
         if not names:
             return
         turning = self._turning(names, one)
@@ -345,28 +352,28 @@ class Derivation:
             motion = self._estimated_motion(names[0].partition(".")[0]) if kind == "estimate" else None
             craft.poses.append(Pose(kind, ", ".join(self._facts.said(names)), turning, motion))
 
-    def _angle(self, names):
+    def _angle(self, names: list[str]) -> Signal:
         """[rad] The size of the attitude's error."""
         import numpy as np
 
-        def make(found):
+        def make(found: Derivation) -> Signal:
             time, sigma, written = found._newest(names, "sigma_BR")
             angle = 4 * np.arctan(np.linalg.norm(sigma, axis=1, keepdims=True))
             return found._aged(Signal(time, angle, read=True), written)
 
         return self._grows(make)
 
-    def _unit(self, name, one):
+    def _unit(self, name: str, one: str) -> Signal:
         import numpy as np
 
-        def make(found):
+        def make(found: Derivation) -> Signal:
             time, values = found._values(name, one, gaps=True)
             size = np.linalg.norm(values, axis=1, keepdims=True)
             return Signal(time, values / np.where(size > 0, size, 1))
 
         return self._grows(make)
 
-    def _hub(self, craft):
+    def _hub(self, craft: Craft) -> list[float]:
         """[m] (3,) The edges of a uniform box with the spacecraft's inertia, within its thrusters."""
         import numpy as np
 
@@ -380,10 +387,10 @@ class Derivation:
                  if part.kind == "thruster" and any(part.at_B)]
         return (2 * half * min([1.0, *reach])).tolist()
 
-    def _count(self, path, name):
+    def _count(self, path: str, name: str) -> list[Any]:
         return self._facts.of(path, name) or []
 
-    def _add_ReactionWheels(self, craft, path):
+    def _add_ReactionWheels(self, craft: Craft, path: str) -> None:
         import numpy as np
 
         axes, limits = self._count(path, "axes_B"), self._count(path, "Omega_max")
@@ -397,14 +404,14 @@ class Derivation:
                                     full=full))
         self._advise(f"{path}.speeds", "the wheels stand still")
 
-    def _add_ControlMomentGyros(self, craft, path):
+    def _add_ControlMomentGyros(self, craft: Craft, path: str) -> None:
         for k, axis in enumerate(self._count(path, "spin_axes_B")):
             craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", axis_B=_unit(axis),
                                     level=self._signal(f"{path}.speeds", "Omega", k),
                                     full=(self._count(path, "Omega_max") or [0] * 8)[k]))
         self._advise(f"{path}.speeds", "the gyros' wheels stand still")
 
-    def _add_Thrusters(self, craft, path):
+    def _add_Thrusters(self, craft: Craft, path: str) -> None:
         places = self._count(path, "r_TB_B") or [[0, 0, 0]] * 8
         for k, (at, axis) in enumerate(zip(places, self._count(path, "axes_B"))):
             craft.parts.append(Part("thruster", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis),
@@ -412,13 +419,13 @@ class Derivation:
                                     full=self._count(path, "F")[k]))
         self._advise(f"{path}.output", "the thrusters have no plumes")
 
-    def _add_TorqueRods(self, craft, path):
+    def _add_TorqueRods(self, craft: Craft, path: str) -> None:
         for k, axis in enumerate(self._count(path, "axes_B")):
             craft.parts.append(Part("rod", f"{path.partition('.')[2]} {k + 1}", axis_B=_unit(axis),
                                     level=self._signal(f"{path}.applied", "dipole", k),
                                     full=(self._count(path, "m_max") or [0] * 8)[k]))
 
-    def _add_HingedPanels(self, craft, path):
+    def _add_HingedPanels(self, craft: Craft, path: str) -> None:
         import numpy as np
 
         for k, hinge in enumerate(self._count(path, "hinge_B")):
@@ -433,29 +440,29 @@ class Derivation:
                                     level=self._signal(f"{path}.angles", "theta", k)))
         self._advise(f"{path}.angles", "the panels do not turn")
 
-    def _add_StarTracker(self, craft, path):
+    def _add_StarTracker(self, craft: Craft, path: str) -> None:
         name, axis = path.partition(".")[2], _unit(self._facts.of(path, "boresight_B"))
         craft.parts.append(Part("cone", name, axis_B=axis, half_angle=0.14))
         exclusion = self._facts.of(path, "sun_exclusion", 0)
         if 0 < exclusion < 1.5:
             craft.parts.append(Part("cone", f"{name}, Sun", axis_B=axis, half_angle=exclusion, keep_out="Sun"))
 
-    def _add_SunSensor(self, craft, path):
+    def _add_SunSensor(self, craft: Craft, path: str) -> None:
         self._view_cone(craft, path.partition(".")[2], self._facts.of(path, "boresight_B"),
                         self._facts.of(path, "view", 0))
 
     _add_CraftSensor = _add_SunSensor
 
-    def _add_CoarseSunSensors(self, craft, path):
+    def _add_CoarseSunSensors(self, craft: Craft, path: str) -> None:
         for k, axis in enumerate(self._count(path, "axes_B")):
             self._view_cone(craft, f"{path.partition('.')[2]} {k + 1}", axis,
                             (self._count(path, "view") or [0] * 8)[k])
 
-    def _view_cone(self, craft, name, axis, view):
+    def _view_cone(self, craft: Craft, name: str, axis: Sequence[float], view: Any) -> None:
         if axis is not None and any(axis) and 0 < view < 1.4:
             craft.parts.append(Part("cone", name, axis_B=_unit(axis), half_angle=view))
 
-    def _add_SolarArray(self, craft, path):
+    def _add_SolarArray(self, craft: Craft, path: str) -> None:
         """A square wing for each panel, beside the spacecraft along the axis nearest to its plane, or about which a
         drive turns it."""
         import numpy as np
@@ -477,13 +484,13 @@ class Derivation:
                 part.hinge_B, part.hinge_axis_B, part.level = at.tolist(), _unit(hinges[k]), angle
             craft.parts.append(part)
 
-    def _advise(self, port, without):
+    def _advise(self, port: str, without: str) -> None:
         if port not in self._ports:
             self.scene.notes.append(f"{port} is not recorded: {without}.")
 
     # --- what surrounds them -------------------------------------------------------------------------
 
-    def _surroundings(self):
+    def _surroundings(self) -> None:
         """The celestial bodies, and the Sun."""
         import numpy as np
 
@@ -516,7 +523,7 @@ class Derivation:
             self.scene.planets.append(Planet(body.name, body.radius, motion, self._turns(ephemeris, body),
                                              FLATTENING.get(body.name, 0.0), body.mu))
 
-    def _times(self):
+    def _times(self) -> NDArray[Any]:
         """[s] at which bodies are looked for: in the span of the run, or, of what goes on, those of the spacecraft."""
         import numpy as np
 
@@ -525,10 +532,10 @@ class Derivation:
         return np.linspace(self.scene.begin, self.scene.end,
                            1 + max(16, int((self.scene.end - self.scene.begin) / 3600)))
 
-    def _moves(self, sky, body):
+    def _moves(self, sky: world.Sky, body: world.Body) -> Motion:
         import numpy as np
 
-        def make(found):
+        def make(found: Derivation) -> Motion:
             times = found._times()
             states = [sky.state(body, t) for t in times]
             return Motion(times, np.array([s.r_PN_N for s in states]).reshape(-1, 3),
@@ -536,10 +543,10 @@ class Derivation:
 
         return self._grows(make)
 
-    def _turns(self, sky, body):
+    def _turns(self, sky: world.Sky, body: world.Body) -> Turning | None:
         import numpy as np
 
-        def make(found):
+        def make(found: Derivation) -> Turning:
             times = found._times()
             return Turning.of_dcm(times, np.array([sky.orientation(body, t).dcm_PN for t in times]).reshape(-1, 3, 3))
 
@@ -548,7 +555,7 @@ class Derivation:
         except SetupError:
             return None
 
-    def _spinning(self):
+    def _spinning(self) -> Turning | None:
         """The turning of a body without a sky: about its third axis, at the rate that a station on it has."""
         import numpy as np
 
@@ -556,13 +563,13 @@ class Derivation:
         if not spin:
             return None
 
-        def make(found):
+        def make(found: Derivation) -> Turning:
             half = spin * (times := found._times()) / 2
             return Turning(times, np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1))
 
         return self._grows(make)
 
-    def _stations(self):
+    def _stations(self) -> None:
         """The stations on the ground, one for all that stand at the same place, and their radios."""
         found: dict[tuple, Station] = {}
         of: dict[str, Station] = {}     # path -> its station
@@ -582,20 +589,20 @@ class Derivation:
                 self._advise(f"{path}.down", "nothing says when the ground's receiver is locked")
         self.scene.stations = list(found.values())
 
-    def _lock(self, name):
+    def _lock(self, name: str) -> Signal | None:
         """(locked, Eb/N0 [dB]) of a radio's link."""
         import numpy as np
 
         if name not in self._ports:
             return None
 
-        def make(found):
+        def make(found: Derivation) -> Signal:
             time, lock, ratio = found._values(name, "lock", "eb_n0_dB", gaps=True)
             return Signal(time, np.stack([lock, ratio], axis=1))
 
         return self._grows(make)
 
-    def _recorded_sun(self):
+    def _recorded_sun(self) -> None:
         """The Sun of a run without a sky: recorded by a model, or a parameter of a sensor."""
         import numpy as np
 
@@ -617,7 +624,7 @@ class Derivation:
 
     # --- plots ---------------------------------------------------------------------------------------
 
-    def _plots(self, port):
+    def _plots(self, port: Any) -> Iterator[Plot]:
         """A Plot of each numeric field of a port; of long arrays the elements up to the last that is ever not 0."""
         import numpy as np
 
@@ -630,7 +637,7 @@ class Derivation:
                 (k for k in range(size) if np.nan_to_num(values.reshape(-1, size)[:, k].astype(float)).any()),
                 default=0) + 1
 
-            def make(found, name=name, size=size, used=min(used, 16)):
+            def make(found: Derivation, name: str = name, size: int = size, used: int = min(used, 16)) -> Signal:
                 of, last = found._ports[port.name], found._last(port.name)
                 time, table = found._records._time(of)[last], found._records._values(of)
                 flat = found._records._field(of, name).reshape(-1, size)[last].astype(float)
@@ -656,6 +663,6 @@ def place_on(radius: float, flattening: float, latitude: float, longitude: float
     return [(normal + altitude) * up[0], (normal + altitude) * up[1], (share * normal + altitude) * up[2]], up
 
 
-def _unit(axis):
+def _unit(axis: Sequence[float]) -> list[float]:
     size = sum(x * x for x in axis) ** 0.5
     return [x / size for x in axis]

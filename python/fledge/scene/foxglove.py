@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,8 @@ from fledge.files import Part as PartFile
 
 if TYPE_CHECKING:
     from os import PathLike
+
+    from numpy.typing import NDArray
 
     from fledge.scene.scene import Craft, Part, Scene
 
@@ -82,7 +84,7 @@ def definition(name: str) -> str:
     """The text of a message's definition with those of all that it holds."""
     found: dict[str, str] = {}
 
-    def add(one):
+    def add(one: str) -> None:
         if one not in found:
             found[one] = DEFINITIONS[one]
             for line in DEFINITIONS[one].splitlines():
@@ -102,16 +104,16 @@ def encoded(name: str, message: dict[str, Any]) -> bytes:
     return bytes(out)
 
 
-def _align(out, size):
+def _align(out: bytearray, size: int) -> None:
     out += bytes(-(len(out) - 4) % size)
 
 
-def _number(out, code, value):
+def _number(out: bytearray, code: str, value: Any) -> None:
     _align(out, struct.calcsize(code))
     out += struct.pack(f"<{code}", value)
 
 
-def _encode(out, kind, value):
+def _encode(out: bytearray, kind: str, value: Any) -> None:
     if kind == "string":
         data = value.encode() + b"\0"
         _number(out, "I", len(data))
@@ -135,26 +137,26 @@ def _encode(out, kind, value):
                 _encode(out, inner, one)
 
 
-def _time(t):
+def _time(t: float) -> dict[str, int]:
     ns = round(t * 1e9)
     return {"sec": ns // 10**9, "nanosec": ns % 10**9}
 
 
-def _xyz(v):
+def _xyz(v: Iterable[float]) -> dict[str, float]:
     return dict(zip("xyz", map(float, v)))
 
 
-def _xyzw(q):
+def _xyzw(q: Iterable[float]) -> dict[str, float]:
     return dict(zip("xyzw", map(float, q)))
 
 
-def _rgba(color, alpha=1.0):
+def _rgba(color: Sequence[float], alpha: float = 1.0) -> dict[str, float]:
     return {**dict(zip("rgb", color)), "a": alpha}
 
 
 # --- geometry --------------------------------------------------------------------------------------
 
-def _turn(start, axis):
+def _turn(start: Any, axis: Any) -> list[float]:
     """The quaternion, scalar last, of the shortest turn from one unit vector to another."""
     import numpy as np
 
@@ -166,21 +168,23 @@ def _turn(start, axis):
     return (q / np.linalg.norm(q)).tolist()
 
 
-def _pose(at=(0, 0, 0), q=(0, 0, 0, 1)):
+def _pose(at: Any = (0, 0, 0), q: Any = (0, 0, 0, 1)) -> dict[str, Any]:
     return {"position": _xyz(at), "orientation": _xyzw(q)}
 
 
-def _arrow(axis, length, color, at=(0, 0, 0), width=0.012):
+def _arrow(axis: Any, length: float, color: Sequence[float], at: Any = (0, 0, 0),
+           width: float = 0.012) -> dict[str, Any]:
     return {"pose": _pose(at, _turn([1, 0, 0], axis)), "shaft_length": 0.88 * length, "head_length": 0.12 * length,
             "shaft_diameter": 2 * width * length, "head_diameter": 6 * width * length, "color": _rgba(color)}
 
 
-def _cylinder(axis, at, radius, length, color, alpha=1.0, bottom=1.0, top=1.0):
+def _cylinder(axis: Any, at: Any, radius: float, length: float, color: Sequence[float], alpha: float = 1.0,
+              bottom: float = 1.0, top: float = 1.0) -> dict[str, Any]:
     return {"pose": _pose(at, _turn([0, 0, 1], axis)), "size": _xyz([2 * radius, 2 * radius, length]),
             "bottom_scale": bottom, "top_scale": top, "color": _rgba(color, alpha)}
 
 
-def _panel(part):
+def _panel(part: Part) -> tuple[list[float], list[float]]:
     """(pose relative to its hinge or the body, edges with its thickness)"""
     import numpy as np
 
@@ -253,7 +257,7 @@ def messages(scene: Scene) -> Iterator[tuple[float, str, dict[str, Any]]]:
         burning = now
 
 
-def _frames(scene, times):
+def _frames(scene: Scene, times: NDArray[Any]) -> Iterator[tuple[str, str, NDArray[Any], NDArray[Any]]]:
     """(parent, child, translations (n, 3), rotations (n, 4)) of all frames."""
     import numpy as np
 
@@ -281,7 +285,7 @@ def _frames(scene, times):
             yield "inertial", f"{craft.name}/{name}", here - origin, ways.q
 
 
-def _ways(scene, craft, times):
+def _ways(scene: Scene, craft: Craft, times: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
     """(name, unit vectors in N (n, 3)) of the directions at a spacecraft."""
     import numpy as np
 
@@ -306,7 +310,7 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
     """The entities that follow their frames from the beginning to the end."""
     import numpy as np
 
-    def entity(frame, id_, **primitives):
+    def entity(frame: str, id_: str, **primitives: Any) -> dict[str, Any]:
         return {"timestamp": _time(begin), "frame_id": frame, "id": id_, "frame_locked": True, **primitives}
 
     for planet in scene.planets:
@@ -335,7 +339,7 @@ def _standing(scene: Scene, begin: float) -> Iterator[dict[str, Any]]:
              "color": _rgba((0.35, 0.72, 1.0), 0.7)}])
 
 
-def _pose_axes(craft, pose, stale, stamp):
+def _pose_axes(craft: Craft, pose: Pose, stale: bool, stamp: dict[str, int]) -> dict[str, Any]:
     """The entity of another attitude of a spacecraft: grey where it is stale."""
     import numpy as np
 
@@ -345,7 +349,8 @@ def _pose_axes(craft, pose, stale, stamp):
             "arrows": [_arrow(axis, 2.1 * craft.extent, color, width=0.006) for axis in np.eye(3)]}
 
 
-def _plumes(plumes, now, burning, i, stamp):
+def _plumes(plumes: list[tuple[Craft, Part, NDArray[Any]]], now: NDArray[Any], burning: NDArray[Any], i: int,
+            stamp: dict[str, int]) -> dict[str, list]:
     """The update of the plumes at a sample: those that burn anew, those that ended deleted."""
     import numpy as np
 
@@ -381,12 +386,12 @@ def write(scene: Scene, record: str | PathLike[str], path: str | PathLike[str]) 
     return Path(path)
 
 
-def _record(op, *fields):
+def _record(op: int, *fields: bytes) -> bytes:
     content = b"".join(fields)
     return struct.pack("<BQ", op, len(content)) + content
 
 
-def _text(text):
+def _text(text: str | bytes) -> bytes:
     data = text.encode() if isinstance(text, str) else text
     return struct.pack("<I", len(data)) + data
 
@@ -456,7 +461,8 @@ class _Appendix:
         out.write(summary + footer + struct.pack("<I", zlib.crc32(summary + footer)) + mcap.MAGIC)
 
 
-def _chunks(scene, heads, channels):
+def _chunks(scene: Scene, heads: bytes,
+            channels: dict[str, int]) -> Iterator[tuple[bytes, dict[int, list[tuple[int, int]]], int, int]]:
     """(records, index, first time, last time [ns]) of each chunk; the index: channel -> [(time, place), ...]"""
     index: dict[int, list[tuple[int, int]]] = {}
     content, times, sequence = bytearray(heads), [], dict.fromkeys(channels.values(), 0)

@@ -17,7 +17,7 @@ Lengths are in m, angles in rad, in frames whose letters follow: `_B` of the bod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from math import pi
 from os import PathLike
@@ -204,7 +204,7 @@ class Craft:
         self.parts = [part for part in self.parts if part.kind != "box" or part.name != "hub"]
         self.parts.append(Part("mesh", path.name, _vector(at_B, "mesh: at_B", "m", LENGTH), data=data, scale=scale))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<craft {self.name}: {listed([f'{part.kind} {part.name}' for part in self.parts], most=12)}>"
 
 
@@ -250,17 +250,17 @@ class Scene:
         raise SetupError(f"view: {what}; there are {listed([one.name for one in self.crafts])}")
 
 
-def _vector(value, path, unit, dims):
+def _vector(value: Any, path: str, unit: str, dims: Any) -> list[float]:
     return to_vector(value, path, unit, dims)
 
 
-def _positive(values, path):
+def _positive(values: list[float], path: str) -> list[float]:
     if not all(0 < x < float("inf") for x in values):
         raise SetupError(f"{path}: expected lengths > 0 m; found {values}")
     return values
 
 
-def _unit(value, path):
+def _unit(value: Any, path: str) -> list[float]:
     found = to_vector(value, path, "-", NUMBER)
     size = _length(found)
     if not 0 < size < float("inf"):
@@ -268,5 +268,5 @@ def _unit(value, path):
     return [x / size for x in found]
 
 
-def _length(vector):
+def _length(vector: Iterable[float]) -> float:
     return sum(x * x for x in vector) ** 0.5

@@ -92,8 +92,8 @@ class Turning(Track):
     def thinned(self) -> Turning:
         import numpy as np
 
-        def kept(time, q):
-            def off(some):
+        def kept(time: np.ndarray, q: np.ndarray) -> np.ndarray:
+            def off(some: np.ndarray) -> np.ndarray:
                 found = _slerp(time[some], q[some], time)
                 return 2 * np.minimum(_norm(found - q), _norm(found + q))
             return keep(time, off, ATTITUDE)
@@ -123,7 +123,7 @@ class Signal(Track):
         size = np.ptp(self.values[good], axis=0)
         size = np.where(size > 0, size, 1)
 
-        def kept(time, values):
+        def kept(time: np.ndarray, values: np.ndarray) -> np.ndarray:
             scaled = values / size
             within = (DIGITS * _norm(scaled)).clip(min=1e-3 * DIGITS, max=SHARE) if self.read else SHARE
             found = keep(time, lambda some: np.abs(_linear(time[some], scaled[some], time) - scaled).max(axis=1)
@@ -135,13 +135,14 @@ class Signal(Track):
         return _with_ages(Signal(self.time[some], values, self.read), self, some)
 
 
-def _begun(time, found, t):
+def _begun(time: np.ndarray, found: np.ndarray, t: np.ndarray) -> np.ndarray:
     """What was found at times t; NaN before the first sample."""
     found[t < time[0]] = float("nan")
     return found
 
 
-def _by_pieces(track, values, kept):
+def _by_pieces(track: Track, values: np.ndarray,
+               kept: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(indices, values) of the samples that kept(times, values) chooses of each piece without NaN, of one NaN after it
     where others follow, and of both sides of where the values become stale or are no longer."""
     import numpy as np
@@ -164,7 +165,7 @@ def _by_pieces(track, values, kept):
     return some, rows
 
 
-def _with_ages(thin, track, some):
+def _with_ages(thin: Any, track: Track, some: Any) -> Any:
     """The samples of a track, with its ages."""
     thin.written = None if track.written is None else track.written[some]
     return thin
@@ -187,7 +188,7 @@ def keep(time: np.ndarray, off: Callable[[np.ndarray], np.ndarray], bound: float
     return kept
 
 
-def _extremes(values, spans):
+def _extremes(values: np.ndarray, spans: int) -> np.ndarray:
     """The indices of the smallest and the largest of each column in each of some spans."""
     import numpy as np
 
@@ -197,7 +198,7 @@ def _extremes(values, spans):
     return np.unique(np.concatenate(found))
 
 
-def _span(time, t):
+def _span(time: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(index of the sample before, share of the way to the next, length of the span), shaped to multiply rows."""
     import numpy as np
 
@@ -208,7 +209,7 @@ def _span(time, t):
     return i, np.clip((t - time[i]) / h, 0, 1)[:, None], h[:, None]
 
 
-def _after(values, i):
+def _after(values: np.ndarray, i: np.ndarray) -> np.ndarray:
     """The sample after each; a value that ends is held until then."""
     import numpy as np
 
@@ -216,19 +217,19 @@ def _after(values, i):
     return np.where(np.isnan(after), values[i], after)
 
 
-def _hermite(time, r, v, t):
+def _hermite(time: np.ndarray, r: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
     i, x, h = _span(time, t)
     j = (i + 1).clip(max=len(time) - 1)
     return ((1 + 2 * x) * (1 - x)**2 * r[i] + x**2 * (3 - 2 * x) * r[j]
             + h * x * (1 - x) * ((1 - x) * v[i] - x * v[j]))
 
 
-def _linear(time, values, t):
+def _linear(time: np.ndarray, values: np.ndarray, t: np.ndarray) -> np.ndarray:
     i, x, _ = _span(time, t)
     return (1 - x) * values[i] + x * _after(values, i)
 
 
-def _slerp(time, q, t):
+def _slerp(time: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     import numpy as np
 
     i, x, _ = _span(time, t)
@@ -242,7 +243,7 @@ def _slerp(time, q, t):
     return found / _norm(found)[:, None]
 
 
-def _norm(rows):
+def _norm(rows: np.ndarray) -> np.ndarray:
     import numpy as np
 
     return np.sqrt((rows * rows).sum(axis=1))

@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -170,19 +170,19 @@ def native(name: str, part: str) -> Path:
     return path
 
 
-def _rule(compiler, flags):
+def _rule(compiler: str, flags: Iterable[object]) -> list[str]:
     """The lines of ninja's rule that compiles."""
     cached = "ccache " if shutil.which("ccache") else ""
     return ["rule cc", f"  command = {cached}{compiler} {_words(flags)} -MMD -MF $out.d -c $in -o $out",
             "  depfile = $out.d", "  deps = gcc", "  description = compiling $in"]
 
 
-def _escaped(path):
+def _escaped(path: object) -> str:
     """A path as ninja reads it."""
     return str(path).replace("$", "$$").replace(" ", "$ ").replace(":", "$:")
 
 
-def _words(words):
+def _words(words: Iterable[object]) -> str:
     """Words of a command as the shell reads them, in a line that ninja reads."""
     import shlex
 

@@ -22,12 +22,13 @@ from fledge.targets import build
 from fledge.targets.rehearsal import Rehearsal, rehearse
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from fledge.archive import Archive
     from fledge.export.read import Mission
     from fledge.frames import Frames
     from fledge.targets.target import Target
     from registers.description import Board
-    import numpy as np
 
 
 class Part:
@@ -111,7 +112,7 @@ class Part:
                 return f"telemetry differs from t = {first / 1e9:.9g} s on"
         return ""
 
-    def _sent(self, target):
+    def _sent(self, target: str) -> list[Any]:
         return read_script(self.telemetry(target).read_text(encoding="utf-8"))
 
     def reports(self, target: str) -> list[Report]:
@@ -132,7 +133,7 @@ class Part:
         texts = [one.text for one in self._contents(target, "texts") if one.kind is Kind.SCRIPT]
         return list({text.partition(",")[0]: text for text in texts}.values())
 
-    def _contents(self, target, path):
+    def _contents(self, target: str, path: str) -> list[Any]:
         """Those of the packets of a kind."""
         found = export.dictionary(self.mission)
         packets = self._sent(target) if self.telemetry(target).exists() else []

@@ -16,7 +16,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 from pathlib import Path
 
 from fledge import elf
@@ -68,7 +70,7 @@ class Board:
                 self._fits(program.path, one.load, one.stored, [area for area in self.memory if area.loads])
             self._fits(program.path, one.begin, one.size, self.memory)
 
-    def _fits(self, path, begin, size, areas):
+    def _fits(self, path: Path, begin: int, size: int, areas: Sequence[Memory]) -> None:
         area = next((one for one in areas if one.holds(begin)), None)
         known = ", ".join(f"{one.name} at {one.begin:#010x}, {one.size // 1024} KiB" for one in areas)
         if area is None:
@@ -105,7 +107,7 @@ def board(name: str) -> Board:
     return _board(name, known[name])
 
 
-def _board(name, path):
+def _board(name: str, path: Path) -> Board:
     from registers.checked_toml import TomlError, Tables, parse, text_of
 
     try:
@@ -116,14 +118,14 @@ def _board(name, path):
     take.keys(data, (), ("about", "processor", "bits", "big_endian", "doubles", "scripts", "commands", "load",
                          "memory"))
 
-    def words(key):
+    def words(key: str) -> list[str]:
         value = take.value(data, (), key, (list,), "a list of texts", []) or []
         if not all(isinstance(one, str) for one in value):
             take.refuse((key,), f"`{key}` is a list of texts", "another value is in it", "put quotes around each")
             return []
         return value
 
-    def flag(table, path, key):
+    def flag(table: dict[str, Any], path: tuple[Any, ...], key: str) -> bool:
         return bool(take.value(table, path, key, (bool,), "true or false", False))
 
     memory = []
@@ -168,7 +170,7 @@ def run(command: list[str], name: str) -> None:
         raise Failure(f"load: openocd has not loaded {name}: {_reason(lines)}", 1)
 
 
-def _reason(lines):
+def _reason(lines: list[str]) -> str:
     text = "\n".join(lines)
     for pattern, what in ((r"LIBUSB_ERROR_ACCESS", "this user may not use the debug probe; join the group plugdev, and "
                            "log in again"),

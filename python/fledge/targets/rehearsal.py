@@ -33,7 +33,7 @@ def rehearse(mission: str, scenario: str | None = None, duration: float | None =
              before: Callable[[Rehearsal], None] = lambda play: None, judged: bool = False) -> Rehearsal:
     """Returns a Rehearsal. duration: [s], of what is to be flown; None: all that the scenario runs. before: called
     before the first run, with `start` and `missions`. judged: judge the requirements that the scenario shows."""
-    def load():
+    def load() -> Any:
         sim = missions.load(mission, **(given or {}))
         sim.seed = seed
         return sim
@@ -136,7 +136,7 @@ class Rehearsal:
             self.script.append(Command(t, flight.name, packet))
             self.sent_as[flight.name, sequence_of(one)] = sequence_of(packet)
 
-    def run(self, duration: Any = None, *, until: Any = None, **_) -> None:
+    def run(self, duration: Any = None, *, until: Any = None, **_: Any) -> None:
         """In place of the simulation's run()."""
         sim = self.sim
         now = max(sim.time_ns, 0)
@@ -184,7 +184,7 @@ class Rehearsal:
             found += [packets.arm(event, on == 1) for event, on in now_armed.items() if armed.get(event) != on]
             self.add(now, process, found if mode == now_mode else [*found, packets.mode(now_mode)])
 
-    def refused(self, *_, **__) -> NoReturn:
+    def refused(self, *_: object, **__: object) -> NoReturn:
         raise SetupError(f"the scenario {self.name} does more than run: steps, resets and restored states cannot be "
                          "had on a target")
 
@@ -196,12 +196,12 @@ class Rehearsal:
         self.script.sort(key=lambda one: one.after)
 
 
-def _memory(sim):
+def _memory(sim: Any) -> dict[str, bytes]:
     """Path -> bytes of every instance."""
     return {f"{process.name}.{name}": objects.memory(one) for process in sim.processes
             for name, one in process.instances.items()}
 
 
-def _asked(sim):
+def _asked(sim: Any) -> dict[str, tuple[str, dict[str, int]]]:
     """Process -> (the mode that it is in or shall enter, {event: whether and how it is armed})."""
     return {p.name: (p.requested_mode, {name: one.arming for name, one in p.events.items()}) for p in sim.processes}

@@ -43,7 +43,7 @@ def copy(program: Path, host: str, ssh: str, folder: str, name: str = "") -> str
     return place
 
 
-def _there(host, ssh, command, file=None):
+def _there(host: str, ssh: str, command: str, file: str | os.PathLike[str] | None = None) -> str:
     """What a command says there, whose input is a file."""
     if not re.fullmatch(r"[\w.@:%\[\]-]+", host) or host.startswith("-"):
         raise Failure(f"load: expected ssh:HOST or ssh:USER@HOST; found 'ssh:{host}'")

@@ -14,6 +14,7 @@ from fledge.targets.target import Target
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+    from typing import Any
 
     from matplotlib.figure import Figure
 
@@ -50,7 +51,7 @@ class Serial(Target):
             raise Failure(f"there is no device {self.device}: is the board connected, and switched on? There "
                           f"{'are ' + ', '.join(found) if (found := devices()) else 'is no serial device'}")
 
-    def _check_program(self, part, file):
+    def _check_program(self, part: Any, file: Path) -> None:
         from fledge import elf
 
         program = elf.read(file)

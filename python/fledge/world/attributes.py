@@ -6,6 +6,7 @@ from __future__ import annotations
 import weakref
 from os import PathLike, fspath
 from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 from fledge import _core
@@ -14,26 +15,30 @@ from fledge.world.bodies import Body, body_of
 from fledge.world.orbit import Orbit
 from fledge.world.sky import Sky, number
 
+# What the kernel takes and gives of a body: name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface,
+# pole_stays.
+BodyFields = tuple[str, float, float, Any, Any, Any, Any, int | None, Any, float | None, bool]
 
-def _changes(model):
+
+def _changes(model: _core.Model) -> None:
     """A model is to get another set-up, which counts when its simulation prepares. Raises SetupError if it has run."""
     process = (_core.context(model) or (lambda: None))()
     if process is not None:
         process._core_simulation.set_up_again()
 
 
-def _set_parts(craft, parts):
+def _set_parts(craft: _core.Model, parts: Any) -> None:
     _changes(craft)
     for part in parts if isinstance(parts, (list, tuple)) else [parts]:
         _core.attach(craft, part)
 
 
-def _fields(body, path):
+def _fields(body: Any, path: str) -> BodyFields:
     b = body_of(body, path)
     return b.name, b.mu, b.radius, b.J, b.pole_N, b.r_PN_N, b.v_PN_N, b.naif, b.field, b.surface, b.pole_stays
 
 
-def _bodies(rows):
+def _bodies(rows: Iterable[BodyFields]) -> list[Body]:
     bodies = []
     for name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, stays in rows:
         body = Body(name, mu, radius, naif=naif)
@@ -43,17 +48,17 @@ def _bodies(rows):
     return bodies
 
 
-def _set_gravity(craft, bodies):
+def _set_gravity(craft: _core.Model, bodies: Any) -> None:
     _changes(craft)
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         _core.add_gravity(craft, _fields(one, f"{_core.path(craft)}.gravity"))
 
 
-def _get_gravity(craft):
+def _get_gravity(craft: _core.Model) -> list[Body]:
     return _bodies(_core.gravity(craft))
 
 
-def _set_orbit(craft, orbit):
+def _set_orbit(craft: _core.Model, orbit: Any) -> None:
     if not isinstance(orbit, Orbit):
         raise SetupError(f"{_core.path(craft)}.orbit: expected Orbit(body, ...); found {orbit!r}")
     orbit.require_outside(f"{_core.path(craft)}.orbit")
@@ -61,7 +66,7 @@ def _set_orbit(craft, orbit):
     craft.r_BN_N, craft.v_BN_N = _state(craft, orbit)
 
 
-def _state(craft, orbit):
+def _state(craft: _core.Model, orbit: Orbit) -> tuple[list[float], list[float]]:
     """Position and velocity of an orbit in N, with those of its body in the craft's sky."""
     r, v = orbit.r_BN_N, orbit.v_BN_N
     if _core.sky(craft) is not None:
@@ -78,7 +83,7 @@ def given_orbit(craft: Any) -> Orbit | None:
     return orbit
 
 
-def _get_orbit(craft):
+def _get_orbit(craft: _core.Model) -> Orbit:
     bodies = _get_gravity(craft)
     if not bodies:
         raise SetupError(f"{_core.path(craft)}.orbit: no body attracts it")
@@ -100,7 +105,7 @@ def _get_orbit(craft):
 _orbits: weakref.WeakKeyDictionary[Any, Orbit] = weakref.WeakKeyDictionary()
 
 
-def _set_sky(model, sky):
+def _set_sky(model: _core.Model, sky: Any) -> None:
     path = f"{_core.path(model)}.sky"
     if not isinstance(sky, Sky):
         raise SetupError(f"{path}: expected world.Sky(epoch, center, ...); found {sky!r}")
@@ -112,21 +117,21 @@ def _set_sky(model, sky):
         _set_orbit(model, _orbits[model])
 
 
-def _get_sky(model):
+def _get_sky(model: _core.Model) -> Sky | None:
     core = _core.sky(model)
     return None if core is None else Sky._of(core)
 
 
-def _set_body(model, body):
+def _set_body(model: _core.Model, body: Any) -> None:
     model.id = number(body, f"{_core.path(model)}.body")
 
 
-def _get_body(model):
+def _get_body(model: _core.Model) -> str:
     return _core.body_name(model.id)
 
 
-def _first_body(name):
-    def set_body(model, body):
+def _first_body(name: str) -> property:
+    def set_body(model: _core.Model, body: Any) -> None:
         _changes(model)
         _core.set_body(model, _fields(body, f"{_core.path(model)}.{name}"))
 
@@ -134,13 +139,13 @@ def _first_body(name):
                     "The body that it is of, such as world.EARTH; without a sky, where `body.at(r, v)` says.")
 
 
-def _set_shadows(light, bodies):
+def _set_shadows(light: _core.Model, bodies: Any) -> None:
     _changes(light)
     for one in bodies if isinstance(bodies, (list, tuple)) else [bodies]:
         _core.add_body(light, _fields(one, f"{_core.path(light)}.shadows"))
 
 
-def _set_serves(radio, process):
+def _set_serves(radio: _core.Model, process: Any) -> None:
     _changes(radio)
     _core.set_serves(radio, process if isinstance(process, str) else process.name)
 
@@ -150,7 +155,7 @@ MAGNETIC = {"WMM2025": "WMM2025", "IGRF-14": "IGRF-14", "WMM": "WMM2025", "IGRF"
 _MAGNETIC_FILES = Path(__file__).with_name("magnetic")
 
 
-def _set_coefficients(field, file):
+def _set_coefficients(field: _core.Model, file: Any) -> None:
     what = f'{_core.path(field)}.coefficients: expected "WMM2025", "IGRF-14" or the path of a .COF file'
     if not isinstance(file, (str, PathLike)):
         raise SetupError(f"{what}; found {file!r}")
@@ -162,13 +167,13 @@ def _set_coefficients(field, file):
     _core.set_coefficients(field, fspath(file))
 
 
-def _get_coefficients(field):
+def _get_coefficients(field: _core.Model) -> str:
     file = Path(_core.coefficients(field))
     return file.stem if file.parent == _MAGNETIC_FILES else _core.coefficients(field)
 
 
-def _asked(name, doc):
-    def ask(part, source):
+def _asked(name: str, doc: str) -> property:
+    def ask(part: _core.Model, source: Any) -> None:
         _changes(part)
         _core.ask(part, source, name)
 
@@ -179,10 +184,10 @@ class _Signature:
     """The signature of a model's class with all its keywords, for help(). It is made when asked for, since importing
     inspect takes longer than importing the world."""
 
-    def __init__(self, names):
+    def __init__(self, names: list[str]) -> None:
         self.names = names
 
-    def __get__(self, model, cls):
+    def __get__(self, model: Any, cls: type) -> Any:
         import inspect
 
         own = inspect.signature(eval(f"lambda {cls.__text_signature__[1:-1]}: 0"))
@@ -199,7 +204,7 @@ def add_attributes(types: dict[str, Any]) -> None:
             one.__signature__ = _Signature(more)
 
 
-def _add_attributes(types):
+def _add_attributes(types: dict[str, Any]) -> None:
     craft = types["Spacecraft"]
     craft.parts = property(_core.parts, _set_parts, None, "The parts, such as reaction wheels; assigning adds.")
     craft.gravity = property(_get_gravity, _set_gravity, None, "The bodies that attract it; assigning adds.")

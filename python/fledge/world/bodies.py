@@ -48,7 +48,7 @@ class Body:
         self.r_PN_N = [0.0, 0.0, 0.0]
         self.v_PN_N = [0.0, 0.0, 0.0]
 
-    def _copy(self):
+    def _copy(self) -> Body:
         other = object.__new__(Body)
         other.__dict__.update(self.__dict__)
         return other
@@ -128,7 +128,7 @@ class Body:
             raise SetupError(f"{self.name}.with_surface: radius must be >= 0 m, found {other.surface:g} m")
         return other
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (f"<{self.name}, mu = {self.mu:.9g} m^3/s^2, radius = {self.radius / 1e3:g} km"
                 + (f", J2..J6 = {self.J}" if any(self.J) else "")
                 + (f", harmonics to degree {self.field.degree}" if self.field is not None else "") + ">")

@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, suggesting
 from fledge.objects.computed import for_flight
 from fledge.objects.si import time_ns, to_number
 from fledge.world.bodies import LENGTH, Body
 from fledge.world.sky import Sky
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
 
 SEGMENTS, TERMS = 8, 16  # as flight/msg/ephemeris.h
 
@@ -39,7 +44,7 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
     if not bound > 0 or span <= 0:
         raise SetupError(f"{path}: within and duration must be > 0; found {bound:g} m and {span / 1e9:g} s")
 
-    def positions(first, length, x):
+    def positions(first: int, length: int, x: Iterable[float]) -> NDArray[Any]:
         """(n, 3), at the whole nanoseconds nearest to x in [-1, 1]."""
         return array([sky.state(body, (first + min(round((1 + at) / 2 * length), begin + span - first)) / 1e9, center)
                       .r_PN_N for at in x])
@@ -57,7 +62,7 @@ def fit_ephemeris(sky: Sky, body: Body | str | int, *, within: Any, duration: An
         for c in whole:
             c[0] /= 2
 
-        def error(n):
+        def error(n: int) -> float:
             return max(norm(chebyshev.chebval(between, c[:n]).T - r, axis=1).max() for c, r in zip(whole, truth))
 
         best = min(best, error(TERMS))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from fledge import _core
@@ -14,7 +15,7 @@ from fledge.world.bodies import ANGLE, EARTH, LENGTH, NUMBER, SPEED, Body, body_
 from fledge.world.sky import TIME, Sky
 
 
-def _angle(value, name):
+def _angle(value: Any, name: str) -> float:
     """An angle in rad: the inclination within pi; without a unit within one turn, as more is meant in degrees."""
     from math import pi
 
@@ -26,7 +27,7 @@ def _angle(value, name):
     return angle
 
 
-def _axes(frame):
+def _axes(frame: Any) -> list[list[float]]:
     """Three unit vectors at right angles, right-handed, as lists."""
     if callable(frame):
         raise SetupError(f"Orbit: frame: expected three axes; found a method: write {frame.__name__}(...)")
@@ -47,7 +48,7 @@ YEARS = {name: 36525 * 360 / rate for name, rate in (
     ("JUPITER", 3034.74612775), ("SATURN", 1222.49362201), ("URANUS", 428.48202785), ("NEPTUNE", 218.45945325))}
 
 
-def _osculating(n, a, k, i, u):
+def _osculating(n: float, a: float, k: float, i: float, u: float) -> tuple[list[float], list[float]]:
     """Position and velocity, about an ascending node at [1, 0, 0], of a mean circular orbit at the argument of latitude
     u. n: mean motion, k = J2 (R / a)^2 / 2, which makes it oblate."""
     from math import cos, sin
@@ -59,7 +60,7 @@ def _osculating(n, a, k, i, u):
     along = a * n * (1 + k * ((1 - c * c) * c2 - 1.5 * (1 - 3 * c * c)))
     u, node, i = u - k * (7 * c * c - 1) / 4 * s2, 1.5 * k * c * s2, i + 1.5 * k * c * sin(i) * c2
 
-    def turned(x, y):
+    def turned(x: float, y: float) -> list[float]:
         """x along the position in the plane, y across."""
         p, q = x * cos(u) - y * sin(u), x * sin(u) + y * cos(u)
         return [p * cos(node) - q * cos(i) * sin(node), p * sin(node) + q * cos(i) * cos(node), q * sin(i)]
@@ -67,12 +68,12 @@ def _osculating(n, a, k, i, u):
     return turned(r, 0.0), turned(rate, along)
 
 
-def _local_time(sky, t, direction, body, apparent):
+def _local_time(sky: Sky, t: Any, direction: Sequence[float], body: Body, apparent: bool) -> float:
     """[s] of the meridian of a direction in N: how far its right ascension, about the body's true equator, is from that
     of the Sun."""
     from math import atan2, pi, radians
 
-    def ascension(d):
+    def ascension(d: Iterable[float]) -> float:
         x, y, _ = axes @ list(d)
         return atan2(y, x)
 
@@ -87,7 +88,7 @@ def _local_time(sky, t, direction, body, apparent):
     return (43200 + 43200 / pi * (ascension(direction) - sun)) % 86400
 
 
-def _utc(sky, t):
+def _utc(sky: Sky, t: Any) -> int:
     """[ns] of UTC since 2000-01-01T12:00:00, 86,400 s a day."""
     from datetime import datetime
 
@@ -96,7 +97,7 @@ def _utc(sky, t):
     return (whole.days * 86400 + whole.seconds) * 10**9 + int(part.ljust(9, "0"))
 
 
-def _node_at(sky, t, local, body, apparent, frame):
+def _node_at(sky: Sky, t: Any, local: float, body: Body, apparent: bool, frame: Sequence[Sequence[float]]) -> float:
     """[rad] Right ascension, about the axes of a frame, of the node whose local time is `local` [s]."""
     from math import pi
 
@@ -287,7 +288,7 @@ class Orbit:
 
         return 2.0 * pi * sqrt(self.a**3 / self.body.mu) if self.e < 1.0 else float("inf")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         from math import degrees
 
         angles = ", ".join(f"{n} = {degrees(getattr(self, n)):g} deg" for n in ("i", "Omega", "omega", "f"))

@@ -107,7 +107,7 @@ class Sky:
             raise SetupError(text if text.startswith("Sky: ") else f"Sky: {text}") from None
 
     @classmethod
-    def _of(cls, core):
+    def _of(cls, core: _core.Sky) -> Sky:
         sky = object.__new__(cls)
         sky._core = core
         return sky
@@ -192,7 +192,7 @@ class Sky:
         """The time of the run at a date [ns]."""
         return self._core.time_of(date)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Sky from {self.utc()}, N about {_core.body_name(self.center)}>"
 
 
@@ -211,7 +211,7 @@ def number(body: Any, path: str) -> int:
     return naif
 
 
-def _path(value, path):
+def _path(value: Any, path: str) -> str:
     if not isinstance(value, (str, PathLike)):
         raise SetupError(f"{path}: expected the path of a file; found {value!r}")
     return fspath(value)

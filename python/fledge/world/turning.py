@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.errors import SetupError, suggesting
 from fledge.objects.computed import for_flight
 from fledge.objects.si import time_ns, to_number
 from fledge.world.bodies import LENGTH, Body, body_of
 from fledge.world.sky import Sky
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SAMPLES = 65    # of a fit; its error is looked for eight times as densely
 
@@ -38,17 +41,17 @@ def fit_orientation(sky: Sky, body: Body | str, *, within: Any, duration: Any, s
     if not bound > 0 or span <= 0:
         raise SetupError(f"{path}: within and duration must be > 0; found {bound:g} m and {span / 1e9:g} s")
 
-    def attitudes(n):
+    def attitudes(n: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """(times [s], (n, 3, 3)) over the span, ends included."""
         ns = [begin + round(x * span) for x in linspace(0, 1, n)]
         return array(ns) / 1e9, array([sky.orientation(body, one / 1e9).dcm_PN for one in ns])
 
-    def turns(t, rate):
+    def turns(t: NDArray[Any], rate: float) -> NDArray[Any]:
         """R3 of the angles at times."""
         c, s, none = cos(rate * t), sin(rate * t), zeros_like(t)
         return stack([stack([c, s, none], -1), stack([-s, c, none], -1), stack([none, none, 1 + none], -1)], -2)
 
-    def errors(t, truth, dcm, rate):
+    def errors(t: NDArray[Any], truth: NDArray[Any], dcm: NDArray[Any], rate: float) -> NDArray[Any]:
         """(3, n) [rad] The rotation vectors from the model to the truth: about p1, p2, p3."""
         e = einsum("nij,nkj->nik", truth, turns(t, rate) @ dcm)
         return array([e[:, 1, 2] - e[:, 2, 1], e[:, 2, 0] - e[:, 0, 2], e[:, 0, 1] - e[:, 1, 0]]) / 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fledge.commands import HEADER, Reason
 from fledge.export.c_text import comment, wrap
@@ -136,7 +136,7 @@ def readme(mission: Mission, app: App, found: Sequence[Table]) -> str:
     tables = "\n".join(f"| `{prefix}.{t.name}` | {t.module.path}: {t.module.type} | {HEAD_SIZE + len(t.content)} | "
                        f"`{t.file}` |" for t in found)
 
-    def packets(messages, end):
+    def packets(messages: Sequence[Any], end: str) -> str:
         return "\n".join(f"| {ids[f'{prefix}_{m.name.upper()}_{end}_MID']:#06x} | {m.path} | {m.struct.name} | "
                          f"{16 + m.struct.size} |" for m in messages)
 

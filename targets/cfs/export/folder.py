@@ -36,7 +36,7 @@ def emit(mission: Mission, app: App, files: Sequence[Path | str] | None = None, 
     flown |= emit_host(mission) if watched else {}
     prefix, name = app.prefix, app.name
 
-    def filled(template):
+    def filled(template: Path) -> str:
         text = template.read_text(encoding="utf-8").replace("@APP@", prefix).replace("@app@", name)
         return text.replace("@mission@", mission.name).replace("@title@", mission.title)
 

@@ -16,9 +16,9 @@ from fledge.export.xtce import xtce
 from fledge.targets.cfs.export.app import CMD, TLM, has_files
 
 if TYPE_CHECKING:
+    from fledge.export.read import Mission
     from fledge.targets.cfs.export.app import App
     from fledge.targets.cfs.export.tables import Table
-    from fledge.export.read import Mission
 
 
 def members(fields: Sequence[Any], indent: str = "    ") -> list[str]:
@@ -26,7 +26,7 @@ def members(fields: Sequence[Any], indent: str = "    ") -> list[str]:
     lines: list[str] = []
     rows: list[tuple[str, str]] = []
 
-    def flush():
+    def flush() -> None:
         lines.extend(with_notes(rows, indent, "/*", " */"))
         rows.clear()
 
@@ -93,7 +93,7 @@ def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = F
     topics = app.topics(mission)
     depth = 16 + 4 * len(mission.inputs)
 
-    def defines(values):
+    def defines(values: dict[str, Any]) -> list[str]:
         width = max(map(len, values), default=0)
         return [f"#define {one.ljust(width)} {value}" for one, value in values.items()] + [""]
 
@@ -245,7 +245,7 @@ def payloads(mission: Mission, app: App) -> list[str]:
 def packets(mission: Mission, app: App) -> list[str]:
     prefix = app.prefix
 
-    def packet(name, header, payload, about=""):
+    def packet(name: str, header: str, payload: str, about: str = "") -> list[str]:
         return [*([f"/** {about} */"] if about else []), f"typedef struct {prefix}_{name} {{",
                 f"    CFE_MSG_{header}Header_t {header}Header;", *([f"    {payload}_t Payload;"] if payload else []),
                 f"}} {prefix}_{name}_t;", ""]

@@ -33,7 +33,7 @@ def collect(mission: Mission, roots: Sequence[Path], generated: dict[str, str], 
     text) include and call, from the folders `roots`."""
     found = {}
 
-    def take(path, by):
+    def take(path: str, by: str) -> None:
         if path in found or path in generated:
             return
         file = next((root / path for root in roots if (root / path).is_file()), None)

@@ -38,7 +38,7 @@ class SimError(Exception):
     """All mistakes in the description of a simulation, one a line."""
 
 
-def _key(check: str, default=None, *arguments, of: str = ""):
+def _key(check: str, default: Any = None, *arguments: Any, of: str = "") -> Any:
     """A field that a key of the file fills. check: the method of _Reader that reads it; of: "node" if only nodes have
     the key, "asynchronous" if only asynchronous programs have it."""
     made = {"default_factory": default} if callable(default) else {"default": default}
@@ -180,7 +180,7 @@ def read(path: Path, targets: Mapping[str, Any] | None = None, scenario: str | N
     return plan
 
 
-def _texts(value, path: tuple) -> Iterator[tuple[tuple, str]]:
+def _texts(value: Any, path: tuple) -> Iterator[tuple[tuple, str]]:
     """All texts of a file with their places, those of its keys included."""
     if isinstance(value, str):
         yield path, value
@@ -556,7 +556,7 @@ class _Reader(Tables):
 
     # ---- values
 
-    def name(self, table: dict, path: tuple, key: str, default=...) -> str:
+    def name(self, table: dict, path: tuple, key: str, default: Any = ...) -> str:
         name = Tables.text(self, table, path, key, default)
         if not isinstance(name, str) or not name:
             return "?"

@@ -15,6 +15,7 @@ import socket
 import sys
 import time
 from dataclasses import dataclass, field
+from typing import Any
 from pathlib import Path
 
 from fledge.cosim.steering import STATE
@@ -323,7 +324,7 @@ class Session:
                 *(f"topic={ours}>{of_run}" for ours, of_run in p.topics.items())])]
         return command
 
-    def _start(self, name: str, command: list[str], guard=None, **options) -> Process:
+    def _start(self, name: str, command: list[str], guard: Any = None, **options: Any) -> Process:
         with self.logs.open(name) as log:
             try:
                 return Process(command, guard or self._guard, log, **options)
@@ -548,7 +549,7 @@ class Session:
         """The unfinished records of programs that were lost, and did not go on."""
         return self._files(r"\.mcap\.(part|lost)")
 
-    def _files(self, ending):
+    def _files(self, ending: str) -> list[Path]:
         names = {name: i for i, name in enumerate([*self._running, "exchange"])}
         found = [(names[match[1]], file) for file in sorted(self.folder.glob("*.mcap*"))
                  if (match := re.fullmatch(rf"(.*?)(-\d+)?{ending}", file.name)) and match[1] in names]

@@ -192,7 +192,7 @@ def lines(now: Progress, rates: list[Row], width: int, most: int = 10**6, colour
 class Watch:
     """The progress of a run during the last two seconds."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._past: list[Progress] = []
 
     def take(self, now: Progress) -> tuple[list[Row], float]:

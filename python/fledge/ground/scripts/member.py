@@ -10,7 +10,7 @@ from queue import Queue
 from struct import Struct
 from threading import Thread
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Timed
 from fledge.errors import Failure, SetupError
@@ -18,12 +18,15 @@ from fledge.frames import ROOM
 from fledge.ground.scripts.links import Link, split
 from fledge.objects.si import time_ns
 
+if TYPE_CHECKING:
+    from types import ModuleType
+
 BATCH, TURN = 1000, 0.02    # packets, [s]: the most that one look at the link takes
 PATIENCE = 60.0     # [s] without any message of the run
 UNIT = Struct(">qI")    # before each unit of cosim/node/units.h: its time [ns], its length
 
 
-def _bindings():
+def _bindings() -> ModuleType:
     """The module fledge_node, which `fledge up` puts on the path of the programs that it starts."""
     try:
         import fledge_node
