@@ -97,7 +97,7 @@ class Alarms:
                              if seconds else "0")
 
     def stepped(self, by: int) -> None:
-        """Somebody has set the server's clock [ns]."""
+        """The server's clock was set, by so much [ns]."""
         for name, one in self._open.items():
             if one["shelved_until_ns"] != "0":
                 one["shelved_until_ns"] = str(max(0, int(one["shelved_until_ns"]) + by))

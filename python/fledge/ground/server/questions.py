@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What scripts ask the operators of the console. A question stays until somebody has answered, or its script no longer
-asks for the answer."""
+"""What scripts ask the operators of the console. A question stays until an operator has answered, or its script no longer
+polls the answer."""
 from __future__ import annotations
 
 import time
@@ -49,7 +49,7 @@ class Questions:
         return one
 
     def answer(self, craft: str, number: int, user: str, answer: bool) -> dict[str, Any]:
-        """Raises SetupError if it is gone, or if somebody has answered."""
+        """Raises SetupError if it is gone, or if it was answered."""
         one = self._one(craft, number)
         if one["answer"] is not None:
             raise SetupError(f"{one['by']} has answered already")

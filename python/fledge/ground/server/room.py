@@ -57,7 +57,7 @@ class Room:
         self._numbers += 1
 
     def remove(self, name: str) -> None:
-        if not (craft := self.crafts.pop(name, None)):      # somebody else was first
+        if not (craft := self.crafts.pop(name, None)):      # another request was first
             raise SetupError(f"{name} has ended")
         craft.close()
         self.publish("crafts", "", {})

@@ -131,7 +131,7 @@ class Transfers:
         if craft and craft.has_files:
             received, failed = craft.files.received, craft.files.failed
             new, self._received = received[self._received:], len(received)
-            for path in new:        # that the craft sent unasked; somebody may have taken it away already
+            for path in new:        # that the craft sent by itself; another program may have deleted it already
                 self._began(False, path.name, path.stat().st_size if path.is_file() else 0, None)
             for name, why in failed:
                 self._change(self._began(False, name[:200], 0, None), state="failed", text=why)
@@ -168,7 +168,7 @@ class Transfers:
         size = 0
         with os.scandir(self.folder) as entries:
             for one in entries:
-                with suppress(FileNotFoundError):       # somebody has taken it away
+                with suppress(FileNotFoundError):       # another program has deleted it
                     size += one.stat(follow_symlinks=False).st_blocks * 512 + FILE
         self.bytes = size
         free = shutil.disk_usage(self.folder).free - bounds["disk that stays free"]
