@@ -25,10 +25,10 @@ class Alarms:
         self._telemetry, self._clock, self._reporter = telemetry, clock, reporter
         self._open: dict[str, dict[str, Any]] = {}
         self._changed: set[str] = set()     # whose level the journal does not have yet
-        for one in reporter.all("alarms", is_open=True):
-            if int(one["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
-                one["shelved_until_ns"] = "0"
-            self._open[one["name"]] = one
+        for alarm in reporter.all("alarms", is_open=True):
+            if int(alarm["shelved_until_ns"]) > time.time_ns() + LONGEST * 10**9:     # the clock was wrong, or is
+                alarm["shelved_until_ns"] = "0"
+            self._open[alarm["name"]] = alarm
         self.anew()
 
     def anew(self) -> None:
@@ -55,31 +55,31 @@ class Alarms:
 
     def rows(self) -> list[dict[str, Any]]:
         """The open alarms. The slot is None if the database no longer has the parameter."""
-        return [self._shown(one) for one in list(self._open.values())]      # from any thread
+        return [self._shown(alarm) for alarm in list(self._open.values())]      # from any thread
 
     def take(self, notes: list[tuple[int, int, int, int]]) -> None:
         """Take changes of limit states: (slot, t, old, new) each."""
         changed: dict[str, dict[str, Any]] = {}
         for slot, t, _, new in notes:
             name = self._telemetry.slot_names[slot]
-            one = self._open.get(name)
-            if one is None:
+            alarm = self._open.get(name)
+            if alarm is None:
                 if not new:
                     continue
-                one = self._open[name] = {
+                alarm = self._open[name] = {
                     "name": name, "concern": 0, "worst": 0, "since_ns": str(t), "t_ns": str(t), "count": 0,
                     "value": None, "text": "", "acknowledged": None, "shelved_until_ns": "0", "ended_ns": ""}
-            one["count"] += new > one["concern"]
-            worse = new > one["worst"]
-            one.update(concern=new, t_ns=str(t), worst=max(new, one["worst"]))
+            alarm["count"] += new > alarm["concern"]
+            worse = new > alarm["worst"]
+            alarm.update(concern=new, t_ns=str(t), worst=max(new, alarm["worst"]))
             if new:
                 newest = self._telemetry.monitor.newest(slot)
-                one["value"] = value = newest[3] if newest else None
-                one["text"] = f"{value:g}" if isinstance(value, float) else str(value)
+                alarm["value"] = value = newest[3] if newest else None
+                alarm["text"] = f"{value:g}" if isinstance(value, float) else str(value)
             if worse:
-                one["acknowledged"] = None
-            if worse or self._ends(one, t):
-                changed[name] = one
+                alarm["acknowledged"] = None
+            if worse or self._ends(alarm, t):
+                changed[name] = alarm
             else:
                 self._changed.add(name)
         self._keep(list(changed.values()))
@@ -98,27 +98,27 @@ class Alarms:
 
     def stepped(self, by: int) -> None:
         """The server's clock was set, by so much [ns]."""
-        for name, one in self._open.items():
-            if one["shelved_until_ns"] != "0":
-                one["shelved_until_ns"] = str(max(0, int(one["shelved_until_ns"]) + by))
+        for name, alarm in self._open.items():
+            if alarm["shelved_until_ns"] != "0":
+                alarm["shelved_until_ns"] = str(max(0, int(alarm["shelved_until_ns"]) + by))
                 self._changed.add(name)
 
-    def _request(self, one: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    def _request(self, alarm: dict[str, Any], **changes: Any) -> dict[str, Any]:
         """What a user wants, once it is in the journal. Raises JournalError: then nothing has changed."""
-        made = one | changes
-        if not made["concern"] and made["acknowledged"]:
-            made["ended_ns"] = str(self._clock.now)
-        self._reporter.keep("alarms", made, shown=self._shown, must=True)
-        one.update(made)
-        self._ends(one, self._clock.now)
-        return self._shown(one)
+        later = alarm | changes
+        if not later["concern"] and later["acknowledged"]:
+            later["ended_ns"] = str(self._clock.now)
+        self._reporter.keep("alarms", later, shown=self._shown, must=True)
+        alarm.update(later)
+        self._ends(alarm, self._clock.now)
+        return self._shown(alarm)
 
-    def _ends(self, one: dict[str, Any], t: int) -> bool:
+    def _ends(self, alarm: dict[str, Any], t: int) -> bool:
         """End an alarm whose two conditions hold; whether it has ended."""
-        if one["concern"] or not one["acknowledged"]:
+        if alarm["concern"] or not alarm["acknowledged"]:
             return False
-        one["ended_ns"] = str(t)
-        del self._open[one["name"]]
+        alarm["ended_ns"] = str(t)
+        del self._open[alarm["name"]]
         return True
 
     def _named(self, name: str) -> dict[str, Any]:
@@ -126,10 +126,10 @@ class Alarms:
             raise SetupError(f"{self._reporter.name} has no alarm of {name}")
         return self._open[name]
 
-    def _shown(self, one: dict[str, Any]) -> dict[str, Any]:
+    def _shown(self, alarm: dict[str, Any]) -> dict[str, Any]:
         names = self._telemetry.slot_numbers
-        return one | {"craft": self._reporter.name, "slot": names.get(one["name"]), "level": CONCERNS[one["concern"]],
-                      "worst_level": CONCERNS[one["worst"]]}
+        return alarm | {"craft": self._reporter.name, "slot": names.get(alarm["name"]),
+                        "level": CONCERNS[alarm["concern"]], "worst_level": CONCERNS[alarm["worst"]]}
 
     def _keep(self, changed: list[dict[str, Any]]) -> None:
         self._reporter.keep("alarms", *changed, shown=self._shown)

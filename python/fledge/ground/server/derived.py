@@ -75,10 +75,10 @@ def _function(one: Derived, folder: Path) -> Callable[..., Array]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise SetupError(f"{one.name}: {path}: {type(error).__name__}: {error}") from None
-    found = getattr(module, name, None)
-    if not callable(found):
+    function = getattr(module, name, None)
+    if not callable(function):
         raise SetupError(f"{one.name}: {path} has no function '{name}'")
-    return found
+    return function
 
 
 class DerivedParameters:
@@ -103,10 +103,10 @@ class DerivedParameters:
         if name in above:
             raise SetupError("derived parameters come from one another in a circle: "
                              + " -> ".join([*above[above.index(name):], name]))
-        found: dict[str, None] = {}
+        inputs: dict[str, None] = {}
         for path in self._all[name][0].of.values():
-            found |= dict.fromkeys(self._of_packets(path, (*above, name)) if path in self._all else [path])
-        return list(found)
+            inputs |= dict.fromkeys(self._of_packets(path, (*above, name)) if path in self._all else [path])
+        return list(inputs)
 
     def turn(self) -> list[Note]:
         """Compute them from the packets since the last turn; returns the notes."""
@@ -149,15 +149,15 @@ class DerivedParameters:
         monitor = Database([]).monitor()
         slot = monitor.derive(one.name, one.unit, one.description, one.limits)
         limits = InForce([change for change in self._changes if change["name"] == one.name], monitor)
-        found = np.zeros(len(t), np.uint8)
+        concerns = np.zeros(len(t), np.uint8)
         at = 0
         for notes, rows in limits.parts([(i, int(when), b"") for i, when in enumerate(received)]):
             for place, now in [(at, note[4]) for note in notes] + [
                     (note[2], note[4]) for note in monitor.put(
                         slot, np.arange(at, at + len(rows)).tobytes(), values[at:at + len(rows)].tobytes())]:
-                found[place:] = now
+                concerns[place:] = now
             at += len(rows)
-        return found
+        return concerns
 
     def _values(self, name: str, rows: Array) -> Array:
         columns = {path: rows[:, 1 + i] for i, path in enumerate(self._inputs[name])}
@@ -167,8 +167,8 @@ class DerivedParameters:
                 one, compute = self._all[name]
                 inputs = {key: values(path) for key, path in one.of.items()}
                 try:
-                    found = np.asarray(compute(**inputs), float)
-                    columns[name] = np.ascontiguousarray(np.broadcast_to(found, len(rows)))
+                    column = np.asarray(compute(**inputs), float)
+                    columns[name] = np.ascontiguousarray(np.broadcast_to(column, len(rows)))
                 except Exception as error:      # of a function of the user's
                     raise SetupError(f"{name}: {type(error).__name__}: {error}") from None
             return columns[name]

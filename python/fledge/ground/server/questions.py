@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What scripts ask the operators of the console. A question stays until an operator has answered, or its script no longer
-polls the answer."""
+"""What scripts ask the operators of the console. A question stays until an operator has answered, or its script does
+not poll the answer any more."""
 from __future__ import annotations
 
 import time

@@ -76,9 +76,9 @@ class Telemetry:
         folded = (*(f"{path}.{part}" for path in outputs for part in ("head.", "spare")),
                   *(f"{self._dictionary.name}.{name}.{part}" for name in SERVICES for part in ("t", "spare")
                     if self._dictionary))
-        return [one | {"header": one["header"] or one["name"].startswith(folded),
-                       "stale": self._stale.get(".".join(one["name"].split(".")[:2]))}
-                for one in self.monitor.slots(first, most)]
+        return [slot | {"header": slot["header"] or slot["name"].startswith(folded),
+                        "stale": self._stale.get(".".join(slot["name"].split(".")[:2]))}
+                for slot in self.monitor.slots(first, most)]
 
     def inspect(self, packet: bytes) -> dict[str, Any]:
         """A packet in words."""

@@ -70,9 +70,9 @@ class Transfers:
         local = self.folder / (plain_name(name.replace("/", "_").lstrip(".")) or "file")
 
         def fetch() -> Transfer:
-            one = self._connection.reach().fetch(name, local)
-            one.replaces = False
-            return one
+            transfer = self._connection.reach().fetch(name, local)
+            transfer.replaces = False
+            return transfer
 
         return self._began(False, name, 0, fetch)
 
@@ -89,8 +89,8 @@ class Transfers:
             raise SetupError(f"there is no transfer {number} under way")
         if what not in ("cancel", "suspend", "resume"):
             raise SetupError(f"a transfer can cancel, suspend and resume; found '{what}'")
-        row, one = self._open[number]
-        getattr(one, what)()
+        row, transfer = self._open[number]
+        getattr(transfer, what)()
         if what != "cancel":
             self._change(row, state="suspended" if what == "suspend" else "active")
         else:
@@ -108,16 +108,17 @@ class Transfers:
         craft = self._connection.craft
         if craft and craft.has_files and time.monotonic() >= self._measured:
             self._bound(craft.files)
-        for number, (row, one) in list(self._open.items()):
-            if one.ended or one.problem:
+        for number, (row, transfer) in list(self._open.items()):
+            if transfer.ended or transfer.problem:
                 del self._open[number]
-                state = "completed" if one.ended else "cancelled" if row.pop("cancelled", None) else "failed"
-                here = one.local.name if one.local else row["name"]
-                text = one.problem or f"it is {here} here" * (here != row["name"])
-                self._change(row, done=one.done, size=one.size, state=state, text=text)
-            elif (row["done"], row["size"]) != (one.done, one.size) and time.monotonic() - self._published > PERIOD:
+                state = "completed" if transfer.ended else "cancelled" if row.pop("cancelled", None) else "failed"
+                here = transfer.local.name if transfer.local else row["name"]
+                text = transfer.problem or f"it is {here} here" * (here != row["name"])
+                self._change(row, done=transfer.done, size=transfer.size, state=state, text=text)
+            elif (row["done"], row["size"]) != (transfer.done, transfer.size) and \
+                    time.monotonic() - self._published > PERIOD:
                 self._published = time.monotonic()
-                row.update(done=one.done, size=one.size)
+                row.update(done=transfer.done, size=transfer.size)
                 self._reporter.publish("transfer", row)
         for listing, answer in list(self._listings):
             if listing.ended or listing.problem:
