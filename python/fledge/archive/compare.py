@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from fledge.archive import Archive
+    from fledge.archive.reader import Channel
 
     Times = Callable[[Any], Any]    # from an array of times [ns]: which of them count
 

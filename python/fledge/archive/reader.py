@@ -39,6 +39,8 @@ from fledge.records.series import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from fledge.archive import rosmsg
+
 __all__ = ["Archive", "ArchiveError", "Channel", "Field"]
 
 _SPARE = re.compile(r"(.*\.)?spare\w*")  # members that stand in for padding

@@ -6,7 +6,7 @@ Exit codes: 0 it can fly; 2 it cannot, or one of its files is wrong.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from fledge.cli.console import counted, itemized, placed, say
@@ -128,14 +128,14 @@ def _keys(path: Path) -> set[str]:
         return set()
 
 
-def _requirements(sim):
+def _requirements(sim: Any) -> str:
     from fledge.requirements import Requirements
 
     found = Requirements(sim)
     return counted(len(found.all), "requirement") if found else ""
 
 
-def _campaigns(folder):
+def _campaigns(folder: Path) -> str:
     from fledge.montecarlo import Campaign
 
     known = list(Campaign(folder).known)
@@ -144,14 +144,14 @@ def _campaigns(folder):
     return counted(len(known), "campaign")
 
 
-def _faults(folder):
+def _faults(folder: Path) -> str:
     from fledge.analysis.matrix import FILE, Matrix
 
     Matrix(folder)
     return FILE
 
 
-def _boards(sim, paths):
+def _boards(sim: Any, paths: Sequence[Any]) -> str:
     """Of the one flight process; if there are several, the commands that take boards say which is meant."""
     from fledge.export import board, read_all
 
@@ -161,21 +161,21 @@ def _boards(sim, paths):
     return ", ".join(path.name for path in paths)
 
 
-def _ground(sim):
+def _ground(sim: Any) -> str:
     from fledge.export import ground, packets, read_all
 
     ground.read(sim.mission.folder, [packets.database(one) for one in read_all(sim)])
     return ground.FILE
 
 
-def _control_room(path):
+def _control_room(path: Path) -> str:
     from fledge.ground.server.settings import read
 
     read(path)
     return path.name
 
 
-def _programs(path):
+def _programs(path: Path) -> str:
     from fledge.cosim.up.description import read
     from fledge.targets import TARGETS
 

@@ -71,17 +71,17 @@ def with_notes(rows: Sequence[tuple[str, str]], indent: str, begin: str = "/*", 
 
     A note that does not fit beside its code stands before it; of members, then all notes do.
     """
-    def line(code, width, note):
+    def line(code: str, width: int, note: str) -> str:
         return f"{indent}{code.ljust(width)} {begin} {note}{end}"
 
-    def fits(block):
+    def fits(block: Sequence[tuple[str, str]]) -> bool:
         width = max(len(code) for code, _ in block)
         return all(len(line(code, width, note)) <= COLUMNS for code, note in block)
 
     lines: list[str] = []
     block: list[tuple[str, str]] = []
 
-    def flush():
+    def flush() -> None:
         width = max((len(code) for code, _ in block), default=0)
         lines.extend(line(code, width, note) for code, note in block)
         block.clear()

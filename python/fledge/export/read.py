@@ -25,6 +25,9 @@ from fledge.objects.script import function_text, prototype, script
 
 # The files of ccsds/ of a SpaceLink.
 FRAMES = ("farm", "fop", "packet_zone", "space_link", "space_packet", "sync", "tc_frame", "tm_frame")
+# Those of Files.
+FILES = ("cfdp", "cfdp_filestore", "cfdp_messages", "cfdp_pdu", "cfdp_ranges", "cfdp_receiver", "cfdp_sender",
+         "cfdp_transaction", "store/memory_store")
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)\.h"', re.MULTILINE)
 LINKED = ("ccsds/", "flight/command/", "flight/math/", "flight/telemetry/")     # by other rules
 
@@ -156,7 +159,7 @@ class Mission:
         flight/math is needed beside them."""
         driven = {"flight/telemetry/services.c"} if self.services else set()
         if any(m.type == "Files" for m in self.modules):
-            driven |= {"ccsds/cfdp.c", "ccsds/cfdp_pdu.c", "ccsds/store/memory_store.c"}
+            driven |= {f"ccsds/{name}.c" for name in FILES}
         if any(m.type == "SpaceLink" for m in self.services):
             driven |= {f"ccsds/{name}.c" for name in FRAMES}
         own = [m.struct.header.removesuffix(".h") for m in self.modules]
@@ -171,7 +174,7 @@ class Mission:
 def included(modules: Sequence[str], roots: Sequence[Path]) -> set[str]:
     """The C files of modules, which are named without their suffix, and those beside the headers that they include,
     from a root or beside themselves; and so on. Left out is what is linked anyway."""
-    def file(name):
+    def file(name: str) -> Path | None:
         return next((root / name for root in roots if (root / name).is_file()), None)
 
     found: set[str] = set()
@@ -214,12 +217,12 @@ def read_all(sim: Any) -> list[Mission]:
     return [_Reader(sim, *one).mission() for one in zip(sim.flights, memory)]
 
 
-def _memory(flight):
+def _memory(flight: Any) -> dict[str, bytes]:
     return {name: objects.memory(one) for name, one in flight.instances.items()}
 
 
 class _Reader:
-    def __init__(self, sim, flight, memory, tasks=None):
+    def __init__(self, sim: Any, flight: Any, memory: dict[str, bytes], tasks: Sequence[str] | None = None) -> None:
         self.sim, self.flight = sim, flight
         if sim.time_ns >= 0:
             raise ExportError(f"{sim.name}: export it before it runs; it stands at {sim.time:g} s")
@@ -241,7 +244,7 @@ class _Reader:
 
     # --- which modules ---
 
-    def read_modules(self, memory):
+    def read_modules(self, memory: dict[str, bytes]) -> dict[str, Module]:
         live = self.flight.instances
         in_task = {name for t in self.flight.tasks for name in t[4]}
         running = {name for t in self.chosen for name in t[4]}
@@ -259,7 +262,7 @@ class _Reader:
         return {name: Module(c[name], f"{self.flight.name}.{name}", objects.struct(one), memory[name],
                              self.read_script(name, one)) for name, one in live.items() if name in wanted}
 
-    def refuse_prototypes(self, modules):
+    def refuse_prototypes(self, modules: dict[str, Any]) -> None:
         """Raise ExportError for modules whose interface is Python, too: no target has that."""
         found = []
         for name, cls in ((name, prototype(one)) for name, one in modules.items()):
@@ -271,14 +274,14 @@ class _Reader:
         if found:
             raise ExportError("\n".join(map(str, found)))
 
-    def read_script(self, name, module):
+    def read_script(self, name: str, module: Any) -> str:
         functions = script(module)
         return str(self.refusal(f"{self.flight.name}.{name} is still Python ({function_text(functions[0])}): write it "
                                 "in C, or fly it with export micropython", name)) if functions else ""
 
     # --- wires ---
 
-    def read_wires(self, mission):
+    def read_wires(self, mission: Mission) -> None:
         order: dict[str, Message] = {}
         crossing = {(wire.source, wire.port): wire for wire in crossing_wires(self.sim)}
         for source, target, latency, stale_after, choice in self.sim.wires:
@@ -335,7 +338,7 @@ class _Reader:
 
     # --- the whole ---
 
-    def mission(self):
+    def mission(self) -> Mission:
         sim = self.sim
         self.ends: dict[str, list] = {}     # paths that read an output here
         name = self.name()
@@ -367,7 +370,7 @@ class _Reader:
             self.check_finite(module, mission)
         return mission
 
-    def name(self):
+    def name(self) -> str:
         """The mission's, apart from the names of its modules and messages and of targets/mission.h."""
         own = f"{self.sim.name}_{self.flight.name}" if len(self.sim.flights) > 1 else self.sim.name
         name = names.identifier(own).lower()
@@ -378,7 +381,7 @@ class _Reader:
             name += "_mission"
         return name
 
-    def read_tasks(self, mission, mode_names):
+    def read_tasks(self, mission: Mission, mode_names: dict[str, str]) -> None:
         naming = names.distinct([t[0] for t in self.flight.tasks])
         for title, period, offset, _, run in self.chosen:
             modes = [mode_names[m] for m, tasks in self.flight.modes if title in tasks]
@@ -387,7 +390,7 @@ class _Reader:
         chosen = [t[0] for t in self.chosen]
         mission.left_out += [f"the task {t[0]}" for t in self.flight.tasks if t[0] not in chosen]
 
-    def read_guards(self, mission, mode_names):
+    def read_guards(self, mission: Mission, mode_names: dict[str, str]) -> None:
         modules = {m.path: m for m in mission.modules}
         for mode, guard in self.flight.guards.items():
             steps = guard.condition.steps if guard.condition is not None else []
@@ -397,7 +400,7 @@ class _Reader:
             else:
                 mission.left_out.append(f"the condition of the mode {mode}")
 
-    def watched(self, what, steps, declared_at):
+    def watched(self, what: str, steps: Sequence[Any], declared_at: tuple[str, int]) -> set[str]:
         """The paths of the modules that a condition looks at, which must be flight's own."""
         paths = {one.path for step in steps if not isinstance(step, str) for one in (step[0], step[2]) if one.path}
         for path in sorted(paths):
@@ -407,7 +410,7 @@ class _Reader:
                                   "processes; watch an input of flight, as in watch(f.tracking.attitude)")
         return paths
 
-    def read_events(self, mission, mode_names):
+    def read_events(self, mission: Mission, mode_names: dict[str, str]) -> None:
         live = self.flight.events.values()
         naming = names.distinct([e.name for e in live])
         modules = {m.path: m for m in mission.modules}
@@ -430,14 +433,14 @@ class _Reader:
                 [(naming[name], on) for name, on in event.arms if name in flying], settings,
                 [m for m in mission.configuration if any(m is one for one, _, _ in settings)]))
 
-    def check_finite(self, module, mission):
+    def check_finite(self, module: Module, mission: Mission) -> None:
         wired = {w.target for wires in (*mission.wires.values(), *mission.published.values()) for w in wires}
         for path, value in floats(module.struct, module.memory):
             if not value - value == 0.0 and ".".join([module.name, *path.split(".")[:2]]) not in wired:
                 name = module.path.partition(".")[2]
                 raise self.refusal(f"{module.path}.{path.partition('.')[2]} must be finite; found {value}", name)
 
-    def refusal(self, text, name=None):
+    def refusal(self, text: str, name: str | None = None) -> ExportError:
         """An ExportError that begins with file and line: of what the mission calls `name` in this process, or else of
         the first instance that the text names."""
         if not self.sim.mission:

@@ -23,6 +23,7 @@ from fledge.records.series import HEAD, Records, element_names, frame_of, head_c
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from fledge import _core
     from fledge.mission.simulation import Simulation
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from fledge.archive import Archive
     from fledge.targets import Part
 
 MARKS = 60

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.archive import Archive
 from fledge.errors import Failure
@@ -12,6 +12,11 @@ from fledge.profile.measure import Profile
 from fledge.records.activity import modes
 from fledge.targets import TARGETS, Job
 from fledge.targets.desktop import Desktop
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from fledge.targets.job import Part
 
 METHODS = {"process": processes.measure, "board": board.measure, "line": line.measure,
            "desktop": desktop.measure}      # Target.profiled_by

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from fledge.scene.scene import Craft, Part, Scene
+    from fledge.scene.scene import Craft, Part, Pose, Scene
 
 MOST = 50_000           # transforms of a frame; of a longer record some of its samples
 CHUNK = 4_000_000       # [bytes]
