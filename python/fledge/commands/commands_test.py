@@ -312,6 +312,18 @@ def test_long_parts_of_a_block_are_cut_between_numbers():
     assert data == struct.pack(">I200d", 7, *range(200))
 
 
+def test_a_command_tells_which_parameters_it_writes_also_in_part():
+    packets = Packets(Dictionary("d", 0x1880, 0x0880, [], [], [Block("flight.part", "Part", 40, False, FIELDS, [], [])],
+                                 []))
+    for at, n, paths in ((0, 40, "a e t s[0].u s[0].i s[1].u s[1].i"), (8, 8, "a"), (8, 12, "a e"),
+                         (26, 6, "s[0].u s[0].i"), (36, 4, "s[1].i"), (40, 4, "")):
+        packet, = packets.write_bytes("flight.part", {at: bytes(n)})
+        assert packets.dictionary.written(packet) == [f"flight.part.{path}" for path in paths.split()]
+        for other in (packet[:6] + b"\4" + packet[7:], packet[:8] + b"\0\0" + packet[10:], b"\x18\x81" + packet[2:],
+                      packet[:10] + b"\0\1" + packet[12:]):
+            assert packets.dictionary.written(other) == []
+
+
 def test_a_script_is_read_as_it_was_written():
     lines = "-1 1880c000\n5000000000 00ff\n"
     assert script(read_script(lines)) == lines

@@ -237,6 +237,15 @@ class Dictionary:
             return f"{'disarm' if disarms else name} {names[place]}"
         return name + file
 
+    def written(self, packet: bytes) -> list[str]:
+        """The parameters that a command writes, wholly or in part: "flight.control.K", of structs their fields."""
+        place, low = int.from_bytes(packet[10:12], "big"), int.from_bytes(packet[12:16], "big")
+        head = packet[:2] + packet[6:7] + packet[8:10]
+        if head != packing.pack(">HBH", self.stream, Code.WRITE, self.version) or place >= len(self.blocks):
+            return []
+        block, high = self.blocks[place], low + len(packet) - HEADER
+        return [f"{block.path}.{path}" for path, f, at in leaves(block.fields) if at < high and low < at + f.size]
+
     def refusal(self, report: Report, packet: bytes | None) -> str:
         """What was refused, when and why. packet: that of the report, if it is known."""
         what = self.command(packet) if packet else repr(report).split()[0].removeprefix("<")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct as packing
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field as with_default
+from functools import cached_property
 from typing import Any, TypeVar
 
 from fledge.elements import ELEMENTS, short_names
@@ -31,6 +32,12 @@ class Field:
     enumerators: dict[str, int] = with_default(default_factory=dict)
     fields: list[Field] = with_default(default_factory=list)    # of a struct
     rule: str = ""              # "> 0"
+
+    @cached_property
+    def labels(self) -> dict[int, Enumerator]:
+        """Value -> the first enumerator that has it."""
+        return {self.enumerators[name]: Enumerator(name, short)
+                for name, short in reversed([*short_names(self.enumerators).items()])}
 
 
 def described(fields: Sequence[Any], start: int = 0) -> list[Field]:
@@ -147,15 +154,13 @@ def value_of(field: Field, raw: bytes, shape: Sequence[int], mark: str) -> Any:
     """The value of a field, or of elements of it."""
     if field.type == "char" and len(shape) == 1:
         return raw.rstrip(b"\0").decode(errors="replace")
-    if len(shape) == 1 and field.type not in ("struct", "enum"):
-        return list(packing.unpack(f"{mark}{shape[0]}{ELEMENTS[field.type].code}", raw))
+    if len(shape) == 1 and field.type != "struct":      # all at once
+        numbers = packing.unpack(f"{mark}{shape[0]}{ELEMENTS[field.type].code}", raw)
+        return [field.labels.get(one, one) for one in numbers] if field.type == "enum" else list(numbers)
     if shape:
         size = len(raw) // shape[0]
         return [value_of(field, raw[i * size:(i + 1) * size], shape[1:], mark) for i in range(shape[0])]
     if field.type == "struct":
         return values(field.fields, raw, mark)
     value = packing.unpack(mark + ELEMENTS[field.type].code, raw)[0]
-    if field.type == "enum":
-        return next((Enumerator(name, short) for name, short in short_names(field.enumerators).items()
-                     if field.enumerators[name] == value), value)
-    return value
+    return field.labels.get(value, value) if field.type == "enum" else value
