@@ -24,7 +24,22 @@
  * A command is accepted when it arrives, and executed at the next instant of flight, before its tasks. Both are
  * reported with the command's sequence and a reason. What is refused changes nothing but counters. A packet that comes
  * again by a link from the ground is refused, too; on a software bus, senders count as they like. These functions do
- * not lock: a host of several tasks calls them for one state in one task, or under one lock. */
+ * not lock: a host of several tasks calls them for one state in one task, or under one lock.
+ *
+ * Example:
+ *
+ *     uint32_t from_the_ground(uint8_t *packet, uint32_t room);
+ *
+ *     static void instant(CommandState *s, const CommandTable *table, void *mission, int64_t t, CommandSink report)
+ *     {
+ *         uint8_t packet[64];
+ *         uint32_t n;
+ *         while ((n = from_the_ground(packet, sizeof packet)) > 0) {
+ *             command_accept(s, table, &s->ground, packet, n, report, NULL);
+ *         }
+ *         command_execute(s, table, mission, t, report, NULL); // the tasks of flight run after it
+ *     }
+ */
 #ifndef FLIGHT_COMMAND_COMMAND_H
 #define FLIGHT_COMMAND_COMMAND_H
 

@@ -14,7 +14,17 @@
  *             letters: as in memory, but each number big-endian, whatever the target; or what a service tells
  *
  * A host whose readers expect structs of its own machine (the software bus of cFS) calls telemetry_native for a packet
- * that it sends there. */
+ * that it sends there.
+ *
+ * Example:
+ *
+ *     void to_the_ground(void *radio, const uint8_t *packet, uint32_t n);
+ *
+ *     static void end_of_instant(const TelemetryTable *table, const void *mission, int64_t t, const CommandState *s)
+ *     {
+ *         telemetry_send(table, mission, t, s, to_the_ground, NULL);
+ *     }
+ */
 #ifndef FLIGHT_TELEMETRY_TELEMETRY_H
 #define FLIGHT_TELEMETRY_TELEMETRY_H
 
