@@ -31,7 +31,6 @@ class Stopwatch {
 public:
     void lap();
     double median() const;
-    std::uint64_t laps() const { return laps_; }
 
 private:
     static constexpr std::uint64_t group = 16;

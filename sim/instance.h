@@ -39,7 +39,6 @@ public:
     const FledgeStruct &type() const { return *type_; }
     std::byte *memory() const { return memory_.get(); }
     Model *model() const { return model_.get(); } ///< null for a flight module
-    const ModelType *model_type() const { return model_type_; }
 
     std::string name; ///< "control"; empty until the instance has a process
     std::string path; ///< "flight.control"; the name of the type until the instance has a name

@@ -93,7 +93,6 @@ public:
     /// EDAC of RAM with check bits; without it, memory gives the bits as they are.
     bool has_edac() const { return regions_.front().edac; }
     void enable_edac(bool on) { edac_on_ = on; }
-    bool edac_enabled() const { return edac_on_; }
     /// Flip bits of the word at an address of RAM: of its data, and of its check bits, if it has some.
     void flip(std::uint32_t address, EdacFlips flips);
     /// Flip bits of the word that the processor reads next from RAM as data.

@@ -295,9 +295,4 @@ double polar_radius(const TextKernel &pck, int body)
     return 1e3 * pck.numbers(key(body, "RADII"), 3, 3)[2];
 }
 
-double gravitational_parameter(const TextKernel &pck, int body)
-{
-    return 1e9 * pck.number(key(body, "GM"));
-}
-
 } // namespace fledge::world

@@ -69,7 +69,4 @@ private:
 double equatorial_radius(const TextKernel &pck, int body);
 double polar_radius(const TextKernel &pck, int body);
 
-/// [m^3/s^2] BODYnnn_GM. Throws SetupError if it is missing.
-double gravitational_parameter(const TextKernel &pck, int body);
-
 } // namespace fledge::world
