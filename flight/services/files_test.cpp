@@ -3,6 +3,7 @@
 // link that loses and reorders.
 #include "ccsds/cfdp.h"
 #include "ccsds/store/memory_store.h"
+#include "flight/services/testing/flight_software.h"
 #include "flight/telemetry/telemetry.h"
 
 extern "C" {
@@ -22,7 +23,7 @@ extern "C" {
 
 namespace files_test {
 
-using Bytes = std::vector<uint8_t>;
+using namespace service_testing;
 
 constexpr int64_t ms = 1'000'000, s = 1000 * ms;
 
@@ -44,74 +45,30 @@ const CommandRule rules[] = {
     {"K", "> 0", 0, 100, 1, COMMAND_ALL_ROWS, FLEDGE_HAS_LO | FLEDGE_LO_OPEN, FLEDGE_F64, 0, 0}};
 const CommandBlock blocks[] = {{runs, rules, sizeof(Gains), 2, 1, 1, 0}};
 const CommandService *const kinds[] = {&files_service};
-CommandServices services = {kinds,
-                            1,
-                            [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->files; },
-                            nullptr,
-                            nullptr,
-                            0,
-                            nullptr,
-                            nullptr,
-                            command_service_check,
-                            command_service_execute,
-                            command_service_run,
-                            telemetry_services,
-                            nullptr,
-                            nullptr};
+CommandServices services = [] {
+    CommandServices made =
+        command_services(kinds, 1, [](void *m, uint32_t) -> void * { return &static_cast<Mission *>(m)->files; });
+    made.tell = telemetry_services;
+    return made;
+}();
 uint8_t queue[64 * COMMAND_MAX], staged[sizeof(Gains)], packet_memory[TELEMETRY_REPORT_MAX];
-const CommandTable table = {.stream = 0x1880,
-                            .version = 0x1234,
-                            .n_blocks = 1,
-                            .n_modes = 0,
-                            .n_events = 0,
-                            .n_outputs = 0,
-                            .blocks = blocks,
-                            .staged = staged,
-                            .queue = queue,
-                            .room = sizeof queue,
-                            .parameters = [](void *m, uint16_t) -> void * { return &static_cast<Mission *>(m)->gains; },
-                            .enter = nullptr,
-                            .publish = [](void *m, uint16_t, int64_t) { static_cast<Mission *>(m)->published++; },
-                            .arm = nullptr,
-                            .reset = [](void *m, int64_t) { files_reset(&static_cast<Mission *>(m)->files); },
-                            .telemetry = nullptr,
-                            .procedures = nullptr,
-                            .services = &services,
-                            .may_enter = nullptr};
+const CommandTable table = [] {
+    CommandTable made = command_table(&services, queue, sizeof queue);
+    made.n_blocks = 1;
+    made.blocks = blocks;
+    made.staged = staged;
+    made.parameters = [](void *m, uint16_t) -> void * { return &static_cast<Mission *>(m)->gains; };
+    made.publish = [](void *m, uint16_t, int64_t) { static_cast<Mission *>(m)->published++; };
+    made.reset = [](void *m, int64_t) { files_reset(&static_cast<Mission *>(m)->files); };
+    return made;
+}();
 TelemetryRate rates[3 + COMMAND_STREAMS];
 const TelemetryTable telemetry = {0x0880, 0, nullptr, rates, packet_memory, [](const void *) -> uint16_t { return 0; },
                                   nullptr};
 
-Bytes big(uint64_t value, int n)
-{
-    Bytes bytes;
-    for (int i = n - 1; i >= 0; i--) {
-        bytes.push_back(static_cast<uint8_t>(value >> 8 * i));
-    }
-    return bytes;
-}
-
-Bytes operator+(Bytes a, const Bytes &b)
-{
-    a.insert(a.end(), b.begin(), b.end());
-    return a;
-}
-
 Bytes text(const std::string &letters)
 {
     return {letters.begin(), letters.end()};
-}
-
-Bytes packet(int code, const Bytes &rest, uint64_t sequence = 9)
-{
-    Bytes p = big(0x1880, 2) + big(0xC000 + sequence, 2) + big(8 + rest.size() - 7, 2) +
-              big(static_cast<uint64_t>(code), 1) + big(0, 1) + rest;
-    uint8_t sum = 0xFF;
-    for (const uint8_t byte : p) {
-        sum ^= byte;
-    }
-    p[7] = sum;
-    return p;
 }
 
 Bytes command(int code, uint16_t first, const std::string &name, uint64_t sequence = 9)
