@@ -227,18 +227,28 @@ class Library:
     structs: tuple[Struct, ...]
     enums: tuple[Enumeration, ...]
     functions: tuple[Function, ...] = ()
+    constants: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """An enumerator of an enum without a name."""
+    name: str
+    value: int
+    library: str = ""
 
 
 @dataclass(frozen=True)
 class Model:
     """All that was read: structs and enums by name, the libraries in the order they were asked for,
-    functions of numbers, and the files and folders on which this depends."""
+    functions of numbers, the files and folders on which this depends, and constants."""
     structs: dict[str, Struct]
     enums: dict[str, Enumeration]
     library_names: tuple[str, ...]
     functions: tuple[Function, ...] = field(default=(), compare=False)
     files: tuple[str, ...] = field(default=(), compare=False)
     folders: tuple[str, ...] = field(default=(), compare=False)
+    constants: tuple[Constant, ...] = field(default=(), compare=False)
 
     def library(self, name: str) -> Library:
         if name not in self.library_names:
@@ -246,4 +256,5 @@ class Model:
         return Library(name,
                        tuple(s for s in self.structs.values() if s.library == name),
                        tuple(e for e in self.enums.values() if e.library == name),
-                       tuple(f for f in self.functions if f.library == name))
+                       tuple(f for f in self.functions if f.library == name),
+                       {c.name: c.value for c in self.constants if c.library == name})

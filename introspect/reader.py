@@ -21,7 +21,7 @@ from clang.cindex import Type as ClangType
 
 from introspect import comment, libclang, rules, units
 from introspect.errors import HeaderError, Problem, Refusal
-from introspect.model import (Argument, Enumeration, Enumerator, Field, Function, Group, Kind, Model, Struct,
+from introspect.model import (Argument, Constant, Enumeration, Enumerator, Field, Function, Group, Kind, Model, Struct,
                               Type)
 from introspect.sources import Headers, Source
 
@@ -101,7 +101,14 @@ class _Reader:
         return Model(dict(sorted(self._structs.items())), dict(sorted(self._enums.items())),
                      self._headers.libraries, tuple(self._number_functions()),
                      tuple(sorted(included | self._headers.ignored)),
-                     tuple(sorted(self._headers.folders)))
+                     tuple(sorted(self._headers.folders)), tuple(self._constants()))
+
+    def _constants(self) -> Iterator[Constant]:
+        for cursor in self._declarations:
+            file = libclang.file_of(cursor)
+            if cursor.kind is CursorKind.ENUM_DECL and file in self._headers.sources and not libclang.tag(cursor):
+                yield from (Constant(c.spelling, c.enum_value, self._headers.library(file))
+                            for c in cursor.get_children() if c.kind is CursorKind.ENUM_CONSTANT_DECL)
 
     def _judge(self) -> None:
         """Raise the problems of interfaces and messages; leave out other structs with problems. Where these are all

@@ -389,8 +389,12 @@ def test_the_protocol_has_the_numbers_of_the_header_and_records_without_gaps(mod
         numbers = {word.partition("_")[2]: int(value) for word, value in re.findall(r"(\w+) = (\d+)", body)}
         assert len(numbers) > 5 and {one.name: int(one) for one in made[name]} == numbers
     assert [one.name for one in made["Stream"]] == ["EVENTS", "SELECTED", "FILES"]
+    assert made["DATA_MAX"] == int(re.search(r"COMMAND_DATA_MAX = (\d+)", header)[1]) and made["FLAGS"] == {
+        name: 1 << int(bit) for file in ("exec/bounds", "command/rules") for name, bit in re.findall(
+            r"(\w+) = 1 << (\d)", (ROOT / f"flight/{file}.h").read_text(encoding="utf-8"))}
     for name, record in (("CommandReport", "REPORT_RECORD"), ("TelemetryText", "TEXT_RECORD"),
                          ("TelemetryHousekeeping", "HOUSEKEEPING_RECORD"), ("EventRecord", "EVENT_RECORD")):
         assert sum(int(kind[1:]) // 8 * n for _, kind, n in made[record]) == model.structs[name].size
-    with pytest.raises(ValueError, match="library `world` lacks CommandCode, .*UnitState, of the protocol"):
-        EMITTERS["protocol"](model.library("world"))
+    assert EMITTERS["protocol"](model.library("world")) == {}
+    with pytest.raises(ValueError, match="library `flight` lacks COMMAND_ALL, .*STORED_LISTS, of the protocol"):
+        EMITTERS["protocol"](replace(model.library("flight"), constants={}))

@@ -4,32 +4,24 @@ headers, flight/command/command.h and flight/telemetry/telemetry.h, from which t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from struct import calcsize
 
 from fledge.elements import ELEMENTS
-from _fledge_protocol import (EVENT_RECORD, HOUSEKEEPING_RECORD as WHOLE_HOUSEKEEPING, REPORT_RECORD, TEXT_RECORD,
-                              Action, Code, FileAction, Kind, Number, Reason, Record, Stage, Stream, UnitState)
+from _fledge_protocol import (ALL, CHOICES, COMMAND_MAX, DATA_MAX, EVENT_RECORD, FLAGS, HEADER,
+                              HOUSEKEEPING_RECORD as WHOLE_HOUSEKEEPING, LISTS, OF_LIST, OF_MONITOR, OF_RULE,
+                              REPORT_RECORD, RULES, STORED, STORED_MAX, TEXT_RECORD, Action, Code, FileAction, Kind,
+                              Number, Reason, Record, Stage, Stream, UnitState)
 
 COMMANDS, TELEMETRY = 0x1880, 0x0880     # the streams of a mission's own board
 HOUSEKEEPING, REPORTS, OUTPUTS = 0, 1, 2  # of telemetry: places behind its first stream; texts follow the outputs,
 SERVICES = [one.name.lower() for one in Stream]     # and these the texts
-DATA_MAX = 512                           # [bytes] of parameters, bytecode or text in one command or report
 PROCEDURE_MAX = 2048                     # [bytes] of bytecode: a slot's room
-HEADER = 16                              # [bytes] of a command in front of them, and of a packet of telemetry
-COMMAND_MAX = HEADER + DATA_MAX
-STORED = 24                              # [bytes] in front of the command that another one stores
-REPORT_LEAST = HEADER + 24               # with a CommandReport or a TelemetryText
-ALL = 0xFFFF                             # all outputs
 TURNS = 10_000                           # of a procedure in one instant, unless the caller says
 LARGEST = 1e100                          # of a parameter
-STORED_MAX = 112                         # [bytes] of a command that is stored on board
 NAME_MAX = 127                           # [bytes] of a file's name on board
-CHOICES = 16                             # numbers of a report of housekeeping
-LISTS = 16                               # of stored commands: 0 has those of absolute times, the others are sequences
 NUMBERS = [one.name.lower() for one in Number if one != Number.STRUCT]      # FledgeType
 UNIT_STATES = [one.name.lower() for one in UnitState if one != UnitState.ABSENT]
-FLAGS = {"FLEDGE_HAS_LO": 1, "FLEDGE_HAS_HI": 2, "FLEDGE_LO_OPEN": 4, "FLEDGE_HI_OPEN": 8, "COMMAND_NON_ZERO": 16,
-         "COMMAND_INERTIA": 32, "COMMAND_START": 64}
-HOUSEKEEPING_RECORD = WHOLE_HOUSEKEEPING[:-1]     # the spare at its end is not sent
+HOUSEKEEPING_RECORD = WHOLE_HOUSEKEEPING[:-1]       # the spare at its end is not sent
 
 WHY = {
     Reason.LENGTH: "its length is wrong", Reason.CHECKSUM: "its checksum is wrong",
@@ -95,3 +87,6 @@ def cuts(begin: int, end: int) -> Sequence[tuple[int, int]]:
     inner = range((begin // DATA_MAX + 1) * DATA_MAX, end, DATA_MAX) if end - begin > DATA_MAX else ()
     places = [begin, *inner, end]
     return list(zip(places, places[1:]))
+
+
+REPORT_LEAST = HEADER + calcsize("=" + layout(REPORT_RECORD))      # [bytes] of a packet with a report or a text

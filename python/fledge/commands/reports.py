@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 from fledge.commands.dictionary import Dictionary, EventId
 from fledge.commands.fields import Field, value_of, values
-from fledge.commands.protocol import (CHOICES, EVENT_RECORD, HOUSEKEEPING, HOUSEKEEPING_RECORD, LAYOUTS, OUTPUTS,
-                                      REPORT_RECORD, REPORTS, SERVICES, STORED, TEXT_RECORD, Code, Kind, Reason,
-                                      Stage, layout)
+from fledge.commands.protocol import (CHOICES, EVENT_RECORD, HOUSEKEEPING, HOUSEKEEPING_RECORD, LAYOUTS, OF_LIST,
+                                      OF_MONITOR, OF_RULE, OUTPUTS, REPORT_RECORD, REPORTS, RULES, SERVICES, STORED,
+                                      TEXT_RECORD, Code, Kind, Reason, Stage, layout)
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from introspect.comment import SEVERITIES
@@ -67,8 +67,8 @@ class Report(NamedTuple):
 
 
 def origins(number: int) -> tuple[int | None, int | None, int | None]:
-    """(list, monitor, rule) of the member `from` of a CommandReport."""
-    kinds = [(1, 32), (32, 48), (48, 80)]
+    """(list, monitor, rule) of the member `origin` of a CommandReport."""
+    kinds = [(OF_LIST, OF_MONITOR), (OF_MONITOR, OF_RULE), (OF_RULE, OF_RULE + RULES)]
     stored_on, monitor, rule = (number - low if low <= number < high else None for low, high in kinds)
     return stored_on, monitor, rule
 
