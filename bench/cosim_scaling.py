@@ -17,13 +17,13 @@ def fly(mission, span, sharing="allowed", **parameters):
     """(ticks, wall time of them [s], wall time of the same in one program [s])"""
     import fledge
     from fledge import cosim
-    from fledge.cli.node import _Programs
+    from fledge.cli.node import Programs
 
     sim = fledge.load(mission, **parameters)
     names = [process.name for process in sim.processes]
     crossing = cosim.checked_wires(sim)
     address = f"ipc://@fledge-scaling-{os.getpid()}-{len(names)}"
-    with _Programs() as programs:
+    with Programs() as programs:
         for name in names:
             programs.start(name, lambda name=name: cosim.split(sim, name, crossing).serve(address) != "")
         controller = cosim.Controller(mission, names, span, address=address, sharing=sharing)

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments that several commands take: numbers and durations."""
+"""Arguments that several commands take: numbers, durations, parameters of missions."""
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
 
 from fledge.errors import Failure
+
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
 
 
 def add_update_limit(command: argparse.ArgumentParser) -> None:
@@ -30,6 +34,36 @@ def add_pool(command: argparse.ArgumentParser) -> None:
     add_jobs(command)
     command.add_argument("--scheduler", metavar="ADDRESS", help="fly on the workers of this Dask scheduler, as "
                          "tcp://127.0.0.1:8786, in place of --jobs")
+
+
+def add_parameters(command: argparse.ArgumentParser) -> None:
+    """The option for a mission's parameters, of every command that loads one."""
+    command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
+                         help="a parameter of the mission, without a unit, as in --set spacecraft=8")
+
+
+def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
+    """What --set gave: name -> a Python literal, or the text itself.
+
+    Raises Failure for a number with letters behind it: a text would end in a TypeError of the mission.
+    """
+    import ast
+    import re
+
+    given = {}
+    for text in options.parameters:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier():
+            raise Failure(f"--set {text}: expected NAME=VALUE, as in spacecraft=8")
+        try:
+            given[name] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            if re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*\*?\s*[A-Za-z][\w\s*/^]*", value):
+                raise Failure(f"--set {text}: expected a number without a unit, in the unit that the mission gives "
+                              f"{name}; found '{value}' (a text of that kind needs quotes: {name}=\"'{value}'\")"
+                              ) from None
+            given[name] = value
+    return given
 
 
 def number(what: str = "a number") -> Callable[[str], float]:

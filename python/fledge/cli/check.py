@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from fledge.cli.console import counted, itemized, placed, say
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, given_parameters
 from fledge.errors import Failure
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command

@@ -13,8 +13,7 @@ import re
 import sys
 
 from fledge import serial_line
-from fledge.cli.arguments import number
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, given_parameters, number
 from fledge.targets import TARGETS
 
 PATIENCE = 1e6          # [s] of the other programs, while gdb stops flight

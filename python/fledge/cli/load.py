@@ -10,7 +10,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, given_parameters
 from fledge.errors import Failure
 from fledge.serial_line import BY_SSH
 

@@ -8,23 +8,25 @@ from __future__ import annotations
 
 import ast
 import os
-import re
 import signal
 import sys
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
-from fledge.cli.arguments import add_update_limit, number, parse_duration
+from fledge.cli.arguments import add_parameters, add_update_limit, given_parameters, number, parse_duration
 from fledge.cli.console import counted, say, size_of
 from fledge.errors import Failure
 from fledge.files import make
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
-    from fledge.mission.simulation import Simulation
     import argparse
+    from collections.abc import Callable, Iterator
+    from types import FunctionType
+    from typing import Any, Self
+
+    from fledge.mission.crossing import Crossing
+    from fledge.mission.simulation import Simulation
 
 
 def add(command: Callable) -> None:
@@ -93,7 +95,8 @@ def node(options: argparse.Namespace) -> int:
         return _one(sim, scenario, names[0], options)
 
 
-def _one(sim, scenario, process, options, crossing=None, address=None, quiet=False):
+def _one(sim: Simulation, scenario: str, process: str, options: argparse.Namespace,
+         crossing: list[Crossing] | None = None, address: str | None = None, quiet: bool = False) -> int:
     """Fly one process in this program, until the end of the run."""
     import fledge
     from fledge import cosim
@@ -157,7 +160,8 @@ def _one(sim, scenario, process, options, crossing=None, address=None, quiet=Fal
     return 0
 
 
-def _several(sim, scenario, names, options, crossing):
+def _several(sim: Simulation, scenario: str, names: list[str], options: argparse.Namespace,
+             crossing: list[Crossing]) -> int:
     """Fly each of several processes in a program of its own; with --until, this program is their controller."""
     from fledge import cosim
 
@@ -169,13 +173,13 @@ def _several(sim, scenario, names, options, crossing):
     say(f"{sim.name}, {scenario}: {counted(len(names), 'program')}"
         + (f", {', '.join(names)}" if len(names) < 9 else ""))
     begun, problem = perf_counter(), ""
-    with _Programs() as programs:
+    with Programs() as programs:
         for name in names:
             programs.start(name, lambda name=name: _one(sim, scenario, name, options, crossing, address, True))
         if end is not None:  # made after the forks, for sockets belong to one program
             controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
                                           keys=options.keys, join=options.patience, report=say)
-            problem = controller.run(programs.look)
+            problem = controller.run(programs.poll)
         failed = programs.wait(5.0 if problem else None)
     took = perf_counter() - begun
     if failed and problem in ("", STOPPED):
@@ -198,15 +202,18 @@ def _several(sim, scenario, names, options, crossing):
 STOPPED = "the user ended it"  # the controller's reason where its poll ends the run
 
 
-class _Programs:
+class Programs:
     """Copies of this program, a process each, which all end with it."""
 
     GRACE = 1.0  # [s] for the controller to notice that a program ended, and to report the reason
 
-    def __init__(self):
-        self.running, self.failed, self.since = {}, [], None
+    def __init__(self) -> None:
+        self.running: dict[int, str] = {}       # name by process
+        self.failed: list[str] = []             # how those ended that failed
+        self.since: float | None = None         # when this was first seen
 
-    def start(self, name, work):
+    def start(self, name: str, work: Callable[[], Any]) -> None:
+        """work: returns the exit code, or nothing"""
         from fledge.pool import fork
 
         pid = fork()
@@ -226,14 +233,14 @@ class _Programs:
             sys.stderr.flush()
             os._exit(code)
 
-    def look(self):
+    def poll(self) -> bool:
         """Whether the run can go on: none has failed, or the controller has had no time yet to notice it."""
         self._reap()
         if self.failed and self.since is None:
             self.since = monotonic()
         return self.since is None or monotonic() - self.since < self.GRACE
 
-    def _reap(self):
+    def _reap(self) -> None:
         for pid in list(self.running):
             ended, status = os.waitpid(pid, os.WNOHANG)
             if ended:
@@ -242,7 +249,7 @@ class _Programs:
                     how = f"was ended by signal {os.WTERMSIG(status)}" if os.WIFSIGNALED(status) else "ended early"
                     self.failed.append(f"{name} {how}")
 
-    def wait(self, timeout=None):
+    def wait(self, timeout: float | None = None) -> list[str]:
         """Wait until all have ended, at most `timeout` [s]; returns how those ended that failed.
 
         A program that starts after the controller has ended waits for the controller, so there is a limit then.
@@ -253,10 +260,10 @@ class _Programs:
             sleep(0.01)
         return self.failed
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         """Ask the programs that are still running to end, then kill them."""
         for number, timeout in ((signal.SIGTERM, 5.0), (signal.SIGKILL, None)):
             for pid in self.running:
@@ -267,40 +274,11 @@ class _Programs:
 ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
-def _interrupt_once(number, frame):
+def _interrupt_once(*_: Any) -> None:
     """The terminal and the command that started this program may each send a signal; the first one ends it."""
     for each in ENDS:
         signal.signal(each, signal.SIG_IGN)
     raise KeyboardInterrupt
-
-
-# --- parameters of missions ------------------------------------------------------------------------
-
-def add_parameters(command: argparse.ArgumentParser) -> None:
-    """The option for a mission's parameters, of every command that loads one."""
-    command.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="parameters",
-                         help="a parameter of the mission, without a unit, as in --set spacecraft=8")
-
-
-def given_parameters(options: argparse.Namespace) -> dict[str, Any]:
-    """What --set gave: name -> a Python literal, or the text itself.
-
-    Raises Failure for a number with letters behind it: a text would end in a TypeError of the mission.
-    """
-    given = {}
-    for text in options.parameters:
-        name, equals, value = text.partition("=")
-        if not equals or not name.isidentifier():
-            raise Failure(f"--set {text}: expected NAME=VALUE, as in spacecraft=8")
-        try:
-            given[name] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            if re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*\*?\s*[A-Za-z][\w\s*/^]*", value):
-                raise Failure(f"--set {text}: expected a number without a unit, in the unit that the mission gives "
-                              f"{name}; found '{value}' (a text of that kind needs quotes: {name}=\"'{value}'\")"
-                              ) from None
-            given[name] = value
-    return given
 
 
 # --- what comes before the run ---------------------------------------------------------------------
@@ -338,7 +316,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
     return name
 
 
-def _second_run(function):
+def _second_run(function: FunctionType) -> tuple[str, int] | None:
     """(file, line) where a scenario runs for the second time, or None."""
     import inspect
 
@@ -349,7 +327,7 @@ def _second_run(function):
         return None
     sim = function.__code__.co_varnames[0]
 
-    def runs(node, looped):
+    def runs(node: ast.AST, looped: bool) -> Iterator[int]:
         looped = looped or isinstance(node, (ast.For, ast.While))
         if (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("run", "step")
                 and isinstance(node.func.value, ast.Name) and node.func.value.id == sim):

@@ -10,8 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_campaign, add_jobs
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_campaign, add_jobs, add_parameters, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
@@ -85,7 +84,7 @@ def profile(options: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def _longest(options, folder, duration):
+def _longest(options: argparse.Namespace, folder: Path, duration: float | None) -> int:
     """Search the longest path of each task."""
     import sys
 

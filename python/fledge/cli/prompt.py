@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, given_parameters
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:

@@ -27,8 +27,7 @@ _MOST_RECORDS = 8   # in the list; of more only the sum is shown
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    from fledge.cli.arguments import number
-    from fledge.cli.node import add_parameters
+    from fledge.cli.arguments import add_parameters, number
 
     one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
     one.add_argument("simulation", metavar="SIM.toml|MISSION",
@@ -153,7 +152,7 @@ def _plan(options: argparse.Namespace, description: ModuleType) -> Plan:
             raise Failure(f"up: a scenario and --set are for a mission; in {given}, write `scenario` and `parameters` "
                           "of a node" + ", or of the file's mission" * bool(plan.mission))
     else:
-        from fledge.cli.node import given_parameters
+        from fledge.cli.arguments import given_parameters
         from fledge.cosim.up.missions import plan_of
 
         plan = plan_of(options.simulation, options.scenario, given_parameters(options))

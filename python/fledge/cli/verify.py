@@ -9,13 +9,18 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fledge.cli.arguments import add_pool
-from fledge.cli.node import add_parameters, given_parameters
+from fledge.cli.arguments import add_parameters, add_pool, given_parameters
 from fledge.targets import TARGETS
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
+    from typing import Any
+
+    from fledge.mission.simulation import Simulation
+    from fledge.requirements import Requirements
+    from fledge.verify.evidence import Row
+    from fledge.verify.flight import Flown
 
 OUT = Path("verification")
 
@@ -82,7 +87,8 @@ def verify(options: argparse.Namespace) -> int:
         return _verify(options, targets, sim, requirements, given, folder)
 
 
-def _verify(options, targets, sim, requirements, given, folder):
+def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, requirements: Requirements,
+            given: list[dict[str, str]], folder: Path) -> int:
     """Fly, judge, and write the report."""
     from fledge.cli.console import counted, say
     from fledge.columns import columns
@@ -95,7 +101,7 @@ def _verify(options, targets, sim, requirements, given, folder):
     scenarios = {name: [one.id for one in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
 
-    def rows(flown):
+    def rows(flown: list[Flown]) -> tuple[list[Row], list[Row], set[str]]:
         """All of the requirements, of the CSV too; those of --only; whether a requirement is among these."""
         own = evidence.rows(requirements, scenarios, flown)
         found = own + tables.only_there(given, own)
@@ -110,7 +116,7 @@ def _verify(options, targets, sim, requirements, given, folder):
     say(f"{sim.name}: {counted(len(found), 'requirement')}, {counted(len(chosen), 'flight')} on "
         + ", ".join(targets))
 
-    def tell(one):
+    def tell(one: Flown) -> None:
         found = [shown.verdict for shown in one.shown]
         verdicts = ", ".join(f"{found.count(word)} {word}" for word in dict.fromkeys(found))
         how = f"failed: {one.error}" if one.error else \
@@ -144,7 +150,7 @@ def _verify(options, targets, sim, requirements, given, folder):
     return 0
 
 
-def _line(row):
+def _line(row: Row) -> tuple[str, str, str, str]:
     """Of the table on the terminal."""
     from fledge.verify.evidence import margin_text
 
@@ -155,7 +161,8 @@ def _line(row):
     return row.id, row.verdict, margin_text(shown), f"{flown.title}{at}" + (f": {shown.reason}" if shown.reason else "")
 
 
-def _write(options, sim, rows, flown, scenarios, csv, folder):
+def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown: list[Flown],
+           scenarios: Mapping[str, Sequence[str]], csv: dict[str, Any] | None, folder: Path) -> list[Path]:
     """Write the files of the report; returns their paths."""
     import dataclasses
     import shlex
@@ -173,7 +180,7 @@ def _write(options, sim, rows, flown, scenarios, csv, folder):
     common = [*(["--seed", str(options.seed)] if options.seed else []),
               *(word for text in options.parameters for word in ("--set", text))]
 
-    def command(one):
+    def command(one: Flown) -> str:
         desktop = one.target == "desktop"
         return shlex.join(["./fledge", "run" if desktop else "fly", name, one.scenario, *common,
                            *([] if desktop else ["--on", one.target])])
