@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// An MCAP file (https://mcap.dev/spec) that is read: the records of the container, and what a whole file has.
+//
+// Scan reads the file from its beginning, with or without a summary: one way for whole, truncated and unindexed files,
+// which checks every checksum. It stops at the first fault. The messages before it stay readable, and `problem` names
+// the fault and the data that are still good.
+//
+// Example:
+//
+//     std::uint64_t messages(record::Bytes file)
+//     {
+//         const record::Scan scan(file, [](const record::Channel &) { return std::nullopt; });
+//         std::uint64_t n = 0;
+//         for (const record::Channel &channel : scan.channels) {
+//             n += channel.offsets.size();
+//         }
+//         return scan.problem.empty() ? n : 0;
+//     }
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fledge::record {
+
+using Bytes = std::span<const std::uint8_t>;
+using Pairs = std::vector<std::pair<std::string, std::string>>;
+
+inline constexpr std::array<std::uint8_t, 8> magic{0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
+inline constexpr std::size_t prefix = 9, chunk_head = 49; ///< of a record, and of a chunk that is not compressed
+inline constexpr std::size_t time_at = 15, cdr_at = 31, payload_at = 35; ///< within a Message record
+
+enum Op : std::uint8_t {
+    op_header = 1,
+    op_footer,
+    op_schema,
+    op_channel,
+    op_message,
+    op_chunk,
+    op_message_index,
+    op_chunk_index,
+    op_attachment,
+    op_attachment_index,
+    op_statistics,
+    op_metadata,
+    op_metadata_index,
+    op_summary_offset,
+    op_data_end
+};
+
+/// A fault at a byte of the file.
+struct Damage {
+    std::uint64_t at;
+    std::string what;
+};
+
+/// The file is whole, but has what is not read here.
+struct Unsupported {
+    std::string what;
+};
+
+/// Little-endian.
+std::uint64_t number(const std::uint8_t *at, std::size_t n);
+std::uint32_t crc(Bytes bytes);
+
+/// The fields of a record in their order; throws Damage at the byte of the record where one reaches beyond it.
+struct Fields {
+    Bytes rest;
+    std::uint64_t record = 0;
+
+    Bytes take(std::uint64_t n);
+    std::uint64_t integer(std::size_t n) { return number(take(n).data(), n); }
+    std::string text(); ///< Damage, too, if it is not UTF-8
+    Pairs pairs();      ///< of a key that comes again the last value counts
+};
+
+/// A Channel record, its Schema, and where its messages are.
+struct Channel {
+    std::uint16_t id = 0, schema = 0;
+    std::string topic, encoding;
+    std::array<std::string, 3> definition; ///< of the schema: name, encoding, text
+    Pairs metadata;
+    std::vector<std::uint64_t> offsets;  ///< of its Message records in the file
+    std::optional<std::uint64_t> length; ///< that each Message record has to state
+};
+
+using Metadata = std::vector<std::pair<std::string, Pairs>>;
+
+/// The contents of a file.
+class Scan {
+public:
+    /// The length that each Message record of a new channel has to state behind its prefix; none: any.
+    using Length = std::function<std::optional<std::uint64_t>(const Channel &)>;
+
+    /// Throws Unsupported.
+    Scan(Bytes file, Length length);
+
+    std::vector<Channel> channels; ///< in the order of their declaration
+    Metadata metadata;             ///< records of one name are not merged
+    std::string profile, library;
+    std::string problem; ///< the fault in words; "": there is none
+    std::uint64_t problem_at = 0;
+    std::optional<std::uint64_t> good_until; ///< [ns] all messages before it are there and right; none: not known
+
+private:
+    struct Record {
+        std::uint8_t op;
+        std::uint64_t begin, end; ///< of its content
+    };
+
+    Record record(std::uint64_t at, std::uint64_t end) const;
+    std::uint64_t data_section(std::uint64_t at);
+    std::uint64_t contents(std::uint64_t at, std::uint64_t end, bool in_chunk);
+    void other(const Record &found, std::uint64_t at, bool in_chunk);
+    void take_schema(Fields &fields);
+    void take_channel(Fields &fields);
+    void take_chunk(Fields &fields);
+    void take_cut_chunk(std::uint64_t at);
+    void summary(std::uint64_t start);
+    void take_statistics(Fields &fields);
+    void judge();
+    Fields fields(std::uint64_t at, const Record &found) const;
+    std::map<std::uint16_t, std::uint64_t> counts() const;
+    std::uint64_t count() const;
+
+    const Bytes file_;
+    const Length length_;
+    std::map<std::uint16_t, std::array<std::string, 3>> schemas_;
+    std::map<std::uint16_t, std::size_t> places_; ///< of the channels, by their ids
+    std::optional<std::map<std::uint16_t, std::uint64_t>> statistics_;
+    std::optional<std::uint64_t> last_;        ///< [ns] the latest message
+    bool loose_ = false;                       ///< messages outside of chunks: no checksum of their own
+    bool cut_ = false;                         ///< the file ends within a chunk, whose checksum is then of no use
+    bool passed_over_ = false;                 ///< some records were not, or not wholly, decoded
+    std::optional<std::uint64_t> data_end_at_; ///< the DataEnd record, once it is reached
+    std::optional<bool> data_is_right_;        ///< whether its checksum is right; none: it has none
+};
+
+/// The metadata of a file without its messages: only the heads of chunks are read. It ends at the first fault.
+Metadata metadata_of(Bytes file);
+
+} // namespace fledge::record
