@@ -55,7 +55,6 @@ static void put_state(BDot *m, int64_t t, Quality quality, double rate, int gyro
 
 void b_dot_update(BDot *m, Tick t)
 {
-    const double none[RODS_MAX] = {0.0};
     const Head field = m->in.field.head, gyro = m->in.gyro.head;
     const Vec3 B = m->in.field.B_B, omega = m->in.gyro.omega_BN_B;
     const double size = vec_norm(B);
@@ -77,23 +76,15 @@ void b_dot_update(BDot *m, Tick t)
     const int given = quality != QUALITY_NONE && seen;
     quality = quality_min(quality, speaks ? quality_through(gyro) : head_written(gyro) ? QUALITY_DEGRADED : quality);
     const int computed = given && strong && (speaks || m->mem.known == 2u) && vec_finite(torque_B) && vec_finite(m_B);
-    const int64_t of_field = data_time(field, t.t), of_gyro = data_time(gyro, t.t);
-    const int64_t of_both = of_field < of_gyro ? of_field : of_gyro;
-    const int64_t newest = !computed ? m->mem.newest : speaks ? of_both : m->mem.measured;
-    const int lost = head_written(m->out.command.head) && data_lost(t, newest, m->par.hold);
-    if (lost || (given && !strong)) {
-        rods_put(&m->out.command, &m->out.achieved, t.t, QUALITY_DEGRADED, none, vec3(0.0, 0.0, 0.0));
-        m->out.state.head = head_held(m->out.state.head);
-        m->mem.slow = 0u;
-    } else if (computed) {
-        m->mem.newest = newest;
+    const int64_t of = speaks ? time_min(data_time(field, t.t), data_time(gyro, t.t)) : m->mem.measured;
+    const Quality least = rank == 3 ? quality : quality_min(quality, QUALITY_DEGRADED);
+    const int acts = rods_put(&m->out.command, &m->out.achieved, dipole, torque_B, t, given && !strong,
+                              computed ? least : QUALITY_NONE, of, m->par.hold, &m->mem.newest);
+    if (acts > 0) {
         m->mem.saturated += factor < 1.0;
         put_state(m, t.t, quality, speaks ? vec_norm(omega) : vec_norm(d), speaks);
-        quality = rank == 3 ? quality : QUALITY_DEGRADED;
-        rods_put(&m->out.command, &m->out.achieved, t.t, quality, dipole, torque_B);
     } else {
-        m->out.command.head = head_held(m->out.command.head);
-        m->out.achieved.head = head_held(m->out.achieved.head);
         m->out.state.head = head_held(m->out.state.head);
+        m->mem.slow = acts == 0 ? 0u : m->mem.slow;
     }
 }

@@ -39,14 +39,19 @@ static inline Vec3 rods_dipole(const RodSet *rods, const double *dipole)
     return m_B;
 }
 
-/** Write dipoles, and the torque that they give. */
-static inline void rods_put(RodCommand *command, BodyTorque *achieved, int64_t t, Quality quality, const double *dipole,
-                            Vec3 torque_B)
+/** Write dipoles, and the torque that they give, as head_acting() says; weak: zero at once. Returns what that does. */
+static inline int rods_put(RodCommand *command, BodyTorque *achieved, const double *dipole, Vec3 torque_B, Tick t,
+                           int weak, Quality quality, int64_t of, double hold, int64_t *newest)
 {
-    command->head = head_next(command->head, t, quality);
-    memcpy(command->dipole, dipole, sizeof command->dipole);
-    achieved->head = head_next(achieved->head, t, quality);
-    achieved->torque_B = torque_B;
+    int acts = 0;
+    if (weak) {
+        command->head = head_next(command->head, t.t, QUALITY_DEGRADED);
+    } else {
+        acts = head_acting(&command->head, t, quality, of, hold, newest);
+    }
+    put_numbers(command->dipole, dipole, RODS_MAX, acts);
+    put_achieved(achieved, torque_B, command->head, t.t, acts);
+    return acts;
 }
 
 #endif

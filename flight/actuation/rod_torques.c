@@ -11,7 +11,6 @@ void rod_torques_reset(RodTorques *m)
 
 void rod_torques_update(RodTorques *m, Tick t)
 {
-    const double none[RODS_MAX] = {0.0};
     const RodSet *rods = &m->in.rods;
     const Vec3 B = m->in.field.B_B;
 
@@ -28,18 +27,11 @@ void rod_torques_update(RodTorques *m, Tick t)
     quality = quality_min(quality, quality_through(rods->head));
     const int given = quality != QUALITY_NONE && isfinite(B2);
     const int computed = given && strong && vec_finite(torque_B) && vec_finite(m_B);
-    const int64_t of_torque = data_time(torque, t.t), of_field = data_time(field, t.t);
-    const int64_t newest = !computed ? m->mem.newest : of_torque < of_field ? of_torque : of_field;
-    const int lost = head_written(m->out.command.head) && data_lost(t, newest, m->par.hold);
-    if (lost || (given && !strong)) {
-        rods_put(&m->out.command, &m->out.achieved, t.t, QUALITY_DEGRADED, none, vec3(0.0, 0.0, 0.0));
-    } else if (computed) {
-        m->mem.newest = newest;
-        m->mem.saturated += factor < 1.0;
-        quality = rank == 3 ? quality : QUALITY_DEGRADED;
-        rods_put(&m->out.command, &m->out.achieved, t.t, quality, dipole, torque_B);
-    } else {
-        m->out.command.head = head_held(m->out.command.head);
-        m->out.achieved.head = head_held(m->out.achieved.head);
+    if (rank < 3) {
+        quality = quality_min(quality, QUALITY_DEGRADED);
     }
+    const int acts = rods_put(&m->out.command, &m->out.achieved, dipole, torque_B, t, given && !strong,
+                              computed ? quality : QUALITY_NONE,
+                              time_min(data_time(torque, t.t), data_time(field, t.t)), m->par.hold, &m->mem.newest);
+    m->mem.saturated += acts > 0 && factor < 1.0;
 }
