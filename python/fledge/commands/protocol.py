@@ -61,6 +61,11 @@ ARGUMENTS: dict[Code, list[str]] = {
     Code.TABLE_LOAD: ["version", "module", "bytes"], Code.TABLE_DUMP: ["version", "module", "bytes"],
     Code.CHECK: ["version", "module"], Code.EVENTS: ["version"],
     Code.UNIT: ["version", "unit", "state", "even"]}
+#: the type of the module that flight must have for a command
+SERVICE_OF = {code: name for name, codes in {
+    "StoredCommands": (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST),
+    "Files": (Code.PDU, Code.FILE_SEND, Code.FILE_CONTROL, Code.FILE_REMOVE, Code.TABLE_LOAD, Code.TABLE_DUMP),
+    "EventLog": (Code.EVENTS,), "FaultProtection": (Code.UNIT,)}.items() for code in codes}
 NAMED = (Code.FILE_SEND, Code.FILE_REMOVE, Code.TABLE_LOAD, Code.TABLE_DUMP)     # their bytes are a name
 WIDE = {"time": "i64", "offset": "u32", "length": "u32", "turns": "u32", "transaction": "u32"}   # the others: u16
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from fledge.commands import (ALL, ARGUMENTS, DATA_MAX, HOUSEKEEPING, NAMED, REPORTS, SERVICES, TURNS, UNIT_STATES, WHY,
                              Action, Code, FileAction, Kind, Reason, Stage, leaves, parameters)
-from fledge.commands.protocol import (EVENT_RECORD, HOUSEKEEPING_RECORD, REPORT_RECORD, TEXT_RECORD, argument_type)
+from fledge.commands.protocol import (EVENT_RECORD, HOUSEKEEPING_RECORD, REPORT_RECORD, SERVICE_OF, TEXT_RECORD,
+                                      argument_type)
 from fledge.elements import ELEMENTS
 from fledge.export.commands import dictionary
 from fledge.export.read import ExportError
@@ -291,15 +292,12 @@ def commands(mission: Mission, found: Dictionary) -> Iterator[Command]:
         "action": lower(Action), "file_action": lower(FileAction), "own": {"ground": 0, "flight": 1},
         "class": {"unacknowledged": 1, "acknowledged": 2}, "even": {"refuse": 0, "even": 1},
         "state": {"clear": 0} | {name: 1 + i for i, name in enumerate(UNIT_STATES)}}
-    of_service = {code: "StoredCommands" for code in (Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST)} | {
-        code: "Files" for code in (Code.PDU, Code.FILE_CONTROL, *NAMED)} | {
-        Code.EVENTS: "EventLog", Code.UNIT: "FaultProtection"}
     types = {one.type for one in mission.modules}
     published = {one.path: blocks[one.path] for one in found.blocks if one.configuration}
     for code in Code:
         of = {**choices, "module": published if code == Code.PUBLISH else blocks}
         names = [name for name in ARGUMENTS[code] if name != "version"]
-        there = of_service.get(code) in types or code not in of_service
+        there = SERVICE_OF.get(code, "") in {"", *types}
         if code != Code.WRITE and there and all(of.get(name, True) for name in names):
             parent = header if "version" in ARGUMENTS[code] else plain
             about = ABOUT.get(code, "") + "".join(

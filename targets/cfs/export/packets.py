@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fledge.commands import DATA_MAX, STORED_MAX, Code, Reason
+from fledge.commands import ARGUMENTS, DATA_MAX, STORED_MAX, Code, Reason
+from fledge.commands.protocol import SERVICE_OF, argument_type
 from fledge.elements import ELEMENTS
 from fledge.export import dictionary, ground, names
 from fledge.export import packets as ground_packets
@@ -67,24 +68,24 @@ HEAD = ["uint32 Layout; /* ..._LAYOUT: tells byte order and version of what foll
         "uint32 Check;  /* 0x10000 and the CRC of what follows, as in PACKETS.json; 0: it is not looked at */"]
 
 
-ARGUMENTS: dict[Code, dict[str, int]] = {
-    Code.MODE: {"Mode": 2}, Code.WRITE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX},
-    Code.STAGE: {"Module": 2, "Offset": 4, "Bytes": DATA_MAX}, Code.COMMIT: {"Module": 2, "Crc": 2},
-    Code.PUBLISH: {"Module": 2}, Code.RESET_FLIGHT: {}, Code.ARM: {"Event": 2, "On": 2},
-    Code.READ: {"Module": 2, "Offset": 4, "Count": 2}, Code.TELEMETRY: {"Output": 2, "On": 2, "Every": 2},
-    Code.CHECK: {"Module": 2}}
-STORED: dict[Code, dict[str, int]] = {
-    Code.STORE: {"Crc": 2, "List": 2, "Step": 2, "Time": 8, "Command": STORED_MAX},
-    Code.DELETE: {"List": 2, "Step": 2}, Code.CONTROL: {"List": 2, "Action": 2, "Crc": 2}, Code.LIST: {"List": 2}}
-
-UNIT: dict[Code, dict[str, int]] = {Code.UNIT: {"Unit": 2, "State": 2, "Even": 2}}
+# The commands of the app, in the order of its headers; it has neither procedures nor files.
+COMMANDS = (Code.MODE, Code.WRITE, Code.STAGE, Code.COMMIT, Code.PUBLISH, Code.RESET_FLIGHT, Code.ARM, Code.READ,
+            Code.TELEMETRY, Code.CHECK, Code.STORE, Code.DELETE, Code.CONTROL, Code.LIST, Code.UNIT, Code.EVENTS)
 
 
 def arguments(mission: Mission) -> dict[Code, dict[str, int]]:
     """Name -> bytes of the arguments behind the version, of each command that the mission has."""
     types = {m.type for m in mission.modules}
-    found = ARGUMENTS | (STORED if "StoredCommands" in types else {}) | (UNIT if "FaultProtection" in types else {})
-    return found | ({Code.EVENTS: {}} if "EventLog" in types else {})
+    return {code: sizes(code) for code in COMMANDS if SERVICE_OF.get(code, "") in {"", *types}}
+
+
+def sizes(code: Code) -> dict[str, int]:
+    if code == Code.STORE:
+        last = {"Command": STORED_MAX}
+    else:
+        last = {"Bytes": DATA_MAX} if "bytes" in ARGUMENTS[code] else {}
+    return {"Count" if name == "n" else name.title(): ELEMENTS[argument_type(name)].size
+            for name in ARGUMENTS[code] if name not in ("version", "bytes")} | last
 
 
 def config(mission: Mission, app: App, found: Sequence[Any], simulated: bool = False) -> dict[str, str]:
