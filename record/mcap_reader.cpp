@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <numeric>
 #include <string_view>
 #include <unordered_map>
@@ -13,10 +14,13 @@ namespace fledge::record {
 
 namespace {
 
-const char *const names[] = {"",           "Header",        "Footer",          "Schema",
-                             "Channel",    "Message",       "Chunk",           "MessageIndex",
-                             "ChunkIndex", "Attachment",    "AttachmentIndex", "Statistics",
-                             "Metadata",   "MetadataIndex", "SummaryOffset",   "DataEnd"};
+using Counts = std::map<std::uint16_t, std::uint64_t>; // by channel
+
+// clang-format off
+constexpr std::string_view names[] = {"Header", "Footer", "Schema", "Channel", "Message", "Chunk", "MessageIndex",
+    "ChunkIndex", "Attachment", "AttachmentIndex", "Statistics", "Metadata", "MetadataIndex", "SummaryOffset",
+    "DataEnd"};
+// clang-format on
 
 std::string hex(std::uint32_t value, int digits)
 {
@@ -27,24 +31,20 @@ std::string hex(std::uint32_t value, int digits)
 
 std::string name_of(std::uint8_t op)
 {
-    return op >= op_header && op <= op_data_end ? names[op] : hex(op, 2);
+    return op >= op_header && op <= op_data_end ? std::string(names[op - 1]) : hex(op, 2);
 }
 
-template <class... Op> bool is_one_of(std::uint8_t op, Op... ops)
-{
-    return ((op == ops) || ...);
-}
+/// The records that may stand in the data section and in the summary, a bit for each.
+constexpr std::uint32_t in_data = 1u << op_schema | 1u << op_channel | 1u << op_message | 1u << op_chunk |
+                                  1u << op_message_index | 1u << op_attachment | 1u << op_metadata | 1u << op_data_end;
+constexpr std::uint32_t in_summary = 1u << op_schema | 1u << op_channel | 1u << op_chunk_index |
+                                     1u << op_attachment_index | 1u << op_statistics | 1u << op_metadata_index |
+                                     1u << op_summary_offset | 1u << op_footer;
 
-bool is_in_data(std::uint8_t op)
+/// Whether the record has no place among these; those from 0x80 on are private, and may stand anywhere.
+bool is_misplaced(std::uint8_t op, std::uint32_t among)
 {
-    return is_one_of(op, op_schema, op_channel, op_message, op_chunk, op_message_index, op_attachment, op_metadata,
-                     op_data_end);
-}
-
-bool is_in_summary(std::uint8_t op)
-{
-    return is_one_of(op, op_schema, op_channel, op_chunk_index, op_attachment_index, op_statistics, op_metadata_index,
-                     op_summary_offset, op_footer);
+    return op < 0x80 && (op > op_data_end || (among >> op & 1u) == 0);
 }
 
 /// Whether bytes are UTF-8 as the Unicode Standard's table 3-7 has it.
@@ -71,14 +71,6 @@ bool is_utf8(Bytes bytes)
         }
     }
     return true;
-}
-
-/// Of a dict, whose order does not count.
-bool equal(Pairs a, Pairs b)
-{
-    std::sort(a.begin(), a.end());
-    std::sort(b.begin(), b.end());
-    return a == b;
 }
 
 } // namespace
@@ -138,350 +130,382 @@ Pairs Fields::pairs()
     return found;
 }
 
-Scan::Scan(Bytes file, Length length) : file_(file), length_(std::move(length))
-{
-    try {
-        summary(data_section(magic.size()));
-    } catch (const Damage &damage) {
-        problem = damage.what;
-        problem_at = damage.at;
-    }
-    judge();
-}
+namespace {
 
-/// Set good_until, and add to `problem` which data are good.
-void Scan::judge()
-{
-    good_until = last_;
-    if (data_is_right_ == false) {
-        if (problem.empty()) {
-            problem = "the checksum of the data section is wrong";
-            problem_at = *data_end_at_;
-        }
-        if (loose_ || statistics_ != counts()) {
-            good_until = std::nullopt;
-            problem += "; the damaged record is unknown, any value may be wrong";
-        } else {
-            problem += "; all messages are there and agree with their chunks' checksums";
-        }
-    } else if (problem.empty()) {
-        return;
-    } else if (passed_over_ && !data_is_right_) {
-        good_until = std::nullopt;
-        problem += "; records before it were passed over, which may have held messages";
-    } else if (data_end_at_) {
-        problem += "; all messages are there";
-    } else if (cut_) {
-        problem += "; the messages that are there of this chunk were read without a checksum";
-    } else if (loose_) {
-        problem += "; the messages before it have no checksum of their own";
-    }
-}
-
-std::map<std::uint16_t, std::uint64_t> Scan::counts() const
-{
-    std::map<std::uint16_t, std::uint64_t> found;
-    for (const Channel &channel : channels) {
-        found[channel.id] = channel.offsets.size();
-    }
-    return found;
-}
-
-std::uint64_t Scan::count() const
-{
-    return std::transform_reduce(channels.begin(), channels.end(), std::uint64_t{0}, std::plus<>(),
-                                 [](const Channel &channel) { return channel.offsets.size(); });
-}
-
-Fields Scan::fields(std::uint64_t at, const Record &found) const
-{
-    return {file_.subspan(found.begin, found.end - found.begin), at};
-}
-
-Scan::Record Scan::record(std::uint64_t at, std::uint64_t end) const
-{
-    const std::uint64_t there = end - at;
-    if (there < prefix) {
-        throw Damage{at, end == file_.size()
-                             ? "the file ends within a record (" + std::to_string(there) + " bytes of it are there)"
-                             : "a record reaches beyond its chunk"};
-    }
-    const std::uint8_t op = file_[at];
-    const std::uint64_t length = number(&file_[at + 1], 8);
-    if (length > there - prefix) {
-        throw Damage{at, "the " + name_of(op) + " record states " + std::to_string(length) + " bytes, " +
-                             std::to_string(there - prefix) + " are there"};
-    }
-    return {op, at + prefix, at + prefix + length};
-}
-
-std::uint64_t Scan::data_section(std::uint64_t at)
-{
-    Record found = record(at, file_.size());
-    if (found.op != op_header) {
-        throw Damage{at, "expected the Header, found record " + hex(found.op, 2)};
-    }
-    Fields header = fields(at, found);
-    std::string first = header.text();
-    library = header.text();
-    profile = std::move(first);
-    at = contents(found.end, file_.size(), false);
-    found = record(at, file_.size());
-    const std::uint64_t stated = fields(at, found).integer(4);
-    data_end_at_ = at;
-    if (stated != 0) {
-        data_is_right_ = stated == crc(file_.first(at));
-    }
-    return found.end;
-}
-
-/// Read the records of a chunk to its end, or of the data section to its DataEnd.
-std::uint64_t Scan::contents(std::uint64_t at, std::uint64_t end, bool in_chunk)
-{
-    struct Latest { // noted whether the records are right or not
-        Scan &scan;
-        bool in_chunk, any = false;
-        std::uint64_t t = 0;
-        ~Latest()
-        {
-            if (any) {
-                scan.last_ = std::max(t, scan.last_.value_or(0));
-                scan.loose_ = scan.loose_ || !in_chunk;
-            }
-        }
-    } latest{*this, in_chunk};
-    Channel *known = nullptr;
-    while (at < end) {
-        // The fast path for messages, which are nearly all records.
-        if (end - at >= cdr_at && file_[at] == op_message) {
-            const std::uint64_t length = number(&file_[at + 1], 8);
-            if (length >= cdr_at - prefix && length <= end - at - prefix) {
-                const auto id = static_cast<std::uint16_t>(number(&file_[at + prefix], 2));
-                if (known == nullptr || known->id != id) {
-                    const auto place = places_.find(id);
-                    if (place == places_.end()) {
-                        throw Damage{at, "a message of channel " + std::to_string(id) + ", which is not declared"};
-                    }
-                    known = &channels[place->second];
-                }
-                if (known->length.value_or(length) != length) {
-                    throw Damage{at, "a message on " + known->topic + " has " + std::to_string(length) +
-                                         " bytes, by its definition it has " + std::to_string(*known->length)};
-                }
-                known->offsets.push_back(at);
-                latest.t = std::max(latest.t, number(&file_[at + time_at], 8));
-                latest.any = true;
-                at += prefix + length;
-                continue;
-            }
-        }
-        Record found{};
+/// Fills a Scan.
+class Reader {
+public:
+    Reader(Bytes file, const Scan::Length &length, Scan &scan) : file_(file), length_(length), scan_(scan)
+    {
         try {
-            found = record(at, end);
-        } catch (const Damage &) {
-            if (!in_chunk) {
-                take_cut_chunk(at);
+            summary(data_section(magic.size()));
+        } catch (const Damage &damage) {
+            scan_.problem = damage.what;
+            scan_.problem_at = damage.at;
+        }
+        judge();
+    }
+
+private:
+    struct Record {
+        std::uint8_t op;
+        std::uint64_t begin, end; ///< of its content
+    };
+
+    /// Set good_until, and add to `problem` which data are good.
+    void judge()
+    {
+        scan_.good_until = last_;
+        if (data_is_right_ == false) {
+            if (scan_.problem.empty()) {
+                scan_.problem = "the checksum of the data section is wrong";
+                scan_.problem_at = *data_end_at_;
             }
-            throw;
+            if (loose_ || statistics_ != counts()) {
+                scan_.good_until = std::nullopt;
+                scan_.problem += "; the damaged record is unknown, any value may be wrong";
+            } else {
+                scan_.problem += "; all messages are there and agree with their chunks' checksums";
+            }
+        } else if (scan_.problem.empty()) {
+            return;
+        } else if (passed_over_ && !data_is_right_) {
+            scan_.good_until = std::nullopt;
+            scan_.problem += "; records before it were passed over, which may have held messages";
+        } else if (data_end_at_) {
+            scan_.problem += "; all messages are there";
+        } else if (cut_) {
+            scan_.problem += "; the messages that are there of this chunk were read without a checksum";
+        } else if (loose_) {
+            scan_.problem += "; the messages before it have no checksum of their own";
         }
-        if (found.op == op_data_end && !in_chunk) {
-            return at;
+    }
+
+    Counts counts() const
+    {
+        Counts found;
+        for (const Channel &channel : scan_.channels) {
+            found[channel.id] = channel.offsets.size();
         }
-        other(found, at, in_chunk);
-        known = nullptr; // a new channel may have moved it
-        at = found.end;
+        return found;
     }
-    if (!in_chunk) {
-        throw Damage{at, "the file ends before its DataEnd record"};
-    }
-    return at;
-}
 
-void Scan::other(const Record &found, std::uint64_t at, bool in_chunk)
-{
-    Fields rest = fields(at, found);
-    const std::uint8_t op = found.op;
-    if (op == op_schema) {
-        take_schema(rest);
-    } else if (op == op_channel) {
-        take_channel(rest);
-    } else if (op == op_chunk && !in_chunk) {
-        take_chunk(rest);
-    } else if (op == op_message) {
-        throw Damage{at, "a Message record shorter than its head"};
-    } else if (op == op_metadata && !in_chunk) {
-        metadata.emplace_back(rest.text(), Pairs());
-        metadata.back().second = rest.pairs();
-    } else if (op == op_message_index && !in_chunk) {
-        rest.take(2);
-        rest.take(rest.integer(4));
-    } else if (in_chunk || (!is_in_data(op) && op < 0x80)) {
-        throw Damage{at, "record " + name_of(op) + " has no place here"};
+    std::uint64_t count() const
+    {
+        return std::transform_reduce(scan_.channels.begin(), scan_.channels.end(), std::uint64_t{0}, std::plus<>(),
+                                     [](const Channel &channel) { return channel.offsets.size(); });
     }
-    // Attachments, private records and fields of a later MCAP are harmless, unless damage turned another record into
-    // one.
-    passed_over_ = passed_over_ || !rest.rest.empty();
-}
 
-void Scan::take_schema(Fields &rest)
-{
-    const auto id = static_cast<std::uint16_t>(rest.integer(2));
-    std::array<std::string, 3> schema;
-    for (std::string &text : schema) {
-        text = rest.text();
+    Fields fields(std::uint64_t at, const Record &found) const
+    {
+        return {file_.subspan(found.begin, found.end - found.begin), at};
     }
-    const auto place = schemas_.find(id);
-    if (data_end_at_ && place == schemas_.end()) {
-        throw Damage{rest.record, "schema " + std::to_string(id) + " is declared in the summary alone"};
-    }
-    if (place == schemas_.end()) {
-        schemas_.emplace(id, std::move(schema));
-    } else if (place->second != schema) {
-        throw Damage{rest.record, "schema " + std::to_string(id) + " is declared twice, differently"};
-    }
-}
 
-void Scan::take_channel(Fields &rest)
-{
-    Channel made;
-    made.id = static_cast<std::uint16_t>(rest.integer(2));
-    made.schema = static_cast<std::uint16_t>(rest.integer(2));
-    const auto schema = schemas_.find(made.schema);
-    const std::string name = "channel " + std::to_string(made.id);
-    if (made.schema != 0 && schema == schemas_.end()) {
-        throw Damage{rest.record, name + " has schema " + std::to_string(made.schema) + ", which is not declared"};
-    }
-    made.topic = rest.text();
-    made.encoding = rest.text();
-    made.metadata = rest.pairs();
-    const auto place = places_.find(made.id);
-    if (place == places_.end()) {
-        if (data_end_at_) {
-            throw Damage{rest.record, name + " is declared in the summary alone"};
+    Record record(std::uint64_t at, std::uint64_t end) const
+    {
+        const std::uint64_t there = end - at;
+        if (there < prefix) {
+            throw Damage{at, end == file_.size()
+                                 ? "the file ends within a record (" + std::to_string(there) + " bytes of it are there)"
+                                 : "a record reaches beyond its chunk"};
         }
-        if (schema != schemas_.end()) {
-            made.definition = schema->second;
+        const std::uint8_t op = file_[at];
+        const std::uint64_t length = number(&file_[at + 1], 8);
+        if (length > there - prefix) {
+            throw Damage{at, "the " + name_of(op) + " record states " + std::to_string(length) + " bytes, " +
+                                 std::to_string(there - prefix) + " are there"};
         }
-        made.length = length_(made);
-        places_.emplace(made.id, channels.size());
-        channels.push_back(std::move(made));
-        return;
+        return {op, at + prefix, at + prefix + length};
     }
-    const Channel &known = channels[place->second];
-    if (known.schema != made.schema || known.topic != made.topic || known.encoding != made.encoding ||
-        !equal(known.metadata, made.metadata)) {
-        throw Damage{rest.record, name + " is declared twice, differently"};
-    }
-}
 
-void Scan::take_chunk(Fields &rest)
-{
-    rest.take(16); // earliest and latest time
-    const std::uint64_t size = rest.integer(8), stated = rest.integer(4);
-    const std::string compression = rest.text();
-    if (compression == "lz4" || compression == "zstd") {
-        throw Unsupported{"its chunks are compressed (" + compression + "), which is not read here"};
-    }
-    if (!compression.empty()) {
-        throw Damage{rest.record, "the chunk states an unknown compression, \"" + compression + "\""};
-    }
-    if (rest.integer(8) != size || size != rest.rest.size()) {
-        throw Damage{rest.record, "the lengths that the Chunk record states do not agree"};
-    }
-    const Bytes inside = rest.take(size);
-    const std::uint32_t found = crc(inside);
-    if (stated != 0 && stated != found) {
-        throw Damage{rest.record, "the checksum of this chunk is " + hex(found, 8) + ", " +
-                                      hex(static_cast<std::uint32_t>(stated), 8) + " was written"};
-    }
-    const auto begin = static_cast<std::uint64_t>(inside.data() - file_.data());
-    contents(begin, begin + size, true);
-}
-
-/// Read what is there of a chunk in which the file ends.
-void Scan::take_cut_chunk(std::uint64_t at)
-{
-    constexpr std::uint64_t compression_at = 37;
-    if (file_.size() - at < chunk_head || file_[at] != op_chunk || number(&file_[at + compression_at], 4) != 0) {
-        return;
-    }
-    const std::uint64_t before = count();
-    try {
-        contents(at + chunk_head, file_.size(), true);
-    } catch (const Damage &) { // the end of the file, which the caller names
-    }
-    cut_ = count() > before;
-}
-
-void Scan::summary(std::uint64_t start)
-{
-    std::uint64_t at = start;
-    Fields rest{};
-    for (;;) {
-        const Record found = record(at, file_.size());
-        rest = fields(at, found);
-        if (found.op == op_footer) {
-            break;
+    std::uint64_t data_section(std::uint64_t at)
+    {
+        Record found = record(at, file_.size());
+        if (found.op != op_header) {
+            throw Damage{at, "expected the Header, found record " + hex(found.op, 2)};
         }
-        if (found.op == op_schema) {
+        Fields header = fields(at, found);
+        std::string first = header.text();
+        scan_.library = header.text();
+        scan_.profile = std::move(first);
+        at = contents(found.end, file_.size(), false);
+        found = record(at, file_.size());
+        const std::uint64_t stated = fields(at, found).integer(4);
+        data_end_at_ = at;
+        if (stated != 0) {
+            data_is_right_ = stated == crc(file_.first(at));
+        }
+        return found.end;
+    }
+
+    /// Read the records of a chunk to its end, or of the data section to its DataEnd.
+    std::uint64_t contents(std::uint64_t at, std::uint64_t end, bool in_chunk)
+    {
+        struct Latest { // noted whether the records are right or not
+            Reader &reader;
+            bool in_chunk, any = false;
+            std::uint64_t t = 0;
+            ~Latest()
+            {
+                if (any) {
+                    reader.last_ = std::max(t, reader.last_.value_or(0));
+                    reader.loose_ = reader.loose_ || !in_chunk;
+                }
+            }
+        } latest{*this, in_chunk};
+        Channel *known = nullptr;
+        while (at < end) {
+            // The fast path for messages, which are nearly all records.
+            if (end - at >= cdr_at && file_[at] == op_message) {
+                const std::uint64_t length = number(&file_[at + 1], 8);
+                if (length >= cdr_at - prefix && length <= end - at - prefix) {
+                    const auto id = static_cast<std::uint16_t>(number(&file_[at + prefix], 2));
+                    if (known == nullptr || known->id != id) {
+                        const auto place = places_.find(id);
+                        if (place == places_.end()) {
+                            throw Damage{at, "a message of channel " + std::to_string(id) + ", which is not declared"};
+                        }
+                        known = &scan_.channels[place->second];
+                    }
+                    if (known->length.value_or(length) != length) {
+                        throw Damage{at, "a message on " + known->topic + " has " + std::to_string(length) +
+                                             " bytes, by its definition it has " + std::to_string(*known->length)};
+                    }
+                    known->offsets.push_back(at);
+                    latest.t = std::max(latest.t, number(&file_[at + time_at], 8));
+                    latest.any = true;
+                    at += prefix + length;
+                    continue;
+                }
+            }
+            Record found{};
+            try {
+                found = record(at, end);
+            } catch (const Damage &) {
+                if (!in_chunk) {
+                    take_cut_chunk(at);
+                }
+                throw;
+            }
+            if (found.op == op_data_end && !in_chunk) {
+                return at;
+            }
+            other(found, at, in_chunk);
+            known = nullptr; // a new channel may have moved it
+            at = found.end;
+        }
+        if (!in_chunk) {
+            throw Damage{at, "the file ends before its DataEnd record"};
+        }
+        return at;
+    }
+
+    void other(const Record &found, std::uint64_t at, bool in_chunk)
+    {
+        Fields rest = fields(at, found);
+        const std::uint8_t op = found.op;
+        if (op == op_schema) {
             take_schema(rest);
-        } else if (found.op == op_channel) {
+        } else if (op == op_channel) {
             take_channel(rest);
-        } else if (found.op == op_statistics) {
-            take_statistics(rest);
-        } else if (!is_in_summary(found.op) && found.op < 0x80) {
-            throw Damage{at, "record " + name_of(found.op) + " has no place in a summary"};
+        } else if (op == op_chunk && !in_chunk) {
+            take_chunk(rest);
+        } else if (op == op_message) {
+            throw Damage{at, "a Message record shorter than its head"};
+        } else if (op == op_metadata && !in_chunk) {
+            scan_.metadata.emplace_back(rest.text(), Pairs());
+            scan_.metadata.back().second = rest.pairs();
+        } else if (op == op_message_index && !in_chunk) {
+            rest.take(2);
+            rest.take(rest.integer(4));
+        } else if (in_chunk || is_misplaced(op, in_data)) {
+            throw Damage{at, "record " + name_of(op) + " has no place here"};
         }
-        at = found.end;
+        // Attachments, private records and fields of a later MCAP are harmless, unless damage turned another record
+        // into one.
+        passed_over_ = passed_over_ || !rest.rest.empty();
     }
-    const auto end = static_cast<std::uint64_t>(rest.rest.data() + rest.rest.size() - file_.data());
-    const std::uint64_t stated = rest.integer(8);
-    rest.take(8);
-    const std::uint64_t sum = rest.integer(4);
-    if (!rest.rest.empty() || stated != (at > start ? start : 0)) {
-        throw Damage{at, "the Footer does not fit the file"};
-    }
-    if (sum != 0 && sum != crc(file_.subspan(start, end - 4 - start))) {
-        throw Damage{at, "the checksum of the summary is wrong"};
-    }
-    if (!std::ranges::equal(file_.subspan(end), magic)) {
-        throw Damage{end, "expected the closing magic bytes and then the end of the file"};
-    }
-    if (statistics_ && *statistics_ != counts()) {
-        std::uint64_t total = 0;
-        for (const auto &[id, n] : *statistics_) {
-            total += n;
-        }
-        throw Damage{start, "the Statistics count " + std::to_string(total) + " messages, " + std::to_string(count()) +
-                                " were found"};
-    }
-}
 
-void Scan::take_statistics(Fields &rest)
+    void take_schema(Fields &rest)
+    {
+        const auto id = static_cast<std::uint16_t>(rest.integer(2));
+        std::array<std::string, 3> schema;
+        for (std::string &text : schema) {
+            text = rest.text();
+        }
+        const auto place = schemas_.find(id);
+        if (data_end_at_ && place == schemas_.end()) {
+            throw Damage{rest.record, "schema " + std::to_string(id) + " is declared in the summary alone"};
+        }
+        if (place == schemas_.end()) {
+            schemas_.emplace(id, std::move(schema));
+        } else if (place->second != schema) {
+            throw Damage{rest.record, "schema " + std::to_string(id) + " is declared twice, differently"};
+        }
+    }
+
+    void take_channel(Fields &rest)
+    {
+        Channel made;
+        made.id = static_cast<std::uint16_t>(rest.integer(2));
+        made.schema = static_cast<std::uint16_t>(rest.integer(2));
+        const auto schema = schemas_.find(made.schema);
+        const std::string name = "channel " + std::to_string(made.id);
+        if (made.schema != 0 && schema == schemas_.end()) {
+            throw Damage{rest.record, name + " has schema " + std::to_string(made.schema) + ", which is not declared"};
+        }
+        made.topic = rest.text();
+        made.encoding = rest.text();
+        made.metadata = rest.pairs();
+        const auto place = places_.find(made.id);
+        if (place == places_.end()) {
+            if (data_end_at_) {
+                throw Damage{rest.record, name + " is declared in the summary alone"};
+            }
+            if (schema != schemas_.end()) {
+                made.definition = schema->second;
+            }
+            made.length = length_(made);
+            places_.emplace(made.id, scan_.channels.size());
+            scan_.channels.push_back(std::move(made));
+            return;
+        }
+        const Channel &known = scan_.channels[place->second];
+        if (known.schema != made.schema || known.topic != made.topic || known.encoding != made.encoding ||
+            !std::ranges::is_permutation(known.metadata, made.metadata)) {
+            throw Damage{rest.record, name + " is declared twice, differently"};
+        }
+    }
+
+    void take_chunk(Fields &rest)
+    {
+        rest.take(16); // earliest and latest time
+        const std::uint64_t size = rest.integer(8), stated = rest.integer(4);
+        const std::string compression = rest.text();
+        if (compression == "lz4" || compression == "zstd") {
+            throw Unsupported{"its chunks are compressed (" + compression + "), which is not read here"};
+        }
+        if (!compression.empty()) {
+            throw Damage{rest.record, "the chunk states an unknown compression, \"" + compression + "\""};
+        }
+        if (rest.integer(8) != size || size != rest.rest.size()) {
+            throw Damage{rest.record, "the lengths that the Chunk record states do not agree"};
+        }
+        const Bytes inside = rest.take(size);
+        const std::uint32_t found = crc(inside);
+        if (stated != 0 && stated != found) {
+            throw Damage{rest.record, "the checksum of this chunk is " + hex(found, 8) + ", " +
+                                          hex(static_cast<std::uint32_t>(stated), 8) + " was written"};
+        }
+        const auto begin = static_cast<std::uint64_t>(inside.data() - file_.data());
+        contents(begin, begin + size, true);
+    }
+
+    /// Read what is there of a chunk in which the file ends.
+    void take_cut_chunk(std::uint64_t at)
+    {
+        constexpr std::uint64_t compression_at = 37;
+        if (file_.size() - at < chunk_head || file_[at] != op_chunk || number(&file_[at + compression_at], 4) != 0) {
+            return;
+        }
+        const std::uint64_t before = count();
+        try {
+            contents(at + chunk_head, file_.size(), true);
+        } catch (const Damage &) { // the end of the file, which the caller names
+        }
+        cut_ = count() > before;
+    }
+
+    void summary(std::uint64_t start)
+    {
+        std::uint64_t at = start;
+        Fields rest{};
+        for (;;) {
+            const Record found = record(at, file_.size());
+            rest = fields(at, found);
+            if (found.op == op_footer) {
+                break;
+            }
+            if (found.op == op_schema) {
+                take_schema(rest);
+            } else if (found.op == op_channel) {
+                take_channel(rest);
+            } else if (found.op == op_statistics) {
+                take_statistics(rest);
+            } else if (is_misplaced(found.op, in_summary)) {
+                throw Damage{at, "record " + name_of(found.op) + " has no place in a summary"};
+            }
+            at = found.end;
+        }
+        const auto end = static_cast<std::uint64_t>(rest.rest.data() + rest.rest.size() - file_.data());
+        const std::uint64_t stated = rest.integer(8);
+        rest.take(8);
+        const std::uint64_t sum = rest.integer(4);
+        if (!rest.rest.empty() || stated != (at > start ? start : 0)) {
+            throw Damage{at, "the Footer does not fit the file"};
+        }
+        if (sum != 0 && sum != crc(file_.subspan(start, end - 4 - start))) {
+            throw Damage{at, "the checksum of the summary is wrong"};
+        }
+        if (!std::ranges::equal(file_.subspan(end), magic)) {
+            throw Damage{end, "expected the closing magic bytes and then the end of the file"};
+        }
+        if (statistics_ && *statistics_ != counts()) {
+            std::uint64_t total = 0;
+            for (const auto &[id, n] : *statistics_) {
+                total += n;
+            }
+            throw Damage{start, "the Statistics count " + std::to_string(total) + " messages, " +
+                                    std::to_string(count()) + " were found"};
+        }
+    }
+
+    void take_statistics(Fields &rest)
+    {
+        const std::uint64_t total = rest.integer(8);
+        rest.take(2 + 4 * 4 + 2 * 8);
+        Fields inner{rest.take(rest.integer(4)), rest.record};
+        Counts found;
+        while (!inner.rest.empty()) {
+            const auto id = static_cast<std::uint16_t>(inner.integer(2));
+            found[id] = inner.integer(8);
+        }
+        if (found.empty()) {
+            return;
+        }
+        statistics_.emplace();
+        for (const Channel &channel : scan_.channels) { // other writers leave out channels without messages
+            (*statistics_)[channel.id] = 0;
+        }
+        std::uint64_t sum = 0;
+        for (const auto &[id, n] : found) {
+            (*statistics_)[id] = n;
+            sum += n;
+        }
+        if (total != sum) {
+            throw Damage{rest.record, "the counts of the Statistics do not add up"};
+        }
+    }
+
+    const Bytes file_;
+    const Scan::Length &length_;
+    Scan &scan_;
+    std::map<std::uint16_t, std::array<std::string, 3>> schemas_;
+    std::map<std::uint16_t, std::size_t> places_; ///< of the channels, by their ids
+    std::optional<Counts> statistics_;
+    std::optional<std::uint64_t> last_;        ///< [ns] the latest message
+    bool loose_ = false;                       ///< messages outside of chunks: no checksum of their own
+    bool cut_ = false;                         ///< the file ends within a chunk, whose checksum is then of no use
+    bool passed_over_ = false;                 ///< some records were not, or not wholly, decoded
+    std::optional<std::uint64_t> data_end_at_; ///< the DataEnd record, once it is reached
+    std::optional<bool> data_is_right_;        ///< whether its checksum is right; none: it has none
+};
+
+} // namespace
+
+Scan::Scan(Bytes file, const Length &length)
 {
-    const std::uint64_t total = rest.integer(8);
-    rest.take(2 + 4 * 4 + 2 * 8);
-    Fields inner{rest.take(rest.integer(4)), rest.record};
-    std::map<std::uint16_t, std::uint64_t> found;
-    while (!inner.rest.empty()) {
-        const auto id = static_cast<std::uint16_t>(inner.integer(2));
-        found[id] = inner.integer(8);
-    }
-    if (found.empty()) {
-        return;
-    }
-    statistics_.emplace();
-    for (const Channel &channel : channels) { // other writers leave out channels without messages
-        (*statistics_)[channel.id] = 0;
-    }
-    std::uint64_t sum = 0;
-    for (const auto &[id, n] : found) {
-        (*statistics_)[id] = n;
-        sum += n;
-    }
-    if (total != sum) {
-        throw Damage{rest.record, "the counts of the Statistics do not add up"};
-    }
+    Reader(file, length, *this);
 }
 
 Metadata metadata_of(Bytes file)

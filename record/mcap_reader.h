@@ -22,7 +22,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -38,23 +37,11 @@ inline constexpr std::array<std::uint8_t, 8> magic{0x89, 'M', 'C', 'A', 'P', '0'
 inline constexpr std::size_t prefix = 9, chunk_head = 49; ///< of a record, and of a chunk that is not compressed
 inline constexpr std::size_t time_at = 15, cdr_at = 31, payload_at = 35; ///< within a Message record
 
-enum Op : std::uint8_t {
-    op_header = 1,
-    op_footer,
-    op_schema,
-    op_channel,
-    op_message,
-    op_chunk,
-    op_message_index,
-    op_chunk_index,
-    op_attachment,
-    op_attachment_index,
-    op_statistics,
-    op_metadata,
-    op_metadata_index,
-    op_summary_offset,
-    op_data_end
-};
+/// The operation codes of records.
+inline constexpr std::uint8_t op_header = 1, op_footer = 2, op_schema = 3, op_channel = 4, op_message = 5, op_chunk = 6,
+                              op_message_index = 7, op_chunk_index = 8, op_attachment = 9, op_attachment_index = 10,
+                              op_statistics = 11, op_metadata = 12, op_metadata_index = 13, op_summary_offset = 14,
+                              op_data_end = 15;
 
 /// A fault at a byte of the file.
 struct Damage {
@@ -95,13 +82,12 @@ struct Channel {
 using Metadata = std::vector<std::pair<std::string, Pairs>>;
 
 /// The contents of a file.
-class Scan {
-public:
+struct Scan {
     /// The length that each Message record of a new channel has to state behind its prefix; none: any.
     using Length = std::function<std::optional<std::uint64_t>(const Channel &)>;
 
     /// Throws Unsupported.
-    Scan(Bytes file, Length length);
+    Scan(Bytes file, const Length &length);
 
     std::vector<Channel> channels; ///< in the order of their declaration
     Metadata metadata;             ///< records of one name are not merged
@@ -109,39 +95,6 @@ public:
     std::string problem; ///< the fault in words; "": there is none
     std::uint64_t problem_at = 0;
     std::optional<std::uint64_t> good_until; ///< [ns] all messages before it are there and right; none: not known
-
-private:
-    struct Record {
-        std::uint8_t op;
-        std::uint64_t begin, end; ///< of its content
-    };
-
-    Record record(std::uint64_t at, std::uint64_t end) const;
-    std::uint64_t data_section(std::uint64_t at);
-    std::uint64_t contents(std::uint64_t at, std::uint64_t end, bool in_chunk);
-    void other(const Record &found, std::uint64_t at, bool in_chunk);
-    void take_schema(Fields &fields);
-    void take_channel(Fields &fields);
-    void take_chunk(Fields &fields);
-    void take_cut_chunk(std::uint64_t at);
-    void summary(std::uint64_t start);
-    void take_statistics(Fields &fields);
-    void judge();
-    Fields fields(std::uint64_t at, const Record &found) const;
-    std::map<std::uint16_t, std::uint64_t> counts() const;
-    std::uint64_t count() const;
-
-    const Bytes file_;
-    const Length length_;
-    std::map<std::uint16_t, std::array<std::string, 3>> schemas_;
-    std::map<std::uint16_t, std::size_t> places_; ///< of the channels, by their ids
-    std::optional<std::map<std::uint16_t, std::uint64_t>> statistics_;
-    std::optional<std::uint64_t> last_;        ///< [ns] the latest message
-    bool loose_ = false;                       ///< messages outside of chunks: no checksum of their own
-    bool cut_ = false;                         ///< the file ends within a chunk, whose checksum is then of no use
-    bool passed_over_ = false;                 ///< some records were not, or not wholly, decoded
-    std::optional<std::uint64_t> data_end_at_; ///< the DataEnd record, once it is reached
-    std::optional<bool> data_is_right_;        ///< whether its checksum is right; none: it has none
 };
 
 /// The metadata of a file without its messages: only the heads of chunks are read. It ends at the first fault.
