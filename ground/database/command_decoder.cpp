@@ -155,8 +155,13 @@ private:
         copy.is_abstract = true;
         copy.restriction = all_of(std::move(parts));
         copy.entries.clear();
+        const Id command = owner != owners_.end() ? owner->second : no_id;
+        std::vector<std::size_t> behind(one.entries.size() + 1); // [bits] each, as far as they are known
+        for (std::size_t i = one.entries.size(); i-- > 0;) {
+            behind[i] = behind[i + 1] + bits_of_entry(one.entries[i], command).value_or(0);
+        }
         for (std::size_t i = 0; i < one.entries.size(); i++) {
-            entry(one.entries, i, owner != owners_.end() ? owner->second : no_id, made, copy.entries);
+            entry(one.entries[i], behind[i + 1], command, made, copy.entries);
         }
         made.container = add(std::move(copy), one.base != no_id ? nodes_.at(one.base).container : built_.root);
         if (asks) {
@@ -230,9 +235,9 @@ private:
 
     // --- entries
 
-    void entry(const std::vector<Entry> &all, std::size_t place, Id owner, Node &at, std::vector<Entry> &made)
+    /// behind: [bits] of the entries that follow.
+    void entry(Entry one, std::size_t behind, Id owner, Node &at, std::vector<Entry> &made)
     {
-        Entry one = all[place];
         const bool plain = one.include.what == Condition::What::always && !one.repeats;
         Size begin = plain && one.offset.is_fixed() && one.from == Entry::From::start ? Size(0) : at.end;
         begin = begin && plain && one.offset.is_fixed() && one.from != Entry::From::end
@@ -249,7 +254,7 @@ private:
         if (one.what == Entry::What::argument) {
             if (const Id type = type_of(one.name, owner); type != no_id) {
                 one.what = Entry::What::parameter;
-                one.id = argument(one.name, type, all, place, owner, at);
+                one.id = argument(one.name, type, behind, at);
                 at.names[one.name] = one.id;
             }
         } else if (one.what == Entry::What::parameter && plain) {
@@ -297,8 +302,7 @@ private:
     }
 
     /// The parameter of an argument.
-    Id argument(const std::string &name, Id type_id, const std::vector<Entry> &all, std::size_t place, Id owner,
-                const Node &at)
+    Id argument(const std::string &name, Id type_id, std::size_t behind, const Node &at)
     {
         Type type = built_.database.types[type_id];
         const Quantity size = type.encoding.size;
@@ -306,10 +310,6 @@ private:
         const bool open = type.encoding.sized && !size.looked_up && (counted || (size.is_fixed() && size.fixed < 0));
         if (!open) {
             return parameter(name, type_id);
-        }
-        std::size_t behind = 0;
-        for (std::size_t i = place + 1; i < all.size(); i++) {
-            behind += bits_of_entry(all[i], owner).value_or(0);
         }
         type.encoding.size = Quantity();
         type.encoding.size.from.of = Reference::Of::rest;
@@ -337,18 +337,21 @@ private:
     }
 
     /// Of an argument of a command, or of one that it extends.
-    Id type_of(const std::string &name, Id command) const
+    Id type_of(const std::string &name, Id command)
     {
         Id found = no_id;
         for (; command != no_id; command = from_.commands[command].base) {
-            for (const Argument &one : from_.commands[command].arguments) {
-                found = one.name == name ? one.type : found;
+            auto [own, fresh] = types_.try_emplace(command);
+            for (const Argument &one : fresh ? from_.commands[command].arguments : std::vector<Argument>()) {
+                own->second[one.name] = one.type;
             }
+            const auto type = own->second.find(name);
+            found = type != own->second.end() ? type->second : found;
         }
         return found;
     }
 
-    Size bits_of_entry(const Entry &one, Id owner) const
+    Size bits_of_entry(const Entry &one, Id owner)
     {
         if (one.include.what != Condition::What::always || one.repeats) {
             return std::nullopt;
@@ -364,19 +367,29 @@ private:
         }
     }
 
-    Size bits_of_type(Id id, const std::vector<Dimension> *dimensions) const
+    /// Of one that is another's part, known once: parts may be shared.
+    Size bits_of_part(Id id)
+    {
+        const auto [known, fresh] = sizes_.try_emplace(id);
+        if (fresh) {
+            known->second = bits_of_type(id, nullptr);
+        }
+        return known->second;
+    }
+
+    Size bits_of_type(Id id, const std::vector<Dimension> *dimensions)
     {
         const Type &type = from_.types[id];
         if (type.sort == Sort::aggregate) {
             Size all = 0;
             for (const Member &member : type.members) {
-                const Size one = bits_of_type(member.type, nullptr);
+                const Size one = bits_of_part(member.type);
                 all = all && one ? Size(*all + *one) : std::nullopt;
             }
             return all;
         }
         if (type.sort == Sort::array) {
-            Size all = bits_of_type(type.element, nullptr);
+            Size all = bits_of_part(type.element);
             for (const Dimension &one : dimensions != nullptr && !dimensions->empty() ? *dimensions : type.dimensions) {
                 const bool is_fixed = one.first.is_fixed() && one.last.is_fixed();
                 all = all && is_fixed ? Size(*all * static_cast<std::size_t>(one.last.fixed - one.first.fixed + 1))
@@ -396,6 +409,8 @@ private:
     Built built_;
     std::map<Id, Id> owners_; ///< of containers: the command whose own it is
     std::map<Id, Node> nodes_;
+    std::map<Id, Size> sizes_;                      ///< of types
+    std::map<Id, std::map<std::string, Id>> types_; ///< of the arguments of each command
     std::set<Id> asking_; ///< containers that ask for more than constants of those that they extend
 };
 
