@@ -152,14 +152,14 @@ class Contacts:
 
         if not self._stations and not self._radios:
             return
-        seen = self._feed.newest("CraftState", "NavOrbit", "RadioLink", "RadioTraffic")
+        newest = self._feed.newest("CraftState", "NavOrbit", "RadioLink", "RadioTraffic")
         # Of several orbits that flight says the newest, then the best, then the one that it prefers.
-        said = self._feed.facts.said([name for name in seen if name in self._feed.said])
-        by_navigation = max((seen[name] for name in said), key=lambda one: (one[0], int(one[1]["head"]["quality"])),
-                            default=None)
+        preferred = self._feed.facts.said([name for name in newest if name in self._feed.flight_ports])
+        by_navigation = max((newest[name] for name in preferred), default=None,
+                            key=lambda one: (one[0], int(one[1]["head"]["quality"])))
         stations, states = [], {}
         for one in self._stations:
-            state = seen.get(self._feed.facts.wires[f"{one.path}.truth"])
+            state = newest.get(self._feed.facts.wires[f"{one.path}.truth"])
             state = state or by_navigation
             if state is None:
                 continue
@@ -173,7 +173,7 @@ class Contacts:
             row: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
                                     "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
-                link, traffic = (seen.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
+                link, traffic = (newest.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
                 row[way] = {"rate": getattr(radio, f"{way}_rate")} | (
                     {} if link is None else {"state": STATES[int(link["state"])], "lock": bool(link["lock"])}
                     | {name: float(link[name]) for name in LINK}) | (

@@ -35,7 +35,7 @@ PERIOD = 0.25       # [s] of wall time between two samples
 MOST = 2048         # samples that are kept for browsers which come later
 RECENT = 64         # of which the changes are kept for browsers that are there
 RADIO = ("RadioLink", "RadioTraffic")       # beside what the scene shows
-SAID = ("NavAttitude", "NavOrbit", "AttReference", "AttError")      # what flight says, in telemetry
+OF_FLIGHT = ("NavAttitude", "NavOrbit", "AttReference", "AttError")      # outputs of flight, which telemetry brings
 
 Sample = dict[str, tuple[float, bytes]]     # port -> (t [s], message)
 
@@ -48,7 +48,7 @@ class Observing(Protocol):
     def topics(self) -> Any:
         """All that the run shows to observers."""
 
-    def watch(self, topics: Iterable[str], hear: Callable[[Any], None]) -> None:
+    def watch(self, topics: Iterable[str], receive: Callable[[Any], None], /) -> None:
         """Give the messages of these topics to a function, as they come."""
 
 
@@ -81,8 +81,8 @@ class Port:
 
 
 class Window(Records):
-    """The messages of some samples. What telemetry has not said anew when it became stale stands in a sample with the
-    sample's time, too.
+    """The messages of some samples. What telemetry has not brought anew when it became stale stands in a sample with
+    the sample's time, too.
 
     single: it is one sample, of which the end counts: what led to it has been there
     """
@@ -97,7 +97,7 @@ class Window(Records):
         self.single = len(samples) == 1
         ends = [max(t for t, _ in one.values()) for one in samples]
         for port in self._all:
-            old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in SAID else inf
+            old = stale_after(periods.get(port.name.rpartition(".")[0], inf)) if port.type in OF_FLIGHT else inf
             rows: list[tuple[float, bytes]] = []
             for end, one in zip(ends, samples):
                 t, message = one.get(port.name, (-inf, b""))
@@ -143,13 +143,13 @@ class Feed:
         self._next = 0.0
         self._slots: dict[str, list[tuple[str, list[int]]]] | None = None   # port -> (field, its slots)
         self._watched: Observing | None = None          # the link whose messages come here
-        self._heard: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
+        self._received: dict[str, Any] = {}                # port -> its newest message, as a co-simulation has it
         self._truth: dict[str, Port] = {}
-        self.said: dict[str, Port] = {}
+        self.flight_ports: dict[str, Port] = {}
         self.periods: dict[str, float] = {}     #: [s] of the instances that a task runs
         self._flights: set[str] = set()
         self._places: dict[str, int] = {}               # process of flight -> the parameter that says its mode
-        self._modes: dict[str, list[tuple[float, str]]] = {}    # process -> (t [s], mode) as telemetry said so first
+        self._modes: dict[str, list[tuple[float, str]]] = {}    # process -> (t [s], mode) since when telemetry has it
         self._outputs: dict[str, Any] = {}
         if simulation is None:
             return
@@ -160,8 +160,8 @@ class Feed:
                     if field.group == "out" and field.type == "struct" and not field.shape:
                         name, port = f"{objects.path(instance)}.{field.name}", Port
                         if process.name in flights:
-                            if field.struct.name in SAID:
-                                self.said[name] = port(name, field.struct)
+                            if field.struct.name in OF_FLIGHT:
+                                self.flight_ports[name] = port(name, field.struct)
                         else:
                             self._truth[name] = port(name, field.struct)
                             self._outputs[name] = getattr(instance, field.name)
@@ -211,21 +211,22 @@ class Feed:
                 if self._used is None or name in self._used}
 
     def _packed(self, names: Iterable[str]) -> Sample:
-        """What was heard: packed only when it is sampled, for most messages are followed by others before."""
-        heard = dict(self._heard)       # at once, as the link's thread adds to it
-        return {name: (heard[name].t / 1e9, self._truth[name].packed(heard[name])) for name in names if name in heard}
+        """What was received: packed only when it is sampled, for most messages are followed by others before."""
+        newest = dict(self._received)   # at once, as the link's thread adds to it
+        return {name: (newest[name].t / 1e9, self._truth[name].packed(newest[name])) for name in names
+                if name in newest}
 
     def _from_telemetry(self) -> Sample:
-        """What flight last said, each with the time at which it did."""
+        """The newest outputs of flight, each with its time."""
         import numpy as np
 
         found: Sample = {}
-        if self._monitor is None or not self.said:
+        if self._monitor is None or not self.flight_ports:
             return found
         if self._slots is None:
             self._slots = self._slots_of_ports()
         for name, fields in self._slots.items():
-            port = self.said[name]
+            port = self.flight_ports[name]
             row = np.zeros(1, port.dtype)
             row["head"]["quality"] = GOOD       # where telemetry has no head
             times = set()
@@ -258,7 +259,7 @@ class Feed:
         self._places = {process: places[f"{process}.housekeeping.mode"][0] for process in self._flights
                         if f"{process}.housekeeping.mode" in places}
         found = {}
-        for name, port in self.said.items():
+        for name, port in self.flight_ports.items():
             fields = []
             for field, about in port.fields.items():
                 slots = places.get(f"{name}.{field}", [])
@@ -276,12 +277,12 @@ class Feed:
         self._watched = link
         topics = {topic_of(name): port for name, port in self._truth.items()}
 
-        def hear(seen: Any) -> None:
-            if (port := topics.get(seen.topic)) and seen.t >= 0 and (
+        def receive(message: Any) -> None:
+            if (port := topics.get(message.topic)) and message.t >= 0 and (
                     self._used is None or port.name in self._used or port.type in RADIO):
-                self._heard[port.name] = seen
+                self._received[port.name] = message
 
-        link.watch(sorted(set(topics) & set(link.topics)), hear)
+        link.watch(sorted(set(topics) & set(link.topics)), receive)
 
     def _thin(self) -> None:
         """Give all but the newest quarter of the samples an even spacing, of half as many."""
@@ -299,7 +300,7 @@ class Feed:
         for the thread that has the link."""
         import numpy as np
 
-        ports = {name: port for name, port in (self._truth | self.said).items() if port.type in types}
+        ports = {name: port for name, port in (self._truth | self.flight_ports).items() if port.type in types}
         found = self._packed(ports) | self._from_telemetry()
         if self._flown and self._simulation.time_ns >= 0:
             t = float(self._simulation.state_time)
@@ -339,7 +340,7 @@ class Feed:
             return self._number, news
 
     def _ports(self) -> dict[str, Port]:
-        return {name: port for name, port in (self._truth | self.said).items()
+        return {name: port for name, port in (self._truth | self.flight_ports).items()
                 if self._used is None or name in self._used}
 
     def _derived(self) -> Derivation:
@@ -368,7 +369,7 @@ class Feed:
     def _explain(self, scene: Scene) -> None:
         """What is not shown, and why."""
         for craft in scene.crafts:
-            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.said:
+            if not any(one.kind == "estimate" for one in craft.poses) and craft.path not in self.flight_ports:
                 scene.notes.append(f"Telemetry has no attitude of {craft.name} by navigation (NavAttitude): there is "
                                    "no ghost.")
         if not any(port.type == "CraftState" for port in self._truth.values() if self._used is None or
@@ -387,9 +388,9 @@ class Feed:
                 return (f"{self.craft}: the co-simulation does not show {listed(absent)} to observers; give it "
                         f"watch = {absent} in its file")
             return f"{self.craft}: nothing has come of {listed(topics)} yet"
-        if any(port.type == "NavAttitude" for port in self.said.values()):
+        if any(port.type == "NavAttitude" for port in self.flight_ports.values()):
             return f"{self.craft}: telemetry has not brought an attitude yet: " + listed(
-                [name for name, port in self.said.items() if port.type == "NavAttitude"])
+                [name for name, port in self.flight_ports.items() if port.type == "NavAttitude"])
         if self._link() is None:
             return f"{self.craft}: the link is not up"
         return (f"{self.craft}: a 3-D view needs the truth of a simulation, or a NavAttitude and a NavOrbit among "
