@@ -45,9 +45,15 @@ def test_offsets_and_sizes_are_those_of_the_compiler(model, tmp_path):
 
 def test_no_member_is_overlooked(model):
     """Every line that declares a member is in the model, in its order, with its unit."""
+    texts = {header: (ROOT / header).read_text() for header in {s.header for s in model.structs.values()}}
+    shared = "\n".join(texts.values())      # where the structs of groups with a name are
+
+    def body_of(name, text):
+        body = re.search(rf"typedef struct {name} {{\n(.*?)^}} {name};", text, re.M | re.S)[1]
+        return re.sub(r"^    (\w+) (?:in|out|par|mem);\n", lambda group: body_of(group[1], shared), body, flags=re.M)
+
     for s in model.structs.values():
-        text = (ROOT / s.header).read_text()
-        body = re.search(rf"typedef struct {s.name} {{\n(.*?)^}} {s.name};", text, re.M | re.S)[1]
+        body = body_of(s.name, texts[s.header])
         declared = re.findall(r"^ +\w+ (\w+)(?:\[[^]]*\])*;(?: *///< *\[([^\]]*)\])?", body, re.M)
         assert [(f.name, f.unit.text if f.unit else "") for f in s.fields] == declared, s.name
 
