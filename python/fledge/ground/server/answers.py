@@ -6,12 +6,15 @@ import json
 import math
 import struct
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aiohttp import web
 
 from fledge.ground.server.alarms import CONCERNS
 from fledge.errors import field
+
+if TYPE_CHECKING:
+    from fledge.ground.server.past import Series
 
 PART = 8192     # values of a series that become text at once
 
@@ -44,17 +47,17 @@ def _texts(kind: str, exact: list[Any]) -> list[str | None]:
     return [None if one is None else one.hex() if isinstance(one, bytes) else str(one) for one in exact]
 
 
-def in_json(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+def in_json(found: dict[str, Series]) -> Iterator[bytes]:
     """Series by their names, in parts: numbers, integers with all digits; `text` of those that a double or a browser
     does not hold."""
     before = "{"
     for name, series in found.items():
         yield f"{before}{dumps(name)}: ".encode()
         before, inner = ", ", "{"
-        for key, column in _columns(*series).items():
+        for key, column in _columns(series).items():
             yield f'{inner}"{key}": ['.encode()
             inner, between = ", ", ""
-            for at in range(0, len(series[0]), PART):
+            for at in range(0, len(series.t), PART):
                 if part := column(slice(at, at + PART)):
                     yield (between + dumps(part)[1:-1]).encode()
                     between = ", "
@@ -63,28 +66,30 @@ def in_json(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
     yield b"}"
 
 
-def _columns(t: Any, value: Any, low: Any, high: Any, concern: Any, worst: Any,
-             exact: tuple[str, list[Any]]) -> dict[str, Callable[[slice], list[Any]]]:
+def _columns(series: Series) -> dict[str, Callable[[slice], list[Any]]]:
     """The lists of a series, of which each makes a part."""
+    t, value, low, high, concern, worst, exact = series
+    assert exact is not None
     kind, values = exact
-    made: dict[str, Callable[[slice], list[Any]]] = {
+    columns: dict[str, Callable[[slice], list[Any]]] = {
         "t_ns": lambda part: [str(one) for one in t[part].tolist()], "concern": lambda part: concern[part].tolist(),
         "worst": lambda part: worst[part].tolist()}
     if kind in ("text", "binary"):
-        return made | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
+        return columns | {"value": lambda part: _texts(kind, values[part]), "low": lambda _: [], "high": lambda _: []}
     if kind in ("label", "time") or kind in ("natural", "integer") and any(abs(one or 0) >= 2**53 for one in values):
-        made["text"] = lambda part: _texts(kind, values[part])
+        columns["text"] = lambda part: _texts(kind, values[part])
     whole = kind in ("natural", "integer", "boolean")
-    return made | {"value": lambda part: [one if one is None else int(one) for one in values[part]] if whole else
-                   value[part].tolist(),
-                   "low": lambda part: low[part].tolist(), "high": lambda part: high[part].tolist()}
+    return columns | {"value": lambda part: [one if one is None else int(one) for one in values[part]] if whole else
+                      value[part].tolist(),
+                      "low": lambda part: low[part].tolist(), "high": lambda part: high[part].tolist()}
 
 
-def in_csv(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+def in_csv(found: dict[str, Series]) -> Iterator[bytes]:
     """Lines of series: a number as it is, else what `text` is."""
     yield b"t_ns,name,value,state\n"
-    for name, (t, value, _, _, concern, _, (kind, exact)) in found.items():
-        name = field(name)
+    for name, (t, value, _, _, concern, _, values) in found.items():
+        assert values is not None
+        name, (kind, exact) = field(name), values
         for at in range(0, len(t), PART):
             part = slice(at, at + PART)
             if kind == "real":
@@ -99,7 +104,7 @@ def in_csv(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
                 t[part].tolist(), texts, concern[part].tolist())).encode()
 
 
-def in_binary(found: dict[str, tuple[Any, ...]]) -> Iterator[bytes]:
+def in_binary(found: dict[str, Series]) -> Iterator[bytes]:
     """Series in the order of their names, each with its arrays (api.yaml)."""
     yield struct.pack("<II", 0x32484C46, len(found))
     for t, value, low, high, _, worst, _ in found.values():

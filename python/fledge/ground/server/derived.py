@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fledge.ground.server.limits import Change, InForce
+from fledge.ground.server.past import Series
 from fledge.ground.server.settings import Derived
 from fledge.errors import SetupError, did_you_mean
 from fledge.ground.database import Database
@@ -128,21 +129,20 @@ class DerivedParameters:
     def __contains__(self, name: str) -> bool:
         return name in self._all
 
-    def series(self, name: str, history: History, begin: int, end: int, session: int, points: int) -> tuple[Array, ...]:
-        """(t, value, low, high, concern, worst, exact) as History.series has it: low and high are those of each of so
-        many buckets."""
+    def series(self, name: str, history: History, begin: int, end: int, session: int, points: int) -> Series:
+        """As History.series has it: low and high are those of each of so many buckets."""
         rows, received = history.rows(self._inputs[name], begin, end, session)
         rows = np.ascontiguousarray(rows)
         t = rows[:, 0].copy().view(np.int64)
         values = self._values(name, rows) if len(rows) else np.empty(0)
         concern = self._concerns(self._all[name][0], t, received, values)
         if not points or len(t) <= points:
-            return t, values, values, values, concern, concern, ("real", values.tolist())
+            return Series(t, values, values, values, concern, concern, ("real", values.tolist()))
         place = (t - t[0]) // (int(t[-1] - t[0]) // points + 1)
         first = np.flatnonzero(np.r_[True, np.diff(place) > 0])
         last = np.r_[first[1:], len(t)] - 1
-        return (t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first),
-                concern[last], np.maximum.reduceat(concern, first), ("real", values[last].tolist()))
+        return Series(t[last], values[last], np.minimum.reduceat(values, first), np.maximum.reduceat(values, first),
+                      concern[last], np.maximum.reduceat(concern, first), ("real", values[last].tolist()))
 
     def _concerns(self, one: Derived, t: Array, received: Array, values: Array) -> Array:
         """By the limits in force when the packets were received, in a monitor of its own."""

@@ -4,14 +4,28 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from fledge.ground.server.limits import SetLimits
     from fledge.ground.server.telemetry import Telemetry
 
 AT_ONCE = 100_000       # packets of one time among which one is sought by its id
 LISTED = 1 << 22        # [bytes] of packets in a list, which ends then
+
+
+class Series(NamedTuple):
+    """The values of a parameter, or those of each of some buckets."""
+
+    t: NDArray[Any]             #: [ns]
+    value: NDArray[Any]
+    low: NDArray[Any]
+    high: NDArray[Any]
+    concern: NDArray[Any]
+    worst: NDArray[Any]
+    exact: tuple[str, list[Any]] | None     #: (kind, values), if they were requested
 
 
 class Past:
@@ -75,9 +89,9 @@ class Past:
                     for one in self._telemetry.history.sessions()]
 
     def series(self, names: list[str], begin: int, end: int, points: int, session: int,
-               exact: bool = False) -> dict[str, Any]:
-        """name -> (t [ns], value, low, high, concern, worst), arrays, and (kind, exact values) of what the archive has,
-        by the limits that were in force. Raises SetupError."""
+               exact: bool = False) -> dict[str, Series]:
+        """What the archive has of parameters by their names; the concerns are by the limits that were in force. Raises
+        SetupError."""
         derived = self._telemetry.derived
         plain = [one for one in names if one not in derived]
         with self._telemetry.reading:
@@ -85,7 +99,7 @@ class Past:
             assert history is not None
             limits = {name: self._limits.of(name) for name in plain}
             series = history.series(plain, begin, end, points, session, limits, exact) if plain else {}
-            return {name: series[name] if name in series else derived.series(
+            return {name: Series(*series[name]) if name in series else derived.series(
                 name, history, begin, end, session, points) for name in names}
 
 

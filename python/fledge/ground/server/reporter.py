@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fledge.ground.server.bounds import Bounds
     from fledge.ground.server.clock import Clock
     from fledge.ground.server.room import Room
 
@@ -14,7 +15,8 @@ class Reporter:
     """name: of the spacecraft; clock: its time, at which an event happens unless another is given."""
 
     def __init__(self, room: Room, name: str, clock: Clock) -> None:
-        self.name, self.bounds, self._room, self._clock = name, room.bounds, room, clock
+        self.name, self._room, self._clock = name, room, clock
+        self.bounds: Bounds = room.bounds
 
     @property
     def problem(self) -> str:

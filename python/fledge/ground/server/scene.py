@@ -204,6 +204,7 @@ class Feed:
         """What the world does."""
         if not self._flown:
             return self._packed(self._truth)
+        assert self._simulation is not None
         t = float(self._simulation.state_time)
         if self._simulation.time_ns < 0:
             return {}
@@ -244,7 +245,9 @@ class Feed:
         return found
 
     def _note_modes(self) -> None:
-        """The modes of flight, when telemetry says of another one."""
+        """The modes of flight, when telemetry brings another one."""
+        if self._monitor is None:
+            return
         for process, slot in self._places.items():
             newest = self._monitor.newest(slot)
             began = self._modes.get(process, [])
@@ -253,6 +256,7 @@ class Feed:
 
     def _slots_of_ports(self) -> dict[str, list[tuple[str, list[int]]]]:
         """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
+        assert self._monitor is not None
         places: dict[str, list[int]] = {}
         for one in self._monitor.slots():
             places.setdefault(one["name"].partition("[")[0], []).append(one["slot"])
@@ -302,7 +306,7 @@ class Feed:
 
         ports = {name: port for name, port in (self._truth | self.flight_ports).items() if port.type in types}
         found = self._packed(ports) | self._from_telemetry()
-        if self._flown and self._simulation.time_ns >= 0:
+        if self._flown and self._simulation and self._simulation.time_ns >= 0:
             t = float(self._simulation.state_time)
             found |= {name: (t, objects.memory(self._outputs[name])) for name in ports if name in self._outputs}
         return {name: (t, np.frombuffer(message, ports[name].dtype)[0]) for name, (t, message) in found.items()

@@ -41,9 +41,10 @@ async def send(_: Server, request: web.Request, craft: Spacecraft) -> web.Stream
 async def raw(_: Server, request: web.Request, craft: Spacecraft) -> web.StreamResponse:
     """A packet that a script has made; it gets the number that is next."""
     body = await body_of(request, hex=str, confirmed=bool)
-    flight = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
-    if flight is None:
+    opened = await in_thread(craft, lambda: craft.connection.craft)     # in its thread, which opens the link first
+    if opened is None:
         raise Refusal(409, f"{craft.name} takes no packets now: {craft.connection.state}")
+    flight = opened
     try:
         packet = bytes.fromhex(body.get("hex", ""))
     except ValueError:

@@ -96,7 +96,7 @@ async def history(server: Server, request: web.Request, craft: Spacecraft) -> we
     try:    # in parts, so that neither the loop nor the memory has a whole one
         response, rest = web.StreamResponse(headers=headers), parts(series)
         await response.prepare(request)
-        while part := await server.aside(next, rest, b""):
+        while part := await server.aside(lambda: next(rest, b"")):
             await response.write(part)
     finally:
         reads[user] -= n
