@@ -171,7 +171,7 @@ class Contacts:
         radios = []
         for path, (station, radio) in self._radios.items():
             row: dict[str, Any] = {"name": path, "station": station.partition(".")[2],
-                                    "carries": path.partition(".")[2] == self._used}
+                                   "carries": path.partition(".")[2] == self._used}
             for way in ("down", "up"):
                 link, traffic = (newest.get(f"{path}.{way}{more}", (0, None))[1] for more in ("", "_traffic"))
                 row[way] = {"rate": getattr(radio, f"{way}_rate")} | (

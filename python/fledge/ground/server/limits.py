@@ -105,15 +105,15 @@ class SetLimits:
                 absent.append(name)
             elif not fits(change, about):
                 self._event("warning", f"the limits that {change['user']} set for {name} do not count: it was "
-                           f"{change['kind']} [{change['unit']}], and is {about['kind']} [{about['unit']}] now; set "
-                           "them anew")
+                            f"{change['kind']} [{change['unit']}], and is {about['kind']} [{about['unit']}] now; set "
+                            "them anew")
             elif about["limits"] != change["database"]:
                 self._event("info", f"the database has other limits of {name} than before "
-                           f"({in_words(about['limits'])}); those that {change['user']} set still count: "
-                           f"{in_words(change['limits'], change['persistence'])}")
+                            f"({in_words(about['limits'])}); those that {change['user']} set still count: "
+                            f"{in_words(change['limits'], change['persistence'])}")
         if absent:
             self._event("warning", f"the limits that were set for {listed(absent)} wait: the database has no such "
-                       "parameter now")
+                        "parameter now")
 
     def change(self, user: str, slot: int, levels: dict[str, Any] | None, persistence: int) -> None:
         """Set other limits of a parameter; {}: none, None: those of the database again. They are in the journal when

@@ -494,7 +494,7 @@ def test_steps_of_the_clock_lose_nothing(tmp_path, craft, monkeypatch):
 
 @pytest.mark.parametrize("error", [RuntimeError("no such thing"), SystemExit(3)])
 def test_a_thread_that_fails_is_reported_and_begins_again_alone(tmp_path, craft, capsys, monkeypatch,
-                                                                                 error):
+                                                                error):
     for module in (link, spacecraft):
         monkeypatch.setattr(module, "AGAIN", 0.1)
     (tmp_path / "craft.xml").write_text(DATABASE)

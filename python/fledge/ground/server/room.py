@@ -149,7 +149,7 @@ class Room:
             left_out, self._left_out = self._left_out, 0
         if failed:
             self.report(craft, "info", "server", "the journal is written again"
-                      + f"; {left_out} events meanwhile are not in it" * bool(left_out))
+                        + f"; {left_out} events meanwhile are not in it" * bool(left_out))
 
     def event(self, craft: str, severity: str, source: str, text: str, t: int | None = None) -> dict[str, Any]:
         """An event as the journal has it. severity: info, watch, warning, distress, critical, severe."""
