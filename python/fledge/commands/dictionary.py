@@ -290,12 +290,14 @@ class Dictionary:
         whole = json.loads(text)
 
         def fields(rows: list[dict[str, Any]]) -> list[Field]:
-            return [Field(**{**row, "fields": fields(row["fields"])}) for row in rows]
+            for row in rows:
+                row["fields"] = fields(row["fields"])
+            return [Field(**row) for row in rows]
 
-        blocks = [Block(**{**row, "fields": fields(row["fields"]), "runs": [tuple(r) for r in row["runs"]],
-                           "rules": [Rule(*r) for r in row["rules"]]}) for row in whole["modules"]]
-        outputs = [Output(**{**row, "fields": fields(row["fields"]), "events": [
-            EventId(**(e | {"arguments": tuple(map(tuple, e["arguments"]))})) for e in row["events"]]})
+        blocks = [Block(**(row | {"fields": fields(row["fields"]), "runs": [tuple(r) for r in row["runs"]],
+                                  "rules": [Rule(*r) for r in row["rules"]]})) for row in whole["modules"]]
+        outputs = [Output(**(row | {"fields": fields(row["fields"]), "events": [
+            EventId(**(e | {"arguments": tuple(map(tuple, e["arguments"]))})) for e in row["events"]]}))
             for row in whole["outputs"]]
         found = cls(whole["name"], whole["commands"]["stream"], whole["telemetry"]["stream"], whole["modes"],
                     whole["events"], blocks, outputs, whole["telemetry"]["order"])

@@ -348,6 +348,7 @@ def moved(packet: bytes, by: int) -> bytes:
     raw, word = bytearray(packet), int.from_bytes(packet[2:4], "big")
     raw[2:4] = (word & 0xC000 | word + by & 0x3FFF).to_bytes(2, "big")
     raw[7] ^= reduce(xor, raw[2:4] + packet[2:4])
+    return bytes(raw)
 
 
 def sequence_of(packet: bytes) -> int:
