@@ -93,7 +93,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
     def fly(self, item: Plan) -> tuple[int, list[Flight]]:
         return item.first, self.branch(item, 1)
 
-    def parts(self, item: Plan) -> list[Plan]:
+    def split(self, item: Plan) -> list[Plan]:
         middle = len(item.tasks) // 2
         return [cut(item, 0, middle), cut(item, middle, len(item.tasks))] if middle else []
 
@@ -114,7 +114,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
             while len(children) > most:
                 progress(sum(map(bool, found)))
                 for index, answer, pipe in children.answers():
-                    if pipe is None:
+                    if isinstance(answer, str) or pipe is None:
                         found[index] = self.failed(plan, index, str(answer))
                         continue
                     children.dismiss(pipe)
@@ -123,7 +123,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
                         raise _Done(SetupError(f"{' and '.join(map(str, plan.tasks[index][1]))}: {result}"))
                     found[index] = result
 
-        def branch(sim: Simulation, at: int) -> None:
+        def fork_each(sim: Simulation, at: int) -> None:
             if mine:
                 return
             for index, (ns, faults) in enumerate(plan.tasks):
@@ -141,7 +141,7 @@ class _Faults(Work[Plan, tuple[int, list[Flight]]]):
 
         def careful(sim: Simulation, at: int) -> None:
             try:
-                branch(sim, at)
+                fork_each(sim, at)
             except KeyboardInterrupt:
                 raise _Done(KeyboardInterrupt()) from None      # which a script of the ground would take for its own
 
@@ -227,7 +227,8 @@ def fly(matrix: Matrix, scenarios: Sequence[str] = (), faults: Sequence[Fault] |
             shares = [cut(plan, first, min(first + size, begun + len(sets))) for plan in plans
                       for begun in range(0, len(plan.tasks), len(sets))
                       for first in range(begun, begun + len(sets), size)]
-            with closing(pool.fly(work, shares, lambda: progress(len(found), count, expected))) as flown:
+            flown = pool.fly(work, shares, lambda: progress(len(found), count, expected))
+            with closing(flown):
                 for _, result in flown:
                     if isinstance(result, Died):
                         add(result.item.first, [work.failed(result.item, 0, result.text)])
@@ -291,7 +292,7 @@ def _traces(watch: Judged) -> dict[tuple[str, str], Any]:
         "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne}
     found = {}
     for requirement in watch.requirements:
-        for one in requirement.formula.comparisons:
+        for one in requirement.formula.comparisons if requirement.formula is not None else ():
             times, values = watch.values(one)
             found[requirement.id, one.text] = times, relations[one.relation](values, one.limit)
     return found

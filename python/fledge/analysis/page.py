@@ -105,7 +105,7 @@ def write(flights: Sequence[Flight], matrix: Matrix, folder: Path, command: str)
         values=[[chosen[name][i] for name in filters] for i in range(len(rows))],
         hidden=[hidden(one) for one in flights], effects={name: (counts[name], what) for name, what in EFFECTS.items()},
         scenarios=list(dict.fromkeys(one.scenario for one in flights)))
-    data = {**about, "flights": [{**asdict(one), "faults": [
+    data: dict[str, Any] = {**about, "flights": [{**asdict(one), "faults": [
         {"unit": fault.unit, "kind": fault.kind, **{k: str(v) for k, v in fault.fields.items()}}
         for fault in one.faults]} for one in flights]}
     return write_files({"report.html": page, "faults.csv": as_csv(flights),

@@ -35,6 +35,8 @@ from fledge.targets import TARGETS, Job, build
 from fledge.targets.leon3 import board as boards
 
 if TYPE_CHECKING:
+    from fledge.export.read import Module
+    from fledge.mission.simulation import Simulation
     from fledge.targets import Part
 
 # The compiler would put a task into its only caller.
@@ -191,7 +193,8 @@ class Search(Work[Run, Paths]):
                 if found.died and not found.longest:
                     raise RunError(found.died[0])
                 items = batch()
-                with closing(pool.fly(self, items, lambda: progress(found.runs))) as flown:
+                flown = pool.fly(self, items, lambda: progress(found.runs))
+                with closing(flown):
                     for run, result in zip(items, in_order(flown)):
                         found.runs += 1
                         if isinstance(result, Died):
@@ -240,14 +243,14 @@ class _Watch:
         board.sim.run(until=duration, progress=False)
         return self.found
 
-    def _mode(self):
+    def _mode(self) -> str:
         if self.search.mode_at is None or not self.board._link.ticks:
             return ""
         mission = self.part.mission
         index = int.from_bytes(self.board.peek(self.board._link.mission() + self.search.mode_at, 4), "big")
         return mission.mode_titles[mission.modes[index]] if index < len(mission.modes) else ""
 
-    def _stopped(self, reason):
+    def _stopped(self, reason: str) -> None:
         core = self.board.core
         registers = core.registers()
         place = registers["%pc"]
@@ -262,7 +265,7 @@ class _Watch:
                 self.board.breakpoint(after)
             self.begun = self.begins[place], core.cycles
 
-    def _keep(self, task, mode, period, cycles, modules):
+    def _keep(self, task: str, mode: str, period: int, cycles: int, modules: Sequence[Module]) -> None:
         key = task, mode
         if self.t <= 0 or key in self.found and self.found[key].cycles >= cycles:
             return
@@ -271,7 +274,7 @@ class _Watch:
             self.search.seed, self.t / 1e9, self.draws, {path: numbers for one in modules
                                                          for path, numbers in self._inputs(one.name)})
 
-    def _inputs(self, module):
+    def _inputs(self, module: str) -> Iterator[tuple[str, Any]]:
         """(path, numbers) of each field that a module has read."""
         process = self.part.process
         instance = self.board.sim.process(process).instances.get(module)
@@ -286,7 +289,7 @@ class _Watch:
                                value.tolist() if hasattr(value, "tolist") else value)
 
 
-def _set(sim, path, value):
+def _set(sim: Simulation, path: str, value: float) -> None:
     """Set one number of a parameter, an initial state or an array."""
     import numpy as np
 

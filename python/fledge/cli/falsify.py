@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from fledge.cli.arguments import add_campaign, add_pool, add_update_limit
@@ -21,6 +21,8 @@ from fledge.progress import Bar
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    from typing import Any
+
     from fledge.falsify import Counterexample, Flights, Tried
 
 
@@ -79,7 +81,7 @@ class _Live(Bar):
                 + (f", least margin {least:.4g}" if abs(least) < float("inf") else ""))
 
 
-def _search(options, flights, folder):
+def _search(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
     import json
 
     from fledge.falsify import regression, search
@@ -109,7 +111,8 @@ def _search(options, flights, folder):
     return 1 if found else 0
 
 
-def _facts(options, flights, tried, found, path):
+def _facts(options: argparse.Namespace, flights: Flights, tried: Tried, found: Counterexample | None,
+           path: Path | None) -> dict[str, Any]:
     """The statement of what was searched, and what was found."""
     best, margins = tried.best, tried.margins
     return {
@@ -129,11 +132,11 @@ def _facts(options, flights, tried, found, path):
     }
 
 
-def _counts(n):
+def _counts(n: int) -> list[int]:
     return [*(k for k in (1, 10, 30, 100, 300, 1000, 3000, 10000, 30000, 100000) if k < n), n] if n else []
 
 
-def _finite(x):
+def _finite(x: float) -> float | str:
     """A number for JSON, which knows no infinity: a margin of a comparison of names."""
     return float(x) if abs(x) < float("inf") else str(float(x))
 
@@ -141,12 +144,12 @@ def _finite(x):
 def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: dict, wall: float) -> None:
     from fledge.requirements.formula import number_text
 
-    def margin(x):
+    def margin(x: float | str | None) -> str:
         if x is None:
             return "unknown"
         return number_text(float(x), flights.unit) if abs(float(x)) < float("inf") else "a name, not a number"
 
-    def numbers(values):
+    def numbers(values: Mapping[str, float]) -> None:
         for name, x in values.items():
             say(f"            {name} = {flights.shown(name, x)}")
 
@@ -177,7 +180,7 @@ def _tell(flights: Flights, tried: Tried, found: Counterexample | None, facts: d
         say(f"  set back  {', '.join(found.removed)}")
 
 
-def _estimate(options, flights, folder):
+def _estimate(options: argparse.Namespace, flights: Flights, folder: Path) -> int:
     import json
 
     from fledge.falsify import probability

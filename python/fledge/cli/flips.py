@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`fledge flips MISSION`: bit flips in its flight computer in the middle of a manoeuvre, and what came of each.
 
-Exit codes: 0 the campaign was flown; 1 the process of a flight died; 2 the command line or the mission is wrong; 130 Ctrl-C.
+Exit codes: 0 the campaign was flown; 1 the process of a flight died; 2 the command line or the mission is wrong;
+130 Ctrl-C.
 """
 from __future__ import annotations
 

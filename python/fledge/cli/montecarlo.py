@@ -20,6 +20,12 @@ from fledge.cli.runs import alone
 from fledge.errors import Failure, listed
 from fledge.progress import Bar
 
+TYPE_CHECKING = False   # of `typing`, whose import would delay every command
+if TYPE_CHECKING:
+    from typing import Any
+
+    from fledge.montecarlo import Campaign
+
 FAILURES_SHOWN = 8
 
 
@@ -81,7 +87,7 @@ def sweep(options: argparse.Namespace) -> int:
                 given + ([] if options.runs is None else ["--runs", str(options.runs)]))
 
 
-def _axis(text):
+def _axis(text: str) -> tuple[str, list[Any]]:
     """(name, values) of "stiffness=0.1:1:10", "mode=SAFE,SCIENCE"."""
     import ast
 
@@ -91,7 +97,7 @@ def _axis(text):
     if not equals or not name or not values:
         raise Failure(f"--set {text}: expected NAME=VALUES, as in stiffness=0.1:1:10 or stiffness=0.1,0.2,0.5")
 
-    def value(word):
+    def value(word: str) -> Any:
         try:
             return ast.literal_eval(word)
         except (ValueError, SyntaxError):
@@ -110,7 +116,7 @@ def _axis(text):
     return name, (log if parts[3:] == ["log"] else lin)(low, high, n)
 
 
-def _fly(campaign, options, runs, name, given):
+def _fly(campaign: Campaign, options: argparse.Namespace, runs: int, name: str, given: list[str]) -> int:
     """Fly all runs of a campaign, or the one of --only. given: the words that make it what it is, besides its name"""
     import shlex
 
@@ -130,7 +136,8 @@ def _fly(campaign, options, runs, name, given):
 
 # --- a campaign ------------------------------------------------------------------------------------
 
-def _all(campaign, options, runs, folder, command):
+def _all(campaign: Campaign, options: argparse.Namespace, runs: int, folder: Path,
+         command: Callable[[int], str]) -> int:
     import json
     import shlex
 
@@ -193,7 +200,7 @@ class _Live(Bar):
 
 # --- one run of it ---------------------------------------------------------------------------------
 
-def _one(campaign, options, folder):
+def _one(campaign: Campaign, options: argparse.Namespace, folder: Path) -> int:
     import fledge
 
     from fledge.cli import health
@@ -219,7 +226,7 @@ def _one(campaign, options, folder):
     except Exception as error:  # of the mission's Python
         from fledge import mission as missions
 
-        problem, code = missions.explain(error, sim.mission.folder), 1
+        problem, code = missions.explain(error, campaign.folder), 1
     if problem and sim.time_ns < 0:
         raise Failure(f"{title}: {problem}", code)
     say(f"  flown    {sim.time:g} s")
@@ -245,9 +252,9 @@ def _one(campaign, options, folder):
     shown = [one.field_path.recorded for one in d.shown]
     if shown and len(log):
         log.plot(*shown, columns=1 if len(shown) < 4 else 2, name="retained", title=title)
-    path = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
-    if path:
-        say(f"  record   {path} ({size_of(path)})")
+    record = sim.close_archive(outcome=problem or "passed", ended=f"{sim.time:g} s")
+    if record:
+        say(f"  record   {record} ({size_of(record)})")
     for plot in sim.plots.saved:
         say(f"  plot     {plot}")
     if problem:

@@ -10,6 +10,7 @@ import ast
 import os
 import signal
 import sys
+from functools import partial
 from pathlib import Path
 from time import monotonic, perf_counter, sleep
 
@@ -22,7 +23,6 @@ TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Iterator
-    from types import FunctionType
     from typing import Any, Self
 
     from fledge.mission.crossing import Crossing
@@ -106,6 +106,7 @@ def _one(sim: Simulation, scenario: str, process: str, options: argparse.Namespa
 
     from fledge.cli import health
 
+    assert sim.mission
     part = cosim.split(sim, process, crossing)
     if options.outputs:
         sim.record(*sim.process(process))
@@ -175,7 +176,7 @@ def _several(sim: Simulation, scenario: str, names: list[str], options: argparse
     begun, problem = perf_counter(), ""
     with Programs() as programs:
         for name in names:
-            programs.start(name, lambda name=name: _one(sim, scenario, name, options, crossing, address, True))
+            programs.start(name, partial(_one, sim, scenario, name, options, crossing, address, True))
         if end is not None:  # made after the forks, for sockets belong to one program
             controller = cosim.Controller(options.simulation, names, end, seed=options.seed or 0, address=address,
                                           keys=options.keys, join=options.patience, report=say)
@@ -316,7 +317,7 @@ def set_up(sim: Simulation, scenario: str | None = None, free: bool = False, scr
     return name
 
 
-def _second_run(function: FunctionType) -> tuple[str, int] | None:
+def _second_run(function: Any) -> tuple[str, int] | None:
     """(file, line) where a scenario runs for the second time, or None."""
     import inspect
 

@@ -98,6 +98,7 @@ def _verify(options: argparse.Namespace, targets: list[str], sim: Simulation, re
     from fledge.verify import evidence, flights, tables
     from fledge.verify.flight import Flight
 
+    assert sim.mission
     scenarios = {name: [one.id for one in requirements.for_scenario(name)]
                  for name in sim.mission.scenarios if name in (options.scenario or sim.mission.scenarios)}
 
@@ -173,6 +174,7 @@ def _write(options: argparse.Namespace, sim: Simulation, rows: list[Row], flown:
     from fledge.verify import coverage, evidence, page, tables
     from fledge.verify.flight import dumps
 
+    assert sim.mission
     whole = not (options.only or options.scenario)
     before = evidence.earlier(folder / "results.json")
     made = datetime.now(timezone.utc)

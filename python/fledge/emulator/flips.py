@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import objects
 from fledge.columns import columns
@@ -28,6 +28,9 @@ from fledge.montecarlo.report import confidence
 from fledge.objects.measured import unit_after
 from fledge.objects.si import time_ns
 from fledge.pool import Died, Work, anywhere, open_pool
+
+if TYPE_CHECKING:
+    import numpy as np
 
 EFFECTS = {
     "no effect": "all that flight wrote into its registers is the same, at all instants",
@@ -135,7 +138,7 @@ class Campaign:
         self.board.sim.run(until=self.end / 1e9)
         self.undisturbed = self._values()
 
-    def _record(self, mission, parameters):
+    def _record(self, mission: str, parameters: dict[str, Any]) -> list[Measure]:
         """Record what an outcome is measured by: the attitude of each spacecraft, what the mission's campaign retains
         and requires, and all numbers that leave the computer. Returns their Measures."""
         sim = self.board.sim
@@ -157,10 +160,10 @@ class Campaign:
         self.n_registers = sum(len(starts) for *_, starts in self.registers)
         self.n_memory = sum(n for *_, n in self.areas)
 
-    def _values(self):
+    def _values(self) -> list[np.ndarray]:
         return [self.log[one.path][self.log.time_of(one.path) >= self.at / 1e9].astype(float) for one in self.measures]
 
-    def _registers(self):
+    def _registers(self) -> list[tuple[str, str, list[int]]]:
         """(place, name, the lowest bits that a flip may begin at) of each register: of the bits that exist."""
         words = [("integer register", f"%g{k}") for k in range(1, 8)]
         words += [("integer register", f"window {k}") for k in range(128)]
@@ -172,7 +175,7 @@ class Campaign:
             found.append((place, name, [bit for bit in sorted(bits) if bits.issuperset(range(bit, bit + self.bits))]))
         return found
 
-    def _exists(self, register, bit):
+    def _exists(self, register: str, bit: int) -> bool:
         """Whether a bit of a register is more than a constant."""
         core = self.board.core
         before = core.registers()[register]
@@ -181,7 +184,7 @@ class Campaign:
         core.set_register(register, before)
         return found
 
-    def _areas(self):
+    def _areas(self) -> list[tuple[str, int, int]]:
         """(place, address, the number of bits at which a flip may begin) of what the program uses of its memory."""
         place = self.board.address
         return [(name, begin, (to - begin) // 4 * (33 - self.bits)) for name, begin, to in (
@@ -252,14 +255,15 @@ class Campaign:
             raise SetupError(f"flips: expected at least 1, found {n}")
         outcomes: dict[int, Outcome] = {}
         died: dict[int, str] = {}
-        with open_pool(workers, scheduler) as pool, closing(pool.fly(
-                _Flips(self, seed), range(n), lambda: progress(len(outcomes) + len(died)))) as flown:
-            for i, found in flown:
-                if isinstance(found, Died):
-                    flip = self.flip(seed, i)
-                    died[i] = f"flip {i}, {flip.place} {flip.text}, bit {flip.bit}: {found.text}"
-                else:
-                    outcomes[i] = found
+        with open_pool(workers, scheduler) as pool:
+            flown = pool.fly(_Flips(self, seed), range(n), lambda: progress(len(outcomes) + len(died)))
+            with closing(flown):
+                for i, found in flown:
+                    if isinstance(found, Died):
+                        flip = self.flip(seed, i)
+                        died[i] = f"flip {i}, {flip.place} {flip.text}, bit {flip.bit}: {found.text}"
+                    else:
+                        outcomes[i] = found
         progress(n)
         self.died = [died[i] for i in sorted(died)]
         if not outcomes:
@@ -291,11 +295,11 @@ class _Flips(Work[int, Outcome]):
         return self.campaign.one(self.campaign.flip(self.seed, item))
 
 
-def _is_attitude(path):
+def _is_attitude(path: str) -> bool:
     return re.fullmatch(r"sigma_[A-Z]\w*", path.rpartition(".")[2]) is not None
 
 
-def deviation(measure: Measure, values: Any, undisturbed: Any) -> float:
+def deviation(measure: Measure, values: np.ndarray, undisturbed: np.ndarray) -> float:
     """How far samples of a field, (n, ...), are at most from those of another flight, in the unit of the Measure."""
     import numpy as np
 

@@ -15,6 +15,7 @@ from fledge import cli, folders
 from fledge.errors import SetupError
 from fledge.falsify import Flights, probability, scenario, search
 from fledge.montecarlo import Campaign, Chosen
+from fledge.montecarlo.shares import Range, Runs
 from fledge.units import deg, kg, km, m, s
 
 REQUIREMENTS = """
@@ -187,9 +188,14 @@ def test_chosen_runs_fly_as_drawn_ones(processes):
         assert chosen.retained[path] == pytest.approx(drawn.retained[path], rel=tolerance, abs=tolerance)
 
 
-def test_chosen_runs_are_not_for_other_machines():
-    with pytest.raises(SetupError, match="this machine alone"):
-        Chosen("sun_safe", spread).recipe       # what a scheduler's workers would make of it
+def test_another_program_flies_chosen_runs_by_their_recipe():
+    campaign = Chosen("sun_safe", spread)
+    campaign.choose({"world.craft.I_B[0, 0]": [90.0, 100.0, 110.0]})
+    make, arguments = Runs(campaign, 9).recipe
+    share, whole = make(*arguments).fly(Range(1, 3, campaign.values)), campaign.fly(3, seed=9)
+    assert share.first == 1 and share.draws.tolist() == [[100.0], [110.0]]
+    for values, path in zip(share.retained, whole.retained, strict=True):
+        assert values.tobytes() == whole.retained[path][1:].tobytes()
 
 
 def test_a_number_that_its_parameter_cannot_have_is_one_run_without_a_margin(tumbler):

@@ -37,13 +37,13 @@ class _Campaign(Chosen):
 
     @property
     def recipe(self) -> tuple[Any, tuple]:
-        _, (mission, function) = super().recipe
-        return _Campaign, (mission, function, self._requirement, self._scenario)
+        kind, (mission, function) = super().recipe
+        return kind, (mission, function, self._requirement, self._scenario)
 
     def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
         duration: list[float] = []
 
-        def prepare(sim):
+        def prepare(sim: Simulation) -> None:
             name, function = chosen(sim, self._scenario)
             found = set_up(sim, function)
             if found is None:
@@ -139,7 +139,7 @@ class Flights:
         self.least = np.fmin(self.least, np.fmin.reduce(margins))
         return margins
 
-    def _count(self, finished, _):
+    def _count(self, finished: int, _: int) -> None:
         if self.progress:
             self.progress(self.flown + finished, self.least)
 

@@ -43,7 +43,7 @@ def smallest(fly: Fly, marginals: Mapping[str, Marginal], faults: Sequence[str],
          if len(one) > 1 and marginals[path].kind != "attitude"}]
     now = dict(values)
 
-    def there(change):
+    def there(change: Mapping[str, float]) -> bool:
         return any(now[path] != x for path, x in change.items())
 
     for stage in stages:

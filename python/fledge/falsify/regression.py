@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING, Any
 
 from fledge import objects
 from fledge.falsify.flights import Flights
@@ -11,6 +12,9 @@ from fledge.falsify.reduction import Counterexample
 from fledge.mission.field_path import FieldPath, index_text
 from fledge.objects.si import enumerator_names
 from fledge.requirements.formula import number_text
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
 
 def name_of(requirement: str) -> str:
@@ -55,13 +59,13 @@ def {name_of(flights.requirement)}(sim):
 '''
 
 
-def _owner(sim, path):
+def _owner(sim: Simulation, path: str) -> Any:
     """The module or model "world.craft"."""
     process, _, name = path.partition(".")
     return sim.process(process).instances[name]
 
 
-def _assignments(sim, path, nominal):
+def _assignments(sim: Simulation, path: str, nominal: float) -> list[str]:
     """The lines that give a parameter its number; an inertia is symmetric."""
     target = FieldPath(sim, path)
     field, x = target.field, target.value()
@@ -72,7 +76,7 @@ def _assignments(sim, path, nominal):
     return [f"sim.{target.full}{index_text(one, field.shape)} = {text}{note}" for one in places]
 
 
-def _fault(row):
+def _fault(row: Any) -> str:
     """A fault as Python; what is 0 is left out."""
     parts = []
     for field in objects.struct(row).fields:
@@ -84,10 +88,10 @@ def _fault(row):
     return "{" + ", ".join(parts) + "}"
 
 
-def _seconds(ns):
+def _seconds(ns: int) -> str:
     """[ns] as a time in Python."""
     return f"{ns / 1e9!r} * s"
 
 
-def _whole(field):
+def _whole(field: Any) -> bool:
     return field.type not in ("f64", "f32")

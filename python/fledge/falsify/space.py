@@ -66,7 +66,7 @@ class Axis:
             x = np.clip(np.round(x), m.low, m.high) if self._steps else x
         return m.nominal * x if m.scale == "relative" else m.nominal + x if m.scale == "about" else x
 
-    def _deviation(self, u):
+    def _deviation(self, u: Array) -> Array:
         """[standard deviations] of a cut normal distribution. The upper half goes by what is above, as the lower one by
         what is below: there is no 1 - 1e-17."""
         m = self.of
@@ -102,7 +102,7 @@ class Axis:
         if m.kind == "attitude":
             return f"{self.names[0].rpartition('[')[0]}: any attitude"
 
-        def shown(x):
+        def shown(x: float) -> str:
             return f"{x:g}" if m.scale == "relative" else text(self.names[0], x)
 
         before = text(self.names[0], m.nominal) + {"about": " + ", "relative": " * "}[m.scale] if m.scale else ""
@@ -149,7 +149,7 @@ class Space:
         """Of each coordinate: of how many values it takes one; 0: of an interval."""
         return [one.choices for one in self.axes for _ in one.names]
 
-    def _parts(self, u):
+    def _parts(self, u: Array) -> list[tuple[Axis, Array]]:
         k = np.cumsum([0, *(one.n for one in self.axes)])
         return [(one, u[:, i:i + one.n]) for one, i in zip(self.axes, k)]
 

@@ -46,7 +46,7 @@ class Probability:
         error = float(np.std(self.parts, ddof=1)) / math.sqrt(len(self.parts)) / self.value if self.value else 0.0
         return (1 - self.value) / (self.value * error**2) / self.runs if error else math.nan
 
-    def __str__(self):
+    def __str__(self) -> str:
         if not self.value:
             return f"no run of {self.runs} failed; the probability is below {self.high:.2g}"
         return (f"{self.value:.3g}, between {self.low:.2g} and {self.high:.2g} ({CONFIDENCE:.0%}), by {self.runs} runs "
@@ -64,7 +64,7 @@ def probability(margins: Callable[[Array, int], Array], space: Space, runs: int 
     random = np.random.default_rng(seed)
     parts, levels, flown = [], [], 0
     for k in range(repetitions):
-        def margin(z):
+        def margin(z: Array) -> Array:
             return known(margins(space.values(ndtr(z)), k))
 
         part, through, n = _one(margin, space.n, runs, random)
@@ -83,7 +83,8 @@ def probability(margins: Callable[[Array, int], Array], space: Space, runs: int 
     return Probability(mean, mean * math.exp(-width), min(1.0, mean * math.exp(width)), flown, parts, levels)
 
 
-def _one(margin, n, runs, random):
+def _one(margin: Callable[[Array], Array], n: int, runs: int,
+         random: np.random.Generator) -> tuple[float, list[float], int]:
     """(estimate, levels, runs flown) of one repetition."""
     z = random.normal(size=(runs, n))
     g = margin(z)
@@ -104,7 +105,8 @@ def _one(margin, n, runs, random):
         flown += len(g) - int(inside.sum())
 
 
-def _chains(margin, z, g, level, runs, spread, random):
+def _chains(margin: Callable[[Array], Array], z: Array, g: Array, level: float, runs: int, spread: float,
+            random: np.random.Generator) -> tuple[Array, Array, float]:
     """(draws below a level, their margins, the spread of the steps at the end), by chains from those of `z` that are.
     Every third step is a plain one; between, a guess of the margin leads several steps that are not flown."""
     guess = _Guess(z, g, level)

@@ -116,7 +116,7 @@ class _Search:
             raise _Done
         return found
 
-    def _fly(self, values):
+    def _fly(self, values: Array) -> Array:
         found = self.margins(values)
         self.tried.values = np.vstack([self.tried.values, values])
         self.tried.margins = np.concatenate([self.tried.margins, found])
@@ -152,7 +152,7 @@ class _Search:
         if (self._normal[1] < 0.06).all():      # it has come to a point: begin anew
             self._normal = None
 
-    def _follow(self, part):
+    def _follow(self, part: slice) -> None:
         """Move the distribution of the cross-entropy to the elite of some runs."""
         mean, std, shares = self._normal
         order = np.argsort(self.g[part], kind="stable")[:max(4, round(ELITE * len(self.g[part])))]
@@ -185,7 +185,7 @@ class _Search:
             return
         at = self.space.to_box(self.u[[best]])
 
-        def margin(c):
+        def margin(c: Array) -> float:
             point = at.copy()
             point[0, free] = c
             return float(self.fly(np.clip(self.space.from_box(point), 0, 1))[0])

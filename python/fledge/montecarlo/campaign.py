@@ -61,7 +61,7 @@ class Campaign:
     @property
     def recipe(self) -> tuple[Any, tuple]:
         """(class, arguments) that make this campaign in another program."""
-        return Campaign, (anywhere(self._mission), self._function)
+        return type(self), (anywhere(self._mission), self._function)
 
     @property
     def has_callables(self) -> bool:
@@ -125,8 +125,11 @@ class Campaign:
             opened.callback(store.save)
             try:
                 if scheduler or processes or self.has_callables:
-                    pool = opened.enter_context(open_pool(threads, scheduler)) \
-                        if scheduler is None or isinstance(scheduler, str) else scheduler
+                    if scheduler is None or isinstance(scheduler, str):
+                        pool = open_pool(threads, scheduler)
+                        opened.callback(pool.close)
+                    else:
+                        pool = scheduler
                     shares = by_pool(self, store.missing(), seed, pool, report)
                 else:
                     shares = by_threads(self, store.missing(), seed, threads, report)
@@ -181,7 +184,7 @@ class Campaign:
         return Result(self, seed, store)
 
     @staticmethod
-    def _entered(log, name):
+    def _entered(log: Log, name: str) -> float:
         """[s] when a mode first began in the simulation of a log; NaN: it did not."""
         process, _, mode = name.split(".", 2)
         first = log.simulation.process(process).entered[mode][1]
@@ -200,7 +203,7 @@ class Campaign:
         """A share with the numbers of its runs that the kernel does not know."""
         return share
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         from fledge.display import table
 
         d = self.dispersions
@@ -210,7 +213,7 @@ class Campaign:
         return table(f"{self.name} of {self.nominal.name}, runs of {d.duration:g} s",
                      [("dispersed", drawn), ("retained", kept), ("requirements", checked)], notes=[self.summary])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<campaign {self.name} of {self.nominal.name}: {len(self.dispersions.columns)} numbers dispersed>"
 
 

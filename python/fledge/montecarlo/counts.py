@@ -78,7 +78,7 @@ class Counts:
         return bool((_middles(self.keys % _CODES) == 0).all())
 
 
-def _middles(codes):
+def _middles(codes: np.ndarray) -> np.ndarray:
     import numpy as np
 
     codes = np.asarray(codes) - _CODES // 2

@@ -55,20 +55,20 @@ class Draw:
                  scale: str = "", stride: int = 1) -> None:
         self.kind, self.numbers, self.low, self.high, self.scale, self.stride = kind, numbers, low, high, scale, stride
 
-    def _scaled(self, scale):
+    def _scaled(self, scale: str) -> Draw:
         if self.scale or self.kind == "attitude":
             raise SetupError(f"{self!r} cannot be joined with the nominal value"
                              + (" twice" if self.scale else ": it is an attitude of its own"))
         return Draw(self.kind, self.numbers, self.low, self.high, scale)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         cut = ([f"low={_short(self.low)}"] if self.low is not None else []) + (
             [f"high={_short(self.high)}"] if self.high is not None else [])
         text = f"{self.kind}({', '.join([*map(_short, self.numbers), *cut])})"
         return {"": "", "about": "nominal + ", "relative": "nominal * "}[self.scale] + text
 
 
-def _short(value):
+def _short(value: Any) -> str:
     from fledge.units import Quantity
 
     if isinstance(value, Quantity):
@@ -107,13 +107,13 @@ class _Nominal:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def _join(self, draw, scale, sign):
+    def _join(self, draw: Any, scale: str, sign: str) -> Draw:
         if not isinstance(draw, Draw):
             raise SetupError(f"d.nominal {sign} {draw!r}: expected something drawn, as in "
                              f"d.nominal {sign} d.normal({'0, 1 * m' if sign == '+' else '1, 0.05'})")
         return draw._scaled(scale)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return "nominal"
 
 
@@ -174,7 +174,7 @@ class Dispersions:
     def every(self, value: Any) -> None:
         self._every = _positive(value, "d.every")
 
-    def _sampling(self):
+    def _sampling(self) -> int:
         own = self._every or max((self._duration or 0) // 200, 1)
         return min([own, *(one.declared.every for one in self.requirements
                            if isinstance(one, FormulaCheck) and one.declared.every)])
@@ -256,7 +256,7 @@ class Dispersions:
                 target.field.type not in ("f64", "f32"), target.path)) for k in group)
         self.draws[target.path] = draw
 
-    def _choice(self, value, target, scale, shown):
+    def _choice(self, value: Any, target: FieldPath, scale: str, shown: str) -> float:
         """A value of a choice as a number."""
         field = target.field
         if field.type == "enum":
@@ -264,7 +264,7 @@ class Dispersions:
         relative = scale == "relative"
         return to_number(value, shown, "-" if relative else field.unit, _NUMBER if relative else field.dims)
 
-    def _numbers(self, value, target, draw, default=None):
+    def _numbers(self, value: Any, target: FieldPath, draw: Draw, default: float | None = None) -> list[Any]:
         """A number for each element, in the parameter's unit; factors have none."""
         n = len(target.elements)
         if value is None:
@@ -355,7 +355,7 @@ class Dispersions:
             self.orbit_elements[shown] = nominal[name]
             self.draws[shown] = elements[name]
 
-    def _crafts(self):
+    def _crafts(self) -> list[Any]:
         """All spacecraft."""
         return [one for process in self.simulation.processes for one in process.instances.values()
                 if _core.struct(one).name == "Spacecraft"]
@@ -410,7 +410,7 @@ class Dispersions:
             one.hidden = False
         return variable[0] if len(variable) == 1 else variable
 
-    def _retain(self, path, raw):
+    def _retain(self, path: str, raw: bool) -> Variable:
         target = FieldPath(self.simulation, path)
         if target.port is None:
             raise SetupError(f"{path} is no field of an input or output, and only these are retained; "
@@ -436,7 +436,8 @@ class Dispersions:
                 raise SetupError(f"d.require: {one.id} is shown by {one.method}, and has no formula")
             self._check_formula(one, one.text)
 
-    def _check_formula(self, declared, message):
+    def _check_formula(self, declared: Declared, message: str) -> None:
+        assert declared.formula is not None
         for comparison in declared.formula.comparisons:
             if comparison.signal.events:
                 raise SetupError(f"{declared.id}: {comparison.text}: campaigns do not retain events; look at a mode, "
@@ -480,7 +481,7 @@ class Dispersions:
                 self._sweep(path, values, stride)
             stride *= len(values)
 
-    def _sweep(self, path, values, stride):
+    def _sweep(self, path: str, values: Sequence[Any], stride: int) -> None:
         """Give a parameter the values of an axis. Those of a whole array are what an assignment takes: a number may
         stand for a multiple of the identity."""
         import numpy as np
@@ -536,7 +537,7 @@ class Dispersions:
             found.setdefault(one.measure_text, one)
         return list(found.values())
 
-    def _finished(self):
+    def _finished(self) -> Any:
         """The complete plan. Raises SetupError if something is missing."""
         if self._duration is None:
             raise SetupError("d.duration is not given: how long does each run fly?")
@@ -561,7 +562,7 @@ class Dispersions:
 
         return np.arange((self._duration or 0) // self._sampling() + 1) * self._sampling()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = ["dispersions" + (f", {self.duration:g} s" if self._duration else "")]
         lines += [f"  {path} = {draw!r}" for path, draw in self.draws.items()]
         lines += [f"  retain {one.path}" for one in self.shown]
@@ -569,7 +570,7 @@ class Dispersions:
         return "\n".join(lines)
 
 
-def _shape_of(given, path):
+def _shape_of(given: set[str], path: str) -> tuple[str, str]:
     """The two elements that give an orbit its size and shape, of those that are drawn."""
     for shape in (("a", "e"), ("p", "e"), ("altitude", "e"), ("rp", "ra"), ("rp", "e")):
         if given <= set(shape):
@@ -578,18 +579,18 @@ def _shape_of(given, path):
                      f"and e, or one of these; found {listed(sorted(given))}")
 
 
-def _positive(value, what):
+def _positive(value: Any, what: str) -> int:
     ns = time_ns(value, what)
     if ns <= 0:
         raise SetupError(f"{what} must be > 0, found {ns / 1e9:g} s")
     return ns
 
 
-def _shape(value):
+def _shape(value: Any) -> tuple[int, ...]:
     return (len(value), *_shape(value[0])) if isinstance(value, (list, tuple)) and len(value) else ()
 
 
-def _flat(value):
+def _flat(value: Any) -> list[Any]:
     if isinstance(value, (list, tuple)):
         return [x for one in value for x in _flat(one)]
     return [value]

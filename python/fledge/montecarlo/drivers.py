@@ -63,7 +63,7 @@ def ranks(x: np.ndarray) -> np.ndarray:
     return (last - (counts - 1) / 2)[at] - (len(x) + 1) / 2
 
 
-def _groups(x):
+def _groups(x: np.ndarray) -> np.ndarray:
     """The group of each number: about as many in each, equal ones together."""
     import numpy as np
 

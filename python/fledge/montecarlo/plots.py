@@ -9,7 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from fledge.montecarlo.drivers import drivers
-from fledge.montecarlo.requirements import Margin
+from fledge.montecarlo.requirements import FormulaCheck, Margin
 from fledge.montecarlo.sweep import Sweep, number, text
 from fledge.objects.measured import flat_index, unit_after
 from fledge.plot import STYLE, TITLE, axis_label, component_labels, label_time, symbol, time_unit, unit_label, used
@@ -55,7 +55,8 @@ def figures(result: Result) -> list[Figure]:
                     for path, values in result.draws.items()])]
 
 
-def _figure(rows, columns, name, title, result, sharex=False, height=2.3):
+def _figure(rows: int, columns: int, name: str, title: str, result: Result, sharex: bool = False,
+            height: float = 2.3) -> tuple[Any, np.ndarray]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.2 if columns == 1 else 5.0 * columns, 0.6 + height * rows), layout="constrained")
@@ -89,7 +90,7 @@ def _axis_label(variable: Variable) -> str:
     return axis_label(_shown(variable), unit_label(variable.unit))
 
 
-def _spans_decades(values) -> bool:
+def _spans_decades(values: np.ndarray) -> bool:
     """Whether a logarithmic axis shows the values better; they must be positive."""
     import numpy as np
 
@@ -117,7 +118,7 @@ def _bands(result: Result, variable: Variable) -> Figure:
     for axis, one in zip(axes, panels):
         _band_panel(axis, one, result, factor)
         axis.set_ylabel(_axis_label(one))
-    label_time(axes, len(panels), columns, unit)
+    label_time(list(axes), len(panels), columns, unit)
     axes[min(columns, len(panels)) - 1].legend(*axes[0].get_legend_handles_labels(), loc="upper left",
                                                bbox_to_anchor=(1.0, 1.0), handlelength=1.2)
     return figure
@@ -268,12 +269,12 @@ def _axes(result: Result) -> list[Figure]:
     return [figure]
 
 
-def _is_geometric(place):
+def _is_geometric(place: np.ndarray) -> bool:
     """Whether values stand on a logarithmic axis."""
-    return len(place) > 2 and place.min() > 0 and place[1] - place[0] < 0.6 * (place[-1] - place[-2])
+    return bool(len(place) > 2 and place.min() > 0 and place[1] - place[0] < 0.6 * (place[-1] - place[-2]))
 
 
-def _edges(place):
+def _edges(place: np.ndarray) -> np.ndarray:
     """The borders of the cells about values, of which each is in the middle of its cell on its axis."""
     import numpy as np
 
@@ -284,7 +285,7 @@ def _edges(place):
     return np.exp(edges) if _is_geometric(place) else edges
 
 
-def _map(axis, x, y, grid, bad, label):
+def _map(axis: Axes, x: np.ndarray, y: np.ndarray, grid: np.ndarray, bad: np.ndarray, label: str) -> None:
     """The median of the runs at each point of two axes, with a cross where a run has failed."""
     import warnings
 
@@ -304,7 +305,7 @@ def _map(axis, x, y, grid, bad, label):
     axis.grid(False)
 
 
-def _curve(axis, x, grid, bad, requirement):
+def _curve(axis: Axes, x: np.ndarray, grid: np.ndarray, bad: np.ndarray, requirement: Requirement | None) -> None:
     """All runs over one axis: their median and extremes; each that has failed."""
     import warnings
 
@@ -332,9 +333,9 @@ def judged(result: Result) -> list[tuple[Variable, str, np.ndarray, Requirement 
             or [(one, "at the end", result.final(one), None) for one in d.measures()])
 
 
-def _reached(result, requirement):
+def _reached(result: Result, requirement: Requirement) -> np.ndarray:
     values = result.reached(requirement)[0]
-    return requirement.variable.finite(values) if isinstance(requirement.variable, Margin) else values
+    return requirement.variable.finite(values) if isinstance(requirement, FormulaCheck) else values
 
 
 def _drivers(result: Result) -> list[Figure]:

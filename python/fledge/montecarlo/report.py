@@ -19,7 +19,7 @@ import io
 import itertools
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,8 @@ from fledge.montecarlo.plots import PERCENTILES, figures, judged, percentiles
 from fledge.objects.si import enumerator_names
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from fledge.montecarlo.result import Result
 
 FAILURES_MAX = 1000     # in a summary
@@ -59,7 +61,7 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
     complete = result.complete
     low, high = confidence(passed, flown)
 
-    def describe(values, names=()):
+    def describe(values: np.ndarray, names: Container[float] = ()) -> dict[str, float]:
         values = values[complete & ~np.isnan(values)]
         shown = percentiles(len(values))
         if not shown:
@@ -104,7 +106,7 @@ def summary(result: Result, command: Callable[[int], str]) -> dict:
         "requirements": requirements,
         "final": [{"measure": one.measure_text, "unit": one.unit, "percentiles": (
             found := describe(result.final(one), words := enumerator_names(one.field_path.field))),
-            "names": {p: words[x] for p, x in found.items() if x in words}}
+            "names": {p: words[int(x)] for p, x in found.items() if x in words}}
             for one in d.measures()],
         "modes": [{"mode": name, "runs": int((~np.isnan(result.entered(name)[complete])).sum()),
                    "of": int(complete.sum()), "first": describe(result.entered(name))} for name in d.modes],
@@ -210,7 +212,7 @@ def as_csv(result: Result) -> str:
     """A line for each run, of a result that is exact."""
     d = result.campaign.dispersions
 
-    def head(name, unit):
+    def head(name: str, unit: str) -> str:
         return f"{name} [{unit}]" if unit else name
 
     # Of two requirements on one number, which are furthest from their limits at other samples, the second has its own.

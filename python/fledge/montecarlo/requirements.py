@@ -60,13 +60,13 @@ class Variable(Measured):
         """At the end of the run."""
         return self._with(_start=None)
 
-    def _within(self, t, what):
+    def _within(self, t: Any, what: str) -> int:
         ns = time_ns(t, f"{self!r}: {what}")
         if not 0 <= ns <= (self._duration() or ns):
             raise SetupError(f"{self!r}: {what}({ns / 1e9:g} s) is not within the run")
         return ns
 
-    def _compare(self, comparison, limit):
+    def _compare(self, comparison: str, limit: Any) -> Requirement:
         value = self._constant(limit, comparison)
         if not math.isfinite(value):
             raise SetupError(f"{self!r} {comparison} {limit!r}: expected a finite number")
@@ -134,7 +134,7 @@ class Variable(Measured):
         end = len(ns) if self._end is None else int(np.searchsorted(ns, self._end, "right"))
         return slice(int(np.searchsorted(ns, self._start, "left")), end)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return " ".join(filter(None, [self.measure_text, self.when]))
 
 
@@ -145,7 +145,7 @@ class Requirement:
         self.variable, self.comparison, self.limit, self.message = variable, comparison, limit, ""
         self.quality: Variable | None = None    # of its messages; None: they need not be good
 
-    def __bool__(self):
+    def __bool__(self) -> bool:
         raise TypeError(f"{self!r} is only known when the campaign has flown; hand it to d.check()")
 
     def worst(self, result: Series) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -188,13 +188,13 @@ class Requirement:
                 f"not {self.comparison} {self._shown(self.limit)}")
         return f"{self.message}: {text}" if self.message else text
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"{self.variable!r} {self.comparison} {self._shown(self.limit)}"
 
-    def _shown(self, value, form="g"):
+    def _shown(self, value: float, form: str = "g") -> str:
         """A number of the variable with its unit, or the name of an enumerator."""
         field = self.variable.field_path.field
-        names = enumerator_names(field)
+        names: dict[Any, str] = {**enumerator_names(field)}
         return names.get(value, f"{value:{form}}{unit_after(self.variable.unit)}")
 
 
@@ -217,7 +217,7 @@ class Margin:
         most = np.abs(values[np.isfinite(values)]).max(initial=0.0) or 1.0
         return np.clip(values, -most, most)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.measure_text
 
 
@@ -271,8 +271,8 @@ class FormulaCheck(Requirement):
                 + (f" at {time:g} s" if time == time else ""))
         return f"{self.message}: {text}" if self.message else text
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.declared.id if self.declared.id != str(self.formula) else str(self.formula)
 
-    def _shown(self, value, form="g"):
+    def _shown(self, value: float, form: str = "g") -> str:
         return number_text(value, self.variable.unit) if math.isfinite(value) else ""

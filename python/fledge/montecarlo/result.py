@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from fledge.montecarlo.campaign import Campaign
+    from fledge.montecarlo.counts import Counts
     from fledge.montecarlo.requirements import Requirement, Variable
     from fledge.montecarlo.store import Store
 
@@ -130,7 +131,7 @@ class Result:
         return {run: variable.values(Series(self.ns, {variable.path: self.store.lines[run][at].reshape(
             1, -1, *variable.field_path.shape)}))[0] for run in wanted if run in self.store.lines}
 
-    def _counts(self, variable):
+    def _counts(self, variable: Variable) -> Counts:
         texts = [one.measure_text for one in self.store.panels]
         return self.store.counts[texts.index(variable.measure_text)]
 
@@ -153,10 +154,10 @@ class Result:
         """Delete what fly(folder=...) left on disk for a campaign that goes on later."""
         self.store.close()
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.flown)
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         from fledge.display import table
 
         d = self.campaign.dispersions
@@ -167,7 +168,7 @@ class Result:
         return table(repr(self)[1:-1], [("requirements, and the complete runs that fulfil them", rows),
                                         ("failures", [(f"run {run}", text) for run, text in shown] + more)])
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (f"<{len(self)} runs of {self.campaign.nominal.name}, {self.campaign.name}, seed {self.seed}: "
                 f"{self.passed.sum()} passed, {len(self.failures)} failed"
                 + (f", {(~self.flown).sum()} not flown" if not self.flown.all() else "") + ">")
@@ -194,7 +195,7 @@ class _Lazy(Mapping):
     def __len__(self) -> int:
         return len(self._keys)
 
-    def _ipython_key_completions_(self):
+    def _ipython_key_completions_(self) -> list[Any]:
         return list(self)
 
     def __repr__(self) -> str:

@@ -153,7 +153,7 @@ class Runs(Work[Range, Share]):
         plan.seed = self.seed
         return self.campaign.complete(Share.of(index, _core.fly_one(simulation.kernel, plan, index)))
 
-    def parts(self, item: Range) -> list[Range]:
+    def split(self, item: Range) -> list[Range]:
         middle = (item.first + item.end) // 2
         return [item._replace(end=middle), item._replace(first=middle)] if item.end - item.first > 1 else []
 
@@ -167,7 +167,8 @@ def by_pool(campaign: Campaign, ranges: Ranges, seed: int, pool: Local | Cluster
         most = min(RUNS_MOST, -(-sum(end - first for first, end in ranges) // (SHARES * pool.threads)))
     items = [Range(first, end, campaign.values) for first, end in cut(campaign, ranges, most)]
     finished = failed = 0
-    with closing(pool.fly(Runs(campaign, seed), items, lambda: progress(finished, failed))) as flown:
+    flown = pool.fly(Runs(campaign, seed), items, lambda: progress(finished, failed))
+    with closing(flown):
         for _, found in flown:
             share = Share.failed(campaign, found.item.first, found.text) if isinstance(found, Died) else found
             finished, failed = finished + len(share.flown), failed + sum(map(bool, share.errors))

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from fledge.montecarlo.campaign import Campaign
+    from fledge.montecarlo.requirements import Variable
 
 EXACT = 2**25           # numbers that all runs together may retain, to be kept one by one (256 MiB)
 LINES = 12              # failed runs whose retained variables are kept beyond that, those of the lowest indices
@@ -50,12 +51,13 @@ class Store:
         import numpy as np
 
         d = campaign.dispersions
-        self.campaign, self.runs, self.strict = campaign, runs, strict
+        self.campaign, self.runs = campaign, runs
+        self.strict: bool = strict
         self.names = ["outcome", "findings", *d.columns, *d.modes, *(repr(one.final) for one in d.measures()),
                       *(text for i in range(len(d.requirements)) for text in (f"worst {i}", f"time {i}"))]
-        self.exact = runs * numbers_of_run(campaign) <= EXACT
-        self.panels = [] if self.exact else [one for variable in d.shown for one in variable.panels]
-        self.counts = [Counts(len(d.ns)) for _ in self.panels]
+        self.exact: bool = runs * numbers_of_run(campaign) <= EXACT
+        self.panels: list[Variable] = [] if self.exact else [one for variable in d.shown for one in variable.panels]
+        self.counts: list[Counts] = [Counts(len(d.ns)) for _ in self.panels]
         self.errors: dict[int, str] = {}
         self.health: dict[int, list[Finding]] = {}      # of each run with findings, if exact
         self.unhealthy: dict[tuple[str, str], tuple[int, int, Finding]] = {}    # how many runs, the first, its finding
@@ -64,7 +66,7 @@ class Store:
         self._saved = time.monotonic()
         self.folder: Any = folder and Path(folder) / "unfinished"
         self._check_room()
-        self.done = np.zeros(runs, bool)
+        self.done: np.ndarray = np.zeros(runs, bool)
         if self.folder:
             self._plan = json.dumps({"mission": str(campaign.folder), "campaign": campaign.name,
                                      "declared": repr(d), "every": d.every, "seed": seed, "runs": runs,
@@ -119,7 +121,7 @@ class Store:
         if self.folder and time.monotonic() - self._saved > SAVED_EVERY:
             self.save()
 
-    def _add(self, share):
+    def _add(self, share: Share) -> None:
         import numpy as np
 
         d = self.campaign.dispersions
@@ -162,14 +164,14 @@ class Store:
         self.done[runs] = True
 
     @staticmethod
-    def _shaped(variable, values):
+    def _shaped(variable: Variable, values: np.ndarray) -> np.ndarray:
         values = values.reshape(*values.shape[:2], *variable.field_path.shape)
         values.flags.writeable = False
         return values
 
     # --- memory and files ---
 
-    def _check_room(self):
+    def _check_room(self) -> None:
         import os
 
         wanted = 8 * (self.runs * len(self.names) + sum(a * b * c for a, b, c in self._shapes))
@@ -182,16 +184,16 @@ class Store:
             raise SetupError(f"{self.runs} runs need {wanted / 1e9:.1f} GB, more than {what}, {room / 1e9:.1f} GB: fly "
                              "fewer" + ("" if self.folder else ", or give a folder"))
 
-    def _name(self, i):
+    def _name(self, i: int) -> Path:
         return self.folder / ("rows.npy" if i == 0 else f"series-{i - 1}.npy")
 
-    def _array(self, i):
+    def _array(self, i: int) -> np.ndarray:
         """The rows, or a retained variable after them. Files stay open no longer than their array is used."""
         import numpy as np
 
         return np.load(self._name(i), mmap_mode="r") if self.folder else self._memory[i]
 
-    def _write(self, i, runs, values):
+    def _write(self, i: int, runs: np.ndarray, values: np.ndarray) -> None:
         import numpy as np
 
         if self.folder:
@@ -203,7 +205,7 @@ class Store:
         else:
             array[runs] = values
 
-    def _begin(self):
+    def _begin(self) -> None:
         import numpy as np
 
         if self.folder.exists():

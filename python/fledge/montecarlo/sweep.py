@@ -45,7 +45,7 @@ def log(first: Any, last: Any, n: int) -> list[Any]:
     return [first * math.exp(ratio * i / (n - 1)) for i in range(n - 1)] + [last]
 
 
-def _check_n(n):
+def _check_n(n: int) -> None:
     if n < 2:
         raise SetupError(f"a range of values needs at least 2, found {n}")
 
@@ -75,7 +75,7 @@ class Sweep(Campaign):
         super().__init__(mission, name)
         self._check_parameters()
 
-    def _check_parameters(self):
+    def _check_parameters(self) -> None:
         """Load the mission with each value of each parameter once, so that a wrong one is an error at once."""
         stride = 1
         for path, values in self.axes.items():
@@ -90,8 +90,8 @@ class Sweep(Campaign):
 
     @property
     def recipe(self) -> tuple[Any, tuple]:
-        _, (mission, function) = super().recipe
-        return Sweep, (mission, self.axes, function, self.dispersed)
+        kind, (mission, function) = super().recipe
+        return kind, (mission, self.axes, function, self.dispersed)
 
     def at(self, index: int) -> dict[str, Any]:
         """The values at the point of a run: name or path -> value."""

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, Pipe, wait
 
 from fledge.pool.work import death
 
-TICK = 0.2      # [s] at most between two looks at what else there is to do
+TICK = 0.1      # [s] at most between two looks at what else there is to do
 _DEATH_SIGNAL = 1       # PR_SET_PDEATHSIG of prctl()
 
 

@@ -13,13 +13,13 @@ import queue
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, Self
 
 from fledge.errors import RunError, SetupError
 from fledge.mission.provenance import identity
-from fledge.pool.work import Died, Item, Result, Work, opened
+from fledge.pool.work import Died, Flown, Item, Result, Work, opened
 
 PATIENCE = 5.0      # [s] for the scheduler to answer, and for a first worker to be there
 LOST = 20.0         # [s] until a scheduler that does not answer any more is given up
@@ -72,7 +72,7 @@ class Cluster:
         self.close()
 
     def fly(self, work: Work[Item, Result], items: Sequence[Item],
-            tick: Callable[[], Any] = lambda: None) -> Iterator[tuple[int, Result | Died[Item]]]:
+            tick: Callable[[], Any] = lambda: None) -> Flown[Item, Result]:
         """As of Local; of an item whose workers died, the results of its parts.
 
         Raises SetupError if a worker has another Fledge or mission; RunError if the scheduler goes away. A worker of
@@ -96,7 +96,7 @@ class Cluster:
                     raise RunError(f"the scheduler at {self.address} has gone")
                 while client.status == "running" and waiting and len(tasks) < _AHEAD * self.threads:
                     place, item = waiting.popleft()
-                    task = client.submit(_fly, job, pickle.dumps(item), not work.parts(item), pure=False)
+                    task = client.submit(_fly, job, pickle.dumps(item), not work.split(item), pure=False)
                     tasks[task] = place, item
                     task.add_done_callback(done.put)
                 tick()
@@ -125,7 +125,7 @@ class Cluster:
                     found = "the workers that flew it were ended"
                 if isinstance(found, bytes):
                     yield place, opened(found)
-                elif parts := work.parts(item):
+                elif parts := work.split(item):
                     waiting.extendleft((place, one) for one in reversed(parts))
                 else:
                     yield place, Died(item, found)

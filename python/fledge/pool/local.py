@@ -6,14 +6,14 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 from multiprocessing.connection import Connection
 from typing import Any, Self
 
 from fledge.errors import SetupError
 from fledge.pool.children import Children, cores
-from fledge.pool.work import Died, Item, Result, Work, answer, opened
+from fledge.pool.work import Died, Flown, Item, Result, Work, answer, opened
 
 
 class Local:
@@ -24,14 +24,17 @@ class Local:
         if self.threads < 1:
             raise SetupError(f"jobs must be >= 1, found {jobs}")
 
+    def close(self) -> None:
+        """Nothing is left of it."""
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        pass
+        self.close()
 
     def fly(self, work: Work[Item, Result], items: Sequence[Item],
-            tick: Callable[[], Any] = lambda: None) -> Iterator[tuple[int, Result | Died[Item]]]:
+            tick: Callable[[], Any] = lambda: None) -> Flown[Item, Result]:
         """(place, result) of each item, as they come; tick() is called before the first, and some times a second."""
         children = Children()
         waiting = iter(range(len(items)))

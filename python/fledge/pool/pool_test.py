@@ -249,15 +249,16 @@ class OfTiming(User):
         return [None] * len(found.died) + [found.longest], [one.rpartition(": ")[2] for one in found.died]
 
 
-USERS = [OfCampaign, OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled),
-         pytest.param(OfTiming, marks=compiled)]
+@pytest.fixture(scope="module", params=[OfCampaign, OfSweep, OfVerify, OfFaults,
+                                        *(pytest.param(one, marks=compiled) for one in (OfFlips, OfTiming))])
+def user(request, tmp_path_factory):
+    one = request.param(tmp_path_factory.mktemp("user"))
+    one.whole, texts = one.fly(jobs=1)
+    assert texts == [] and None not in one.whole
+    return one
 
 
-@pytest.mark.parametrize("user", USERS)
 def test_a_killed_process_costs_its_item_alone(user, tmp_path, monkeypatch):
-    one = user(tmp_path)
-    whole, texts = one.fly(jobs=1)
-    assert texts == [] and None not in whole
     called, own = getattr(user.owner, user.name), os.getpid()
     # The calls of all processes are counted in a file; in the second one its process is killed.
     count = tmp_path / "calls"
@@ -271,24 +272,22 @@ def test_a_killed_process_costs_its_item_alone(user, tmp_path, monkeypatch):
         return called(*arguments)
 
     monkeypatch.setattr(user.owner, user.name, deadly)
-    found, texts = one.fly(jobs=1)
+    found, texts = user.fly(jobs=1)
     assert texts == [KILLED] and found.count(None) == 1
-    if user is not OfTiming:        # whose later runs follow from the earlier ones
-        assert [a for a, b in zip(whole, found, strict=True) if b is not None] == [b for b in found if b is not None]
+    if not isinstance(user, OfTiming):      # whose later runs follow from the earlier ones
+        assert [whole for whole, one in zip(user.whole, found, strict=True) if one is not None] == [
+            one for one in found if one is not None]
 
 
-@pytest.mark.parametrize("user", USERS)
-def test_ctrl_c_ends_all_processes(user, tmp_path, begun):
+def test_ctrl_c_ends_all_processes(user, begun):
     def interrupt():
         if begun:
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        user(tmp_path).fly(progress=interrupt, jobs=2)
+        user.fly(jobs=2, progress=interrupt)
     assert begun and ended(begun)
 
 
-@pytest.mark.parametrize("user", USERS)
-def test_the_number_of_processes_changes_no_bit(user, tmp_path):
-    one = user(tmp_path)
-    assert one.fly(jobs=1) == one.fly(jobs=3)
+def test_the_number_of_processes_changes_no_bit(user):
+    assert user.fly(jobs=3) == (user.whole, [])

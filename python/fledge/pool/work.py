@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -39,7 +39,7 @@ class Work(Generic[Item, Result]):
     def fly(self, item: Item) -> Result:
         raise NotImplementedError
 
-    def parts(self, item: Item) -> Sequence[Item]:
+    def split(self, item: Item) -> Sequence[Item]:
         """Smaller items in place of one in which a process died; none: it is what died."""
         return ()
 
@@ -49,6 +49,10 @@ class Died(Generic[Item]):
     """The process that flew an item has ended; text: how, as "the process that flew it was ended by SIGKILL"."""
     item: Item
     text: str
+
+
+# What comes of items: (place, result), as they come.
+Flown = Generator[tuple[int, Died[Item] | Result], None, None]
 
 
 def anywhere(mission: str | os.PathLike[str]) -> str:

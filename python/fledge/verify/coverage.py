@@ -35,7 +35,7 @@ def read(path: Path, roots: Sequence[Path], exported: Path) -> Coverage:
     return found
 
 
-def _name(source, roots, exported):
+def _name(source: Path, roots: Sequence[Path], exported: Path) -> str:
     """The name of a source of flight; "" of others."""
     source = source.resolve()
     if source.is_relative_to(exported.resolve()):

@@ -73,12 +73,13 @@ def fly(flights: Sequence[Flight], mission: Path, jobs: int | None, again: bool,
     done = 0
     if items:
         work = Verification(flights[0].mission)
-        with open_pool(jobs, scheduler) as pool, closing(
-                pool.fly(work, items, lambda: progress(done, len(items)))) as flown:
-            for place, files in flown:
-                results[places[place]] = _result(*items[place], files)
-                done += 1
-                tell(results[places[place]])
+        with open_pool(jobs, scheduler) as pool:
+            flown = pool.fly(work, items, lambda: progress(done, len(items)))
+            with closing(flown):
+                for place, files in flown:
+                    results[places[place]] = _result(*items[place], files)
+                    done += 1
+                    tell(results[places[place]])
     return [results[place] for place in range(len(flights))]
 
 

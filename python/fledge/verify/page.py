@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
@@ -73,7 +73,7 @@ def margin(shown: Shown) -> Markup:
     return text
 
 
-def _figures(number_: int, row: Row):
+def _figures(number_: int, row: Row) -> Iterator[tuple[str, Markup]]:
     """(caption, figure) of each scenario; targets with the same one share it."""
     groups: dict[tuple[str, str], list[tuple[Flown, Shown]]] = {}
     for flight, shown in row.shown:

@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from fledge.errors import Failure, did_you_mean, printable
 from fledge.requirements.declared import METHODS
@@ -136,13 +137,13 @@ def junit(mission: str, found: Sequence[Row], flown: Sequence[Flown]) -> str:
     return ElementTree.tostring(top, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _suite(top, name, wall):
+def _suite(top: Element, name: str, wall: float) -> Element:
     return ElementTree.SubElement(top, "testsuite", name=name, time=f"{wall:.3f}")
 
 
-def _case(suite, name, kind="", message=""):
+def _case(suite: Element, name: str, kind: str = "", message: str = "") -> Element:
     """A case of a suite, or what is wrong with it."""
-    case = ElementTree.SubElement(suite, "testcase", classname=suite.get("name"), name=name)
+    case = ElementTree.SubElement(suite, "testcase", classname=suite.get("name", ""), name=name)
     if kind:
         ElementTree.SubElement(case, kind, message=printable(message))
         return case
