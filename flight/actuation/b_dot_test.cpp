@@ -133,9 +133,9 @@ void detumble(Random &random, const Tumble &how, double &slow, double &reported,
     for (int k = 0; k * dt < 3 * period; k++) {
         const double t = k * dt;
         const Tick tick{k * second / 2, k ? second / 2 : 0};
-        m.in.field = {good(tick.t), vec(craft.dcm_BN() * orbit.field_N(t) + noise(random, how.noise))};
+        m.in.field = {good(tick.t), vec(craft.dcm_BN() * orbit.field_N(t) + random.normals(how.noise))};
         if (how.gyro) {
-            m.in.gyro = {good(tick.t), vec(craft.omega + noise(random, how.noise * 500))};
+            m.in.gyro = {good(tick.t), vec(craft.omega + random.normals(how.noise * 500))};
         }
         if (how.turns) {
             window.in.measured = m.in.field;

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Velocity pointing on conics of every kind, against numerical derivatives of Keplerian motion and
 // against the thesis' equations in elements.
-#include "flight/testing/conics.h"
-#include "flight/testing/kinematics.h"
 #include "flight/testing/orbit_frame.h"
-#include "flight/testing/poison.h"
 
 extern "C" {
 #include "flight/guidance/velocity_pointing.h"
@@ -17,11 +14,6 @@ namespace velocity_pointing_test {
 
 constexpr double mu = mu_mars;
 
-struct Planet {
-    Vector3d r = Vector3d::Zero(), v = Vector3d::Zero();
-    Vector3d position(double t) const { return r + t * v; }
-};
-
 VelocityPointing pointing(const Motion &motion)
 {
     VelocityPointing m{};
@@ -32,14 +24,7 @@ VelocityPointing pointing(const Motion &motion)
 
 AttReference reference_of(const Motion &motion, const Planet *planet = nullptr, double t = 0)
 {
-    VelocityPointing m = pointing(motion);
-    if (planet) {
-        m.in.planet = {good(), vec(planet->position(t)), vec(planet->v), {}};
-        m.in.orbit.r_BN_N = vec(motion.r + planet->position(t));
-        m.in.orbit.v_BN_N = vec(motion.v + planet->v);
-    }
-    velocity_pointing_update(&m, {0, 0});
-    return m.out.reference;
+    return testing::reference_of(pointing, velocity_pointing_update, motion, planet, t);
 }
 
 /// Errors are relative to the rate, and to what it changes by in the time scale of the motion,
@@ -145,14 +130,6 @@ TEST(VelocityPointing, quality_is_the_worst_of_what_it_used)
     expect_quality_of_inputs(pointing, velocity_pointing_update);
 }
 
-TEST(VelocityPointing, without_an_orbit_nothing_is_written)
-{
-    VelocityPointing m{};
-    m.par.mu = mu;
-    velocity_pointing_update(&m, {500, 0});
-    EXPECT_TRUE(all_zero(m.out));
-}
-
 TEST(VelocityPointing, holds_the_last_reference_where_the_frame_is_undefined)
 {
     expect_held_where_undefined(pointing, velocity_pointing_update);
@@ -168,33 +145,16 @@ TEST(VelocityPointing, needs_a_planet_that_attracts)
     }
 }
 
-TEST(VelocityPointing, holds_the_last_reference_against_numbers_that_are_not_finite)
-{
-    VelocityPointing m = pointing({{7e6, 1e5, -3e6}, {500, 3e3, 1e3}});
-    m.in.planet.head = good();
-    velocity_pointing_update(&m, {0, 0});
-    auto &[orbit, planet] = m.in;
-    expect_held(
-        m, doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N, m.par.mu),
-        [](VelocityPointing &x) {
-            velocity_pointing_update(&x, {500, 500});
-        },
-        [](VelocityPointing &x) { return std::vector{&x.out.reference.head}; });
-}
-
-TEST(VelocityPointing, gives_finite_numbers_whatever_it_is_given)
+TEST(VelocityPointing, gives_finite_numbers_or_holds_the_last_whatever_it_is_given)
 {
     Random random{6};
-    VelocityPointing m{};
-    expect_finite_references(random, m, velocity_pointing_update, doubles(m.par.mu));
+    expect_finite_references<VelocityPointing>(random, pointing, velocity_pointing_update,
+                                               [](VelocityPointing &m) { return doubles(m.par.mu); });
 }
 
-TEST(VelocityPointing, reset_forgets)
+TEST(VelocityPointing, without_an_orbit_and_after_a_reset_nothing_is_written)
 {
-    VelocityPointing m = pointing({{7e6, 0, 0}, {0, 3e3, 0}});
-    velocity_pointing_update(&m, {0, 0});
-    velocity_pointing_reset(&m);
-    EXPECT_TRUE(all_zero(m.out));
+    expect_nothing_of_nothing(pointing, velocity_pointing_update, velocity_pointing_reset);
 }
 
 } // namespace velocity_pointing_test

@@ -51,13 +51,13 @@ struct Flown {
         const double h = 1e-9 * static_cast<double>(every), T = 1e-9 * static_cast<double>(t);
         x = earth.go(T, x, T + h);
         if (noise > 0) {
-            const Vector3d dv = gaussian(random, std::sqrt(noise * h));
+            const Vector3d dv = random.normals(std::sqrt(noise * h));
             x.tail<3>() += dv;
-            x.head<3>() += h / 2 * dv + gaussian(random, h * std::sqrt(noise * h / 12));
+            x.head<3>() += h / 2 * dv + random.normals(h * std::sqrt(noise * h / 12));
         }
         if (along_std > 0) {
             const double stays = std::exp(-h / along_time);
-            earth.along = stays * earth.along + along_std * std::sqrt(1 - stays * stays) * gaussian(random).x();
+            earth.along = stays * earth.along + along_std * std::sqrt(1 - stays * stays) * random.normals().x();
         }
         t += every;
     }
@@ -66,11 +66,11 @@ struct Flown {
     {
         started ? move() : void();
         const double stays = started ? std::exp(-1e-9 * static_cast<double>(every) / wander_time) : 0;
-        wandered = stays * wandered + gaussian(random, wander * std::sqrt(1 - stays * stays));
+        wandered = stays * wandered + random.normals(wander * std::sqrt(1 - stays * stays));
         past.push_back({t, x});
         NavOrbit fix{{t, QUALITY_GOOD, 0},
-                     vec(x.head<3>() + wandered + gaussian(random, white)),
-                     vec(x.tail<3>() + gaussian(random, fast)),
+                     vec(x.head<3>() + wandered + random.normals(white)),
+                     vec(x.tail<3>() + random.normals(fast)),
                      {}};
         if (spoil) {
             spoil(fix);
@@ -139,7 +139,7 @@ TEST(OrbitFilter, its_errors_are_as_large_as_it_says)
         f.noise = f.m.par.accel_noise;
         f.along_std = f.m.par.along_std;
         f.along_time = f.m.par.along_time = 3000;
-        f.earth.along = gaussian(f.random, f.along_std).x();
+        f.earth.along = f.random.normals(f.along_std).x();
         f.run(60);
         early += f.normalised_error() / n;
         for (int k = 0; k < 100; k++) {

@@ -47,19 +47,12 @@ TEST(FieldDirection, says_how_large_its_error_is)
     Random random{2};
     double sum = 0;
     const int n = 20000;
-    const auto normal = [&](double std) {
-        const auto one = [&] {
-            return std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-        };
-        const double x = one(), y = one(), z = one();
-        return Vector3d(std * x, std * y, std * z);
-    };
     for (int i = 0; i < n; i++) {
         FieldDirection m = any(random, 1);
         const Matrix3d dcm_BN = random.attitude();
         Vector3d b = dcm_BN * eigen(m.in.known.B_N);
-        const Vector3d small = normal(m.par.std);
-        b += normal(m.par.noise) + small.cross(b);
+        const Vector3d small = random.normals(m.par.std);
+        b += random.normals(m.par.noise) + small.cross(b);
         m.in.field = {good(9), vec(b)};
         field_direction_update(&m, {9, 2});
         const Vector3d across = eigen(m.out.seen.d_B).cross(dcm_BN * eigen(m.out.seen.d_N));

@@ -17,17 +17,6 @@ extern "C" {
 namespace flight::testing {
 namespace sun_line_test {
 
-double normal(Random &random)
-{
-    return std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-}
-
-Vector3d normals(Random &random)
-{
-    const double x = normal(random), y = normal(random), z = normal(random);
-    return {x, y, z};
-}
-
 struct Flown {
     SunLine m{};
     Random random;
@@ -50,8 +39,8 @@ struct Flown {
         m.par.hold = 2;
         m.par.persistence = 5;
         s = random.direction();
-        omega = gyro ? Vector3d(0.05 * random.direction()) : Vector3d(0.02 * normals(random));
-        bias = 1e-3 * normals(random);
+        omega = gyro ? Vector3d(0.05 * random.direction()) : Vector3d(0.02 * random.normals());
+        bias = 1e-3 * random.normals();
         sun_line_reset(&m);
         std::vector<Vector3d> corners;
         for (unsigned i = 0; i < 8; i++) {
@@ -76,24 +65,24 @@ struct Flown {
         if (t > 0) {
             const Vector3d before = omega;
             if (!gyro) {
-                omega += std::sqrt(m.par.walk * step) * normals(random);
+                omega += std::sqrt(m.par.walk * step) * random.normals();
             } else if (rest > 0) {
                 omega = begun * std::max(0.0, 1 - 1e-9 * static_cast<double>(t) / rest);
             }
             const Vector3d mean = gyro ? Vector3d((before + omega) / 2) : omega;
             s = turn(mean, mean.norm() * step + 1e-300) * s;
-            bias += std::sqrt((gyro ? m.par.walk : 0) * step) * normals(random);
+            bias += std::sqrt((gyro ? m.par.walk : 0) * step) * random.normals();
         }
         SunCosines &cosines = m.in.cosines;
         cosines.head = good(t);
         cosines.lit = 0;
         for (unsigned i = 0; i < cosines.n; i++) {
             const double cosine = brightness * eigen(cosines.axes_B[i]).dot(s);
-            cosines.cosine[i] = std::max(0.0, cosine) + m.par.noise / std::sqrt(cosines.weight[i]) * normal(random);
+            cosines.cosine[i] = std::max(0.0, cosine) + m.par.noise / std::sqrt(cosines.weight[i]) * random.normal();
             cosines.lit |= cosine > 0.1 ? 1u << i : 0;
         }
         if (gyro) {
-            m.in.gyro = {good(t), vec(omega + bias + std::sqrt(m.par.rate_noise / step) * normals(random))};
+            m.in.gyro = {good(t), vec(omega + bias + std::sqrt(m.par.rate_noise / step) * random.normals())};
         }
         if (fault) {
             fault(*this);
@@ -156,7 +145,7 @@ Flown any_flown(std::uint64_t seed, bool gyro, int sensors, double fade = 0)
         f.look(axes);
     }
     const bool lit = random.below(4) != 0;
-    const double bright = 1 + f.m.par.length * normal(random);
+    const double bright = 1 + f.m.par.length * random.normal();
     f.brightness = lit ? bright : 0;
     f.fault = [=, lit = lit, next = std::exp(random.real(1, 6))](Flown &flown) mutable { // for the next update
         if (1e-9 * static_cast<double>(flown.t) > next) {
@@ -409,7 +398,7 @@ TEST(SunLine, two_lit_sensors_have_the_direction_of_a_guess)
                 std::uint32_t &lit = flown.m.in.cosines.lit;
                 const std::uint32_t others = lit & (lit - 1);
                 lit = (lit & ~others) | (others & ~(others - 1));
-                const Vector3d guess = flown.s + 0.02 * normals(flown.random);
+                const Vector3d guess = flown.s + 0.02 * flown.random.normals();
                 flown.m.in.guess = {guessed ? good(flown.t) : Head{}, vec(Vector3d(guess.normalized()))};
             };
             f.run(20);

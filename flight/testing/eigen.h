@@ -108,6 +108,15 @@ public:
         return {x, y, z};
     }
 
+    double normal() { return std::sqrt(-2 * std::log(1 - real(0, 1))) * std::cos(2 * pi * real(0, 1)); }
+
+    /// Of independent components with a standard deviation.
+    Vector3d normals(double std = 1)
+    {
+        const double x = normal(), y = normal(), z = normal();
+        return std * Vector3d(x, y, z);
+    }
+
     Vector3d direction()
     {
         Vector3d a = vector();

@@ -125,14 +125,4 @@ inline Vector3d dipole_of(const RodSet &rods, const RodCommand &command)
     return sum;
 }
 
-/// Numbers of a normal distribution.
-inline Vector3d noise(Random &random, double std)
-{
-    Vector3d x;
-    for (double &one : x) {
-        one = std * std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-    }
-    return x;
-}
-
 } // namespace flight::testing

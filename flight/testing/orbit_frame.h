@@ -1,14 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// What Hill and velocity pointing have in common: a frame that follows from an orbit and, if it is
+// What Hill and velocity pointing have in common: a frame that follows from an orbit about Mars and, if it is
 // wired, the planet's state. `update` is the module's; a Module that `make` makes is in a motion.
 #pragma once
 
-#include "flight/testing/kepler.h"
+#include "flight/testing/conics.h"
+#include "flight/testing/kinematics.h"
 #include "flight/testing/poison.h"
+
+#include <gtest/gtest.h>
 
 namespace flight::testing {
 
 template <class Module> using MakerOf = Module (*)(const Motion &);
+
+struct Planet {
+    Vector3d r = Vector3d::Zero(), v = Vector3d::Zero(), a = Vector3d::Zero();
+    Vector3d position(double t) const { return r + t * v + t * t / 2 * a; }
+    Vector3d velocity(double t) const { return v + t * a; }
+};
+
+/// The reference in a motion relative to the origin of N, or to a planet at time t.
+template <class Module>
+AttReference reference_of(MakerOf<Module> make, UpdateOf<Module> update, const Motion &motion,
+                          const Planet *planet = nullptr, double t = 0)
+{
+    Module m = make(motion);
+    if (planet) {
+        m.in.planet = {good(), vec(planet->position(t)), vec(planet->velocity(t)), {}};
+        m.in.orbit.r_BN_N = vec(motion.r + planet->position(t));
+        m.in.orbit.v_BN_N = vec(motion.v + planet->velocity(t));
+    }
+    update(&m, {0, 0});
+    return m.out.reference;
+}
 
 /// The reference is as good as the worst of the orbit and the planet, which need not be there.
 template <class Module> void expect_quality_of_inputs(MakerOf<Module> make, UpdateOf<Module> update)
@@ -65,14 +89,43 @@ template <class Module> void expect_held_where_undefined(MakerOf<Module> make, U
     }
 }
 
-/// Anything at all at the inputs (and at `more` doubles, of parameters) gives finite references.
+/// Without an orbit, and after a reset (`reset`), there is no reference.
 template <class Module>
-void expect_finite_references(Random &random, Module &m, UpdateOf<Module> update, const Doubles &more = {})
+void expect_nothing_of_nothing(MakerOf<Module> make, UpdateOf<Module> update, void (*reset)(Module *))
 {
+    Module m = make({{7e6, 0, 0}, {0, 3e3, 0}});
+    m.in = {};
+    update(&m, {500, 0});
+    EXPECT_TRUE(all_zero(m.out));
+    m.in = make({{7e6, 0, 0}, {0, 3e3, 0}}).in;
+    update(&m, {500, 0});
+    EXPECT_FALSE(all_zero(m.out));
+    reset(&m);
+    EXPECT_TRUE(all_zero(m.out));
+}
+
+/// Against numbers that are not finite, at the inputs and at the doubles that `more` gives of a module, the last
+/// reference is held; with any numbers there, references are finite.
+template <class Module>
+void expect_finite_references(
+    Random &random, MakerOf<Module> make, UpdateOf<Module> update,
+    Doubles (*more)(Module &) = [](Module &) { return Doubles{}; })
+{
+    Module m = make({{7e6, 1e5, -3e6}, {500, 3e3, 1e3}});
     auto &[orbit, planet] = m.in;
-    AttReference &out = m.out.reference;
     Doubles in = doubles(orbit.r_BN_N, orbit.v_BN_N, planet.r_PN_N, planet.v_PN_N);
-    in.insert(in.end(), more.begin(), more.end());
+    const Doubles others = more(m);
+    in.insert(in.end(), others.begin(), others.end());
+    planet.head = good();
+    update(&m, {0, 0});
+    expect_held(
+        m, in,
+        [update](Module &x) {
+            update(&x, {500, 500});
+        },
+        [](Module &x) { return std::vector{&x.out.reference.head}; });
+
+    AttReference &out = m.out.reference;
     for (int round = 0; round < 20000; round++) {
         throw_numbers(in, random, round);
         orbit.head.quality = any_quality(random);

@@ -22,15 +22,6 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 inline constexpr std::int64_t tenth = 100'000'000, filter_second = 1'000'000'000;
 inline constexpr double arc_second = pi / 180 / 3600;
 
-inline Vector3d normal(Random &random, double std = 1)
-{
-    const auto one = [&] {
-        return std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-    };
-    const double x = one(), y = one(), z = one();
-    return std * Vector3d(x, y, z);
-}
-
 /// The small turn from one attitude to another, in the axes of the second.
 inline Vector3d turn_between(Vec3 to, Vec3 from)
 {
@@ -67,7 +58,7 @@ template <class Filter> struct Flown {
         m.par.coast = 5;
         m.par.persistence = 3;
         sigma = random.mrp();
-        bias = normal(random, m.par.bias_std);
+        bias = random.normals(m.par.bias_std);
         swing = random.vector(0.3);
         phase = random.vector(pi);
         const Matrix3d c = random.attitude();
@@ -92,7 +83,7 @@ template <class Filter> struct Flown {
     void star(const Past &from)
     {
         Matrix3d all = P_B + m.par.star_std * m.par.star_std * Matrix3d::Identity();
-        const Vector3d error = cholesky(all) * normal(random);
+        const Vector3d error = cholesky(all) * random.normals();
         m.in.stars = {good(from.t), mrp_compose(vec(error / 4), from.sigma), mat(P_B)};
     }
 
@@ -103,12 +94,12 @@ template <class Filter> struct Flown {
                 const Vector3d w = omega(1e-9 * static_cast<double>(t) + 0.005 + 0.01 * i);
                 sigma = dcm_to_mrp(mat(turn(w, w.norm() * 0.01 + 1e-300) * dcm(sigma)));
             }
-            bias += normal(random, walk * std::sqrt(0.1));
+            bias += random.normals(walk * std::sqrt(0.1));
             t += tenth;
         }
         past.push_back({t, sigma, bias});
         m.in.gyro = {good(t),
-                     vec(omega(1e-9 * static_cast<double>(t)) + bias + normal(random, noise / std::sqrt(0.1)))};
+                     vec(omega(1e-9 * static_cast<double>(t)) + bias + random.normals(noise / std::sqrt(0.1)))};
         if (tracks && t >= latency && (t - latency) % every == 0) {
             star(then(t - latency));
         }

@@ -14,15 +14,6 @@
 
 namespace flight::testing {
 
-inline Vector3d normals(Random &random, double std = 1)
-{
-    const auto one = [&] {
-        return std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-    };
-    const double x = one(), y = one(), z = one();
-    return std * Vector3d(x, y, z);
-}
-
 /// An attitude, and directions that a body with it sees, of which any two are `apart`, also from the opposite.
 struct Sky {
     Matrix3d dcm_BN;
@@ -52,7 +43,7 @@ struct Sky {
     void look(Random &random, double part)
     {
         for (SeenDirection &one : seen) {
-            const Vector3d w = dcm_BN * eigen(one.d_N), e = normals(random, part * one.std);
+            const Vector3d w = dcm_BN * eigen(one.d_N), e = random.normals(part * one.std);
             const double angle = (e - w * w.dot(e)).norm();
             const Vector3d side = (e - w * w.dot(e)) / (angle + 1e-300);
             one.d_B = vec(Vector3d(std::cos(angle) * w + std::sin(angle) * side));

@@ -15,15 +15,6 @@ inline constexpr std::int64_t second = 1'000'000'000;
 
 using State = Eigen::Matrix<double, 6, 1>;
 
-inline Vector3d gaussian(Random &random, double std = 1)
-{
-    const auto one = [&] {
-        return std::sqrt(-2 * std::log(1 - random.real(0, 1))) * std::cos(2 * pi * random.real(0, 1));
-    };
-    const double x = one(), y = one(), z = one();
-    return std * Vector3d(x, y, z);
-}
-
 /// A point of an orbit of semi-major axis a, eccentricity e and inclination i, anywhere else as it comes.
 inline State on_orbit(Random &random, double a, double e, double i)
 {

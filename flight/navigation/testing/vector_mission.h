@@ -61,8 +61,8 @@ struct VectorMission {
         m.par.good = 1 * degree;
         m.par.persistence = 5;
         quest.par = {0.2, 0.6, 4};
-        bias = normals(random, m.par.bias_std);
-        field_bias = normals(random, m.par.field_bias_std);
+        bias = random.normals(m.par.bias_std);
+        field_bias = random.normals(m.par.field_bias_std);
     }
 
     double seconds() const { return 1e-9 * static_cast<double>(t); }
@@ -94,24 +94,24 @@ struct VectorMission {
         if (t > 0 || before.dcm_BN.norm() > 0) {
             before = {dcm_BN(), bias};
             turn_by(dt);
-            bias += normals(random, std::sqrt(m.par.bias_walk * dt));
-            field_bias += normals(random, std::sqrt(m.par.field_walk * dt));
+            bias += random.normals(std::sqrt(m.par.bias_walk * dt));
+            field_bias += random.normals(std::sqrt(m.par.field_walk * dt));
             t += step_ns;
         } else {
             before = {dcm_BN(), bias};
         }
         dark = std::fmod(seconds() + phase, 95 * 60.) > 60 * 60;
-        m.in.gyro = {good(t), vec(Vector3d(omega + bias + normals(random, std::sqrt(m.par.rate_noise / dt))))};
+        m.in.gyro = {good(t), vec(Vector3d(omega + bias + random.normals(std::sqrt(m.par.rate_noise / dt))))};
         known = {good(t), vec(B_N())};
         if (t / step_ns % 2 == 1) { // what was measured at the last step
-            const Vector3d d = before.dcm_BN * sun_N, e = d.cross(normals(random, sun_std));
+            const Vector3d d = before.dcm_BN * sun_N, e = d.cross(random.normals(sun_std));
             sun = {good(t - step_ns), vec(Vector3d(turn(e, -e.norm()) * d)), vec(sun_N), sun_std};
             if (dark) {
                 sun.head.quality = QUALITY_DEGRADED; // carried on, and wrong
                 sun.d_B = vec3(1, 0, 0);
             }
             field = {good(t - step_ns),
-                     vec(Vector3d(before.dcm_BN * B_N() + field_bias + normals(random, field_noise)))};
+                     vec(Vector3d(before.dcm_BN * B_N() + field_bias + random.normals(field_noise)))};
         }
         if (fault) {
             fault(*this);
