@@ -43,7 +43,7 @@ struct Files {
         setup.store.size = [](void *, int) { return std::int64_t{1} << 40; };
         setup.store.read = [](void *, int, std::uint64_t, std::uint8_t *, std::size_t) { return 0; };
         setup.store.write = [](void *, int, std::uint64_t, const std::uint8_t *, std::size_t) { return 0; };
-        setup.tell = [](void *, const CfdpEvent *) {};
+        setup.notify = [](void *, const CfdpEvent *) {};
         setup.remotes = &remote;
         setup.remotes_n = setup.transactions_n = setup.past_n = 1;
         setup.transactions = transactions.data();

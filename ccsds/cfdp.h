@@ -79,7 +79,7 @@ enum {
 typedef struct CfdpRemote {
     uint64_t entity;
     int64_t ack_timer;         ///< [ns] until an EOF or FINISHED is sent again
-    int64_t nak_timer;         ///< [ns] until what is missing is asked for again
+    int64_t nak_timer;         ///< [ns] until what is missing is requested again
     int64_t inactivity;        ///< [ns] without a PDU of the transaction
     int64_t check_timer;       ///< [ns] class 1: after EOF, for data that is late
     int64_t keep_alive;        ///< [ns] between KEEP_ALIVEs; 0: none
@@ -102,21 +102,21 @@ typedef struct CfdpId {
     uint64_t sequence;
 } CfdpId;
 
-typedef enum CfdpTold {
-    CFDP_TOLD_STARTED, ///< Metadata came
-    CFDP_TOLD_ENDED,   ///< the transaction ended, by `condition`
-    CFDP_TOLD_SUSPENDED,
-    CFDP_TOLD_RESUMED,
-    CFDP_TOLD_FAULT,     ///< `condition`
-    CFDP_TOLD_ABANDONED, ///< the transaction ended without a word to the other end
-    CFDP_TOLD_MESSAGE,   ///< a file is delivered, with this message to the user in `text`
-    CFDP_TOLD_RESPONSE,  ///< of the receiver's store: `text` is the value of a CFDP_TLV_RESPONSE
-    CFDP_TOLD_REPORT     ///< cfdp_report()
-} CfdpTold;
+typedef enum CfdpEventKind {
+    CFDP_EVENT_STARTED, ///< Metadata came
+    CFDP_EVENT_ENDED,   ///< the transaction ended, by `condition`
+    CFDP_EVENT_SUSPENDED,
+    CFDP_EVENT_RESUMED,
+    CFDP_EVENT_FAULT,     ///< `condition`
+    CFDP_EVENT_ABANDONED, ///< the transaction ended without a word to the other end
+    CFDP_EVENT_MESSAGE,   ///< a file is delivered, with this message to the user in `text`
+    CFDP_EVENT_RESPONSE,  ///< of the receiver's store: `text` is the value of a CFDP_TLV_RESPONSE
+    CFDP_EVENT_REPORT     ///< cfdp_report()
+} CfdpEventKind;
 
-/** What an entity tells its user. Texts last until the function returns. */
+/** What an entity notifies its user of. Texts last until the function returns. */
 typedef struct CfdpEvent {
-    CfdpTold what;
+    CfdpEventKind what;
     CfdpId id;
     uint64_t peer;
     uint64_t progress; ///< [bytes] sent, or received in a row
@@ -126,12 +126,12 @@ typedef struct CfdpEvent {
     CfdpText text;
     uint8_t receiver;    ///< 1: here is the receiver
     uint8_t condition;   ///< CfdpCondition
-    uint8_t incomplete;  ///< CFDP_TOLD_ENDED
-    uint8_t file_status; ///< CFDP_TOLD_ENDED: CfdpFileStatus
+    uint8_t incomplete;  ///< CFDP_EVENT_ENDED
+    uint8_t file_status; ///< CFDP_EVENT_ENDED: CfdpFileStatus
 } CfdpEvent;
 
 /** It may call cfdp_put(), and nothing else of the entity. */
-typedef void (*CfdpTell)(void *user, const CfdpEvent *event);
+typedef void (*CfdpNotify)(void *user, const CfdpEvent *event);
 
 /** From `begin` to below `end` [bytes]. */
 typedef struct CfdpRange {
@@ -152,12 +152,12 @@ typedef enum CfdpState {
 /** A transaction. */
 typedef struct CfdpTransaction {
     CfdpId id;
-    CfdpId origin;      ///< that asked for this one by proxy
+    CfdpId origin;      ///< that requested this transaction by proxy
     uint64_t peer;      ///< the other entity
     uint64_t size;      ///< [bytes] of the file
     uint64_t progress;  ///< [bytes] sent once; received: the end of the last that came
     uint64_t checked;   ///< [bytes] that `sum` has
-    uint64_t asked;     ///< [bytes] up to which the receiver has asked for what is missing
+    uint64_t requested; ///< [bytes] up to which the receiver has requested what is missing
     int64_t expires;    ///< [ns] of the ACK, NAK or check timer; INT64_MAX: it does not run
     int64_t inactive;   ///< [ns]
     int64_t keep_alive; ///< [ns]
@@ -212,8 +212,8 @@ typedef struct CfdpAnswer {
 typedef struct CfdpSetup {
     uint64_t entity; ///< the own id
     CfdpStore store;
-    CfdpTell tell;
-    void *user; ///< of tell
+    CfdpNotify notify;
+    void *user; ///< of notify
     CfdpRemote *remotes;
     uint32_t remotes_n;
     CfdpTransaction *transactions;

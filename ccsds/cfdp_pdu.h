@@ -204,7 +204,7 @@ typedef enum CfdpMessageType {
     CFDP_PROXY_PUT_RESPONSE = 0x07,
     CFDP_PROXY_RESPONSE = 0x08,
     CFDP_PROXY_CANCEL = 0x09,
-    CFDP_ORIGIN = 0x0A, ///< the transaction that asked
+    CFDP_ORIGIN = 0x0A, ///< the transaction that requests
     CFDP_PROXY_CLOSURE = 0x0B,
     CFDP_LIST = 0x10, ///< a directory, into a file
     CFDP_LISTED = 0x11,

@@ -70,7 +70,7 @@ static void say(Files *m, int64_t t, FilesEventId id, EventSeverity severity, co
 
 static void end(Files *m, int64_t t, const CfdpEvent *event)
 {
-    const int good = event->what == CFDP_TOLD_ENDED && event->condition == 0u && event->incomplete == 0u;
+    const int good = event->what == CFDP_EVENT_ENDED && event->condition == 0u && event->incomplete == 0u;
     FilesJob *job = event->receiver != 0u ? NULL : job_of(m, event->id.sequence);
     if (!good) {
         m->mem.failed++;
@@ -88,18 +88,18 @@ static void end(Files *m, int64_t t, const CfdpEvent *event)
     }
 }
 
-static void told(void *user, const CfdpEvent *event)
+static void notify(void *user, const CfdpEvent *event)
 {
     const Entity *e = user;
     switch (event->what) {
-    case CFDP_TOLD_ENDED:
-    case CFDP_TOLD_ABANDONED: end(e->files, e->t, event); break;
-    case CFDP_TOLD_FAULT:
+    case CFDP_EVENT_ENDED:
+    case CFDP_EVENT_ABANDONED: end(e->files, e->t, event); break;
+    case CFDP_EVENT_FAULT:
         e->files->mem.condition = event->condition;
         say(e->files, e->t, FILES_FAULT, EVENT_LOW, event);
         break;
-    case CFDP_TOLD_SUSPENDED: say(e->files, e->t, FILES_SUSPENDED, EVENT_LOW, event); break;
-    case CFDP_TOLD_RESUMED: say(e->files, e->t, FILES_RESUMED, EVENT_INFO, event); break;
+    case CFDP_EVENT_SUSPENDED: say(e->files, e->t, FILES_SUSPENDED, EVENT_LOW, event); break;
+    case CFDP_EVENT_RESUMED: say(e->files, e->t, FILES_RESUMED, EVENT_INFO, event); break;
     default: break;
     }
 }
@@ -153,7 +153,7 @@ static void enter(Entity *e, const CommandContext *context, Files *m)
     memcpy(e->ground.handlers, m->par.handlers, sizeof e->ground.handlers);
     const CfdpSetup setup = {.entity = m->par.entity,
                              .store = host != NULL && m->par.kept == 0u ? *host : memory_store_files(store_of(m)),
-                             .tell = told,
+                             .notify = notify,
                              .user = e,
                              .remotes = &e->ground,
                              .remotes_n = 1u,

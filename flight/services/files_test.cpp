@@ -134,7 +134,7 @@ struct Ground {
         CfdpSetup setup{};
         setup.entity = 1;
         setup.store = memory_store_files(store);
-        setup.tell = [](void *user, const CfdpEvent *event) { static_cast<Ground *>(user)->told.push_back(*event); };
+        setup.notify = [](void *user, const CfdpEvent *event) { static_cast<Ground *>(user)->told.push_back(*event); };
         setup.user = this;
         setup.remotes = &craft;
         setup.remotes_n = 1;
@@ -164,7 +164,7 @@ struct Ground {
     int ended() const
     {
         const auto one = std::find_if(told.rbegin(), told.rend(),
-                                      [](const CfdpEvent &event) { return event.what == CFDP_TOLD_ENDED; });
+                                      [](const CfdpEvent &event) { return event.what == CFDP_EVENT_ENDED; });
         return one == told.rend() ? -1 : one->condition;
     }
 };

@@ -113,7 +113,7 @@ public:
         }
         setup.store.rename = keeps ? KeepingStore::keep : setup.store.rename;
         setup.entity = own;
-        setup.tell = [](void *user, const CfdpEvent *event) { static_cast<Entity *>(user)->tell(*event); };
+        setup.notify = [](void *user, const CfdpEvent *event) { static_cast<Entity *>(user)->tell(*event); };
         setup.user = this;
         setup.remotes = &remote_;
         setup.remotes_n = 1;
@@ -243,7 +243,7 @@ private:
     void tell(const CfdpEvent &event)
     {
         const char *bytes = reinterpret_cast<const char *>(event.text.bytes);
-        const bool ended = event.what == CFDP_TOLD_ENDED && event.receiver != 0;
+        const bool ended = event.what == CFDP_EVENT_ENDED && event.receiver != 0;
         const auto at = std::find_if(posix_.kept.begin(), posix_.kept.end(),
                                      [&](const auto &one) { return ended && one.first == event.to; });
         const std::string to = at != posix_.kept.end() ? at->second : event.to;

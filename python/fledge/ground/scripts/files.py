@@ -50,7 +50,7 @@ class Message(IntEnum):
     REMOTE_RESUME = 0x38
 
 
-STARTED, ENDED, ABANDONED, MESSAGE = 0, 1, 5, 6     # CfdpTold
+STARTED, ENDED, ABANDONED, MESSAGE = 0, 1, 5, 6     # CfdpEventKind
 
 CONDITIONS = {
     1: "it was sent again and again, and not acknowledged", 2: "the other end is too far behind",
