@@ -21,6 +21,7 @@ from fledge.units import hour, s
 
 from bench.rows import Rows, options, report
 
+NEEDS = ["view"]
 HOURS = 16.5
 
 

@@ -70,7 +70,7 @@ install(DIRECTORY python/fledge/templates DESTINATION ${FLEDGE_HOME}/python/fled
 install(DIRECTORY registers introspect DESTINATION ${FLEDGE_HOME}/python
     FILES_MATCHING PATTERN "*.py" PATTERN "*_test.py" EXCLUDE PATTERN "testing" EXCLUDE PATTERN "boards" EXCLUDE)
 install(DIRECTORY cmake DESTINATION ${FLEDGE_HOME} FILES_MATCHING
-    PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py" PATTERN "tally.py" PATTERN "test_main.cpp")
+    PATTERN "*.cmake" PATTERN "packages.txt" PATTERN "flight_symbols.py" PATTERN "test_main.cpp")
 install(FILES ${PROJECT_BINARY_DIR}/installed/FledgeConfig.cmake DESTINATION ${FLEDGE_HOME}/cmake)
 install(FILES docs/conf.py DESTINATION ${FLEDGE_HOME}/docs)       # for `fledge docs` of a project
 install(FILES docs/static/fledge.css DESTINATION ${FLEDGE_HOME}/docs/static)
@@ -84,8 +84,8 @@ file(CONFIGURE OUTPUT installed/fledge @ONLY CONTENT
 exec \"$(dirname -- \"$(readlink -f -- \"$0\")\")/../${FLEDGE_HOME}/fledge\" \"$@\"
 ")
 install(PROGRAMS ${PROJECT_BINARY_DIR}/installed/fledge DESTINATION bin)
-install(FILES python/fledge/cli/completion.sh DESTINATION share/bash-completion/completions RENAME fledge)
-install(FILES python/fledge/cli/completion.sh DESTINATION share/zsh/site-functions RENAME _fledge)
+install(FILES python/fledge/launcher/completion.sh DESTINATION share/bash-completion/completions RENAME fledge)
+install(FILES python/fledge/launcher/completion.sh DESTINATION share/zsh/site-functions RENAME _fledge)
 find_package(Python 3.11 REQUIRED COMPONENTS Interpreter)
 foreach(packages site-packages dist-packages)     # the latter in Debian's own Python
     install(FILES ${PROJECT_BINARY_DIR}/installed/fledge.pth

@@ -8,7 +8,6 @@ Both are for the system where they are made: the Debian package needs its Python
 
 import hashlib
 import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +16,9 @@ from pathlib import Path
 
 import fledge_wheel
 from fledge_wheel import PROJECT, ROOT, VERSION
+
+sys.path.insert(0, str(ROOT / "python"))
+from fledge.launcher.packages import listed  # noqa: E402
 
 SUGGESTED = ("project", "film", "scheduler", "profile")     # sections of packages.txt
 DESCRIPTION = """ Algorithms in C, composed by Python, fly in closed loop against a simulated spacecraft. This
@@ -61,8 +63,8 @@ def pack(prefix, folder):
             "Maintainer": "The authors of Fledge", "Section": "science", "Priority": "optional",
             "Installed-Size": str(sum(path.stat().st_size for path in files) // 1024),
             "Depends": ", ".join(depends(prefix / "lib/fledge")),
-            "Recommends": ", ".join(packages("control_room")),
-            "Suggests": ", ".join(dict.fromkeys(one for section in SUGGESTED for one in packages(section))),
+            "Recommends": ", ".join(listed("control_room")),
+            "Suggests": ", ".join(dict.fromkeys(one for section in SUGGESTED for one in listed(section))),
             "Description": PROJECT["description"]}
         meta = tree / "DEBIAN"
         meta.mkdir()
@@ -80,7 +82,7 @@ def depends(home):
     major, minor = sys.version_info[:2]
     python = [f"python3 (>= {major}.{minor})", f"python3 (<< {major}.{minor + 1})"]
     owners = {owner_of(file) for file in fledge_wheel.libraries(home, direct=True).values()}
-    return [*python, *sorted(owners), *(one for one in packages("fly") if one != "python3")]
+    return [*python, *sorted(owners), *(one for one in listed("fly") if one != "python3")]
 
 
 def owner_of(file):
@@ -91,12 +93,6 @@ def owner_of(file):
         if path in places:
             return owner.partition(":")[0]
     sys.exit(f"fledge: {file} is of no Debian package")
-
-
-def packages(section):
-    """The lines of a section of packages.txt, with alternatives."""
-    text = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").partition(f"[{section}]\n")[2].partition("\n[")[0]
-    return [line for line in (re.sub(r"\s*#.*", "", line) for line in text.splitlines()) if line]
 
 
 def _output(*command):

@@ -209,7 +209,7 @@ def check_parts(imports: dict[str, list[tuple[int, str]]]) -> list[str]:
                     complaints.append(f"fledge.{module}:{line}: {part} may not use {other}; it may use the public "
                                       "functions of the library")
             elif other == "":
-                if part != "cli":
+                if part not in ("cli", "launcher"):
                     complaints.append(f"fledge.{module}:{line}: {part} may not import fledge as a whole; name the "
                                       "module")
             elif there != part and layers.LEVEL.get(there, len(layers.PARTS)) >= layers.LEVEL[part]:

@@ -332,7 +332,7 @@ def test_without_a_compiler_it_says_which_package_has_it(prefix, tmp_path):
     run(prefix / "bin/fledge", "new", "project", "sat", cwd=tmp_path)
     (line,) = said("--project", "sat", "list")
     assert line == ("fledge: list: packages are missing; as root, run: apt-get install "
-                    + " ".join(one.partition(" |")[0] for one in fledge_deb.packages("project")))
+                    + " ".join(one.partition(" |")[0] for one in fledge_deb.listed("project")))
 
 
 # --- beside another Fledge, and another Python ------------------------------------------------------

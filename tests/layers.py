@@ -76,14 +76,14 @@ RULES = {
     "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
     "bench": Rule("Python, C++", "measurements",
                   ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge", "missions"]),
-    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip, the .deb", []),
+    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip, the .deb", ["fledge"]),
     "tests": Rule("Python, C++, C99", "tests of the whole",
                   ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
                    "introspect", "fledge", "missions"]),
 }
 
 # The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
-# these are. A part may import itself and the rows below it; the command line is on top of all.
+# these are. A part may import itself and the rows below it; the launcher is on top of all.
 PARTS = [
     ("units elements errors files columns display interruption programs", "what all others need"),
     ("progress folders frames mean_elements elf serial_line", "a progress bar; the folders of a project and of "
@@ -114,6 +114,7 @@ PARTS = [
     ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
     ("ground.server ground.console", "the server of the control room, and its pages"),
     ("cli", "the commands of `./fledge`"),
+    ("launcher", "what `./fledge` does before a command: packages and the build; and tests"),
 ]
 
 LEVEL = {part: level for level, (parts, _) in enumerate(PARTS) for part in parts.split()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: every command of `./fledge help` that the launcher does not carry out itself.
+"""The command line: every command of usage.txt but those that fledge.launcher has, which install, build and test.
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
@@ -20,6 +20,7 @@ from fledge.errors import Failure, did_you_mean, printable
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any, NoReturn
 
 BENCH = Path(__file__).resolve().parents[3] / "bench"
@@ -342,14 +343,18 @@ def benches() -> list[str]:
     return sorted(p.stem for p in BENCH.glob("*.py") if "def main(" in p.read_text(encoding="utf-8"))
 
 
-def _needed(options):
-    """The NEEDS of a bench, which is not imported: it may import what is not built yet."""
+def _needed(options: argparse.Namespace) -> list[str] | None:
+    """With the NEEDS of a bench, which is not imported: it may import what is not built yet."""
     import ast
     import re
 
-    text = (BENCH / f"{options.bench}.py").read_text(encoding="utf-8") if options.bench in benches() else ""
+    if options.bench not in benches():
+        return []
+    if {"-h", "--help"} & set(options.options):
+        return None
+    text = (BENCH / f"{options.bench}.py").read_text(encoding="utf-8")
     found = re.search(r"^NEEDS = (.*)$", text, re.MULTILINE)
-    return ast.literal_eval(found[1]) if found else []
+    return ["bench", "build all", "build fledge_bench", *(ast.literal_eval(found[1]) if found else [])]
 
 
 def bench(options: argparse.Namespace) -> int:
@@ -359,6 +364,8 @@ def bench(options: argparse.Namespace) -> int:
     if not options.bench:
         say("benches: " + (", ".join(known) or "none"))
         return 0
+    if not known:
+        raise Failure("bench: an installed Fledge has no measurements", 1)
     if options.bench not in known:
         raise Failure(f"there is no bench '{options.bench}'; there are {', '.join(known) or 'none'}")
     sys.path.insert(0, str(BENCH.parent))
@@ -404,20 +411,35 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")
 
 
-def parser() -> argparse.ArgumentParser:
+def usage() -> str:
+    return Path(__file__).with_name("usage.txt").read_text(encoding="utf-8")
+
+
+def summaries() -> dict[str, str]:
+    """Command -> what it does, of all in usage.txt."""
+    import re
+
+    return dict(re.findall(r"^  (\w+) .{,20}?  +(.*)", usage(), re.M))
+
+
+def parser(*more: Callable[..., None]) -> argparse.ArgumentParser:
+    """That of the commands here, and of those that other functions add, by the function that adds one. `needs` says
+    what the launcher provides first, besides what all need (fledge.launcher.packages); None: it builds nothing."""
+    texts = summaries()
     top = Parser(prog="fledge", description="Fly flight software in closed loop.",
                  epilog="example: ./fledge run nadir_spin")
     top.add_argument("--debug", action="store_true", help="show tracebacks")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
 
-    def command(name, function, text, example):
+    def command(name: str, function: Callable[..., int], example: str) -> Any:
+        text = texts[name]
         one = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".",
                                   epilog=f"example: ./fledge {example}")
         one.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help="show tracebacks")
-        one.set_defaults(function=function)
+        one.set_defaults(function=function, needs=lambda _: [], by_itself=False)
         return one
 
-    one = command("run", run, "fly a mission's scenario", "run nadir_spin --pace 10")
+    one = command("run", run, "run nadir_spin --pace 10")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="default: the mission's first")
     one.add_argument("--out", metavar="DIR", help="for the record and plots; default: runs/MISSION/SCENARIO")
@@ -439,6 +461,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--check-replay", action="store_true", help="fly it again, in another process with another "
                      "environment; the run has failed if an output differs, which is named")
     add_update_limit(one)
+    one.set_defaults(needs=lambda options: ["try view"] * options.report)
 
     from fledge.cli import (check, compare, control_room, export, falsify, faults, flips, fly, ground, keys, load,
                             montecarlo, node, packets, profile, prompt, replay, rewind, up, verify, versions)
@@ -465,8 +488,10 @@ def parser() -> argparse.ArgumentParser:
     rewind.add(command)
     ground.add(command)
     control_room.add(command)
+    for add in more:
+        add(command)
 
-    one = command("show", show, "draw a mission's wiring", "show nadir_spin --out nadir_spin.png")
+    one = command("show", show, "show nadir_spin --out nadir_spin.png")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--out", metavar="FILE", help="draw only into this .svg, .png, .pdf or .dot; "
                      "default: an outline, and runs/MISSION/wiring.svg")
@@ -474,9 +499,9 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--flight-only", action="store_true", help="leave out the world")
     node.add_parameters(one)
 
-    one = command("new", new, "begin a module, model, mission or project of your own",
-                  "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
+    one = command("new", new, "new module SunSlew --kind guidance\n         ./fledge new mission my_sat --from cubesat")
     one.formatter_class = argparse.RawDescriptionHelpFormatter
+    one.set_defaults(needs=lambda _: None)
     one.add_argument("what", metavar="WHAT", choices=["module", "model", "mission", "project"],
                      help="module, model, mission or project")
     one.add_argument("name", metavar="NAME",
@@ -493,15 +518,16 @@ def parser() -> argparse.ArgumentParser:
                       "which it is a copy; of a module or model: FILE:CLASS, the prototype whose interface it gets, "
                       "with a test that compares both")
 
-    one = command("list", list_, "list missions, modules and models", "list --ports")
+    one = command("list", list_, "list --ports")
     one.add_argument("--ports", action="store_true", help="with the inputs and outputs of each")
 
-    one = command("plot", plot, "plot a record", "plot nadir_spin error.sigma_BR command.u")
+    one = command("plot", plot, "plot nadir_spin error.sigma_BR command.u")
     one.add_argument("run", metavar="RUN", help=WHAT)
     one.add_argument("fields", nargs="*", metavar="FIELD", help="default: everything, a figure per topic")
     one.add_argument("--out", metavar="DIR", help="default: beside the record")
 
-    one = command("view", view, "show a record in 3-D, as one page for any browser", "view earth_imager")
+    one = command("view", view, "view earth_imager")
+    one.set_defaults(needs=lambda options: ["view", *["film"] * bool(options.film)])
     one.add_argument("run", metavar="RUN", help=WHAT)
     kind = one.add_mutually_exclusive_group()
     kind.add_argument("--foxglove", action="store_true", help="write the record with transforms and markers for "
@@ -514,8 +540,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("--frames", type=int, default=180, metavar="N",
                      help="of a film, 12.5 a second; default: %(default)s")
 
-    one = command("convert", convert, "write a record as CSV or HDF5, or say what it holds",
-                  "convert nadir_spin --csv --out tables")
+    one = command("convert", convert, "convert nadir_spin --csv --out tables")
     one.add_argument("run", metavar="RUN", help=WHAT)
     kind = one.add_mutually_exclusive_group(required=True)
     kind.add_argument("--csv", action="store_true", help="a file per topic")
@@ -524,7 +549,7 @@ def parser() -> argparse.ArgumentParser:
                       "parameters of the run, its topics, and a hash of its messages")
     one.add_argument("--out", metavar="PATH", help="a folder for --csv, a file for --hdf5; default: beside the record")
 
-    one = command("bench", bench, "measure; without a name, list the benches", "bench sim --json sim.json")
+    one = command("bench", bench, "bench sim --json sim.json")
     one.set_defaults(needs=_needed)
     one.add_argument("bench", nargs="?", metavar="NAME")
     one.add_argument("options", nargs=argparse.REMAINDER, metavar="OPTION",
@@ -532,17 +557,21 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
-def parsed(arguments: list[str]) -> argparse.Namespace:
+def parsed(arguments: list[str], of: argparse.ArgumentParser | None = None) -> argparse.Namespace:
     """The options of a command line, and what follows `--`."""
     cut = arguments.index("--") if "--" in arguments else len(arguments)
-    options = parser().parse_args(arguments[:cut])
+    options = (of or parser()).parse_args(arguments[:cut])
     options.after_dashes = arguments[cut + 1:]
     options.words = arguments
     return options
 
 
 def main(arguments: list[str] | None = None) -> int:
-    options = parsed(list(sys.argv[1:] if arguments is None else arguments))
+    return carry_out(parsed(list(sys.argv[1:] if arguments is None else arguments)))
+
+
+def carry_out(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):    # a character that the user's encoding lacks is no error
         sys.stdout.reconfigure(errors="backslashreplace")
     setattr(warnings, "showwarning", _say_warning)  # in one line, as an error; each once

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("check", check, "say whether a mission can fly, without a flight", "check nadir_spin")
+    one = command("check", check, "check nadir_spin")
     one.add_argument("mission", help="the name of a mission, or its folder")
     add_parameters(one)
 

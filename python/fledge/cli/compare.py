@@ -16,8 +16,7 @@ from fledge.cli.runs import WHAT
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    one = command("compare", compare, "show where two records first differ",
-                  "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
+    one = command("compare", compare, "compare runs/nadir_spin/fly/desktop.mcap runs/nadir_spin/fly/linux.mcap")
     one.add_argument("runs", nargs=2, metavar="RUN", help=WHAT)
     one.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these, as in tracking.error, or "
                      "those of a process or module, as in chief; default: all")

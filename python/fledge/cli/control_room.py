@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one: Any = command("ground", lambda options: one.error("serve, run, password or token?"),
-                       "the control room: serve it, run scripts, its users", "ground serve ground.toml")
+                       "ground serve ground.toml")
+    one.set_defaults(needs=lambda options: ["control_room", "build ground", *["view"] * (options.function == serve)])
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name: str, function: Callable[..., int], text: str, example: str) -> Any:

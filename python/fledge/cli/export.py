@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("export", export, "write what flies in a mission as C, or its packets as XTCE",
-                  "export c nadir_spin --out nadir_spin_c")
+    one = command("export", export, "export c nadir_spin --out nadir_spin_c")
     one.add_argument("form", choices=["c", "cfs", "rtems", "micropython", "xtce"], help="c: MISSION.h and MISSION.c, "
                      "in C99; cfs: an app for the apps folder of a cFS tree; rtems: an application of RTEMS 6 on a "
                      "LEON3, with a Makefile; micropython: a program for this machine, which its script composes; "

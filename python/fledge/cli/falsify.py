@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    one = command("falsify", falsify, "search for the run with the least margin of a requirement",
-                  "falsify sun_safe SUN-1 --runs 1000")
+    one = command("falsify", falsify, "falsify sun_safe SUN-1 --runs 1000")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says what may differ")
     one.add_argument("requirement", help="the id of a requirement of its requirements.py")
     add_campaign(one)

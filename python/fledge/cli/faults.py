@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("faults", faults, "fly each fault of each unit, and say what flight makes of it",
-                  "faults sun_safe --begin 5min")
+    one = command("faults", faults, "faults sun_safe --begin 5min")
     one.add_argument("mission", help="the name of a mission, or its folder; its faults.py may say more")
     one.add_argument("--scenario", action="append", default=[], metavar="NAME", help="may be repeated; default: the "
                      "first")

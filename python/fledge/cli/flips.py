@@ -15,8 +15,7 @@ from fledge.cli.arguments import add_pool, parse_duration
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("flips", flips, "flip bits of the flight computer, and count what follows",
-                  "flips nadir_spin --count 1000")
+    one = command("flips", flips, "flips nadir_spin --count 1000")
     one.add_argument("mission", help="the name of a mission, or its folder, with one flight process")
     one.add_argument("scenario", nargs="?", help="its set-up counts; default: the mission's first")
     one.add_argument("--count", type=int, default=1000, metavar="N", help="how many flips, each in a flight of its own;"

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("fly", fly, "fly on several targets, and compare flight's outputs",
-                  "fly nadir_spin --on desktop,linux,aarch64")
+    one = command("fly", fly, "fly nadir_spin --on desktop,linux,aarch64")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")

@@ -23,8 +23,7 @@ def add(command: Callable) -> None:
     """Add the subcommands, by the function of cli.parser() that adds one."""
     mission = "the name of a mission, or its folder, or MISSION_packets.json of an export"
     address = "udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PORT, serial:DEVICE?baud=N"
-    one = command("command", command_, "write or send a command to flight",
-                  "command nadir_spin flight.control K=3")
+    one = command("command", command_, "command nadir_spin flight.control K=3")
     one.add_argument("mission", help=mission)
     one.add_argument("what", nargs="+", metavar="WORD", help="a module and its parameters, as in flight.control K=3; "
                      "or a command and its arguments, as in `mode science`, `arm EVENT off`, `noop`")
@@ -34,11 +33,11 @@ def add(command: Callable) -> None:
     one.add_argument("--within", default="10s", metavar="DURATION", help="how long to wait; default: 10s")
     one.add_argument("--sequence", type=int, default=0, metavar="N", help="of the first packet; default: 0")
 
-    for name, does, what, example, other in (
-            ("send", send, "send a file to flight", "send plan.bin --as next", "its name on board; default: the same"),
-            ("fetch", fetch, "fetch a file from flight", "fetch science.bin",
-             "the file here; default: the same name, in this folder")):
-        one = command(name, does, what, f"{example} --to 'udp://127.0.0.1:10025?listen=10015' nadir_spin")
+    for name, does, example, other in (
+            ("send", send, "send plan.bin --as next", "its name on board; default: the same"),
+            ("fetch", fetch, "fetch science.bin", "the file here; default: the same name, in this folder")):
+        one = command(name, does, f"{example} --to 'udp://127.0.0.1:10025?listen=10015' nadir_spin")
+        one.set_defaults(needs=lambda _: ["build ground"])
         one.description += " By CFDP (docs/ground.md)."
         one.add_argument("file", help="the file" if name == "send" else
                          "its name on board; a name that ends with / lists that directory, / alone lists all")
@@ -52,8 +51,8 @@ def add(command: Callable) -> None:
         one.add_argument("--class1", action="store_true", help="without acknowledgements; what is lost stays lost")
         one.add_argument("--entities", default="1,2", metavar="OWN,PEER", help="their numbers; default: 1,2")
 
-    one = command("link", link, "let foreign tools command a flight computer of a co-simulation",
-                  "link flight listen://127.0.0.1:10025")
+    one = command("link", link, "link flight listen://127.0.0.1:10025")
+    one.set_defaults(needs=lambda _: ["build cosim"])
     one.description += (" It is an [[asynchronous]] program of a co-simulation's file (docs/ground.md), and carries "
                         "packets both ways; the run does not wait for it.")
     one.add_argument("process", help="the flight process, whose target has queues of commands and telemetry")

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     one: Any = command("keys", lambda options: one.error("new, list, allow, deny or link?"),
-                       "make and list keys for programs on several machines, and for links",
                        "keys new controller world flight")
+    one.set_defaults(needs=lambda _: None)
     kinds = one.add_subparsers(metavar="ACTION", parser_class=type(one))
 
     def action(name: str, function: Callable[[argparse.Namespace], None], text: str, example: str,

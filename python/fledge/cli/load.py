@@ -24,7 +24,7 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.targets import boards
 
-    one = command("load", load, "load a program into a board by openocd, or by ssh",
+    one = command("load", load,
                   "load nucleo-h743zi build/my_sat.elf\n         ./fledge load ssh:pi@raspberrypi nadir_spin")
     one.add_argument("board", metavar="BOARD", help=f"{', '.join(boards())}: by openocd; ssh:HOST or ssh:USER@HOST: by "
                      "ssh")

@@ -31,13 +31,12 @@ FAILURES_SHOWN = 8
 
 def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
-    one = command("montecarlo", montecarlo, "fly dispersed runs of a mission", "montecarlo nadir_spin --runs 2000")
+    one = command("montecarlo", montecarlo, "montecarlo nadir_spin --runs 2000")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the dispersions")
     one.add_argument("--runs", type=int, metavar="N", help="how many")
     _add_common(one, "montecarlo")
 
-    one = command("sweep", sweep, "fly a mission at each point of a grid of parameters",
-                  "sweep nadir_spin --set flight.control.K=1:5:9")
+    one = command("sweep", sweep, "sweep nadir_spin --set flight.control.K=1:5:9")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py says how long a run is, "
                      "what it retains, and what must hold")
     one.add_argument("--set", action="append", default=[], metavar="NAME=VALUES", dest="axes", help="an axis of the "

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("node", node, "fly one process of a mission, under a controller",
-                  "node nadir_spin flight --address tcp://127.0.0.1:7000")
+    one = command("node", node, "node nadir_spin flight --address tcp://127.0.0.1:7000")
+    one.set_defaults(needs=lambda _: ["build cosim"])
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("process", help="what to fly here: flight, world, ...; several, as in world,flight, or all: each "
                      "in a program of its own")

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("packets", packets, "decode the packets of a capture",
-                  "packets received.pcap --database craft.xml")
+    one = command("packets", packets, "packets received.pcap --database craft.xml")
+    one.set_defaults(needs=lambda _: ["build ground"])
     one.add_argument("file", metavar="FILE", help="a capture (pcap, pcapng), the record of a "
                      "co-simulation's exchange, or packets one behind the other")
     one.add_argument("--database", metavar="XTCE", action="append", default=[],

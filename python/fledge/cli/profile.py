@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("profile", profile, "measure memory, code, instructions and time on targets",
-                  "profile nadir_spin --on linux,leon3,desktop --for 10min")
+    one = command("profile", profile, "profile nadir_spin --on linux,leon3,desktop --for 10min")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("scenario", nargs="?", help="its set-up and duration count; default: the mission's first")
     one.add_argument("--free", action="store_true", help="without a scenario; with --for")

@@ -25,8 +25,7 @@ Ctrl-D ends."""
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("console", console, "fly under MicroPython in real time, and talk to it",
-                  "console nadir_spin")
+    one = command("console", console, "console nadir_spin")
     one.add_argument("mission", help="the name of a mission, or its folder")
     one.add_argument("--process", metavar="NAME", help="the flight process, if the mission has several")
     one.add_argument("--turns", type=int, default=10_000, metavar="N", help="of loops and returns of functions that a "

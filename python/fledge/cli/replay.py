@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("replay", replay, "run one node alone, with the record of the others",
-                  "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
+    one = command("replay", replay, "replay runs/nadir_spin/exchange.mcap flight -- ./fledge node nadir_spin flight")
+    one.set_defaults(needs=lambda _: ["build cosim"])
     one.add_argument("exchange", metavar="EXCHANGE", help="an exchange.mcap, as fledge up and "
                      "fledge_controller --record write it, or its folder")
     one.add_argument("node", metavar="NODE", help="the node that runs again")

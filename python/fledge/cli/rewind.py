@@ -17,8 +17,7 @@ def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
     from fledge.cli.arguments import number
 
-    one = command("rewind", rewind, "let a co-simulation go on from an instant of an earlier run",
-                  "rewind runs/nadir_spin --to 1h23m")
+    one = command("rewind", rewind, "rewind runs/nadir_spin --to 1h23m")
     one.add_argument("run", metavar="RUN", help="the folder of a run of fledge up, with keep_every")
     one.add_argument("--to", required=True, metavar="TIME", help="the instant (90s, 10min, 1h23m)")
     one.add_argument("--until", metavar="TIME", help="how long to simulate; default: as in the run")
@@ -41,7 +40,7 @@ def _needed(options: argparse.Namespace) -> list[str]:
         serves = any(one["serve"] for one in plan["programs"])
     except (OSError, ValueError, TypeError, KeyError):
         targets, serves = [], False     # the command itself says what is wrong
-    return ["build cosim", *targets, *["control_room", "build ground"] * serves]
+    return ["build cosim", *targets, *["control_room", "build ground", "view"] * serves]
 
 
 def rewind(options: argparse.Namespace) -> int:

@@ -29,7 +29,7 @@ def add(command: Callable) -> None:
     """Add the subcommand. command: the function of cli.parser() that adds one."""
     from fledge.cli.arguments import add_parameters, number
 
-    one = command("up", up, "start all programs of a co-simulation, and watch them", "up spring.toml")
+    one = command("up", up, "up spring.toml")
     one.add_argument("simulation", metavar="SIM.toml|MISSION",
                      help="a file that names the programs; or a mission, each of its processes as a program")
     one.add_argument("scenario", nargs="?", help="of a MISSION: whose set-up to take; default: its first")
@@ -67,7 +67,7 @@ def _needed(options: argparse.Namespace) -> list[str]:
         serves = any("serve" in one for one in file.get("asynchronous", []))
     except (OSError, ValueError, TypeError, AttributeError):
         targets, serves = [], False
-    return ["build cosim", *targets, *["control_room", "build ground"] * serves]
+    return ["build cosim", *targets, *["control_room", "build ground", "view"] * serves]
 
 
 def up(options: argparse.Namespace) -> int:

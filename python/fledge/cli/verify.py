@@ -27,8 +27,7 @@ OUT = Path("verification")
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("verify", verify, "show all requirements over scenarios and targets, with a report",
-                  "verify nadir_spin --on desktop,leon3")
+    one = command("verify", verify, "verify nadir_spin --on desktop,leon3")
     one.add_argument("mission", help="the name of a mission, or its folder; its requirements.py has the requirements")
     one.add_argument("--on", default="desktop", metavar="TARGETS", help=f"of {', '.join(TARGETS)}; default: desktop")
     one.add_argument("--scenario", action="append", metavar="NAME", help="fly only this one; may be given again; "

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 def add(command: Callable) -> None:
     """Add the subcommand, by the function of cli.parser() that adds one."""
-    one = command("versions", versions, "fly a campaign with two versions of flight, and compare",
-                  "versions nadir_spin --against HEAD~1 --runs 200")
+    one = command("versions", versions, "versions nadir_spin --against HEAD~1 --runs 200")
     one.add_argument("mission", help="the name of a mission, or its folder; its dispersions.py defines the campaign")
     add_campaign(one)
     one.add_argument("--against", required=True, metavar="VERSION", help="a revision in git; or a folder: another "

@@ -65,9 +65,10 @@ def test_a_folder_that_is_no_target_is_refused(project, name, text, said):
 
 def test_the_classes_need_nothing_that_is_built():
     """Only the standard library, without what would delay the launcher."""
-    program = ("import sys; from fledge.targets import TARGETS; from fledge.cli import packages\n"
+    program = ("import sys; from fledge.targets import TARGETS; from fledge.launcher import packages, parser\n"
                "for one in TARGETS.values(): one.missing()\n"
-               "packages.needed(['profile', 'x', '--on', 'leon3'])\n"
+               "options = parser.parsed(['profile', 'x', '--on', 'leon3'])\n"
+               "assert 'build fledge_leon3' in packages.expanded(options.needs(options))\n"
                "late = {'_core', 'numpy', 'dataclasses', 'inspect', 'typing', 'tarfile', 'hashlib', 'tomllib'}\n"
                "assert not late & set(sys.modules), late & set(sys.modules)\n"
                "own = [name for name in sys.modules if name.startswith('fledge')]\n"

@@ -1,62 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may follow on a command line, for completion.sh: `fledge completion -- WORD...`, the last of which is typed.
 
-The usage of the launcher, and the parser of all other commands, have the names and options.
+The parser of all commands has the names and options.
 """
 from __future__ import annotations
 
 import argparse
 import os
-import re
-import sys
 from collections.abc import Iterable
-from pathlib import Path
 
 from fledge import cli, folders
 from fledge.cli.runs import KEPT, RUNS, SCENE
-
-ROOT = Path(__file__).resolve().parents[3]
-OPTION = re.compile(r"\[(--?[a-z][\w-]*)(?: ([^\]]+))?\]")     # of a usage, with its value
-
-
-def main() -> None:
-    print("\n".join(offers(sys.argv[1:])))
+from fledge.launcher.context import PRESETS
+from fledge.launcher.parser import OPTIONS, leading_options, parser
 
 
 def offers(words: list[str]) -> list[str]:
     """What the last of the words may become; nothing where any file may stand."""
-    *before, word = words
-    launcher = (ROOT / "fledge").read_text(encoding="utf-8")
-    usage = launcher.partition("<<'END'\n")[2].partition("\nEND\n")[0]
-    before_command = usage.partition("\n")[0]
+    *before, word = words or [""]
     found: Iterable[str]
-    while len(before) > 1 and before[0] in dict(OPTION.findall(before_command)):
-        if before[0] == "--project":
-            os.environ["FLEDGE_PROJECT"] = before[1]
-        del before[:2]
-    if before[:1] == ["help"]:
-        del before[0]
-    if before and not before[0].startswith("-"):
-        own = re.search(rf'"usage: \./fledge {re.escape(before[0])}\b((?:.*"\n *echo " )*.*)"', launcher)
-        found = _of_usage(own[1], before[-1], word) if own else _of_parser(cli.parser(), before, word)
-    elif before or word.startswith("-"):
-        found = _of_usage(before_command, "".join(before), word)
+    if before and before[-1] in OPTIONS and not leading_options(before[:-1])[1]:    # its value
+        found = PRESETS if before[-1] == "--preset" else ()
     else:
-        found = re.findall(r"^  (\w+) ", usage, re.M)
-    return sorted(one for one in found if one.startswith(word))
-
-
-def _of_usage(usage: str, last: str, word: str) -> list[str]:
-    """The options of a usage, or the values of the last word, if it is one of them."""
-    options = dict(OPTION.findall(usage))
-    values = options.get(last, "")
-    if values == "TARGETS":
-        return _targets(word)
-    return values.split("|") if "|" in values else [] if values else list(options)
+        given, before = leading_options(before)
+        if "--project" in given:
+            os.environ["FLEDGE_PROJECT"] = given["--project"]
+        if not before and word.startswith("-"):
+            found = OPTIONS
+        else:
+            asks_help = before[:1] == ["help"]
+            found = _of_parser(parser(), before[1:] if asks_help else before, word)
+            if not before:
+                found = [*found, "help"]
+    return sorted(name for name in found if name.startswith(word))
 
 
 def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) -> Iterable[str]:
-    places = [one for one in parser._actions if not one.option_strings]
+    places = [action for action in parser._actions if not action.option_strings]
     given: dict[str, str] = {}
     option = None       # whose value comes next
     for i, text in enumerate(before):
@@ -71,7 +51,7 @@ def _of_parser(parser: argparse.ArgumentParser, before: list[str], word: str) ->
             if taker.nargs in (None, "?"):
                 option, places = None, places if option else places[1:]
     if word.startswith("-"):
-        return [name for name, one in parser._option_string_actions.items() if one.help != argparse.SUPPRESS]
+        return [name for name, action in parser._option_string_actions.items() if action.help != argparse.SUPPRESS]
     action = option or next(iter(places), None)
     if action is None:
         return ()
@@ -91,6 +71,8 @@ def _names(action: argparse.Action, given: dict[str, str], word: str) -> Iterabl
         return _runs()
     if name == "on":
         return _targets(word)
+    if name == "preset":
+        return PRESETS
     if name == "board" and not action.option_strings:
         from fledge.targets import boards
 
@@ -115,7 +97,3 @@ def _runs() -> Iterable[str]:
                  if folder != KEPT and [one for one in records if folder in one.parents] == [record]]
         folder = short[0] if short else record
         yield folder.name if folder.parent in (RUNS, KEPT) else str(folder)
-
-
-if __name__ == "__main__":
-    main()

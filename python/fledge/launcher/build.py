@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds what has changed: parts of Fledge, the project, and the 3-D view."""
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+import time
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from fledge.errors import Failure
+from fledge.files import ROOT
+from fledge.launcher.context import Context, same
+from fledge.launcher.packages import need
+from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
+
+
+class Build:
+    """A tree of sources, and the folder where CMake and Ninja build it. fledge: where its cache must have found Fledge,
+    of a project."""
+
+    def __init__(self, tree: Path, folder: Path, arguments: Sequence[str], fledge: Path | None = None) -> None:
+        self.tree = tree
+        self.folder = folder
+        self.arguments = arguments      # of CMake
+        self.fledge = fledge
+        self.of = f" {tree}" if fledge else ""
+
+    def cached(self, name: str) -> str:
+        """A variable in CMake's cache, or ""."""
+        try:
+            text = (self.folder / "CMakeCache.txt").read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
+        found = re.search(f"^{name}:[A-Z]*=(.*)$", text, re.M)
+        return found[1] if found else ""
+
+    def is_configured_here(self) -> bool:
+        """Whether the folder belongs to this place of the tree, and of Fledge: a copied or moved one holds the paths of
+        another place, and Ninja would build that."""
+        return same(self.cached("CMAKE_HOME_DIRECTORY"), self.tree) and (
+            self.fledge is None or same(self.cached("Fledge_DIR"), self.fledge))
+
+    def is_built(self, targets: Sequence[str]) -> bool:
+        """Whether nothing needs to be built."""
+        import subprocess
+
+        return self.is_configured_here() and "ninja: no work to do" in subprocess.run(
+            ["ninja", "-C", self.folder, "-n", *targets], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            text=True).stdout
+
+    def make(self, context: Context, targets: Sequence[str], tests: bool) -> None:
+        """Configure the tree if it is not configured here, or if it is without the tests that are now asked for; then
+        build the targets. When a CMake file changes, Ninja configures again by itself. Other launchers wait meanwhile:
+        Ninja expects to be alone."""
+        logs, preset = self.tree / "build", context.preset
+        if not may_write(logs, self.folder):
+            if not self.is_built(targets):
+                raise self._not_writable()
+            return
+        begun = time.monotonic()
+        with alone(logs / f"{preset}.lock", f"builds{self.of} ({preset})") as lock:
+            self._refuse_the_future()
+            if (self.folder / "CMakeCache.txt").exists() and not self.is_configured_here():
+                of_fledge = f" with {self.cached('Fledge_DIR')}" if self.fledge else ""
+                say(f"building{self.of} anew ({preset}): {self.folder} was made in "
+                    f"{self.cached('CMAKE_HOME_DIRECTORY')}{of_fledge}")
+                shutil.rmtree(self.folder)
+            elif not (self.folder / "build.ninja").exists():
+                say(f"building{self.of} ({preset})")
+            # What a configuration that failed has found would stay: a wrong compiler, for one.
+            fresh = [] if (self.folder / "build.ninja").exists() else ["--fresh"]
+            if fresh or tests and self.cached("BUILD_TESTING") != "ON":
+                log = logs / f"configure-{preset}.log"
+                if status := run(log, ["cmake", *fresh, *self.arguments, f"-DBUILD_TESTING={'ON' if tests else 'OFF'}"],
+                                 self.tree, lock=lock):
+                    raise failure(log, "the configuration", status)
+            log = logs / f"build-{preset}.log"
+            if status := run(log, ["ninja", "-C", self.folder, *targets], self.tree, lock=lock):
+                raise failure(log, "the build", status)
+            if "ninja: no work to do" not in log.read_text(encoding="utf-8", errors="replace"):
+                say(f"built{self.of} ({preset}) in {time.monotonic() - begun:.0f} s")
+
+    def _not_writable(self) -> Failure:
+        if self.tree.stat().st_uid == os.geteuid():
+            how = f"copy {self.tree} to a disk that can be written"
+        else:
+            try:
+                owner = self.tree.owner()
+            except KeyError:        # without a name
+                owner = "its owner"
+            how = f"{owner} can: ./fledge{f' --project{self.of}' if self.fledge else ''} setup"
+        return Failure(f"{self.tree} must be built, and this user may not write into {self.folder}; {how}", 1)
+
+    def _refuse_the_future(self) -> None:
+        """Refuse sources from the future, which Ninja would build for ever; and remove what was built there, which it
+        would take for newer than what changes now. Clocks of disks in a network may differ by some seconds."""
+        import subprocess
+
+        late = subprocess.run(
+            ["find", ".", "(", "-name", "build", "-o", "-name", "runs", "-o", "-name", ".?*", ")", "-prune", "-o",
+             "-type", "f", "-newermt", "1 minute", "-print", "-quit"], cwd=self.tree, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, text=True).stdout.strip()
+        if late:
+            raise Failure(f"{self.tree}/{late.removeprefix('./')} is from the future: set the clock; if it is right, "
+                          f"find '{self.tree}' -name build -prune -o -newermt '1 minute' -exec touch {{}} +", 1)
+        subprocess.run(["find", self.folder, "-type", "f", "-newermt", "1 minute", "-delete"],
+                       stderr=subprocess.DEVNULL)
+
+
+def compile(context: Context, parts: Sequence[str], tests: bool = False, programs: str = "tests") -> Path:
+    """Build these parts of Fledge (desktop, loop, cosim, emulator, ground or all), then the project, if there is one;
+    returns the folder of the last. With a project, `tests` is about the project's tests, not Fledge's; programs: those
+    of the tests that are built."""
+    project = context.project
+    folder, package = context.build, ROOT / "cmake"
+    if project and "cosim" not in parts and _links_cosim(project):
+        parts = [*parts, "cosim"]
+    if not context.installed:
+        package = context.build
+        own = tests and not project
+        Build(ROOT, folder, ["--preset", context.preset]).make(context, [*parts, *programs.split() * own], own)
+    if project:
+        need(context, "project")
+        build = _of_project(context, project, package)
+        context.project_build = folder = build.folder
+        build.make(context, ["all", *programs.split() * tests], tests)
+    return folder
+
+
+def _links_cosim(project: Path) -> bool:
+    """Whether something in a project is linked with Fledge's co-simulation."""
+    for place, folders, files in os.walk(project):
+        folders[:] = [name for name in folders if name != "build"]
+        if "CMakeLists.txt" in files and re.search(
+                "fledge::(cosim|node)", Path(place, "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")):
+            return True
+    return False
+
+
+def _of_project(context: Context, project: Path, package: Path) -> Build:
+    """Another Fledge that stands beside this one keeps its build of the project, and this one makes its own."""
+    def build(folder: Path) -> Build:
+        return Build(project, folder, ["-G", "Ninja", "-S", ".", "-B", str(folder), f"-DFledge_DIR={package}",
+                                       "-DCMAKE_C_COMPILER=gcc", "-DCMAKE_CXX_COMPILER=g++"], package)
+
+    shared = build(project / "build" / context.preset)
+    own = build(project / f"build/{context.preset}-{zlib.crc32(str(package).encode())}")
+    owner = shared.cached("Fledge_DIR")
+    others = Path(owner, "FledgeConfig.cmake").exists() and not same(owner, package)
+    return own if own.folder.exists() or others else shared
+
+
+# --- what is built by Python -----------------------------------------------------------------------
+
+def prepare(context: Context, targets: str = "") -> None:
+    """Build what all flights on these targets need; without names, on all that are installed."""
+    if status := pass_on([sys.executable, "-P", "-m", "fledge.targets", *[targets] * bool(targets)],
+                         environment=context.environment()):
+        sys.exit(status)
+
+
+def need_node(context: Context) -> None:
+    if not shutil.which("npm"):
+        need(context, "view")
+
+
+def view(context: Context, if_possible: bool = False) -> None:
+    """Build what shows runs in 3-D; Node is installed, unless there is one. if_possible: without Node, what needs the
+    view says so itself."""
+    if context.installed:
+        return
+    if not if_possible:
+        need_node(context)
+    elif not shutil.which("npm"):
+        return
+    log = context.logs / "view.log"
+    if status := run(log, [sys.executable, "-P", "-m", "fledge.scene.bundle"], environment=context.environment()):
+        if not if_possible:
+            raise failure(log, "the 3-D view", status)
+        say(f"the 3-D view was not built; the log is {log}")

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""For whom the launcher works: a command, with a build of Fledge, in a project or none."""
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from fledge.errors import Failure
+from fledge.files import ROOT
+from fledge.launcher.tools import say
+
+PRESETS = ("release", "debug", "asan")      # and tsan, for some tests
+
+
+class Context:
+    def __init__(self, command: str = "", preset: str = "release", project: Path | None = None) -> None:
+        self.command = command
+        self.preset = preset
+        self.project = project
+        self.installed = not (ROOT / "CMakeLists.txt").exists()     # `cmake --install` leaves out the build's files
+        self.project_build: Path | None = None                      # where the project was built
+
+    @property
+    def build(self) -> Path:
+        """The folder of Fledge's build."""
+        return ROOT / "build" / self.preset
+
+    @property
+    def tree(self) -> Path:
+        """What is tested and documented: the project, or Fledge itself."""
+        return self.project or ROOT
+
+    @property
+    def logs(self) -> Path:
+        return self.tree / "build"
+
+    def environment(self, *more: Path) -> dict[str, str]:
+        """The variables by which Python finds the packages, the extension of the build, these folders, and the project.
+        """
+        made = {**os.environ, **self.names(), "PYTHONPATH": os.pathsep.join(map(str, filter(None, [
+            *self.folders(), *more, os.environ.get("PYTHONPATH")])))}
+        if self.preset == "asan":
+            # The interpreter is not instrumented: the sanitizer's library must be loaded before it. It does not free
+            # all its memory on exit: leaks are not reported.
+            import subprocess
+
+            made["LD_PRELOAD"] = ":".join(
+                subprocess.run(["gcc", f"-print-file-name={library}"], stdout=subprocess.PIPE, text=True,
+                               check=True).stdout.strip() for library in ("libasan.so", "libstdc++.so"))
+            made["ASAN_OPTIONS"] = "detect_leaks=0"
+        return made
+
+    def names(self) -> dict[str, str]:
+        """The variables that name the build and the project."""
+        return {"FLEDGE_PRESET": self.preset, "FLEDGE_PROJECT": str(self.project or ""),
+                **({"FLEDGE_PROJECT_BUILD": str(self.project_build)} if self.project_build else {})}
+
+    def folders(self) -> list[str]:
+        return [str(ROOT / "python"), str(ROOT), str(self.build / "python")]
+
+    def enter(self) -> None:
+        """Let this program be one that uses the build."""
+        import importlib
+
+        environment = self.environment()
+        sys.path[:] = [*self.folders(), *(path for path in sys.path if path not in self.folders())]
+        os.environ.update(environment)
+        importlib.invalidate_caches()
+
+
+def project_around(folder: Path) -> Path | None:
+    """The folder, or one around it, whose CMakeLists.txt calls fledge_project(). The search ends at the user's home,
+    and within Fledge itself. Raises Failure for a project of another user."""
+    import re
+
+    home = Path(os.environ.get("HOME") or "/")
+    if ROOT in (folder, *folder.parents):
+        return None
+    for place in (folder, *folder.parents):
+        file = place / "CMakeLists.txt"
+        try:
+            text = file.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            text = ""
+        if re.search(r"^\s*fledge_project\s*\(", text, re.M | re.I):
+            if file.stat().st_uid != os.geteuid():
+                raise Failure(f"the project {place} belongs to another user: with --project {place} you trust it, with "
+                              "--project '' you leave it out", 1)
+            return place
+        if same(place, home):
+            return None
+    return None
+
+
+def project_named(name: str) -> Path | None:
+    if not name:
+        return None
+    if not Path(name, "CMakeLists.txt").exists():
+        raise Failure(f"there is no project in {name} (no CMakeLists.txt); './fledge new project {name}' makes one", 1)
+    return Path(name).resolve()
+
+
+def say_if_in_another_checkout(folder: Path) -> None:
+    """Of an installed Fledge that is called within a checkout, say which of both it is."""
+    for place in (folder, *folder.parents):
+        if os.access(place / "fledge", os.X_OK) and (place / "python/fledge/__init__.py").exists() \
+                and not same(place, ROOT):
+            say(f"this is the Fledge in {ROOT}, not the checkout around this folder; for that, {place}/fledge")
+            return
+
+
+def same(one: str | Path, other: str | Path) -> bool:
+    """Whether both are there, and the same."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:
+        return False

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Debian's packages: which a command needs, and those that are missing, installed.
+
+A purpose is a section of cmake/packages.txt, `run` for three of them, or the folder of a target, whose packages.txt has
+its packages. What a command needs besides what all need (`needs` of its parser) is a list of
+
+    a section, or the name of a target      its packages; of a target, those too of the targets that it uses
+    "build PART"                            this part of Fledge's build
+    "view", "try view"                      the 3-D view is built; "try": if there is Node
+"""
+from __future__ import annotations
+
+import os
+import re
+import time
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from shutil import which
+
+from fledge.errors import Failure
+from fledge.files import ROOT
+from fledge.launcher.context import Context
+from fledge.launcher.tools import alone, failure, may_write, pass_on, run, say
+
+STATUS = Path("/var/lib/dpkg/status")
+BASIC = ("project", "build", "fly")         # sections: `run`
+BUILDING = ("project", "unit", "docs")      # purposes for which an installed Fledge lacks packages
+
+
+def listed(purpose: str) -> list[str]:
+    """The packages of a purpose; of alternatives, "a | b"."""
+    if purpose == "run":
+        return [line for section in BASIC for line in listed(section)]
+    if "/" in purpose:
+        text = Path(purpose, "packages.txt").read_text(encoding="utf-8")
+    else:
+        text = (ROOT / "cmake/packages.txt").read_text(encoding="utf-8").partition(f"\n[{purpose}]\n")[2]
+        text = text.partition("\n[")[0]
+    return re.findall(r"^[^#\s].*?(?=\s*(?:#|$))", text, re.M)
+
+
+def missing(purpose: str) -> list[str]:
+    """What of a purpose no installed package is or provides."""
+    import subprocess
+
+    try:
+        text = subprocess.run(["dpkg-query", "-W", "-f", "${db:Status-Status} ${Package}, ${Provides}\n"],
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+    except OSError:
+        text = ""
+    installed = {name.split(" ")[0] for line in text.splitlines() if line.startswith("installed ")
+                 for name in line.removeprefix("installed ").split(", ")}
+    return [line for line in listed(purpose) if not installed & set(line.split(" | "))]
+
+
+def need(context: Context, purpose: str) -> None:
+    """Install the missing packages of a purpose. An installed Fledge has what flies, and only says what building adds;
+    Python says which of its packages it misses."""
+    if context.installed:
+        if purpose in BUILDING and which("apt-get") and (names := missing(purpose)):
+            raise Failure(f"{context.command}: packages are missing; as root, run: apt-get install " +
+                          " ".join(line.split(" | ")[0] for line in names), 1)
+        return
+    stamp = ROOT / f"build/packages-{Path(purpose).name}.stamp"
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == _checked(purpose):
+        return
+    if which("apt-get"):
+        if names := missing(purpose):
+            _install(purpose, names)
+    else:
+        lacks = [tool for tool in ("cmake", "ninja", "g++") if not which(tool)]
+        text = (f"this is no Debian{', and lacks ' * bool(lacks)}{' '.join(lacks)}; install by hand what is missing "
+                "of: " + " ".join(line.replace(" ", "") for line in listed(purpose)))
+        if lacks:
+            raise Failure(text, 1)
+        say(text)
+    if may_write(stamp.parent):
+        stamp.write_text(_checked(purpose), encoding="utf-8")
+
+
+def _checked(purpose: str) -> str:
+    """What a stamp holds: of the list, and of the state of dpkg. While both are the same, no package can be missing."""
+    try:
+        found = STATUS.stat()
+        state = f"{found.st_dev} {found.st_ino} {found.st_size} {found.st_mtime_ns}"
+    except OSError:
+        state = ""
+    return f"{zlib.crc32(chr(10).join(listed(purpose)).encode())}\n{state}\n"
+
+
+def _install(purpose: str, names: list[str]) -> None:
+    """Install what is missing, unless another launcher has done so meanwhile."""
+    logs, name = ROOT / "build", Path(purpose).name
+    by_hand = f"as root, run: apt-get satisfy --no-install-recommends '{', '.join(names)}'"
+    as_root = [] if os.geteuid() == 0 else ["sudo"]
+    if not may_write(logs) or as_root and not which("sudo"):
+        raise Failure(f"packages are missing; {by_hand}", 1)
+    with alone(logs / "packages.lock", "installs packages") as lock:
+        names = missing(purpose)
+        if not names:
+            return
+        say(f"installing for '{name}': {', '.join(names)}")
+        begun = time.monotonic()
+        if as_root and pass_on(["sudo", "true"]):     # which may ask for a password
+            raise Failure(f"without sudo, {by_hand}", 1)
+        as_root += ["env", "DEBIAN_FRONTEND=noninteractive"]
+        apt_get = [*as_root, "apt-get", "-y", "-o", "DPkg::Lock::Timeout=120"]
+        log, update, dpkg = logs / f"apt-{name}.log", logs / "apt-update.log", logs / "dpkg.log"
+
+        def satisfy() -> int:
+            return run(log, [*apt_get, "satisfy", "--no-install-recommends", ", ".join(names)], lock=lock)
+
+        # In a container the package lists may be missing; outdated lists make the install fail, and so does an
+        # install that was interrupted before.
+        if not any(Path("/var/lib/apt/lists").glob("*_Packages*")) or satisfy():
+            if log.exists() and "dpkg --configure -a" in log.read_text(encoding="utf-8", errors="replace"):
+                say("completing an interrupted installation of packages")
+                if status := run(dpkg, [*as_root, "dpkg", "--configure", "-a"], lock=lock):
+                    raise failure(dpkg, "dpkg --configure -a", status)
+            say("fetching apt's package lists")
+            if status := run(update, [*apt_get, "update"], lock=lock):
+                raise failure(update, "apt-get update", status)
+            if status := satisfy():
+                with open(log, "ab") as file:
+                    file.write(update.read_bytes())     # apt-get update only warns of what fails
+                raise failure(log, "apt-get satisfy", status)
+        size = re.search("^Need to get (.*) of archives", log.read_text(encoding="utf-8", errors="replace"), re.M)
+        say(f"installed ({size[1] if size else ''}) in {time.monotonic() - begun:.0f} s")
+
+
+# --- what a command needs --------------------------------------------------------------------------
+
+def provide(context: Context, needs: Iterable[str], without: bool = False) -> list[str]:
+    """Install the packages of what a command needs, expanded; returns the parts of the build, and "view". An installed
+    Fledge has all parts. without: a target whose packages cannot be installed is left out."""
+    if context.installed:
+        return []
+    others = []
+    for purpose in needs:
+        if purpose.startswith("build "):
+            others.append(purpose.removeprefix("build "))
+        elif purpose.endswith("view"):
+            others.append(purpose)
+        else:
+            try:
+                need(context, purpose)
+            except Failure as error:
+                if not without or "/" not in purpose:
+                    raise
+                say(str(error))
+                say(f"going on without {Path(purpose).name}")
+    return others
+
+
+def expanded(needs: Iterable[str]) -> list[str]:
+    """The same with purposes and parts in the place of targets, each once."""
+    from fledge.targets import TARGETS
+
+    found: list[str] = []
+    for purpose in needs:
+        used = TARGETS[purpose].with_used() if purpose in TARGETS else []
+        folders = [TARGETS.folders[target.name] for target in used]
+        found += [str(folder) for folder in folders if (folder / "packages.txt").is_file()] if used else [purpose]
+        found += [f"build {part}" for target in used for part in target.parts]
+    return list(dict.fromkeys(found))
