@@ -249,8 +249,9 @@ class OfTiming(User):
         return [None] * len(found.died) + [found.longest], [one.rpartition(": ")[2] for one in found.died]
 
 
-@pytest.fixture(scope="module", params=[OfCampaign, OfSweep, OfVerify, OfFaults,
-                                        *(pytest.param(one, marks=compiled) for one in (OfFlips, OfTiming))])
+@pytest.fixture(scope="module", params=[
+    OfCampaign, OfSweep, OfVerify, OfFaults, pytest.param(OfFlips, marks=compiled),
+    pytest.param(OfTiming, marks=[compiled, pytest.mark.long("compiles flight once more for another processor")])])
 def user(request, tmp_path_factory):
     one = request.param(tmp_path_factory.mktemp("user"))
     one.whole, texts = one.fly(jobs=1)
