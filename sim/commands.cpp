@@ -12,6 +12,18 @@ namespace fledge::sim {
 Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dictionary> dictionary)
     : runtime_(runtime), process_(process), dictionary_(std::move(dictionary)), queue_(dictionary_->room)
 {
+    lay_out_blocks();
+    lay_out_calls();
+    lay_out_outputs();
+    lay_out_services();
+    procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};
+    table_.procedures = &procedures_;
+    carriers_ = runtime.structure.carriers(process);
+    begin();
+}
+
+void Commands::lay_out_blocks()
+{
     const Dictionary &d = *dictionary_;
     std::size_t largest = 0;
     for (const Dictionary::Block &block : d.blocks) {
@@ -24,16 +36,22 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     table_.stream = d.stream;
     table_.version = d.version;
     table_.n_blocks = static_cast<std::uint16_t>(blocks_.size());
-    table_.n_modes = static_cast<std::uint16_t>(process.modes().size());
-    table_.n_events = static_cast<std::uint16_t>(process.events().size());
+    table_.n_modes = static_cast<std::uint16_t>(process_.modes().size());
+    table_.n_events = static_cast<std::uint16_t>(process_.events().size());
     table_.n_outputs = static_cast<std::uint16_t>(d.outputs.size());
     table_.blocks = blocks_.data();
     table_.staged = staged_.data();
     table_.queue = queue_.data();
     table_.room = static_cast<std::uint32_t>(queue_.size());
+}
+
+/// What the code of flight/command calls here.
+void Commands::lay_out_calls()
+{
     table_.parameters = [](void *c, std::uint16_t block) -> void * {
-        const Dictionary::Block &one = static_cast<Commands *>(c)->dictionary_->blocks[block];
-        return static_cast<Commands *>(c)->process_.find(one.instance)->memory() + one.offset;
+        auto &me = *static_cast<Commands *>(c);
+        const Dictionary::Block &of = me.dictionary_->blocks[block];
+        return me.process_.find(of.instance)->memory() + of.offset;
     };
     table_.enter = [](void *c, std::uint16_t mode) {
         static_cast<Commands *>(c)->runtime_.enter(static_cast<Commands *>(c)->process_, mode);
@@ -57,23 +75,29 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
     table_.telemetry = [](void *c, std::uint16_t output, int on, std::uint16_t every) {
         telemetry_rate(&static_cast<Commands *>(c)->telemetry_, output, on, every);
     };
+}
+
+/// The outputs, in an image of a mission's memory: the address of this object, then their messages.
+void Commands::lay_out_outputs()
+{
+    const Dictionary &d = *dictionary_;
     void *self = this;
     image_.resize(sizeof self);
     std::memcpy(image_.data(), &self, sizeof self);
     std::size_t longest = TELEMETRY_REPORT_MAX;
-    for (const Dictionary::Output &one : d.outputs) {
-        outputs_.push_back({one.runs.data(), static_cast<std::uint32_t>(one.runs.size()),
-                            static_cast<std::uint32_t>(image_.size()), one.size});
-        const Instance &from = *process.find(one.instance);
-        live_.push_back(from.memory() + one.offset);
+    for (const Dictionary::Output &output : d.outputs) {
+        outputs_.push_back({output.runs.data(), static_cast<std::uint32_t>(output.runs.size()),
+                            static_cast<std::uint32_t>(image_.size()), output.size});
+        const Instance &from = *process_.find(output.instance);
+        live_.push_back(from.memory() + output.offset);
         for (const FledgeField &field : fields(from.type())) {
-            if (field.offset == one.offset && field.sub != nullptr &&
+            if (field.offset == output.offset && field.sub != nullptr &&
                 field.sub->name == std::string_view("FlightEvent")) {
                 events_.push_back(static_cast<std::uint16_t>(outputs_.size() - 1));
             }
         }
-        image_.resize(image_.size() + one.size);
-        longest = std::max<std::size_t>(longest, TELEMETRY_HEADER + one.size);
+        image_.resize(image_.size() + output.size);
+        longest = std::max<std::size_t>(longest, TELEMETRY_HEADER + output.size);
     }
     rates_.resize(outputs_.size() + 3 + COMMAND_STREAMS);
     packet_.resize(longest);
@@ -84,12 +108,14 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
         const auto *me = static_cast<const Commands *>(place);
         return static_cast<std::uint16_t>(std::max(me->runtime_.of(me->process_).mode, 0));
     };
-    procedures_ = {slots_.data(), slot_room, slots, 0, start, stop, nullptr};
-    table_.procedures = &procedures_;
-    for (const auto &one : process.instances()) {
-        if (const CommandService *service = one->type().service) {
+}
+
+void Commands::lay_out_services()
+{
+    for (const auto &instance : process_.instances()) {
+        if (const CommandService *service = instance->type().service) {
             services_.push_back(service);
-            service_modules_.push_back(one.get());
+            service_modules_.push_back(instance.get());
         }
     }
     table_of_services_ = {services_.data(),
@@ -116,9 +142,7 @@ Commands::Commands(Runtime &runtime, Process &process, std::shared_ptr<const Dic
         table_of_services_.unwrap = command_service_unwrap;
         table_of_services_.wrap = command_service_wrap;
     }
-    carriers_ = runtime.structure.carriers(process);
     table_.services = services_.empty() ? nullptr : &table_of_services_;
-    begin();
 }
 
 void Commands::begin()

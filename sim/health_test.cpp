@@ -20,7 +20,6 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr Ns ms = 1'000'000;
 const double nan = std::numeric_limits<double>::quiet_NaN();
 
 /// Writes x with the quality `quality` up to an update, and holds its output from there.

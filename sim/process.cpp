@@ -217,7 +217,7 @@ const std::string &Process::mode() const
 const std::string &Process::asked() const
 {
     const int first = requests.mode < 0 ? initial_ : requests.mode;
-    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).asked : first);
+    return mode_name(owner_->runtime_ ? owner_->runtime_->of(*this).requested : first);
 }
 
 int Process::arming(const Event &event) const

@@ -9,32 +9,20 @@
 #include "sim/commands.h"
 #include "sim/crash.h"
 #include "sim/health.h"
+#include "sim/parameters.h"
 #include "sim/simulation.h"
+#include "sim/wiring.h"
 
 #include <algorithm>
-#include <deque>
 #include <limits>
 
 namespace fledge::sim {
-
-/// Messages are copied as words; their structs hold no padding and are multiples of 8 bytes.
-using Word [[gnu::may_alias]] = std::uint64_t;
-
-struct Copy {
-    const Word *from;
-    Word *to;
-    std::uint32_t words;
-    Ns stale_after;    ///< 0: never
-    std::uint32_t age; ///< its number in Health, if it ages
-    ExecChoice by;     ///< EXEC_SOLE: it is carried, whatever the input holds
-    std::int32_t mode; ///< EXEC_IN_MODE: it is carried in this one
-};
 
 struct Step {
     void (*update)(void *, Tick);
     void *self;
     const Instance *instance;
-    std::uint32_t first_copy, last_copy; ///< the wires into it, in Runtime::copies
+    std::uint32_t first_copy, last_copy; ///< the wires into it
 };
 
 struct RunEvent {
@@ -45,8 +33,8 @@ struct RunEvent {
 
 struct RunProcess {
     Process *process;
-    std::int32_t mode, asked; ///< the mode in force, and the one that was asked for; -1: it has no modes
-    Ns ran = -1;              ///< the last instant at which one of its tasks ran
+    std::int32_t mode, requested; ///< the mode in force, and the one that was requested; -1: it has no modes
+    Ns ran = -1;                  ///< the last instant at which one of its tasks ran
     std::vector<RunEvent> events;
     bool own_events = true;             ///< its events of data reach nothing of other processes
     std::int32_t publishes = 0;         ///< 1: some of its configuration is changed
@@ -74,23 +62,6 @@ struct RunTask {
     std::uint32_t watched = 0; ///< its number in Health
 };
 
-/// A wire with latency: the consumer reads `held`, the output at the end of the last exchange before.
-struct Exchange {
-    const Wire *wire;
-    const Word *from;
-    std::uint32_t words;
-    Ns period;
-    Ns done; ///< the last exchange's time; -1: none yet
-    std::vector<std::uint64_t> held;
-};
-
-/// An input that is fed by hand: its reader gets `held`.
-struct Fed {
-    const Feed *feed;
-    Ns due; ///< when `held` changes next
-    std::vector<std::uint64_t> held;
-};
-
 /// A module in no task: its parameters are published at the start, and after a change at its process' next instant.
 struct Configuration {
     Instance *instance;
@@ -99,18 +70,10 @@ struct Configuration {
     std::int32_t changed = 0; ///< 1: it is published at the next instant of its process
 };
 
-/// The parameters of an instance in its memory, and as the run saw them last.
-struct Parameters {
-    Instance *instance;
-    RunProcess *process;
-    std::span<std::byte> now;
-    std::vector<std::byte> seen;
+void reset_instance(Instance &instance, Ns t);
 
-    bool changed() const;
-    void see();
-    std::vector<const FledgeField *> differing() const;
-    void refresh() const; ///< where they changed, a model computes again what it derives from them
-};
+/// As in a computer that begins: what modules keep over a reset of flight is gone, too.
+void clear_modules(const Process &process);
 
 class Runtime {
 public:
@@ -129,7 +92,7 @@ public:
     bool parameters_changed() const;
 
     /// What feeds deliver has changed: look at it anew.
-    void feed_again();
+    void feed_again() { wiring_.feed_again(); }
 
     void set_begun(bool begun); ///< Instance::begun, of all
     RunProcess &of(const Process &process);
@@ -167,20 +130,23 @@ public:
     Health health{structure};
 
 private:
-    void lay_out_wires(const Instance &consumer);
-    void deliver(Fed &fed, Ns t);
+    void add_step(RunProcess &run, const Task &task, Instance &instance);
+    void add_instances(RunProcess &run);
     void take_parameters();
     void instant(); ///< run one
+    void run_tasks(Ns t);
+    void end_turn(RunProcess *process, bool down, Ns t);
     Ns last_tick(const Process &process, Ns t) const;
     Ns next_of(const RunTask &task) const;
     Ns next_instant() const;
     void make_changes(RunProcess &process, Ns t);
-    void say_mode(RunProcess &process, Ns t);
+    void publish_mode(RunProcess &process, Ns t);
     void play(RunProcess &process, Ns t);
-    void say_modes(Ns t);
+    void publish_modes(Ns t);
     void see_parameters(const RunProcess &process);
     void begin(RunProcess &process, Ns t);
     bool is_down(RunProcess &process, Ns t);
+    void begin_anew(RunProcess &process, std::uint32_t count, Ns t);
     void keep_parameters(RunProcess &process) const;
     void run_task(RunTask &task, Ns t);
     void find_own_events(RunProcess &process);
@@ -189,16 +155,14 @@ private:
     bool run_event(RunProcess &process, std::size_t i, Ns t); ///< returns whether it fired
     void act(RunProcess &process, const Event &event, Ns t);
     void publish(Configuration &module, Ns t);
+    void visit_process(RunProcess &process, const std::function<void(void *, std::size_t)> &block);
 
     Roles roles_;
+    Wiring wiring_;
     Recorder &recorder_, &outputs_;
-    std::vector<Copy> copies_;
     std::vector<Step> steps_;
     std::vector<RunProcess> processes_;
     std::vector<RunTask> tasks_; ///< in the order of equal times
-    std::vector<Exchange> exchanges_;
-    std::vector<Fed> fed_;
-    std::deque<std::uint64_t> overrides_; ///< numbers in place of those that come to inputs
     std::vector<Configuration> configuration_;
     std::vector<Model *> models_;
     std::vector<Parameters> parameters_;

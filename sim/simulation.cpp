@@ -422,11 +422,25 @@ bool Simulation::override_input(const Port &input, std::uint32_t place, double v
     return runtime_->override_input(input, place, value);
 }
 
+namespace {
+
+/// Original -> clone.
+struct Clones {
+    std::unordered_map<const Instance *, std::shared_ptr<Instance>> instances;
+    std::unordered_map<const Model *, Model *> models;
+
+    const std::shared_ptr<Instance> &of(const std::shared_ptr<Instance> &instance) const
+    {
+        return instances.at(instance.get());
+    }
+};
+
+} // namespace
+
 std::unique_ptr<Simulation> Simulation::clone() const
 {
     auto copy = std::make_unique<Simulation>(seed());
-    std::unordered_map<const Instance *, std::shared_ptr<Instance>> clones;
-    std::unordered_map<const Model *, Model *> models;
+    Clones clones;
     for (const auto &process : processes()) {
         if (process->flight_) {
             throw SetupError(process->name +
@@ -439,58 +453,57 @@ std::unique_ptr<Simulation> Simulation::clone() const
         other.initial_ = process->initial_;
         other.requests = process->requests;
         for (const auto &instance : process->instances_) {
-            const auto &clone = clones[instance.get()] = instance->clone();
+            const auto &clone = clones.instances[instance.get()] = instance->clone();
             other.instances_.push_back(clone);
             if (instance->model()) {
-                models[instance->model()] = clone->model();
+                clones.models[instance->model()] = clone->model();
             }
         }
         for (const auto &[instance, playback] : process->playback_) {
-            const auto &own = clones.at(instance);
+            const auto &own = clones.instances.at(instance);
             other.playback_[own.get()] = {own->memory(), playback.outputs};
         }
         other.executive_.play_as(process->executive_);
         for (Task task : process->tasks_) {
             for (auto &instance : task.run) {
-                instance = clones.at(instance.get());
+                instance = clones.of(instance);
             }
             other.tasks_.push_back(std::move(task));
         }
     }
-    // A mode and an event may use an instance of any process, so all clones must exist first.
+    // What follows may use an instance of any process, so all clones must exist first.
+    const auto replace = [&](std::shared_ptr<Instance> &instance) { instance = clones.of(instance); };
     for (std::size_t i = 0; i < processes().size(); i++) {
-        for (Mode &mode : copy->processes()[i]->modes_) {
+        const Process &process = *processes()[i];
+        Process &other = *copy->processes()[i];
+        for (Mode &mode : other.modes_) {
             if (mode.when) {
-                mode.when->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });
+                mode.when->visit(replace);
             }
         }
-        for (const auto &event : processes()[i]->events_) {
-            auto other = std::make_shared<Event>(*event);
-            other->visit([&](std::shared_ptr<Instance> &instance) { instance = clones.at(instance.get()); });
-            copy->processes()[i]->events_.push_back(std::move(other));
+        for (const auto &event : process.events_) {
+            other.events_.push_back(std::make_shared<Event>(*event));
+            other.events_.back()->visit(replace);
+        }
+        other.dictionary_ = process.dictionary_;
+        other.script_ = process.script_;
+        other.played_telemetry_ = process.played_telemetry_;
+        other.keys = process.keys;
+        if (const auto &line = process.reset_) {
+            other.reset_ = ResetLine{{clones.of(line->input.instance), line->input.field}, line->down};
         }
     }
-    for (const auto &[original, counterpart] : models) {
-        counterpart->copy_setup(*original, [&](const Model *model) { return models.at(model); });
+    for (const auto &[original, counterpart] : clones.models) {
+        counterpart->copy_setup(*original, [&](const Model *model) { return clones.models.at(model); });
     }
     for (Wire wire : wires()) {
-        wire.from.instance = clones.at(wire.from.instance.get());
-        wire.to.instance = clones.at(wire.to.instance.get());
+        replace(wire.from.instance);
+        replace(wire.to.instance);
         copy->structure_.wires.push_back(std::move(wire));
     }
     for (Feed feed : feeds()) {
-        feed.to.instance = clones.at(feed.to.instance.get());
+        replace(feed.to.instance);
         copy->structure_.feeds.push_back(std::move(feed));
-    }
-    for (std::size_t i = 0; i < processes().size(); i++) {
-        copy->processes()[i]->dictionary_ = processes()[i]->dictionary_;
-        copy->processes()[i]->script_ = processes()[i]->script_;
-        copy->processes()[i]->played_telemetry_ = processes()[i]->played_telemetry_;
-        copy->processes()[i]->keys = processes()[i]->keys;
-        if (const auto &line = processes()[i]->reset_) {
-            copy->processes()[i]->reset_ =
-                ResetLine{{clones.at(line->input.instance.get()), line->input.field}, line->down};
-        }
     }
     if (runtime_) {
         copy->prepare();

@@ -229,7 +229,6 @@ void attach(const Instance &tank, const Instance &leak)
 
 Loop::Loop(WireOptions command, WireOptions level)
 {
-    constexpr Ns ms = 1'000'000;
     Process &world = sim.add_process("world");
     Process &flight = sim.add_process("flight");
     world.add("tank", tank);
@@ -240,6 +239,27 @@ Loop::Loop(WireOptions command, WireOptions level)
     flight.add_task({"gnc", 500 * ms, 0, 0, {control}});
     sim.connect(port(tank, "level"), port(control, "number"), level);
     sim.connect(port(control, "product"), port(tank, "flow"), command);
+}
+
+std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer_list<double> values)
+{
+    Messages made{std::move(times), {}};
+    std::size_t i = 0;
+    for (const double x : values) {
+        const Number number{{i < made.times.size() ? made.times[i] : 0, QUALITY_GOOD, static_cast<std::uint32_t>(++i)},
+                            x};
+        const auto *first = reinterpret_cast<const std::byte *>(&number);
+        made.bytes.insert(made.bytes.end(), first, first + sizeof number);
+    }
+    return std::make_shared<Messages>(std::move(made));
+}
+
+Condition below(const std::shared_ptr<Instance> &tank, double x)
+{
+    Operand level;
+    level.instance = tank;
+    level.offset = offsetof(Tank, out.level.x);
+    return {{level, Operand::of(x), EXEC_LESS}, "world.tank.level.x < " + std::to_string(x)};
 }
 
 } // namespace fledge::sim::toys

@@ -6,6 +6,7 @@
 #include "sim/error.h"
 #include "sim/instance.h"
 #include "sim/simulation.h"
+#include "tests/error_of.h"
 
 #include <memory>
 #include <string>
@@ -76,6 +77,22 @@ struct Leak {
 extern const FledgeStruct number_type, source_type, scale_type, tank_interface, leak_interface;
 extern const ModelType tank_type, leak_type;
 
+constexpr Ns ms = 1'000'000;
+
+/// A new instance of a module's or model's type in a process.
+template <class Type> std::shared_ptr<Instance> make(Process &process, const std::string &name, const Type &type)
+{
+    auto instance = std::make_shared<Instance>(type);
+    process.add(name, instance);
+    return instance;
+}
+
+/// Good Numbers, each valid at its time.
+std::shared_ptr<const Messages> messages(std::vector<Ns> times, std::initializer_list<double> values);
+
+/// The level of a Tank is below a number.
+Condition below(const std::shared_ptr<Instance> &tank, double x);
+
 /// Let a Tank advance a Leak.
 void attach(const Instance &tank, const Instance &leak);
 
@@ -105,18 +122,5 @@ struct Loop {
     std::shared_ptr<Instance> tank = std::make_shared<Instance>(tank_type);
     std::shared_ptr<Instance> control = std::make_shared<Instance>(scale_type);
 };
-
-/// What f says as it refuses or fails.
-template <class F> std::string error_of(F &&f)
-{
-    try {
-        f();
-    } catch (const SetupError &error) {
-        return error.what();
-    } catch (const RunError &error) {
-        return error.what();
-    }
-    return "(no error)";
-}
 
 } // namespace fledge::sim::toys

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/simulation.h"
+
+#include "sim/testing/toys.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+namespace playback_test {
+
+using namespace fledge::sim;
+using namespace fledge::sim::toys;
+using ::testing::HasSubstr;
+
+TEST(Playback, PutsOutWhatWasPutOutElsewhereWhateverParametersAndModesSay)
+{
+    const auto fly = [](Process &world, Process &flight) {
+        auto scale = make(flight, "scale", scale_type);
+        interface<Scale>(scale).par.gain = -0.5;
+        flight.add_task({"gnc", 500 * ms, 0, 0, {scale}});
+        flight.add_mode({"rest", {}});
+        flight.add_mode({"control", {"gnc"}});
+        auto tank = make(world, "tank", tank_type);
+        interface<Tank>(tank).par.initial = 8.0;
+        world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+        return std::pair{tank, scale};
+    };
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    const auto [tank, scale] = fly(world, flight);
+    sim.connect(port(tank, "level"), port(scale, "number"));
+    sim.connect(port(scale, "product"), port(tank, "flow"));
+    const FledgeField *output = port(scale, "product").field;
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*tank, {output, messages({0}, {1.0}), false, {}});
+                }),
+                HasSubstr("world.tank.product is not of the process flight"));
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, messages({0, 0}, {1.0, 2.0}), false, {}});
+                }),
+                HasSubstr("flight.scale.product: the times of messages must rise; found 0 s, then 0 s"));
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, messages({0, 500 * ms}, {1.0}), false, {}});
+                }),
+                HasSubstr("flight.scale.product: expected a message of 24 bytes for each time"));
+    flight.play(*scale, {output, messages({0, 1000 * ms}, {2.0, -3.0}), false, {}});
+    const auto level = [](Simulation &one) { return interface<Tank>(one.process("world").find("tank")).out.level.x; };
+    for (Simulation *one : {&sim, sim.clone().release()}) {
+        one->run_until(1000 * ms);
+        EXPECT_NEAR(level(*one), 8.0 + 2.0, 1e-12);
+        Scale &played = interface<Scale>(one->process("flight").find("scale"));
+        EXPECT_EQ(played.in.number.x, level(*one)); // what flows in is the world's; the initial mode runs no task
+        EXPECT_EQ(played.mem.updates, 0);
+        played.par.gain = 7.0;
+        one->process("flight").enter("control");
+        one->run_until(2000 * ms);
+        EXPECT_EQ(one->process("flight").mode(), "control");
+        EXPECT_NEAR(level(*one), 8.0 + 2.0 - 3.0, 1e-12);
+        if (one != &sim) {
+            delete one;
+        }
+    }
+    EXPECT_THAT(error_of([&] {
+                    flight.play(*scale, {output, messages({0}, {1.0}), false, {}});
+                }),
+                HasSubstr("has run until 2 s"));
+}
+
+TEST(Playback, AFunctionFliesInPlaceOfTheModules)
+{
+    Simulation sim;
+    Process &world = sim.add_process("world");
+    Process &flight = sim.add_process("flight");
+    auto scale = make(flight, "scale", scale_type), other = make(flight, "other", scale_type);
+    auto tank = make(world, "tank", tank_type);
+    interface<Scale>(scale).par.gain = interface<Scale>(other).par.gain = interface<Tank>(tank).par.initial = 1.0;
+    flight.add_task({"gnc", 500 * ms, 0, 0, {scale, other}});
+    world.add_task({"dynamics", 100 * ms, 0, 0, {tank}});
+    sim.connect(port(tank, "level"), port(scale, "number"));
+    sim.connect(port(tank, "level"), port(other, "number"));
+    sim.connect(port(scale, "product"), port(tank, "flow"));
+    std::vector<Ns> called;
+    flight.fly_by([&](Ns t) {
+        called.push_back(t);
+        Number level{};
+        std::memcpy(&level, flight.incoming(port(scale, "number")).data(), sizeof level);
+        EXPECT_EQ(level.x, interface<Tank>(tank).out.level.x); // the world came first
+        interface<Scale>(scale).out.number.x = -1.0;
+    });
+    sim.run_until(1000 * ms);
+    EXPECT_EQ(called, (std::vector<Ns>{0, 500 * ms, 1000 * ms})); // once at each instant
+    EXPECT_EQ(interface<Scale>(scale).mem.updates, 0);
+    EXPECT_NEAR(interface<Tank>(tank).out.level.x, 1.0 - 1.0, 1e-12);
+    const auto snapshot = sim.snapshot();
+    for (int again = 0; again < 2; again++) {
+        sim.run_until(1500 * ms);
+        sim.restore(snapshot);
+    }
+    EXPECT_EQ(called.size(), 5u); // also at the instant at which it was called last
+    EXPECT_THAT(error_of([&] { (void)sim.clone(); }), HasSubstr("flight is flown by a computer outside"));
+}
+
+TEST(Playback, OtherProcessesReadWhatWasSentToThem)
+{
+    Simulation sim;
+    Process &flight = sim.add_process("flight");
+    Process &world = sim.add_process("world");
+    auto source = make(flight, "source", source_type);
+    auto own = make(flight, "own", scale_type), other = make(world, "other", scale_type);
+    interface<Source>(source).par.value = interface<Scale>(own).par.gain = interface<Scale>(other).par.gain = 1.0;
+    flight.add_task({"gnc", 10 * ms, 0, 0, {source, own}});
+    world.add_task({"dynamics", 10 * ms, 0, 0, {other}});
+    sim.connect(port(source, "number"), port(own, "number"));
+    sim.connect(port(source, "number"), port(other, "number"));
+    for (const bool sent : {false, true}) {
+        Number number{};
+        number.x = sent ? 2.5 : 2.4375;
+        const auto *first = reinterpret_cast<const std::byte *>(&number);
+        flight.play(*source, {port(source, "number").field,
+                              std::make_shared<Messages>(Messages{{0}, {first, first + sizeof number}}),
+                              sent,
+                              {}});
+    }
+    sim.step();
+    for (int again = 0; again < 2; again++) {
+        EXPECT_EQ(interface<Source>(source).out.number.x, 2.4375);
+        EXPECT_EQ(interface<Scale>(own).in.number.x, 2.4375);
+        EXPECT_EQ(interface<Scale>(other).in.number.x, 2.5);
+        sim.step();
+    }
+}
+
+} // namespace playback_test
