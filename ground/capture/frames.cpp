@@ -183,99 +183,133 @@ std::vector<std::string> refused(const Virtual &one, const PacketZone &before, c
     return all;
 }
 
+/// Takes the frames one after the other, and finds their packets.
+class Receiver {
+public:
+    Receiver(Frames &frames, const FrameFormat &format, const Common &common)
+        : frames_(frames), format_(format), common_(common),
+          name_(kind(common.version, common.first)), channel_{static_cast<std::uint16_t>(common.spacecraft),
+                                                              static_cast<std::uint16_t>(format.size), 0,
+                                                              static_cast<std::uint8_t>(common.check)}
+    {
+    }
+
+    void take(const std::uint8_t *frame, std::size_t at)
+    {
+        TmFrame parts{};
+        if (const std::string why = read(frame, parts); !why.empty()) {
+            say(at, "a frame is passed over: " + why);
+            return;
+        }
+        read_++;
+        if (common_.version == 0 || parts.virtual_channel != AOS_CHANNELS - 1) { // else it fills
+            receive(parts, at);
+        }
+    }
+
+    void say(std::size_t at, std::string problem) { found.push_back({at, {}, std::move(problem), ""}); }
+
+    std::string summary() const
+    {
+        std::uint32_t idle = 0;
+        std::string unfinished;
+        for (const auto &[number, channel] : channels_) {
+            const PacketZone &zone = channel->receiver.zone;
+            idle += zone.idle;
+            if (zone.n + zone.skip != 0) {
+                unfinished += "; virtual channel " + std::to_string(number) + " ends within a packet";
+            }
+        }
+        return std::to_string(read_) + " " + name_ + " frames of spacecraft " + std::to_string(common_.spacecraft) +
+               ", " + std::to_string(idle) + " idle packets" +
+               (format_.code ? ", " + std::to_string(corrected_) + " symbols corrected" : "") + unfinished;
+    }
+
+    std::vector<Found> found;
+
+private:
+    /// Returns "", or why the frame cannot be read.
+    std::string read(const std::uint8_t *frame, TmFrame &parts)
+    {
+        if (!frames_.corrected) {
+            return "its Reed-Solomon code has too many wrong symbols";
+        }
+        corrected_ += *frames_.corrected;
+        const unsigned version = frame[0] >> 6;
+        if (common_.check && ccsds_crc16(frame, format_.size) != 0) {
+            return what(CCSDS_CRC);
+        }
+        if (version != common_.version) {
+            return "it is of " + kind(version, frame[0]) + ", the others are of " + name_;
+        }
+        if (spacecraft_of(frame) != common_.spacecraft) {
+            return "it is of another spacecraft";
+        }
+        if (common_.header_check && !header_check_holds(frame)) {
+            return "the check of its header does not hold";
+        }
+        const CcsdsFault fault =
+            version == 0 ? tm_frame_read(&channel_, frame, format_.size, &parts)
+                         : aos_frame_read(frame, format_.size, format_.insert + (common_.header_check ? 2u : 0u),
+                                          format_.control, common_.check, &parts);
+        return fault != CCSDS_OK ? what(fault) : "";
+    }
+
+    void receive(const TmFrame &parts, std::size_t at)
+    {
+        auto &channel = channels_[parts.virtual_channel];
+        if (!channel) {
+            channel = std::make_unique<Virtual>(Virtual{&found});
+            const auto keep = [](void *user, const std::uint8_t *packet, std::size_t n) {
+                const Virtual &self = *static_cast<Virtual *>(user);
+                self.found->push_back({self.at, {packet, packet + n}, "", ""});
+            };
+            tm_receiver_begin(&channel->receiver, common_.version == 0 ? 256 : 1u << 24, channel->memory.data(),
+                              channel->memory.size(), keep, channel.get());
+            channel->receiver.zone.encapsulation = keep;
+        }
+        const TmReceiver before = channel->receiver;
+        channel->at = at;
+        tm_receive(&channel->receiver, &parts);
+        if (channel->receiver.missing != before.missing) {
+            say(at, std::to_string(channel->receiver.missing - before.missing) + " frames of virtual channel " +
+                        std::to_string(parts.virtual_channel) + " are missing in front of this one");
+        }
+        for (std::string &why : refused(*channel, before.zone, parts)) {
+            say(at, std::move(why));
+        }
+    }
+
+    Frames &frames_;
+    const FrameFormat &format_;
+    const Common &common_;
+    const std::string name_;
+    const TmChannel channel_;
+    std::map<unsigned, std::unique_ptr<Virtual>> channels_;
+    std::size_t read_ = 0, corrected_ = 0;
+};
+
 } // namespace
 
 std::vector<Found> packets_of_frames(std::span<const std::uint8_t> bytes, const FrameFormat &format)
 {
     Frames frames(bytes, format);
     const Common common = common_of(frames, format);
-    std::vector<Found> found;
-    const std::string name = kind(common.version, common.first);
+    Receiver receiver(frames, format, common);
     if (common.version > 1) {
-        found.push_back({format.skip, {}, "the frames are of " + name + ", which is not read: TM and AOS are", ""});
-        return found;
+        receiver.say(format.skip,
+                     "the frames are of " + kind(common.version, common.first) + ", which is not read: TM and AOS are");
+        return std::move(receiver.found);
     }
-    const TmChannel channel{static_cast<std::uint16_t>(common.spacecraft), static_cast<std::uint16_t>(format.size), 0,
-                            static_cast<std::uint8_t>(common.check)};
-    std::map<unsigned, std::unique_ptr<Virtual>> channels;
-    std::size_t at = format.skip, read = 0, corrected = 0;
-    const auto pass_over = [&](const std::string &why) {
-        found.push_back({at, {}, "a frame is passed over: " + why, ""});
-    };
+    std::size_t at = format.skip;
     for (const std::uint8_t *frame; (frame = frames.read(at)) != nullptr; at += frames.step()) {
-        if (!frames.corrected) {
-            pass_over("its Reed-Solomon code has too many wrong symbols");
-            continue;
-        }
-        corrected += *frames.corrected;
-        const unsigned version = frame[0] >> 6;
-        if (common.check && ccsds_crc16(frame, format.size) != 0) {
-            pass_over(what(CCSDS_CRC));
-            continue;
-        }
-        if (version != common.version || spacecraft_of(frame) != common.spacecraft) {
-            pass_over("it is of " + (version != common.version ? kind(version, frame[0]) + ", the others are of " + name
-                                                               : std::string("another spacecraft")));
-            continue;
-        }
-        if (common.header_check && !header_check_holds(frame)) {
-            pass_over("the check of its header does not hold");
-            continue;
-        }
-        TmFrame parts{};
-        const CcsdsFault fault =
-            version == 0 ? tm_frame_read(&channel, frame, format.size, &parts)
-                         : aos_frame_read(frame, format.size, format.insert + (common.header_check ? 2u : 0u),
-                                          format.control, common.check, &parts);
-        if (fault != CCSDS_OK) {
-            pass_over(what(fault));
-            continue;
-        }
-        read++;
-        if (version == 1 && parts.virtual_channel == AOS_CHANNELS - 1) {
-            continue; // it fills
-        }
-        auto &one = channels[parts.virtual_channel];
-        if (!one) {
-            one = std::make_unique<Virtual>(Virtual{&found});
-            const auto keep = [](void *user, const std::uint8_t *packet, std::size_t n) {
-                const Virtual &self = *static_cast<Virtual *>(user);
-                self.found->push_back({self.at, {packet, packet + n}, "", ""});
-            };
-            tm_receiver_begin(&one->receiver, version == 0 ? 256 : 1u << 24, one->memory.data(), one->memory.size(),
-                              keep, one.get());
-            one->receiver.zone.encapsulation = keep;
-        }
-        const TmReceiver before = one->receiver;
-        one->at = at;
-        tm_receive(&one->receiver, &parts);
-        if (one->receiver.missing != before.missing) {
-            found.push_back({at,
-                             {},
-                             std::to_string(one->receiver.missing - before.missing) + " frames of virtual channel " +
-                                 std::to_string(parts.virtual_channel) + " are missing in front of this one",
-                             ""});
-        }
-        for (std::string &why : refused(*one, before.zone, parts)) {
-            found.push_back({at, {}, std::move(why), ""});
-        }
+        receiver.take(frame, at);
     }
     if (at < bytes.size() + format.skip) {
-        found.push_back({at - format.skip, {}, "the file ends within a frame", ""});
+        receiver.say(at - format.skip, "the file ends within a frame");
     }
-    std::string note = std::to_string(read) + " " + name + " frames of spacecraft " + std::to_string(common.spacecraft);
-    std::uint32_t idle = 0;
-    std::string unfinished;
-    for (const auto &[number, one] : channels) {
-        idle += one->receiver.zone.idle;
-        if (one->receiver.zone.n + one->receiver.zone.skip != 0) {
-            unfinished += "; virtual channel " + std::to_string(number) + " ends within a packet";
-        }
-    }
-    note += ", " + std::to_string(idle) + " idle packets" +
-            (format.code ? ", " + std::to_string(corrected) + " symbols corrected" : "") + unfinished;
-    found.push_back({at, {}, "", note});
-    return found;
+    receiver.found.push_back({at, {}, "", receiver.summary()});
+    return std::move(receiver.found);
 }
 
 } // namespace fledge::ground

@@ -118,12 +118,20 @@ private:
     struct Operand;
     enum class Outcome : std::uint8_t { matched, unmatched, broken };
 
+    void hold_references();
+    void find_roots();
+    static Labels labels_of(const Type &type);
+    void keep_held();
+
     const Plan &plan(Id container);
     void make_plan(Plan &plan, Id container);
     bool lay_entries(Plan &plan, Id container, std::size_t &at, std::size_t start);
     bool lay(Plan &plan, Id parameter, Id type, std::uint32_t node, std::size_t &at,
              const std::vector<Dimension> *dimensions);
     void join_steps(Plan &plan) const;
+    std::optional<std::pair<std::size_t, std::uint64_t>> key(const Plan &plan, const Condition &condition) const;
+    void dispatch(Plan &plan, const Container &container) const;
+    std::size_t decode_planned(const Plan &plan);
     Id planned(Id container, std::size_t bits);
     bool by_more_than_numbers(const Plan &plan, const Condition &condition) const;
     bool holds_planned(const Plan &plan, const Condition &condition) const;
@@ -146,6 +154,8 @@ private:
 
     bool refers(const Type &type) const;
     Status convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
+    std::optional<Status> convert_text(const Type &type, Kind &kind, std::uint64_t &raw, std::uint64_t &value) const;
+    Status convert_time(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value);
     std::optional<Operand> find(const Reference &reference, bool earlier);
     bool leads(const Reference &reference, std::span<const PathNode> nodes, std::uint32_t node) const;
     bool holds(const Condition &condition, bool earlier);

@@ -211,9 +211,9 @@ void History::walk(std::vector<Piece> all, const Wanted &wanted, bool backwards,
     }
 }
 
-History::Target History::target(const std::string &name, bool numbers) const
+/// The parameter of the longest name that a text begins with, and how long that is.
+std::pair<Id, std::size_t> History::parameter(const std::string &name) const
 {
-    // The longest name of a parameter that it begins with.
     std::size_t longest = 0;
     Id found = no_id;
     bool twice = false;
@@ -227,13 +227,13 @@ History::Target History::target(const std::string &name, bool numbers) const
     };
     for (const bool by_name : {false, true}) {
         for (Id id = 0; id < db_.parameters.size() && (!by_name || found == no_id || twice); id++) {
-            const Parameter &one = db_.parameters[id];
+            const Parameter &parameter = db_.parameters[id];
             if (by_name) {
-                consider(one.name, id);
+                consider(parameter.name, id);
                 continue;
             }
-            consider(one.path, id);
-            for (const auto &[space, alias] : one.aliases) {
+            consider(parameter.path, id);
+            for (const auto &[space, alias] : parameter.aliases) {
                 consider(space == "Fledge" ? alias : "", id);
             }
         }
@@ -248,40 +248,49 @@ History::Target History::target(const std::string &name, bool numbers) const
         throw Refusal(name + " is the name of several parameters: give the path of one, as " +
                       db_.parameters[found].path);
     }
-    Target made{found, no_id, {}};
-    made.type = db_.parameters[found].type;
-    const Type *type = &db_.types[made.type];
-    for (std::size_t at = longest; at < name.size();) {
+    return {found, longest};
+}
+
+/// Of what stands behind the name of a parameter: ".member[3]".
+void History::add_steps(Target &target, const std::string &name, std::size_t at) const
+{
+    while (at < name.size()) {
+        const Type &type = db_.types[target.type];
         const bool element = name[at] == '[';
         const std::size_t end = element ? name.find(']', at) : std::min(name.find_first_of(".[", at + 1), name.size());
         const std::string step = name.substr(at + 1, end == std::string::npos ? end : end - at - 1);
         const bool number = !step.empty() && step.size() < 9 && step.find_first_not_of("0123456789") == step.npos;
-        if (element && (end == std::string::npos || !number || type->sort != Type::Sort::array)) {
+        if (element && (end == std::string::npos || !number || type.sort != Type::Sort::array)) {
             throw Refusal(name + ": " + name.substr(0, at) + " has no element [" + step + "]");
         }
         if (element) {
-            made.steps.push_back(static_cast<std::uint32_t>(whole(step)));
-            made.type = type->element;
-            type = &db_.types[made.type];
+            target.steps.push_back(static_cast<std::uint32_t>(whole(step)));
+            target.type = type.element;
             at = end + 1;
             continue;
         }
-        const auto member = std::find_if(type->members.begin(), type->members.end(),
-                                         [&](const Member &one) { return one.name == step; });
-        if (member == type->members.end()) {
+        const auto member = std::find_if(type.members.begin(), type.members.end(),
+                                         [&](const Member &other) { return other.name == step; });
+        if (member == type.members.end()) {
             throw Refusal(name + ": " + name.substr(0, at) + " has no member " + step);
         }
-        made.steps.push_back(static_cast<std::uint32_t>(member - type->members.begin()));
-        made.type = member->type;
-        type = &db_.types[made.type];
+        target.steps.push_back(static_cast<std::uint32_t>(member - type.members.begin()));
+        target.type = member->type;
         at = end;
     }
+}
+
+History::Target History::target(const std::string &name, bool numbers) const
+{
     using Sort = Type::Sort;
+    const auto [found, behind] = parameter(name);
+    Target made{found, db_.parameters[found].type, {}};
+    add_steps(made, name, behind);
     for (const auto &[sort, what] :
          {std::pair(Sort::text, "a text"), std::pair(Sort::binary, "bytes"),
           std::pair(Sort::aggregate, "several members"), std::pair(Sort::array, "several elements")}) {
         const bool bytes = sort == Sort::text || sort == Sort::binary;
-        if (type->sort == sort && (numbers || !bytes)) {
+        if (db_.types[made.type].sort == sort && (numbers || !bytes)) {
             throw Refusal(name + (numbers ? " is no number but " : " is no value but ") + what);
         }
     }
@@ -407,6 +416,16 @@ std::set<Id> History::carriers(const std::set<Id> &parameters) const
 
 namespace {
 
+/// Whether the value of a node is the one to which these steps lead.
+bool leads(const std::vector<std::uint32_t> &steps, const Decoded &packet, std::uint32_t node)
+{
+    std::size_t left = steps.size();
+    for (; left != 0 && node != 0 && packet.nodes[node].place == steps[left - 1]; left--) {
+        node = packet.nodes[node].parent;
+    }
+    return left == 0 && node == 0;
+}
+
 void at_most(std::uint64_t n, std::uint64_t most, const char *what)
 {
     if (n > most) {
@@ -429,18 +448,16 @@ std::set<Id> History::references(Id container) const
     return all.found;
 }
 
-/// First the values on which the first ones' concerns depend; then the times between which there are packets, and each
-/// value of the targets; after all those of a packet, `packet`.
-void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
-                     const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
+/// Those whose packets have values of the targets, with those on which these depend. before: of which ones, how many
+/// packets in front of a query.
+std::set<Id> History::needed(const std::vector<Target> &targets, const std::vector<Judge> &judges,
+                             std::map<Id, std::uint32_t> &before) const
 {
     std::set<Id> parameters;
-    for (const Target &one : targets) {
-        parameters.insert(one.parameter);
+    for (const Target &target : targets) {
+        parameters.insert(target.parameter);
     }
-    // With the packets that they depend on, from the last ones before the query on.
     std::set<Id> containers = carriers(parameters);
-    std::map<Id, std::uint32_t> before; ///< how many of their packets
     for (std::size_t i = 0; i < judges.size(); i++) {
         References conditions{db_};
         for (const Alarm &alarm : db_.types[targets[i].type].alarms) {
@@ -456,76 +473,41 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
     }
     std::vector<Id> open(containers.begin(), containers.end());
     while (!open.empty()) {
-        const std::set<Id> needed = references(open.back());
+        const std::set<Id> referred = references(open.back());
         open.pop_back();
-        for (const Id id : needed.empty() ? std::set<Id>() : carriers(needed)) {
+        for (const Id id : referred.empty() ? std::set<Id>() : carriers(referred)) {
             before.emplace(id, 1);
             if (containers.insert(id).second) {
                 open.push_back(id);
             }
         }
     }
-    std::set<std::string> paths;
-    for (const Id id : containers) {
-        paths.insert(db_.containers[id].path);
+    return containers;
+}
+
+/// The last packets in front of a query, in the order of time.
+std::vector<History::Earlier> History::earlier(const std::map<Id, std::uint32_t> &before, std::int64_t from,
+                                               std::uint32_t session)
+{
+    std::vector<Earlier> last;
+    for (const auto &[id, n] : before) {
+        std::uint32_t left = n;
+        walk(
+            pieces({0, from - 1, session}),
+            [&path = db_.containers[id].path](const std::string &container) { return container == path; }, true,
+            [&](const Stored &stored, const std::string &) {
+                last.emplace_back(stored.t, stored.received, std::vector(stored.packet.begin(), stored.packet.end()));
+                return --left != 0;
+            });
     }
-    const std::string hash = hash_text(db_);
-    const auto wanted_of = [&](const PacketFile &file) -> Wanted {
-        // Of another database, any packet may have them now.
-        const bool same = metadata(file, "archive", "database") == hash;
-        return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
-    };
-    Decoder decoder(db_);
-    std::vector<std::vector<std::size_t>> targets_of(db_.parameters.size());
-    for (std::size_t k = 0; k < targets.size(); k++) {
-        targets_of[targets[k].parameter].push_back(k);
-    }
-    std::uint64_t values = 0;
-    const auto take = [&](const Stored &one, std::uint32_t session, bool earlier) {
-        const Decoded &done = decoder.decode(one.packet, root_);
-        bool any = false;
-        for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
-            const Field &field = done.fields[i];
-            for (const std::size_t k : targets_of[field.parameter]) {
-                std::uint32_t node = field.node;
-                std::size_t left = targets[k].steps.size();
-                for (; left != 0 && node != 0 && done.nodes[node].place == targets[k].steps[left - 1]; left--) {
-                    node = done.nodes[node].parent;
-                }
-                if (left == 0 && node == 0) {
-                    at_most(++values, most_seen, "read");
-                    value({decoder, done, i, k, one.t, one.received, session, earlier});
-                    any = true;
-                }
-            }
-        }
-        if (any && !earlier) {
-            packet(one);
-        }
-    };
-    const auto session_of = [](const PacketFile &file) {
-        return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
-    };
-    std::vector<Piece> all = pieces(query);
-    if (!before.empty() && !all.empty() && query.from > 0) {
-        const std::uint32_t session = session_of(*all.front().file);
-        std::vector<std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>> last;
-        for (const auto &[id, n] : before) {
-            std::uint32_t left = n;
-            walk(
-                pieces({0, query.from - 1, session}),
-                [&path = db_.containers[id].path](const std::string &container) { return container == path; }, true,
-                [&](const Stored &one, const std::string &) {
-                    last.emplace_back(one.t, one.received, std::vector(one.packet.begin(), one.packet.end()));
-                    return --left != 0;
-                });
-        }
-        std::sort(last.begin(), last.end());
-        for (const auto &[t, received, bytes] : last) {
-            take({t, received, 0, bytes}, session, true);
-        }
-        all = pieces(query); // which may have got other names meanwhile
-    }
+    std::sort(last.begin(), last.end());
+    return last;
+}
+
+/// The times between which there are packets. Throws Refusal if too many are wanted.
+std::pair<std::int64_t, std::int64_t> History::extent(const std::vector<Piece> &all, const Query &query,
+                                                      const std::function<Wanted(const PacketFile &)> &wanted_of) const
+{
     double n = 0, span = 0;
     std::int64_t begin = query.to, end = query.from;
     for (const Piece &piece : all) {
@@ -553,11 +535,64 @@ void History::decode(const std::vector<Target> &targets, const std::vector<Judge
             span / 86400e9 * static_cast<double>(most_decoded) / n);
         throw Refusal(text);
     }
+    return {begin, end};
+}
+
+/// First the values on which the first ones' concerns depend; then the times between which there are packets, and each
+/// value of the targets; after all those of a packet, `packet`.
+void History::decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
+                     const Range &range, const Value &value, const std::function<void(const Stored &)> &packet)
+{
+    std::map<Id, std::uint32_t> before;
+    std::set<std::string> paths;
+    for (const Id id : needed(targets, judges, before)) {
+        paths.insert(db_.containers[id].path);
+    }
+    const std::string hash = hash_text(db_);
+    const auto wanted_of = [&](const PacketFile &file) -> Wanted {
+        // Of another database, any packet may have them now.
+        const bool same = metadata(file, "archive", "database") == hash;
+        return [&paths, same](const std::string &container) { return !same || paths.count(container) != 0; };
+    };
+    Decoder decoder(db_);
+    std::vector<std::vector<std::size_t>> targets_of(db_.parameters.size());
+    for (std::size_t k = 0; k < targets.size(); k++) {
+        targets_of[targets[k].parameter].push_back(k);
+    }
+    std::uint64_t values = 0;
+    const auto take = [&](const Stored &stored, std::uint32_t session, bool earlier) {
+        const Decoded &done = decoder.decode(stored.packet, root_);
+        bool any = false;
+        for (std::size_t i = 0; done.reason.empty() && i < done.fields.size(); i++) {
+            for (const std::size_t k : targets_of[done.fields[i].parameter]) {
+                if (leads(targets[k].steps, done, done.fields[i].node)) {
+                    at_most(++values, most_seen, "read");
+                    value({decoder, done, i, k, stored.t, stored.received, session, earlier});
+                    any = true;
+                }
+            }
+        }
+        if (any && !earlier) {
+            packet(stored);
+        }
+    };
+    const auto session_of = [](const PacketFile &file) {
+        return static_cast<std::uint32_t>(whole(metadata(file, "archive", "session")));
+    };
+    std::vector<Piece> all = pieces(query);
+    if (!before.empty() && !all.empty() && query.from > 0) {
+        const std::uint32_t session = session_of(*all.front().file);
+        for (const auto &[t, received, bytes] : earlier(before, query.from, session)) {
+            take({t, received, 0, bytes}, session, true);
+        }
+        all = pieces(query); // which may have got other names meanwhile
+    }
+    const auto [begin, end] = extent(all, query, wanted_of);
     range(begin, end);
     for (const Piece &piece : all) {
         walk({piece}, wanted_of(*piece.file), false,
-             [&, session = session_of(*piece.file)](const Stored &one, const std::string &) {
-                 take(one, session, false);
+             [&, session = session_of(*piece.file)](const Stored &stored, const std::string &) {
+                 take(stored, session, false);
                  return true;
              });
     }

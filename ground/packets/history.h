@@ -7,13 +7,14 @@
 // are numbers: a boolean is 0 or 1, a label is its raw value, a time has seconds; NaN: there is none.
 #pragma once
 
-#include "ground/packets/packet_file.h"
 #include "ground/monitor/limits.h"
+#include "ground/packets/packet_file.h"
 
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
+#include <tuple>
 
 namespace fledge::ground {
 
@@ -94,7 +95,8 @@ private:
         Id parameter, type;
         std::vector<std::uint32_t> steps;
     };
-    struct Seen { ///< a value in a packet
+    using Earlier = std::tuple<std::int64_t, std::int64_t, std::vector<std::uint8_t>>; ///< t, received, packet
+    struct Seen {                                                                      ///< a value in a packet
         Decoder &decoder;
         const Decoded &packet;
         std::size_t field, target;
@@ -112,9 +114,16 @@ private:
     std::vector<Piece> pieces(const Query &query);
     void walk(std::vector<Piece> pieces, const Wanted &wanted, bool backwards, const Take &take);
     std::string container_of(const PacketFile &file, std::uint16_t channel) const;
+    std::pair<Id, std::size_t> parameter(const std::string &name) const;
+    void add_steps(Target &target, const std::string &name, std::size_t at) const;
     Target target(const std::string &name, bool numbers) const;
     std::set<Id> carriers(const std::set<Id> &parameters) const;
     std::set<Id> references(Id container) const;
+    std::set<Id> needed(const std::vector<Target> &targets, const std::vector<Judge> &judges,
+                        std::map<Id, std::uint32_t> &before) const;
+    std::vector<Earlier> earlier(const std::map<Id, std::uint32_t> &before, std::int64_t from, std::uint32_t session);
+    std::pair<std::int64_t, std::int64_t> extent(const std::vector<Piece> &all, const Query &query,
+                                                 const std::function<Wanted(const PacketFile &)> &wanted_of) const;
     void decode(const std::vector<Target> &targets, const std::vector<Judge> &judges, const Query &query,
                 const Range &range, const Value &value, const std::function<void(const Stored &)> &packet);
 

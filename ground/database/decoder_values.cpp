@@ -1,0 +1,432 @@
+// SPDX-License-Identifier: Apache-2.0
+// Values that others refer to: of this packet and of earlier ones; conditions of them; from raw to calibrated values.
+#include "ground/database/decoder_parts.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fledge::ground {
+
+namespace {
+
+constexpr std::size_t most_held = 256; // members and elements of a parameter that something refers to
+
+using Sort = Type::Sort;
+using std::bit_cast;
+
+} // namespace
+
+// --- values of earlier packets
+
+void Decoder::hold(const Reference &reference)
+{
+    if (reference.of != Reference::Of::parameter) {
+        return;
+    }
+    auto &slots = slots_[reference.parameter];
+    for (const std::uint32_t slot : slots) {
+        if (held_[slot].reference.steps == reference.steps) {
+            return;
+        }
+    }
+    if (slots.size() == most_held) {
+        throw Refusal(db_.where(db_.parameters[reference.parameter].place) + ": more than " +
+                      std::to_string(most_held) + " members and elements of " +
+                      db_.parameters[reference.parameter].path + " are referred to");
+    }
+    slots.push_back(static_cast<std::uint32_t>(held_.size()));
+    held_.emplace_back().reference = reference;
+}
+
+void Decoder::hold(const Condition &condition)
+{
+    hold(condition.left), hold(condition.right);
+    for (const Condition &part : condition.parts) {
+        hold(part);
+    }
+}
+
+void Decoder::hold(const Quantity &quantity)
+{
+    hold(quantity.from);
+    for (const auto &[condition, value] : quantity.cases) {
+        hold(condition);
+    }
+}
+
+void Decoder::remember(const Decoder &other)
+{
+    held_ = other.held_;
+}
+
+void Decoder::keep(std::size_t field, std::uint32_t slot)
+{
+    Held &held = held_[slot];
+    held.there = true;
+    held.field = packet_.fields[field];
+    held.raw = raw_[field];
+    held.value = values_[field];
+    held.status = status_[field];
+    if (held.field.raw == Kind::text || held.field.raw == Kind::binary) {
+        held.text = text_of(held.field.value == Kind::text ? held.value : held.raw);
+    }
+}
+
+/// Whether the steps of a reference lead to a node.
+bool Decoder::leads(const Reference &reference, std::span<const PathNode> nodes, std::uint32_t node) const
+{
+    for (std::size_t i = reference.steps.size(); i-- > 0; node = nodes[node].parent) {
+        if (node == 0 || nodes[node].place != reference.steps[i]) {
+            return false;
+        }
+    }
+    return node == 0;
+}
+
+std::optional<Decoder::Operand> Decoder::find(const Reference &reference, bool earlier)
+{
+    const auto operand = [&](const Field &field, std::uint64_t raw, std::uint64_t value, Status status,
+                             std::string_view text) -> std::optional<Operand> {
+        const bool calibrated = reference.calibrated && field.value != Kind::none;
+        if (status == Status::malformed || (calibrated && status == Status::uncalibrated)) {
+            return std::nullopt;
+        }
+        return Operand{calibrated ? field.value : field.raw, calibrated ? value : raw, &db_.types[field.type], raw,
+                       text};
+    };
+    const bool named = reference.of == Reference::Of::argument; // or a member beside the one that refers
+    for (std::size_t i = fields_.size(); i-- > 0;) {
+        const Field &field = fields_[i];
+        const PathNode &node = nodes_[field.node];
+        if (named ? (field.node != 0
+                         ? db_.types[node.type].sort == Sort::aggregate &&
+                               db_.types[node.type].members[node.place].name == reference.name
+                         : field.parameter >= db_.arguments && db_.parameters[field.parameter].name == reference.name)
+                  : field.parameter == reference.parameter && leads(reference, nodes_, field.node)) {
+            const bool text = field.raw == Kind::text || field.raw == Kind::binary;
+            auto found =
+                operand(field, raw_[i], values_[i], status_[i],
+                        text ? text_of(field.value == Kind::text && reference.calibrated ? values_[i] : raw_[i])
+                             : std::string_view());
+            if (found && !plans_on_) {
+                found->at = places_[i].at;
+            }
+            return found;
+        }
+    }
+    if (named || !earlier) {
+        return std::nullopt;
+    }
+    for (const std::uint32_t slot : slots_[reference.parameter]) {
+        const Held &held = held_[slot];
+        if (held.there && held.reference.steps == reference.steps) {
+            return operand(held.field, held.raw, held.value, held.status, held.text);
+        }
+    }
+    const Parameter &parameter = db_.parameters[reference.parameter];
+    const Type &type = db_.types[parameter.type];
+    const auto &initial = parameter.initial ? parameter.initial : type.initial;
+    if (!initial || !reference.steps.empty()) {
+        return std::nullopt;
+    }
+    for (std::uint32_t i = 0; i < type.enumerators.size(); i++) {
+        if (type.enumerators[i].label == *initial) {
+            return Operand{Kind::label, i, &type, static_cast<std::uint64_t>(type.enumerators[i].low)};
+        }
+    }
+    if (type.sort == Sort::boolean) {
+        return Operand{Kind::boolean, *initial == type.one || *initial == "true" || *initial == "1", &type};
+    }
+    char *end = nullptr;
+    const double number = std::strtod(initial->c_str(), &end);
+    if (type.sort != Sort::text && end != initial->c_str() && *end == '\0') {
+        return Operand{Kind::real, word(number), &type};
+    }
+    return Operand{Kind::text, 0, &type, 0, *initial};
+}
+
+std::string_view Decoder::text_of(std::uint64_t slice) const
+{
+    return {reinterpret_cast<const char *>(bytes_.data()) + (slice >> 32), slice & 0xFFFFFFFF};
+}
+
+std::optional<std::int64_t> Decoder::number(const Quantity &quantity)
+{
+    if (quantity.looked_up) {
+        for (const auto &[condition, value] : quantity.cases) {
+            if (holds(condition, true)) {
+                return value;
+            }
+        }
+        return std::nullopt;
+    }
+    if (quantity.is_fixed()) {
+        return quantity.fixed;
+    }
+    const auto found = find(quantity.from, true);
+    auto value = found ? real_of(found->kind, found->word) : std::nullopt;
+    if (found && found->kind == Kind::label) {
+        value = static_cast<double>(static_cast<std::int64_t>(found->raw));
+    }
+    if (!value || !(std::abs(*value * quantity.slope + quantity.intercept) < 1e15)) {
+        return std::nullopt;
+    }
+    return nearest(*value * quantity.slope + quantity.intercept);
+}
+
+/// A size [bits] of what begins at a bit.
+std::optional<std::int64_t> Decoder::size_at(const Quantity &quantity, std::size_t at)
+{
+    return quantity.from.of == Reference::Of::rest
+               ? static_cast<std::int64_t>(n_bits_ - at) + static_cast<std::int64_t>(quantity.intercept)
+               : number(quantity);
+}
+
+// --- conditions
+
+namespace {
+
+template <class Value> bool ordered(Operator op, const Value &a, const Value &b)
+{
+    switch (op) {
+    case Operator::equal: return a == b;
+    case Operator::unequal: return a != b;
+    case Operator::less: return a < b;
+    case Operator::at_most: return a <= b;
+    case Operator::more: return a > b;
+    case Operator::at_least: return a >= b;
+    }
+    return false;
+}
+
+} // namespace
+
+bool Decoder::compare(Operator op, const Operand &left, const Literal &literal) const
+{
+    const Type &type = *left.type;
+    if (left.kind == Kind::text) {
+        return ordered(op, left.text, std::string_view(literal.text));
+    }
+    if (left.kind == Kind::label) {
+        const bool labelled = left.word != no_id;
+        const bool known = std::any_of(type.enumerators.begin(), type.enumerators.end(),
+                                       [&](const Enumerator &one) { return one.label == literal.text; });
+        if (known || !literal.integer) {
+            return ordered(op, std::string_view(labelled ? type.enumerators[left.word].label.c_str() : ""),
+                           std::string_view(literal.text));
+        }
+        return ordered(op, Wide(static_cast<std::int64_t>(left.raw)), wide(literal));
+    }
+    if (left.kind == Kind::boolean && !literal.integer) {
+        const bool one = literal.text == type.one || literal.text == "true" || literal.text == "True";
+        const bool zero = literal.text == type.zero || literal.text == "false" || literal.text == "False";
+        return (one || zero) && ordered(op, left.word != 0, one);
+    }
+    if (is_whole(left.kind) && literal.integer) {
+        return ordered(op, wide(left.kind, left.word), wide(literal));
+    }
+    const auto value = real_of(left.kind, left.word);
+    return value && literal.real && ordered(op, *value, *literal.real);
+}
+
+bool Decoder::compare(Operator op, const Operand &left, const Operand &right) const
+{
+    if (left.kind == Kind::text || right.kind == Kind::text || left.kind == Kind::label || right.kind == Kind::label) {
+        const auto text = [](const Operand &one) -> std::string_view {
+            if (one.kind != Kind::label) {
+                return one.text;
+            }
+            return one.word == no_id ? std::string_view() : std::string_view(one.type->enumerators[one.word].label);
+        };
+        return (left.kind == Kind::text || left.kind == Kind::label) &&
+               (right.kind == Kind::text || right.kind == Kind::label) && ordered(op, text(left), text(right));
+    }
+    if (is_whole(left.kind) && is_whole(right.kind)) {
+        return ordered(op, wide(left.kind, left.word), wide(right.kind, right.word));
+    }
+    const auto a = real_of(left.kind, left.word), b = real_of(right.kind, right.word);
+    return a && b && ordered(op, *a, *b);
+}
+
+bool Decoder::holds(const Condition &condition, bool earlier)
+{
+    if (effort_ > most_effort) {
+        return false; // and the next entry says so
+    }
+    switch (condition.what) {
+    case Condition::What::always: return true;
+    case Condition::What::all:
+        return std::all_of(condition.parts.begin(), condition.parts.end(),
+                           [&](auto &one) { return holds(one, earlier); });
+    case Condition::What::any:
+        return std::any_of(condition.parts.begin(), condition.parts.end(),
+                           [&](auto &one) { return holds(one, earlier); });
+    case Condition::What::compare: break;
+    }
+    effort_ += 1 + fields_.size() / 16;
+    const auto left = find(condition.left, earlier);
+    if (!left || condition.right.of == Reference::Of::nothing) {
+        return left && compare(condition.op, *left, condition.literal);
+    }
+    const auto right = find(condition.right, earlier);
+    return right && compare(condition.op, *left, *right);
+}
+
+// --- from raw to calibrated values
+
+Kind value_kind(const Type &type)
+{
+    const Kind raw = raw_kind(type.encoding);
+    const bool calibrates = type.encoding.calibrator.what != Calibrator::What::none || !type.encoding.contexts.empty();
+    if (!type.encoding.algorithm.empty() || raw == Kind::none) {
+        return Kind::none;
+    }
+    switch (type.sort) {
+    case Sort::integer: return calibrates || raw == Kind::real || raw == Kind::text ? Kind::integer : raw;
+    case Sort::real: return Kind::real;
+    case Sort::enumerated: return Kind::label;
+    case Sort::boolean: return Kind::boolean;
+    case Sort::text: return raw == Kind::text || raw == Kind::binary ? Kind::text : raw;
+    case Sort::binary: return raw == Kind::text || raw == Kind::binary ? Kind::binary : raw;
+    case Sort::absolute_time:
+    case Sort::relative_time: return Kind::time;
+    default: return Kind::none;
+    }
+}
+
+bool Decoder::refers(const Type &type) const
+{
+    return !type.encoding.contexts.empty() || type.encoding.calibrator.refers ||
+           type.offset_from.of != Reference::Of::nothing;
+}
+
+std::uint64_t Decoder::label(const Type &type, std::int64_t raw) const
+{
+    if (type.enumerators.empty()) {
+        return no_id;
+    }
+    const Labels &known = labels(static_cast<Id>(&type - db_.types.data()));
+    if (!known.table.empty()) {
+        const auto place = static_cast<std::uint64_t>(raw) - static_cast<std::uint64_t>(known.low);
+        return place < known.table.size() ? known.table[place] : no_id;
+    }
+    const auto above = std::upper_bound(known.sorted.begin(), known.sorted.end(), std::pair(raw, no_id));
+    if (above == known.sorted.begin()) {
+        return no_id;
+    }
+    const std::uint32_t place = std::prev(above)->second;
+    return type.enumerators[place].high >= raw ? place : no_id;
+}
+
+/// A text as the value of a type; nothing: it is a number, now in kind and raw.
+std::optional<Status> Decoder::convert_text(const Type &type, Kind &kind, std::uint64_t &raw,
+                                            std::uint64_t &value) const
+{
+    const std::string text(text_of(raw));
+    char *end = nullptr;
+    errno = 0;
+    switch (type.sort) {
+    case Sort::integer:
+        value = static_cast<std::uint64_t>(std::strtoll(text.c_str(), &end, 10));
+        return end != text.c_str() && *end == '\0' && errno == 0 ? Status::good : Status::malformed;
+    case Sort::real:
+    case Sort::absolute_time:
+    case Sort::relative_time: kind = Kind::real, raw = word(std::strtod(text.c_str(), &end)); break;
+    case Sort::enumerated:
+        for (value = 0; value < type.enumerators.size(); value++) {
+            if (type.enumerators[value].label == text) {
+                return Status::good;
+            }
+        }
+        value = no_id;
+        return Status::unlabelled;
+    case Sort::boolean: value = text == type.one; return value || text == type.zero ? Status::good : Status::malformed;
+    default: value = raw; return Status::good;
+    }
+    if (end == text.c_str() || *end != '\0') {
+        value = word(std::nan(""));
+        return Status::malformed;
+    }
+    return std::nullopt;
+}
+
+/// A time, since the epoch or another value.
+Status Decoder::convert_time(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
+{
+    std::int64_t before = 0;
+    if (type.offset_from.of != Reference::Of::nothing) {
+        const auto found = find(type.offset_from, true);
+        const auto seconds = found ? real_of(found->kind, found->word) : std::nullopt;
+        if (!seconds) {
+            return Status::uncalibrated;
+        }
+        before = found->kind == Kind::time ? static_cast<std::int64_t>(found->word) : nearest(*seconds * 1e9);
+    }
+    Wide sum = before; // exact, where a count of nanoseconds is
+    constexpr double exact = 9007199254740992.0;
+    if (kind != Kind::real && type.scale == std::trunc(type.scale) && type.offset == std::trunc(type.offset) &&
+        std::abs(type.scale) < exact && std::abs(type.offset) < exact) {
+        sum += wide(kind, raw) * static_cast<std::int64_t>(type.scale) + static_cast<std::int64_t>(type.offset);
+    } else {
+        const double ns = *real_of(kind, raw) * type.scale + type.offset;
+        if (!(std::abs(ns) < 9e18)) {
+            return Status::uncalibrated;
+        }
+        sum += nearest(ns);
+    }
+    if (sum != static_cast<std::int64_t>(sum)) {
+        return Status::uncalibrated;
+    }
+    value = static_cast<std::uint64_t>(sum);
+    return Status::good;
+}
+
+Status Decoder::convert(const Type &type, Kind kind, std::uint64_t raw, std::uint64_t &value)
+{
+    const Encoding &encoding = type.encoding;
+    const Calibrator *calibrator = encoding.calibrator.what != Calibrator::What::none ? &encoding.calibrator : nullptr;
+    for (const auto &[condition, other] : encoding.contexts) {
+        if (holds(condition, true)) {
+            calibrator = &other;
+            break;
+        }
+    }
+    value = 0;
+    if (kind == Kind::text) { // the slice is UTF-8
+        if (const auto status = convert_text(type, kind, raw, value)) {
+            return *status;
+        }
+    }
+    if (kind == Kind::binary) {
+        value = raw;
+        return Status::good;
+    }
+    if (calibrator != nullptr) {
+        const auto made = calibrated(*calibrator, *real_of(kind, raw), [&](const Reference &reference) {
+            const auto found = find(reference, true);
+            return found ? real_of(found->kind, found->word) : std::nullopt;
+        });
+        if (!made) {
+            value = type.sort == Sort::real ? word(std::nan("")) : type.sort == Sort::enumerated ? no_id : 0;
+            return Status::uncalibrated;
+        }
+        kind = Kind::real;
+        raw = word(*made);
+    }
+    switch (type.sort) {
+    case Sort::integer:
+        value = kind == Kind::real ? static_cast<std::uint64_t>(nearest(bit_cast<double>(raw))) : raw;
+        break;
+    case Sort::real: value = word(*real_of(kind, raw)); break;
+    case Sort::boolean: value = kind == Kind::real ? bit_cast<double>(raw) != 0 : raw != 0; break;
+    case Sort::enumerated:
+        value = label(type, kind == Kind::real ? nearest(bit_cast<double>(raw)) : static_cast<std::int64_t>(raw));
+        return value == no_id ? Status::unlabelled : Status::good;
+    case Sort::absolute_time:
+    case Sort::relative_time: return convert_time(type, kind, raw, value);
+    default: value = raw;
+    }
+    return Status::good;
+}
+
+} // namespace fledge::ground

@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/database/xtce/readers.h"
+
+namespace fledge::ground::xtce {
+
+namespace {
+
+constexpr const char *too_many_values = "a value has more than 2^20 members and elements";
+
+std::optional<Type::Sort> sort_of(View name)
+{
+    static const std::map<View, Type::Sort> sorts = {{"Integer", Type::Sort::integer},
+                                                     {"Float", Type::Sort::real},
+                                                     {"Enumerated", Type::Sort::enumerated},
+                                                     {"Boolean", Type::Sort::boolean},
+                                                     {"String", Type::Sort::text},
+                                                     {"Binary", Type::Sort::binary},
+                                                     {"AbsoluteTime", Type::Sort::absolute_time},
+                                                     {"RelativeTime", Type::Sort::relative_time},
+                                                     {"Aggregate", Type::Sort::aggregate},
+                                                     {"Array", Type::Sort::array}};
+    for (const View end : {View("ParameterType"), View("ArgumentType")}) {
+        if (name.ends_with(end)) {
+            const auto found = sorts.find(name.substr(0, name.size() - end.size()));
+            return found != sorts.end() ? std::optional(found->second) : std::nullopt;
+        }
+    }
+    return std::nullopt;
+}
+
+bool is_of_argument(Node node)
+{
+    return tag(node).ends_with("ArgumentType");
+}
+
+void enumerators(Type &type, Node node)
+{
+    type.enumerators.clear();
+    for (Node item : elements(node)) {
+        const std::int64_t low = whole(item, needed(item, "value"));
+        const auto high = item.attribute("maxValue");
+        type.enumerators.push_back({low, high ? whole(item, high.value()) : low, needed(item, "label")});
+    }
+    std::vector<const Enumerator *> sorted;
+    for (const Enumerator &enumerator : type.enumerators) {
+        sorted.push_back(&enumerator);
+    }
+    std::sort(sorted.begin(), sorted.end(), [](auto a, auto b) { return a->low < b->low; });
+    for (std::size_t i = 0; i < sorted.size(); i++) {
+        if (sorted[i]->high < sorted[i]->low || (i > 0 && sorted[i]->low <= sorted[i - 1]->high)) {
+            refuse(node, "the values of the enumerator " + sorted[i]->label + " are empty or another's");
+        }
+    }
+}
+
+void complete(Type &type, Node node)
+{
+    if (type.sort == Type::Sort::array && type.dimensions.empty()) {
+        const auto given = node.attribute("numberOfDimensions");
+        type.dimensions.resize(given ? count(node, given.value(), 1, 16) : 1);
+        for (Dimension &dimension : type.dimensions) {
+            dimension.last.fixed = -1; // the entry of a container says how many
+        }
+    }
+    if (type.encoding.what == Encoding::What::binary && type.encoding.algorithm.empty() &&
+        type.encoding.size.is_fixed() && type.encoding.size.fixed > 0 && type.encoding.size.fixed <= 64 &&
+        type.sort != Type::Sort::binary && type.sort != Type::Sort::text) { // a number all the same
+        type.encoding.what = Encoding::What::integer;
+        type.encoding.bits = static_cast<std::uint32_t>(type.encoding.size.fixed);
+    }
+    if (type.sort != Type::Sort::enumerated || type.alarms.empty()) {
+        return;
+    }
+    std::set<View> labels;
+    for (const Enumerator &enumerator : type.enumerators) {
+        labels.insert(enumerator.label);
+    }
+    for (const Alarm &alarm : type.alarms) {
+        for (const auto &[label, level] : alarm.labels) {
+            if (!labels.contains(label)) {
+                refuse(node, "an alarm of " + type.name + " names " + label + ", which is no enumerator");
+            }
+        }
+    }
+}
+
+} // namespace
+
+// --- structure
+
+void TypeReader::read_structures()
+{
+    n_values_.assign(db_.types.size(), 0);
+    encoded_.assign(db_.types.size(), false);
+    declared_.each(db_.types, declared_.types, [&](Id i) { read_structure(i, 0); });
+}
+
+void TypeReader::structure(Id id, std::size_t depth)
+{
+    if (declared_.left_out(declared_.types[id]) ||
+        !declared_.attempt(declared_.enter(declared_.types[id]).node, db_.types[id].path,
+                           [&] { read_structure(id, depth); })) {
+        refuse_reference(db_.types[id].path);
+    }
+}
+
+/// From the base of a type.
+void TypeReader::inherit_structure(Id id, std::size_t depth)
+{
+    Declared &at = declared_.types[id];
+    const Node node = at.node;
+    const Type::Sort sort = db_.types[id].sort;
+    const Id base = declared_.type(node, "baseType", is_of_argument(node));
+    structure(base, depth + 1);
+    declared_.enter(at);
+    if (db_.types[base].sort != sort &&
+        std::max(db_.types[base].sort, sort) >= Type::Sort::aggregate) { // others lend their encoding
+        refuse(node, "the base " + db_.types[base].name + " is of another kind");
+    }
+    declared_.spend_copied(db_.types[base].members.size() * sizeof(Member));
+    db_.types[id].members = db_.types[base].members;
+    db_.types[id].element = db_.types[base].element;
+    bases_[id] = base;
+}
+
+void TypeReader::read_members(Type &type, Node node)
+{
+    for (Node item : elements(element(node, "MemberList"))) {
+        if (tag(item) != "Member") {
+            refuse_element(item);
+        }
+        Member member{
+            needed(item, "name"),
+            declared_.type(item, item.attribute("typeRef") ? "typeRef" : "parameterTypeRef", is_of_argument(node)),
+            initial(item)};
+        values_.members.insert(member.name);
+        type.members.push_back(std::move(member));
+    }
+}
+
+void TypeReader::read_structure(Id id, std::size_t depth)
+{
+    Declared &at = declared_.types[id];
+    if (at.state == 2) {
+        return;
+    }
+    const Node node = at.node;
+    if (at.state == 1 || depth > deepest) {
+        refuse(node, "the type " + db_.types[id].name + " contains or extends itself" +
+                         (at.state == 1 ? "" : ", or is nested deeper than " + std::to_string(deepest)));
+    }
+    at.state = 1;
+    const auto sort = sort_of(tag(node));
+    if (!sort) {
+        refuse_element(node);
+    }
+    db_.types[id].sort = *sort;
+    if (node.attribute("baseType")) {
+        inherit_structure(id, depth);
+    }
+    if (*sort == Type::Sort::array && node.attribute("arrayTypeRef")) {
+        db_.types[id].element = declared_.type(node, "arrayTypeRef", is_of_argument(node));
+    }
+    read_members(db_.types[id], node);
+    if (*sort == Type::Sort::array && db_.types[id].element == no_id) {
+        refuse(node, "an array needs the attribute arrayTypeRef");
+    }
+    std::uint64_t n = 1;
+    for (std::size_t i = 0; i < db_.types[id].members.size(); i++) {
+        structure(db_.types[id].members[i].type, depth + 1);
+        n += n_values_[db_.types[id].members[i].type];
+    }
+    if (db_.types[id].element != no_id) {
+        structure(db_.types[id].element, depth + 1);
+        n += n_values_[db_.types[id].element];
+    }
+    declared_.enter(at).state = 2;
+    n_values_[id] = n;
+    if (n > most_values) {
+        refuse(node, too_many_values);
+    }
+}
+
+// --- the rest
+
+void TypeReader::fill()
+{
+    for (Id i = 0; i < db_.types.size(); i++) {
+        if (!declared_.left_out(declared_.types[i])) {
+            fill(i);
+        }
+    }
+}
+
+/// All that a type does not give itself.
+void TypeReader::inherit(Id id, Id base)
+{
+    const Type &from = db_.types[base];
+    declared_.spend_copied(from.enumerators.size() * sizeof(Enumerator) + from.encoding.calibrator.points.size() * 16 +
+                           from.encoding.calibrator.steps.size() * sizeof(MathStep) +
+                           from.encoding.contexts.size() * (sizeof(Condition) + sizeof(Calibrator)) +
+                           from.alarms.size() * sizeof(Alarm) + sizeof(Type));
+    Type result = from;
+    result.sort = db_.types[id].sort;
+    static_cast<Named &>(result) = db_.types[id];
+    result.members = db_.types[id].members;
+    result.element = db_.types[id].element;
+    db_.types[id] = std::move(result);
+}
+
+void TypeReader::fill(Id id)
+{
+    Declared &at = declared_.types[id];
+    if (at.state == 3) {
+        return;
+    }
+    at.state = 3; // structure() has refused loops
+    if (const auto base = bases_.find(id); base != bases_.end()) {
+        fill(base->second);
+        if (declared_.left_out(declared_.types[base->second])) {
+            declared_.enter(at);
+            declared_.attempt(at.node, db_.types[id].path, [&] { refuse_reference(db_.types[base->second].path); });
+            return;
+        }
+        inherit(id, base->second);
+    }
+    declared_.enter(at);
+    Type &type = db_.types[id];
+    const Node node = at.node;
+    type.is_signed = is_true(node, "signed", type.is_signed);
+    type.zero = node.attribute("zeroStringValue").as_string(type.zero.c_str());
+    type.one = node.attribute("oneStringValue").as_string(type.one.c_str());
+    if (const auto value = initial(node)) {
+        type.initial = value;
+    }
+    for (Node child : elements(node)) {
+        declared_.attempt(node, type.path, [&] { part(type, child); });
+    }
+    declared_.attempt(node, type.path, [&] { complete(type, node); });
+}
+
+void TypeReader::part(Type &type, Node child)
+{
+    const View name = tag(child);
+    if (name == "UnitSet") {
+        type.units.clear();
+        for (Node unit : elements(child)) {
+            const std::string power = unit.attribute("power").as_string("1");
+            type.units.push_back(trimmed(unit.text().get()) + (power == "1" ? "" : "^" + power));
+        }
+    } else if (name.ends_with("DataEncoding")) {
+        type.encoding = encodings_.encoding(child);
+    } else if (name == "Encoding") {
+        time_encoding(type, child);
+    } else if (name == "EnumerationList") {
+        enumerators(type, child);
+    } else if (name == "ValidRange") {
+        type.valid = {range(child)};
+    } else if (name == "ValidRangeSet") {
+        type.valid.clear();
+        for (Node item : elements(child)) {
+            type.valid.push_back(range(item));
+            type.valid.back().calibrated =
+                is_true(child, "validRangeAppliesToCalibrated", type.valid.back().calibrated);
+        }
+    } else if (name == "DefaultAlarm") {
+        type.alarms.push_back(alarms_.alarm(child));
+    } else if (name == "ContextAlarmList") {
+        for (Node item : elements(child)) {
+            type.alarms.insert(type.alarms.end() -
+                                   (!type.alarms.empty() && type.alarms.back().when.what == Condition::What::always),
+                               alarms_.alarm(item));
+        }
+    } else if (name == "DimensionList") {
+        type.dimensions = values_.dimensions(child);
+    } else if (name == "ReferenceTime") {
+        reference_time(type, child);
+    } else if (!is_common(child) && !one_of(name, {"ToString", "SizeRangeInCharacters", "MemberList"})) {
+        refuse_element(child);
+    }
+}
+
+void TypeReader::time_encoding(Type &type, Node node)
+{
+    static const std::map<View, double> units = {{"seconds", 1e9}, {"picoSeconds", 1e-3}, {"days", 86400e9}};
+    const std::string unit = node.attribute("units").as_string("seconds");
+    const auto found = units.find(unit);
+    if (found == units.end()) {
+        refuse(node, "a time is in seconds, picoSeconds or days; found " + unit);
+    }
+    type.scale = real_or(node, "scale", 1) * found->second;
+    type.offset = real_or(node, "offset", 0) * found->second;
+    for (Node child : elements(node)) {
+        if (!tag(child).ends_with("DataEncoding")) {
+            refuse_element(child);
+        }
+        type.encoding = encodings_.encoding(child);
+    }
+}
+
+void TypeReader::reference_time(Type &type, Node node)
+{
+    for (Node child : elements(node)) {
+        if (tag(child) == "OffsetFrom") {
+            type.offset_from = values_.reference(child);
+        } else if (tag(child) == "Epoch") {
+            type.epoch = trimmed(child.text().get());
+        } else {
+            refuse_element(child);
+        }
+    }
+}
+
+// --- values of packets
+
+void TypeReader::need_encoding(Node node, Id id)
+{
+    const Type &type = db_.types[id];
+    if (encoded_[id]) {
+        return;
+    }
+    if (declared_.left_out(declared_.types[id])) {
+        refuse_reference(type.path);
+    }
+    if (type.sort == Type::Sort::array) {
+        need_encoding(node, type.element);
+        n_values_[id] = n_values(node, type.element, type.dimensions);
+    } else if (type.sort == Type::Sort::aggregate) {
+        n_values_[id] = 1;
+        for (const Member &member : type.members) {
+            need_encoding(node, member.type);
+            n_values_[id] += n_values_[member.type];
+        }
+    } else if (type.encoding.what == Encoding::What::none) {
+        refuse(node, "the type " + type.name + " (" + db_.where(type.place) + ") has no encoding");
+    } else if (type.encoding.what == Encoding::What::binary && type.encoding.algorithm.empty() &&
+               type.sort != Type::Sort::binary && type.sort != Type::Sort::text) {
+        refuse(node, "the type " + type.name + " (" + db_.where(type.place) +
+                         ") is binary, and no algorithm makes a value of it");
+    }
+    if (n_values_[id] > most_values) {
+        refuse(node, too_many_values);
+    }
+    encoded_[id] = true;
+}
+
+std::uint64_t TypeReader::n_values(Node node, Id element, const std::vector<Dimension> &dimensions) const
+{
+    std::uint64_t n = n_values_[element];
+    for (const auto &[first, last] : dimensions) {
+        if (first.is_fixed() && last.is_fixed()) {
+            n *= static_cast<std::uint64_t>(std::clamp<std::int64_t>(last.fixed - first.fixed + 1, 1, most_values + 1));
+        }
+        if (n > most_values) {
+            refuse(node, too_many_values);
+        }
+    }
+    return n;
+}
+
+} // namespace fledge::ground::xtce

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ground/database/xtce.h"
+#include "ground/database/xtce/readers.h"
+
+namespace fledge::ground::xtce {
+
+namespace {
+
+constexpr View of_argument = "/yamcs/cmd/arg/";
+constexpr std::int64_t most_quantity = std::int64_t(1) << 40;
+
+bool is_reference(Node node)
+{
+    return one_of(tag(node), {"ParameterInstanceRef", "ArgumentInstanceRef"});
+}
+
+Operator comparison_operator(Node node, View text)
+{
+    constexpr View operators[] = {"==", "!=", "<", "<=", ">", ">="};
+    const auto found = std::find(std::begin(operators), std::end(operators), trimmed(text));
+    return found != std::end(operators)
+               ? static_cast<Operator>(found - std::begin(operators))
+               : refuse_as<Operator>(node, "'" + std::string(text) + "' is no operator of a comparison");
+}
+
+} // namespace
+
+// --- references
+
+/// ".member" and "[3]" behind the name of a parameter.
+void ValueReader::add_steps(Reference &to, Node node, View steps) const
+{
+    Id at = db_.parameters[to.parameter].type;
+    for (std::size_t i = 0; i < steps.size();) {
+        const std::size_t next = std::min(steps.find_first_of("/.[", i + 1), steps.size());
+        const std::string step(steps.substr(i + 1, next - i - 1));
+        const Type &type = db_.types[at];
+        const auto member =
+            std::find_if(type.members.begin(), type.members.end(), [&](const Member &one) { return one.name == step; });
+        if (steps[i] == '[' && type.sort == Type::Sort::array && step.ends_with(']')) {
+            to.steps.push_back(count(node, View(step).substr(0, step.size() - 1), 0, 1 << 20));
+            at = type.element;
+        } else if (steps[i] != '[' && member != type.members.end()) {
+            to.steps.push_back(static_cast<std::uint32_t>(member - type.members.begin()));
+            at = member->type;
+        } else {
+            refuse(node, type.path + " has no " + step);
+        }
+        i = next;
+    }
+}
+
+std::optional<Reference> ValueReader::parameter(Node node, const std::string &text) const
+{
+    for (std::size_t end = text.size(); end != std::string::npos && end > 0; end = text.find_last_of("/.[", end - 1)) {
+        if (const auto found = declared_.parameter(View(text).substr(0, end))) {
+            Reference reference;
+            reference.of = Reference::Of::parameter;
+            reference.parameter = *found;
+            reference.name = text;
+            add_steps(reference, node, View(text).substr(end));
+            return reference;
+        }
+    }
+    return std::nullopt;
+}
+
+Reference ValueReader::reference(Node node) const
+{
+    Reference result;
+    if (const auto argument = node.attribute("argumentRef")) {
+        result.of = Reference::Of::argument;
+        result.name = argument.value();
+    } else {
+        const std::string text = needed(node, "parameterRef");
+        if (auto found = parameter(node, text)) {
+            result = *found;
+        } else if ((outside && text.starts_with("/yamcs/")) || members.contains(text)) {
+            result.of = Reference::Of::argument; // beside it, or of another program, which has arguments in this way
+            result.name = text.starts_with(of_argument) ? text.substr(of_argument.size()) : text;
+        } else {
+            refuse(node, "there is no parameter " + text);
+        }
+    }
+    if (node.attribute("instance").as_int(0) != 0) {
+        refuse(node, "only the last value of " + result.name + " is kept: instance must be 0");
+    }
+    result.calibrated = is_true(node, "useCalibratedValue", true);
+    return result;
+}
+
+// --- conditions
+
+Condition ValueReader::comparison(Node node) const
+{
+    Condition result;
+    result.what = Condition::What::compare;
+    const auto inside = elements(node);
+    const char *const op = node.attribute("comparisonOperator").as_string("==");
+    result.left = reference(inside.empty() ? node : inside.front());
+    result.op = comparison_operator(node, op);
+    const auto value = node.attribute("value");
+    result.literal =
+        literal_of(value ? value.value() : refuse_as<const char *>(node, "<Comparison> needs the attribute value"));
+    result.text = result.left.name + " " + op + " " + result.literal.text;
+    return result;
+}
+
+Condition ValueReader::two_values(Node node) const
+{
+    Condition result;
+    result.what = Condition::What::compare;
+    int place = 0;
+    for (Node child : elements(node)) {
+        if (is_reference(child) && place < 2) {
+            (place++ == 0 ? result.left : result.right) = reference(child);
+        } else if (tag(child) == "ComparisonOperator") {
+            result.op = comparison_operator(child, child.text().get());
+            result.text = trimmed(child.text().get());
+        } else if (tag(child) == "Value" && place == 1) {
+            result.literal = literal_of(child.text().get());
+            place++;
+        } else {
+            refuse_element(child);
+        }
+    }
+    if (place != 2 || result.text.empty()) {
+        refuse(node, "a condition compares two values, or a value with a constant");
+    }
+    result.text = result.left.name + " " + result.text + " " +
+                  (result.right.of == Reference::Of::nothing    ? result.literal.text
+                   : result.right.of == Reference::Of::argument ? "argument " + result.right.name
+                                                                : result.right.name);
+    return result;
+}
+
+Condition ValueReader::one_condition(Node node, std::size_t depth) const
+{
+    const View name = tag(node);
+    if (depth > deepest) {
+        refuse(node, "conditions are nested deeper than " + std::to_string(deepest));
+    }
+    if (name == "Comparison" || name == "Condition") {
+        return name == "Comparison" ? comparison(node) : two_values(node);
+    }
+    Condition result;
+    result.what = name == "ORedConditions" ? Condition::What::any : Condition::What::all;
+    if (!one_of(name, {"ComparisonList", "BooleanExpression", "ANDedConditions", "ORedConditions"})) {
+        refuse_element(node);
+    }
+    for (Node child : elements(node)) {
+        result.parts.push_back(one_condition(child, depth + 1));
+    }
+    if (result.parts.empty()) {
+        refuse(node, "<" + std::string(name) + "> has no condition");
+    }
+    return result;
+}
+
+Condition ValueReader::condition(Node node) const
+{
+    const auto inside = elements(node);
+    if (inside.size() != 1 || !is_condition(inside[0])) {
+        refuse(inside.size() > 1 ? inside[1] : node, "<" + std::string(tag(node)) +
+                                                         "> must hold one Comparison, ComparisonList or "
+                                                         "BooleanExpression");
+    }
+    return one_condition(inside[0]);
+}
+
+// --- quantities
+
+Quantity ValueReader::quantity(Node node) const
+{
+    Quantity result;
+    for (Node child : elements(node)) {
+        if (one_of(tag(child), {"FixedValue", "Fixed"})) {
+            const Node value = tag(child) == "Fixed" ? element(child, "FixedValue") : child;
+            result.fixed = whole(child, value.text().get());
+            if (result.fixed > most_quantity || result.fixed < -most_quantity) {
+                refuse(child, "a size, a place or a number is at most 2^40; found " + std::to_string(result.fixed));
+            }
+            return result;
+        }
+        if (tag(child) == "DynamicValue") {
+            for (Node part : elements(child)) {
+                if (is_reference(part)) {
+                    result.from = reference(part);
+                } else if (tag(part) == "LinearAdjustment") {
+                    result.slope = real_or(part, "slope", 1);
+                    result.intercept = real_or(part, "intercept", 0);
+                } else {
+                    refuse_element(part);
+                }
+            }
+            return result.from.of != Reference::Of::nothing
+                       ? result
+                       : refuse_as<Quantity>(child, "<DynamicValue> refers to nothing");
+        }
+        if (tag(child) == "DiscreteLookupList") {
+            result.looked_up = true;
+            for (Node lookup : elements(child)) {
+                if (tag(lookup) != "DiscreteLookup" || elements(lookup).size() != 1) {
+                    refuse(lookup, "a lookup has one condition and a value");
+                }
+                result.cases.emplace_back(
+                    one_condition(elements(lookup)[0]),
+                    std::clamp(whole(lookup, needed(lookup, "value")), -most_quantity, most_quantity));
+            }
+            return result;
+        }
+    }
+    refuse(node, "<" + std::string(tag(node)) + "> has no value");
+}
+
+std::vector<Dimension> ValueReader::dimensions(Node node) const
+{
+    std::vector<Dimension> result;
+    for (Node child : elements(node)) {
+        Dimension dimension;
+        if (tag(child) == "Size") { // how many, not the last index
+            dimension.last = quantity(child);
+            dimension.last.fixed--;
+            dimension.last.intercept--;
+            for (auto &[condition, value] : dimension.last.cases) {
+                value--;
+            }
+        } else if (tag(child) == "Dimension") {
+            dimension.first = quantity(element(child, "StartingIndex"));
+            dimension.last = quantity(element(child, "EndingIndex"));
+        } else {
+            refuse_element(child);
+        }
+        result.push_back(std::move(dimension));
+    }
+    return result;
+}
+
+} // namespace fledge::ground::xtce
