@@ -61,6 +61,96 @@ std::string machine_name(std::uint32_t machine)
     }
 }
 
+/// Of the headers of segments, or of sections.
+struct ElfTable {
+    std::uint32_t begin, size, count;
+
+    std::uint64_t at(std::uint32_t i) const { return begin + std::uint64_t{i} * size; }
+};
+
+using EmptySections = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
+/// Sections without bytes: address, size.
+EmptySections empty_sections(const FileReader &r, const ElfTable &sections)
+{
+    EmptySections empty;
+    for (std::uint32_t i = 0; i < sections.count; i++) {
+        const std::uint64_t at = sections.at(i);
+        r.bytes(at, sizeof(Elf32_Shdr), "a section header");
+        if (r.word(at + 4, "") == SHT_NOBITS && (r.word(at + 8, "") & (SHF_ALLOC | SHF_TLS)) == SHF_ALLOC) {
+            empty.emplace_back(r.word(at + 12, ""), r.word(at + 20, ""));
+        }
+    }
+    std::sort(empty.begin(), empty.end());
+    return empty;
+}
+
+/// With the header at a place.
+void read_segment(const FileReader &r, std::uint64_t at, const EmptySections &empty,
+                  std::vector<Program::Segment> &segments)
+{
+    r.bytes(at, sizeof(Elf32_Phdr), "a program header");
+    if (r.word(at, "") != PT_LOAD || r.word(at + 20, "") == 0) {
+        return;
+    }
+    Program::Segment s;
+    s.address = r.word(at + 12, "");
+    s.memory_size = r.word(at + 20, "");
+    const auto bytes = r.bytes(r.word(at + 4, ""), r.word(at + 16, ""), "a segment");
+    s.bytes.assign(bytes.begin(), bytes.end());
+    if (s.bytes.size() > s.memory_size) {
+        r.fail("a segment has more bytes in the file than in memory");
+    }
+    if (std::uint64_t{s.address} + s.memory_size > std::uint64_t{1} << 32) {
+        r.fail("a segment goes beyond the last address");
+    }
+    // Amid a segment the file has zeros for them, which a boot loader does not copy: RTEMS' .noinit.
+    std::uint32_t from = r.word(at + 8, "");
+    for (const auto &[address, size] : empty) {
+        const std::uint32_t before = address - from;
+        if (before < s.bytes.size() && size < s.bytes.size() - before) {
+            const auto place = s.bytes.begin() + before;
+            segments.push_back({s.address, before + size, {s.bytes.begin(), place}});
+            s.bytes.erase(s.bytes.begin(), place + size);
+            s.address += before + size;
+            s.memory_size -= before + size;
+            from += before + size;
+        }
+    }
+    segments.push_back(std::move(s));
+}
+
+/// Of a section, if it has some.
+void read_symbols(const FileReader &r, const ElfTable &sections, std::uint32_t section,
+                  std::vector<Program::Symbol> &symbols)
+{
+    const std::uint64_t at = sections.at(section);
+    r.bytes(at, sizeof(Elf32_Shdr), "a section header");
+    if (r.word(at + 4, "") != SHT_SYMTAB) {
+        return;
+    }
+    const std::uint32_t link = r.word(at + 24, "");
+    const std::uint64_t strings_at = sections.at(link);
+    if (link >= sections.count) {
+        r.fail("its symbols have no names");
+    }
+    const auto strings = r.bytes(r.word(strings_at + 16, "a section header"),
+                                 r.word(strings_at + 20, "a section header"), "the names of symbols");
+    const std::uint32_t table = r.word(at + 16, ""), size = r.word(at + 20, "");
+    r.bytes(table, size, "the symbols");
+    for (std::uint64_t entry = table; entry + sizeof(Elf32_Sym) <= std::uint64_t{table} + size;
+         entry += sizeof(Elf32_Sym)) {
+        const std::uint32_t info = r.half(entry + 12, "") >> 8, type = ELF32_ST_TYPE(info);
+        const bool plain = type == STT_NOTYPE && ELF32_ST_BIND(info) == STB_GLOBAL;
+        Program::Symbol symbol{text_at(strings, r.word(entry, "")), r.word(entry + 4, ""), r.word(entry + 8, ""),
+                               type == STT_FUNC};
+        if ((symbol.function || type == STT_OBJECT || plain) && r.half(entry + 14, "") != SHN_UNDEF &&
+            !symbol.name.empty()) {
+            symbols.push_back(std::move(symbol));
+        }
+    }
+}
+
 } // namespace
 
 Program Program::read(const std::string &path)
@@ -159,82 +249,17 @@ void Program::read_elf(std::span<const std::byte> file)
         r.fail("is not a linked program with fixed addresses (ET_EXEC)");
     }
     entry_ = r.word(24, "the head");
-    const std::uint32_t program_headers = r.word(28, "the head"), section_headers = r.word(32, "the head");
-    const std::uint32_t program_size = r.half(42, "the head"), program_count = r.half(44, "the head");
-    const std::uint32_t section_size = r.half(46, "the head"), section_count = r.half(48, "the head");
-
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> empty; // sections without bytes: address, size
-    for (std::uint32_t i = 0; i < section_count; i++) {
-        const std::uint64_t at = section_headers + std::uint64_t{i} * section_size;
-        r.bytes(at, sizeof(Elf32_Shdr), "a section header");
-        if (r.word(at + 4, "") == SHT_NOBITS && (r.word(at + 8, "") & (SHF_ALLOC | SHF_TLS)) == SHF_ALLOC) {
-            empty.emplace_back(r.word(at + 12, ""), r.word(at + 20, ""));
-        }
-    }
-    std::sort(empty.begin(), empty.end());
-
-    for (std::uint32_t i = 0; i < program_count; i++) {
-        const std::uint64_t at = program_headers + std::uint64_t{i} * program_size;
-        r.bytes(at, sizeof(Elf32_Phdr), "a program header");
-        if (r.word(at, "") != PT_LOAD || r.word(at + 20, "") == 0) {
-            continue;
-        }
-        Segment s;
-        s.address = r.word(at + 12, "");
-        s.memory_size = r.word(at + 20, "");
-        const auto bytes = r.bytes(r.word(at + 4, ""), r.word(at + 16, ""), "a segment");
-        s.bytes.assign(bytes.begin(), bytes.end());
-        if (s.bytes.size() > s.memory_size) {
-            r.fail("a segment has more bytes in the file than in memory");
-        }
-        if (std::uint64_t{s.address} + s.memory_size > std::uint64_t{1} << 32) {
-            r.fail("a segment goes beyond the last address");
-        }
-        // Amid a segment the file has zeros for them, which a boot loader does not copy: RTEMS' .noinit.
-        std::uint32_t from = r.word(at + 8, "");
-        for (const auto &[address, size] : empty) {
-            const std::uint32_t before = address - from;
-            if (before < s.bytes.size() && size < s.bytes.size() - before) {
-                const auto place = s.bytes.begin() + before;
-                segments_.push_back({s.address, before + size, {s.bytes.begin(), place}});
-                s.bytes.erase(s.bytes.begin(), place + size);
-                s.address += before + size;
-                s.memory_size -= before + size;
-                from += before + size;
-            }
-        }
-        segments_.push_back(std::move(s));
+    const ElfTable segments{r.word(28, "the head"), r.half(42, "the head"), r.half(44, "the head")};
+    const ElfTable sections{r.word(32, "the head"), r.half(46, "the head"), r.half(48, "the head")};
+    const auto empty = empty_sections(r, sections);
+    for (std::uint32_t i = 0; i < segments.count; i++) {
+        read_segment(r, segments.at(i), empty, segments_);
     }
     if (segments_.empty()) {
         r.fail("has nothing to load");
     }
-
-    for (std::uint32_t i = 0; i < section_count; i++) {
-        const std::uint64_t at = section_headers + std::uint64_t{i} * section_size;
-        r.bytes(at, sizeof(Elf32_Shdr), "a section header");
-        if (r.word(at + 4, "") != SHT_SYMTAB) {
-            continue;
-        }
-        const std::uint32_t link = r.word(at + 24, "");
-        const std::uint64_t strings_at = section_headers + std::uint64_t{link} * section_size;
-        if (link >= section_count) {
-            r.fail("its symbols have no names");
-        }
-        const auto strings = r.bytes(r.word(strings_at + 16, "a section header"),
-                                     r.word(strings_at + 20, "a section header"), "the names of symbols");
-        const std::uint32_t table = r.word(at + 16, ""), size = r.word(at + 20, "");
-        r.bytes(table, size, "the symbols");
-        for (std::uint64_t entry = table; entry + sizeof(Elf32_Sym) <= std::uint64_t{table} + size;
-             entry += sizeof(Elf32_Sym)) {
-            const std::uint32_t info = r.half(entry + 12, "") >> 8, type = ELF32_ST_TYPE(info);
-            const bool plain = type == STT_NOTYPE && ELF32_ST_BIND(info) == STB_GLOBAL;
-            Symbol symbol{text_at(strings, r.word(entry, "")), r.word(entry + 4, ""), r.word(entry + 8, ""),
-                          type == STT_FUNC};
-            if ((symbol.function || type == STT_OBJECT || plain) && r.half(entry + 14, "") != SHN_UNDEF &&
-                !symbol.name.empty()) {
-                symbols_.push_back(std::move(symbol));
-            }
-        }
+    for (std::uint32_t i = 0; i < sections.count; i++) {
+        read_symbols(r, sections, i, symbols_);
     }
     std::stable_sort(symbols_.begin(), symbols_.end(), [](const Symbol &a, const Symbol &b) {
         return a.address != b.address ? a.address < b.address : a.size < b.size;

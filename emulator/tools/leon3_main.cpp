@@ -416,6 +416,117 @@ int run_alone(Machine &machine, Tools &tools, const Program &program, const Sett
     return status;
 }
 
+/// What the serial lines and the SpaceWire link send, and the first UART receives.
+struct Lines {
+    Lines(Machine &machine, const Settings &o)
+    {
+        Apbuart *first = machine.device_of<Apbuart>(), *last = first;
+        for (std::size_t n = 1; Apbuart *other = machine.device_of<Apbuart>(n); n++) {
+            last = other;
+        }
+        if (!o.console.empty()) {
+            console = std::make_unique<Output>(o.console);
+            console->begin();
+        }
+        if (!o.record.empty()) {
+            SpaceWire *spacewire = machine.device_of<SpaceWire>();
+            if (!spacewire && last == first) {
+                throw Error(o.board + ": --record needs a device of the kind `grspw2`, or a second one of `apbuart`");
+            }
+            record = std::make_unique<Output>(o.record);
+            if (o.snapshots < 0) {
+                record->begin(); // else once it is known whether this program goes on from a snapshot
+            }
+            if (spacewire) {
+                spacewire->transmit = [this](std::span<const std::uint8_t> packet) { record->put(packet); };
+            }
+            if (last) {
+                last->transmit = [this](std::uint8_t byte) { record->put({&byte, 1}); };
+            }
+        }
+        if (first) {
+            first->transmit = [this](std::uint8_t byte) {
+                console ? console->put({&byte, 1}) : void(std::putchar(byte));
+                if (input) {
+                    input->send(byte);
+                    std::fflush(stdout);
+                }
+            };
+        }
+        if (auto *port = machine.device_of<TestReport>()) {
+            port->say = [](const std::string &line) { std::fputs(line.c_str(), stdout); };
+        }
+        if (!o.input.empty()) {
+            if (!first) {
+                throw Error(o.board + ": --input needs a device of the kind `apbuart`");
+            }
+            input.emplace(o.input, *first);
+        }
+    }
+    Lines(const Lines &) = delete;
+    Lines &operator=(const Lines &) = delete;
+
+    void close(bool good)
+    {
+        if (console) {
+            console->close();
+        }
+        if (record && good) {
+            record->close();
+        }
+    }
+
+    std::unique_ptr<Output> console, record;
+    std::optional<Input> input;
+};
+
+/// Run a mission's flight, with the register file. Returns the exit code.
+int run_flight(Machine &machine, Tools &tools, const Program &program, const Settings &o, Output *record)
+{
+    const MissionHost &mission = load_tables(o.tables);
+    File file(o, *mission.io);
+    RegisterSpace *space = machine.device_of<RegisterSpace>();
+    if (!space) {
+        throw Error(o.board + ": --registers needs a device of the kind `registers`");
+    }
+    space->attach(file.windows);
+    FlightLoop loop(machine);
+    loop.next = [&](Ns t) { return next_after(mission, t); };
+    loop.run = [&](Ns t) { return tools.run_until(t); };
+    loop.on_tick = [&] { tools.begin(); };
+    machine.on_error = [&] {
+        std::fflush(stdout);
+        std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
+    };
+    std::uint64_t by_watchdog = 0;
+    machine.on_reset = [&] {
+        const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
+        std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
+                     watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
+    };
+    std::optional<registers::SnapshotLink> link;
+    if (o.snapshots >= 0) {
+        link.emplace(static_cast<int>(o.snapshots));
+    }
+    const auto snapshots = [&] {
+        if (link) {
+            link->answer([&] { return save(loop, record); },
+                         [&](std::span<const std::byte> snapshot) {
+                             restore(loop, record, snapshot);
+                             by_watchdog = machine.watchdog_resets();
+                         });
+        }
+    };
+    const std::string wrong = fly(file, loop, *space->clock(), record, snapshots);
+    print_figures(machine, &loop);
+    if (!wrong.empty()) {
+        std::fflush(stdout);
+        std::fprintf(stderr, "fledge_leon3: %s\n", wrong.c_str());
+        return 1;
+    }
+    return 0;
+}
+
 int run(const Settings &o)
 {
     BoardDescription board = BoardDescription::read(o.board);
@@ -427,113 +538,23 @@ int run(const Settings &o)
                            : o.engine == "threaded"  ? EngineKind::threaded
                                                      : EngineKind::translator);
     machine.load(program);
-
-    std::unique_ptr<Output> console, record;
-    std::optional<Input> input;
-    Apbuart *first = machine.device_of<Apbuart>(), *last = first;
-    for (std::size_t n = 1; Apbuart *other = machine.device_of<Apbuart>(n); n++) {
-        last = other;
-    }
-    if (!o.console.empty()) {
-        console = std::make_unique<Output>(o.console);
-        console->begin();
-    }
-    if (!o.record.empty()) {
-        SpaceWire *spacewire = machine.device_of<SpaceWire>();
-        if (!spacewire && last == first) {
-            throw Error(o.board + ": --record needs a device of the kind `grspw2`, or a second one of `apbuart`");
-        }
-        record = std::make_unique<Output>(o.record);
-        if (o.snapshots < 0) {
-            record->begin(); // else once it is known whether this program goes on from a snapshot
-        }
-        if (spacewire) {
-            spacewire->transmit = [&](std::span<const std::uint8_t> packet) { record->put(packet); };
-        }
-        if (last) {
-            last->transmit = [&](std::uint8_t byte) { record->put({&byte, 1}); };
-        }
-    }
-    if (first) {
-        first->transmit = [&](std::uint8_t byte) {
-            console ? console->put({&byte, 1}) : void(std::putchar(byte));
-            if (input) {
-                input->send(byte);
-                std::fflush(stdout);
-            }
-        };
-    }
-    if (auto *port = machine.device_of<TestReport>()) {
-        port->say = [](const std::string &line) { std::fputs(line.c_str(), stdout); };
-    }
-    if (!o.input.empty()) {
-        if (!first) {
-            throw Error(o.board + ": --input needs a device of the kind `apbuart`");
-        }
-        input.emplace(o.input, *first);
-    }
-
+    Lines lines(machine, o);
     Tools tools(machine, program);
     observe(tools, o);
     int result = 0;
     if (o.tables.empty()) {
-        result = run_alone(machine, tools, program, o, input ? &*input : nullptr);
+        result = run_alone(machine, tools, program, o, lines.input ? &*lines.input : nullptr);
         if (o.figures) {
             print_figures(machine, nullptr);
         }
     } else {
-        const MissionHost &mission = load_tables(o.tables);
-        File file(o, *mission.io);
-        RegisterSpace *space = machine.device_of<RegisterSpace>();
-        if (!space) {
-            throw Error(o.board + ": --registers needs a device of the kind `registers`");
-        }
-        space->attach(file.windows);
-        FlightLoop loop(machine);
-        loop.next = [&](Ns t) { return next_after(mission, t); };
-        loop.run = [&](Ns t) { return tools.run_until(t); };
-        loop.on_tick = [&] { tools.begin(); };
-        machine.on_error = [&] {
-            std::fflush(stdout);
-            std::fprintf(stderr, "fledge_leon3: %s", machine.report(&program).c_str());
-        };
-        std::uint64_t by_watchdog = 0;
-        machine.on_reset = [&] {
-            const bool watchdog = std::exchange(by_watchdog, machine.watchdog_resets()) != machine.watchdog_resets();
-            std::fprintf(stderr, "fledge_leon3: %s has reset the board, %.3f s after it was switched on\n",
-                         watchdog ? "the watchdog" : "the outside", static_cast<double>(machine.now()) * 1e-9);
-        };
-        std::optional<registers::SnapshotLink> link;
-        if (o.snapshots >= 0) {
-            link.emplace(static_cast<int>(o.snapshots));
-        }
-        const auto snapshots = [&] {
-            if (link) {
-                link->answer([&] { return save(loop, record.get()); },
-                             [&](std::span<const std::byte> snapshot) {
-                                 restore(loop, record.get(), snapshot);
-                                 by_watchdog = machine.watchdog_resets();
-                             });
-            }
-        };
-        const std::string wrong = fly(file, loop, *space->clock(), record.get(), snapshots);
-        print_figures(machine, &loop);
-        if (!wrong.empty()) {
-            std::fflush(stdout);
-            std::fprintf(stderr, "fledge_leon3: %s\n", wrong.c_str());
-            result = 1;
-        }
+        result = run_flight(machine, tools, program, o, lines.record.get());
     }
     tools.finish();
-    for (const StackDepth::Stack &one : tools.depths()) {
-        std::printf("stack_%s %u\n", one.name.c_str(), one.used());
+    for (const StackDepth::Stack &stack : tools.depths()) {
+        std::printf("stack_%s %u\n", stack.name.c_str(), stack.used());
     }
-    if (console) {
-        console->close();
-    }
-    if (record && result == 0) {
-        record->close();
-    }
+    lines.close(result == 0);
     return result;
 }
 

@@ -136,6 +136,7 @@ private:
     void jump(const Item &item, const Item &slot);
     void step(const Item &item, bool npc_in_target = false);
     void instruction(const Instruction &i);
+    bool integer(const Instruction &i);
 
     Xbyak::Reg32 operand(int guest, const Xbyak::Reg32 &scratch);
     template <class Operation>
