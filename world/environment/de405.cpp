@@ -33,7 +33,7 @@ public:
         rows = integer();
         order = integer() == 0 ? std::endian::big : std::endian::little;
 
-        // Records of keywords stand in descriptions of columns and of the table. Only they matter,
+        // Records of keywords stand in descriptions of table_columns and of the table. Only they matter,
         // so they are looked for, and whatever surrounds them need not be understood.
         constexpr std::string_view mark("\0\0\0\x0bTableRecord", 15);
         for (std::size_t at = bytes_.find(mark); at != bytes_.npos; at = bytes_.find(mark, at_)) {
@@ -139,6 +139,96 @@ struct Column {
     double factor;
 };
 
+constexpr std::size_t table_columns = 13;
+
+/// The file of the rows, whose size and heads are those of the description.
+class TableRows {
+public:
+    TableRows(const std::string &folder, const Description &description)
+        : path(folder + "/table.f0i"), order(description.order), table_(read_whole(path))
+    {
+        const std::size_t rows = description.rows;
+        if (table_.size() < table_head + row_head) {
+            refuse_size(rows);
+        }
+        words = static_cast<std::size_t>(load<std::uint32_t>(table_.data() + table_head + row_head - 4, order));
+        bytes_ = (row_head + 8 * words + 15) / 16 * 16;
+        if (words > table_.size() || table_.size() < table_head + (rows - 1) * bytes_ + row_head + 8 * words) {
+            refuse_size(rows);
+        }
+        for (std::size_t row = 0; row < rows; row++) {
+            const char *head = at(row);
+            if (load<std::uint32_t>(head, order) != 1 || load<std::uint32_t>(head + 4, order) != 1 ||
+                load<std::uint32_t>(head + 8, order) != words) {
+                refuse_file(path, "is damaged: row " + std::to_string(row + 1) + " has no head");
+            }
+        }
+    }
+
+    double number(std::size_t row, std::size_t word) const
+    {
+        return load<double>(at(row) + row_head + 8 * word, order);
+    }
+
+    const std::string path;
+    const std::endian order;
+    std::size_t words = 0; ///< numbers of a row
+
+private:
+    const char *at(std::size_t row) const { return table_.data() + table_head + row * bytes_; }
+    [[noreturn]] void refuse_size(std::size_t rows) const
+    {
+        refuse_file(path, "is damaged or cut short: it has " + std::to_string(table_.size()) +
+                              " bytes, which do not hold " + std::to_string(rows) + " rows");
+    }
+
+    std::string table_;
+    std::size_t bytes_ = 0; ///< of a row
+};
+
+/// The records of a column, in their memory.
+ChebyshevSegment segment_of(const Column &column, const Description &description, const TableRows &rows,
+                            const std::string &folder, std::vector<double> &records)
+{
+    const std::vector<std::int32_t> &layout = description.layout;
+    const double row_days = description.number("dMJD");
+    const std::int32_t first = layout[column.column] - 3; // two dates less, counted from 0
+    const std::int32_t count = layout[table_columns + column.column];
+    const std::int32_t parts = layout[2 * table_columns + column.column];
+    if (first < 0 || count < 1 || count > 100 || parts < 1 || parts > 100 ||
+        static_cast<std::size_t>(first) + 3 * static_cast<std::size_t>(count) * static_cast<std::size_t>(parts) >
+            rows.words) {
+        refuse_file(folder + "/table.dat", "is damaged: its layout goes beyond a row");
+    }
+    ChebyshevSegment s;
+    s.target = column.target;
+    s.center = column.center;
+    s.first = s.start = (description.number("MJD0") + row_days - mjd_j2000) * day_s;
+    s.last = s.first + static_cast<double>(description.rows) * row_days * day_s;
+    s.length = row_days * day_s / parts;
+    s.coefficients = count;
+    s.record_words = 2 + 3 * static_cast<std::size_t>(count);
+    s.count = description.rows * static_cast<std::size_t>(parts);
+    s.file = folder;
+
+    records.reserve(s.count * s.record_words);
+    for (std::size_t i = 0; i < s.count; i++) {
+        const std::size_t row = i / static_cast<std::size_t>(parts);
+        const std::size_t part = i % static_cast<std::size_t>(parts);
+        const std::size_t from = static_cast<std::size_t>(first) + part * (s.record_words - 2);
+        records.push_back(s.start + s.length * (static_cast<double>(i) + 0.5));
+        records.push_back(0.5 * s.length);
+        for (std::size_t k = 0; k < s.record_words - 2; k++) {
+            records.push_back(column.factor * rows.number(row, from + k));
+        }
+    }
+    if (!std::all_of(records.begin(), records.end(), [](double x) { return std::isfinite(x); })) {
+        refuse_file(rows.path, "is damaged: it holds coefficients that are not finite");
+    }
+    s.records = records.data();
+    return s;
+}
+
 } // namespace
 
 SegmentFile read_de405(const std::string &folder)
@@ -150,39 +240,12 @@ SegmentFile read_de405(const std::string &folder)
     }
     const Description description(folder + "/table.dat");
     const double row_days = description.number("dMJD");
-    const double begin = (description.number("MJD0") + row_days - mjd_j2000) * day_s;
     const double earth_moon_ratio = description.number("EMRAT");
-    const std::size_t rows = description.rows;
-    const std::vector<std::int32_t> &layout = description.layout;
-    constexpr std::size_t columns = 13;
     if (!(description.number("DENUM") == 405.0 && description.number("CENTER") == 0.0 && row_days > 0.0 &&
-          earth_moon_ratio > 0.0 && rows > 0 && layout.size() == 3 * columns)) {
+          earth_moon_ratio > 0.0 && description.rows > 0 && description.layout.size() == 3 * table_columns)) {
         refuse_file(folder + "/table.dat", "is damaged, or of an ephemeris other than DE405");
     }
-
-    const std::string path = folder + "/table.f0i";
-    const std::string table = read_whole(path);
-    const auto refuse_size = [&] {
-        refuse_file(path, "is damaged or cut short: it has " + std::to_string(table.size()) +
-                              " bytes, which do not hold " + std::to_string(rows) + " rows");
-    };
-    if (table.size() < table_head + row_head) {
-        refuse_size();
-    }
-    const auto row_words =
-        static_cast<std::size_t>(load<std::uint32_t>(table.data() + table_head + row_head - 4, description.order));
-    const std::size_t row_bytes = (row_head + 8 * row_words + 15) / 16 * 16;
-    if (row_words > table.size() || table.size() < table_head + (rows - 1) * row_bytes + row_head + 8 * row_words) {
-        refuse_size();
-    }
-    for (std::size_t row = 0; row < rows; row++) {
-        const char *head = table.data() + table_head + row * row_bytes;
-        if (load<std::uint32_t>(head, description.order) != 1 ||
-            load<std::uint32_t>(head + 4, description.order) != 1 ||
-            load<std::uint32_t>(head + 8, description.order) != row_words) {
-            refuse_file(path, "is damaged: row " + std::to_string(row + 1) + " has no head");
-        }
-    }
+    const TableRows rows(folder, description);
 
     // The Moon is given relative to the Earth; both lie on a line through their barycentre.
     const double moon = earth_moon_ratio / (1.0 + earth_moon_ratio);
@@ -198,43 +261,7 @@ SegmentFile read_de405(const std::string &folder)
     SegmentFile result;
     auto memory = std::make_shared<std::vector<std::vector<double>>>();
     for (const Column &column : wanted) {
-        const std::int32_t first = layout[column.column] - 3; // two dates less, counted from 0
-        const std::int32_t count = layout[columns + column.column];
-        const std::int32_t parts = layout[2 * columns + column.column];
-        if (first < 0 || count < 1 || count > 100 || parts < 1 || parts > 100 ||
-            static_cast<std::size_t>(first) + 3 * static_cast<std::size_t>(count) * static_cast<std::size_t>(parts) >
-                row_words) {
-            refuse_file(folder + "/table.dat", "is damaged: its layout goes beyond a row");
-        }
-        ChebyshevSegment s;
-        s.target = column.target;
-        s.center = column.center;
-        s.first = s.start = begin;
-        s.last = begin + static_cast<double>(rows) * row_days * day_s;
-        s.length = row_days * day_s / parts;
-        s.coefficients = count;
-        s.record_words = 2 + 3 * static_cast<std::size_t>(count);
-        s.count = rows * static_cast<std::size_t>(parts);
-        s.file = folder;
-
-        std::vector<double> &records = memory->emplace_back();
-        records.reserve(s.count * s.record_words);
-        for (std::size_t i = 0; i < s.count; i++) {
-            const std::size_t row = i / static_cast<std::size_t>(parts);
-            const std::size_t part = i % static_cast<std::size_t>(parts);
-            const char *from = table.data() + table_head + row * row_bytes + row_head +
-                               8 * (static_cast<std::size_t>(first) + part * (s.record_words - 2));
-            records.push_back(s.start + s.length * (static_cast<double>(i) + 0.5));
-            records.push_back(0.5 * s.length);
-            for (std::size_t k = 0; k < s.record_words - 2; k++) {
-                records.push_back(column.factor * load<double>(from + 8 * k, description.order));
-            }
-        }
-        if (!std::all_of(records.begin(), records.end(), [](double x) { return std::isfinite(x); })) {
-            refuse_file(path, "is damaged: it holds coefficients that are not finite");
-        }
-        s.records = records.data();
-        result.segments.push_back(std::move(s));
+        result.segments.push_back(segment_of(column, description, rows, folder, memory->emplace_back()));
     }
     result.memory = std::move(memory);
     result.librations = std::make_shared<Librations>(Librations{result.segments.back(), result.memory});

@@ -154,71 +154,73 @@ HarmonicField read_shadr(const std::string &path, LengthUnit unit)
     return field;
 }
 
+namespace {
+
+/// The head of a file in ICGEM's format.
+struct IcgemHead {
+    std::string name, tide_system = "unknown";
+    std::optional<double> mu, radius;
+    std::optional<int> degree;
+    bool normalised = true;
+
+    /// From a line of a key and a value.
+    void take(const std::string &path, std::size_t line, std::string_view key, std::string_view value)
+    {
+        bool understood = true;
+        if (key == "product_type" && value != "gravity_field") {
+            refuse_line(path, line, "expected product_type gravity_field, found " + std::string(value));
+        } else if (key == "modelname") {
+            name = value;
+        } else if (key == "earth_gravity_constant" || key == "gravity_constant") {
+            understood = (mu = parse_number(value)).has_value();
+        } else if (key == "radius") {
+            understood = (radius = parse_number(value)).has_value();
+        } else if (key == "max_degree") {
+            understood = (degree = parse_integer(value)).has_value();
+        } else if (key == "norm") {
+            normalised = value == "fully_normalized";
+            understood = normalised || value == "unnormalized";
+        } else if (key == "tide_system") {
+            tide_system = value;
+        }
+        if (!understood) {
+            refuse_line(path, line,
+                        "the value \"" + std::string(value) + "\" of " + std::string(key) + " is not understood");
+        }
+    }
+};
+
+} // namespace
+
 HarmonicField read_icgem(const std::string &path)
 {
     const std::string text = read_whole(path);
     const auto lines = lines_of(text);
     std::size_t i = 0;
-    std::string name = path, tide_system = "unknown";
-    std::optional<double> mu, radius;
-    std::optional<int> degree;
-    bool normalised = true, ended = false;
+    IcgemHead head;
+    head.name = path;
+    bool ended = false;
     for (; i < lines.size() && !ended; i++) {
         const auto words = words_of(lines[i]);
-        if (words.empty()) {
-            continue;
-        }
-        const std::string_view key = words[0];
-        ended = key == "end_of_head";
-        if (words.size() < 2) {
-            continue;
-        }
-        const auto refuse_value = [&] {
-            refuse_line(path, i + 1,
-                        "the value \"" + std::string(words[1]) + "\" of " + std::string(key) + " is not understood");
-        };
-        if (key == "product_type" && words[1] != "gravity_field") {
-            refuse_line(path, i + 1, "expected product_type gravity_field, found " + std::string(words[1]));
-        } else if (key == "modelname") {
-            name = words[1];
-        } else if (key == "earth_gravity_constant" || key == "gravity_constant") {
-            mu = parse_number(words[1]);
-            if (!mu) {
-                refuse_value();
-            }
-        } else if (key == "radius") {
-            radius = parse_number(words[1]);
-            if (!radius) {
-                refuse_value();
-            }
-        } else if (key == "max_degree") {
-            degree = parse_integer(words[1]);
-            if (!degree) {
-                refuse_value();
-            }
-        } else if (key == "norm") {
-            normalised = words[1] == "fully_normalized";
-            if (!normalised && words[1] != "unnormalized") {
-                refuse_value();
-            }
-        } else if (key == "tide_system") {
-            tide_system = words[1];
+        ended = !words.empty() && words[0] == "end_of_head";
+        if (words.size() >= 2) {
+            head.take(path, i + 1, words[0], words[1]);
         }
     }
     if (!ended) {
         throw sim::SetupError(path + ": has no line end_of_head; expected a gravity field in ICGEM's "
                                      "format (.gfc)");
     }
-    if (!mu || !radius || !degree) {
+    if (!head.mu || !head.radius || !head.degree) {
         throw sim::SetupError(path + ": its header lacks " +
-                              (!mu       ? "earth_gravity_constant"
-                               : !radius ? "radius"
-                                         : "max_degree"));
+                              (!head.mu       ? "earth_gravity_constant"
+                               : !head.radius ? "radius"
+                                              : "max_degree"));
     }
-    HarmonicField field = HarmonicField::zero(*mu, *radius, *degree);
-    field.name = name;
-    field.tide_system = tide_system;
-    Collector collector(path, field, normalised);
+    HarmonicField field = HarmonicField::zero(*head.mu, *head.radius, *head.degree);
+    field.name = head.name;
+    field.tide_system = head.tide_system;
+    Collector collector(path, field, head.normalised);
     for (; i < lines.size(); i++) {
         const auto words = words_of(lines[i]);
         if (words.empty()) {
