@@ -28,10 +28,8 @@ def offers(words: list[str]) -> list[str]:
         if not before and word.startswith("-"):
             found = OPTIONS
         else:
-            asks_help = before[:1] == ["help"]
-            found = _of_parser(parser(), before[1:] if asks_help else before, word)
-            if not before:
-                found = [*found, "help"]
+            words = before[before[:1] == ["help"]:]
+            found = [*_of_parser(parser(), words, word), *["help"] * (not words)]
     return sorted(name for name in found if name.startswith(word))
 
 

@@ -7,7 +7,7 @@ from fledge.launcher import tools
 def test_a_disk_that_is_full_is_seen_without_a_log(tmp_path, monkeypatch):
     log = tmp_path / "build.log"
     log.touch()
-    assert "full" not in str(tools.failure(log, "the build", 1))
+    assert "the disk is full" not in str(tools.failure(log, "the build", 1))
     disk = os.statvfs(tmp_path)
     fields = list(disk)
     fields[4] = 1000        # f_bavail: free blocks
