@@ -75,15 +75,6 @@ bool is_utf8(Bytes bytes)
 
 } // namespace
 
-std::uint64_t number(const std::uint8_t *at, std::size_t n)
-{
-    std::uint64_t value = 0;
-    while (n-- > 0) {
-        value = value << 8 | at[n];
-    }
-    return value;
-}
-
 std::uint32_t crc(Bytes bytes)
 {
     static const McapCrc tables = [] {

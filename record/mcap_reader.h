@@ -55,7 +55,15 @@ struct Unsupported {
 };
 
 /// Little-endian.
-std::uint64_t number(const std::uint8_t *at, std::size_t n);
+inline std::uint64_t number(const std::uint8_t *at, std::size_t n)
+{
+    std::uint64_t value = 0;
+    while (n-- > 0) {
+        value = value << 8 | at[n];
+    }
+    return value;
+}
+
 std::uint32_t crc(Bytes bytes);
 
 /// The fields of a record in their order; throws Damage at the byte of the record where one reaches beyond it.
