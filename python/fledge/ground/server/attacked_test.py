@@ -221,7 +221,7 @@ async def test_who_may_not_see_a_spacecraft_hears_nothing_of_it(folder):
         heard = {}
         for name in ("stranger", "all"):
             heard[name] = await page.client.ws_connect("/api/live", headers=who[name].headers)
-        while not all(one.control and one.ground for one in page.room.crafts.values()):
+        while not all(one.control and one.connection.craft for one in page.room.crafts.values()):
             await asyncio.sleep(0.05)
         await ask("all", "POST", "crafts/a/send", json={"name": "flight.noop", "arguments": {}})
         await ask("all", "POST", "crafts/a/questions", json={"text": "does it go?"})
@@ -362,7 +362,7 @@ async def fuzzed(folder):
                 if message.type == WSMsgType.TEXT and "a message is JSON" in message.data:
                     break
         print(f"{asked} requests, {sent} messages in {time.monotonic() - begun:.0f} s, seed {SEED}")
-        with patch("fledge.ground.server.web.PATIENCE", PATIENCE):
+        with patch("fledge.ground.server.handlers.common.PATIENCE", PATIENCE):
             await page.client.post("/api/crafts/b/run", json={"action": "go", "speed": 1},
                                    headers={"X-Fledge-CSRF": page.csrf})
             await page.verified("b", "flight.write.control.K", {"K": 3})

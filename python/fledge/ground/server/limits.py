@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from fledge.ground.server.reporter import Reporter
     from fledge.ground.server.telemetry import Note, Telemetry
 
+Levels = dict[str, list[float | None]]      # of each level: from, to; None: open
 Change = dict[str, Any]     # name, kind, unit, limits (None: the database's again), persistence, time_ns, ...
 EVER = 2**63 - 1
 
@@ -115,7 +116,7 @@ class SetLimits:
             self._event("warning", f"the limits that were set for {listed(absent)} wait: the database has no such "
                         "parameter now")
 
-    def change(self, user: str, slot: int, levels: dict[str, Any] | None, persistence: int) -> None:
+    def change(self, user: str, slot: int, levels: Levels | None, persistence: int) -> None:
         """Set other limits of a parameter; {}: none, None: those of the database again. They are in the journal when
         this returns, but those of a replay, which end with it. Raises SetupError."""
         monitor = self._telemetry.monitor
@@ -144,7 +145,7 @@ class SetLimits:
         finally:
             self._handle(notes)
 
-    def of(self, name: str) -> list[tuple[int, dict[str, Any] | None, int]]:
+    def of(self, name: str) -> list[tuple[int, Levels | None, int]]:
         """When [ns, UTC] which limits of a parameter began to count (None: the database's), and their persistence."""
         if not self.changes:
             return []
@@ -163,7 +164,7 @@ def fits(change: Change, about: dict[str, Any] | None) -> bool:
     return about is not None and (change["kind"], change["unit"]) == (about["kind"], about["unit"])
 
 
-def in_words(levels: dict[str, Any], persistence: int = 1) -> str:
+def in_words(levels: Levels, persistence: int = 1) -> str:
     """warning -1 to 1, critical open to 2"""
     parts = [f"{level} {' to '.join('open' if one is None else f'{one:g}' for one in ends)}"
              for level, ends in levels.items()]

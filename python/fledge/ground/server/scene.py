@@ -232,8 +232,8 @@ class Feed:
             row["head"]["quality"] = GOOD       # where telemetry has no head
             times = set()
             for field, slots in fields:
-                newest = [self._monitor.newest(slot) for slot in slots]
-                if None in newest:
+                newest = [one for slot in slots if (one := self._monitor.newest(slot))]
+                if len(newest) < len(slots):
                     break
                 times |= {one[0] for one in newest}
                 at = part(row, field)
@@ -252,7 +252,7 @@ class Feed:
             newest = self._monitor.newest(slot)
             began = self._modes.get(process, [])
             if newest is not None and newest[3] and (not began or began[-1][1] != newest[3]):
-                self._modes[process] = [*began, ((newest[0] - self._zero) / 1e9, newest[3])]
+                self._modes[process] = [*began, ((newest[0] - self._zero) / 1e9, str(newest[3]))]
 
     def _slots_of_ports(self) -> dict[str, list[tuple[str, list[int]]]]:
         """Which parameters of telemetry have the fields of flight's outputs: "flight.filter.attitude.sigma_BN[1]"."""
