@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "targets/micropython/composition.h"
+
+const mp_print_t *process_text(Text *text)
+{
+    text->end = (ScriptText){text->text, sizeof text->text, 0u};
+    text->print = script_text(&text->end);
+    return &text->print;
+}
+
+/* The names of a list of the executive, whose records begin with `next` and `name`. */
+typedef struct Named {
+    struct Named *next;
+    const char *name;
+} Named;
+
+static void print_names(const mp_print_t *print, const void *list, const char *none)
+{
+    const Named *one = list;
+    mp_print_str(print, one != NULL ? one->name : none);
+    for (one = one != NULL ? one->next : NULL; one != NULL; one = one->next) {
+        mp_printf(print, ", %s", one->name);
+    }
+}
+
+NORETURN void process_refuse_name(const char *what, const char *does, const char *name, const void *list)
+{
+    const mp_print_t *print = objects_error();
+    mp_printf(print, "%s %s %s; the process has ", what, does, name);
+    print_names(print, list, "none");
+    objects_raise();
+}
+
+void process_check_composing(const char *what)
+{
+    if (executive.composed) {
+        objects_refuse("%s.%s: the mission is composed already; only its script does that, when it starts", PROCESS,
+                       what);
+    }
+}
