@@ -8,6 +8,7 @@
 
 #include "emulator/machine.h"
 #include "emulator/testing/board.h"
+#include "tests/error_of.h"
 
 namespace fledge::emulator {
 namespace board_test {
@@ -19,12 +20,7 @@ const std::string boards = std::string(FLEDGE_ROOT) + "/emulator/boards/";
 
 std::string mistakes(const std::string &text)
 {
-    try {
-        BoardDescription::parse(text, "b.toml");
-    } catch (const Error &e) {
-        return e.what();
-    }
-    return "";
+    return error_of<Error>([&] { BoardDescription::parse(text, "b.toml"); });
 }
 
 std::string with(const std::string &from, const std::string &to)

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "emulator/testing/make_elf.h"
+#include "tests/error_of.h"
 
 namespace fledge::emulator {
 namespace elf_test {
@@ -24,12 +25,7 @@ std::vector<std::byte> example()
 
 std::string mistake(const std::vector<std::byte> &file)
 {
-    try {
-        const Program program(file, "p.elf");
-    } catch (const Error &e) {
-        return e.what();
-    }
-    return "";
+    return error_of<Error>([&] { const Program program(file, "p.elf"); });
 }
 
 TEST(Elf, segments_and_symbols_are_read)

@@ -11,6 +11,7 @@
 #include "emulator/testing/board.h"
 #include "emulator/testing/program.h"
 #include "emulator/testing/register_boards.h"
+#include "tests/error_of.h"
 
 namespace fledge::emulator {
 namespace loop_test {
@@ -302,12 +303,7 @@ TEST(FlightLoop, a_snapshot_of_others_is_refused)
     b.tick(-1, 0);
     auto snapshot = b.backend->loop.save();
     const auto refused = [&](FlightLoop &loop, std::span<const std::byte> bytes) -> std::string {
-        try {
-            loop.restore(bytes);
-        } catch (const Error &error) {
-            return error.what();
-        }
-        return "";
+        return error_of<Error>([&] { loop.restore(bytes); });
     };
     for (const std::size_t n : {std::size_t{0}, std::size_t{50}, std::size_t{300}, snapshot.size() - 1}) {
         EXPECT_NE(refused(b.backend->loop, std::span(snapshot).first(n)).find("truncated"), std::string::npos) << n;

@@ -17,6 +17,7 @@
 #include "emulator/testing/board.h"
 #include "emulator/testing/program.h"
 #include "emulator/testing/register_boards.h"
+#include "tests/error_of.h"
 
 namespace fledge::emulator {
 namespace machine_test {
@@ -505,12 +506,7 @@ TEST(Machine, snapshots_of_others_are_refused)
     EXPECT_THROW(other.load_snapshot(file), Error);
     EXPECT_NO_THROW(m.load_snapshot(file));
     const auto what = [&](std::span<const std::byte> bytes) -> std::string {
-        try {
-            m.load_snapshot(bytes);
-        } catch (const Error &e) {
-            return e.what();
-        }
-        return "";
+        return error_of<Error>([&] { m.load_snapshot(bytes); });
     };
     EXPECT_EQ(what(std::span(file).first(file.size() - 1)), "the snapshot is truncated or damaged");
     EXPECT_EQ(what(std::span(file).first(10)), "the snapshot is truncated");

@@ -18,6 +18,7 @@
 #include "registers/clock.h"
 #include "registers/outside.h"
 #include "registers/testing/board.h"
+#include "tests/error_of.h"
 
 namespace line_backend_test {
 
@@ -279,17 +280,6 @@ protected:
         }
         return text;
     }
-    /// What is thrown by it.
-    static std::string thrown(const std::function<void()> &what)
-    {
-        try {
-            what();
-        } catch (const Error &error) {
-            return error.what();
-        }
-        return "";
-    }
-
     Bench bench_;
     std::filesystem::path record_;
     std::optional<LineBackend> backend_;
@@ -327,7 +317,7 @@ TEST_F(LineBackendTest, ABoardThatIsResetInATickEndsTheRunOrGoesOn)
     habits.reset_in = 10;
     begin(habits);
     greet();
-    EXPECT_SAYS(thrown([&] { fly(0, 50); }), "the board was reset in the tick at 0.9 s, which ends the run");
+    EXPECT_SAYS(error_of<Error>([&] { fly(0, 50); }), "the board was reset in the tick at 0.9 s, which ends the run");
 
     begin(habits, "pty?reset=go-on");
     greet();
@@ -345,7 +335,7 @@ TEST_F(LineBackendTest, ASilentBoardIsToldAndEndsTheRunAsTheSettingsSay)
     begin(habits, "pty?cut=1.5");
     greet();
     ::testing::internal::CaptureStderr();
-    const std::string error = thrown([&] { fly(0, 50); });
+    const std::string error = error_of<Error>([&] { fly(0, 50); });
     const std::string told = ::testing::internal::GetCapturedStderr();
     EXPECT_SAYS(error, "the board has been silent for 1.5 s in the tick at 0.4 s");
     EXPECT_SAYS(told, "the board has been silent for 1 s in the tick at 0.4 s: is the line cut?");
@@ -369,15 +359,16 @@ TEST_F(LineBackendTest, ABoardOfAnotherMissionOrWithAStaleProgramIsRefused)
     Habits habits;
     habits.mission = "lander";
     begin(habits);
-    EXPECT_SAYS(thrown([&] { greet(); }), "the board (thread) flies lander, not probe: load the program of probe");
+    EXPECT_SAYS(error_of<Error>([&] { greet(); }),
+                "the board (thread) flies lander, not probe: load the program of probe");
 
     habits = {};
     habits.hash++;
     begin(habits);
-    EXPECT_SAYS(thrown([&] { greet(); }), "the board's program of probe is stale");
+    EXPECT_SAYS(error_of<Error>([&] { greet(); }), "the board's program of probe is stale");
 
     begin({}, "pty?build=ac");
-    EXPECT_SAYS(thrown([&] { greet(); }), "its build is ab00000000000000000000000000000000000000, not ac");
+    EXPECT_SAYS(error_of<Error>([&] { greet(); }), "its build is ab00000000000000000000000000000000000000, not ac");
 
     begin({}, "pty?build=ab00");
     greet();
@@ -389,7 +380,7 @@ TEST_F(LineBackendTest, TwoBoardsOnOneLineAreRefused)
     Habits habits;
     habits.doubled = true;
     begin(habits);
-    EXPECT_SAYS(thrown([&] {
+    EXPECT_SAYS(error_of<Error>([&] {
                     greet();
                     fly(0, 1000);
                 }),
@@ -401,15 +392,16 @@ TEST_F(LineBackendTest, WithoutAnAnswerTheReasonSaysWhatHasCome)
     Habits habits;
     habits.speaks = false;
     begin(habits);
-    EXPECT_SAYS(thrown([&] { backend_->greet(100ms, [] { return true; }); }),
+    EXPECT_SAYS(error_of<Error>([&] { backend_->greet(100ms, [] { return true; }); }),
                 "bytes have come, and no frame of them: does the board have another rate");
 
     board_.reset();
     static const RegisterBoard *boards[1];
     boards[0] = &bench_.board();
     backend_.emplace(boards, LineBackend::Mission{"probe", HASH}, LineSettings::read("pty"), "");
-    EXPECT_SAYS(thrown([&] { backend_->greet(100ms, [] { return true; }); }), "nothing has come: is the board on");
-    EXPECT_SAYS(thrown([&] { backend_->greet(60s, [] { return false; }); }), "ended before it answered");
+    EXPECT_SAYS(error_of<Error>([&] { backend_->greet(100ms, [] { return true; }); }),
+                "nothing has come: is the board on");
+    EXPECT_SAYS(error_of<Error>([&] { backend_->greet(60s, [] { return false; }); }), "ended before it answered");
 }
 
 TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
@@ -453,8 +445,9 @@ TEST_F(LineBackendTest, ADeviceThatVanishesIsWaitedForAndFoundAgain)
     fly(0, 10);
     std::filesystem::remove(device); // first: another program may have the next terminal of this number
     board_.reset();
-    EXPECT_SAYS(thrown([&] { fly(10, 1); }), "the device has vanished in the tick at 1 s, and did not come back within "
-                                             "0.2 s");
+    EXPECT_SAYS(error_of<Error>([&] { fly(10, 1); }),
+                "the device has vanished in the tick at 1 s, and did not come back within "
+                "0.2 s");
 }
 
 TEST_F(LineBackendTest, LatenessIsCountedAgainstThePaceAndMissedTicksAreNamed)

@@ -17,6 +17,7 @@
 #include <gtest/gtest.h>
 
 #include "registers/outside.h"
+#include "tests/error_of.h"
 
 namespace serial_port_test {
 
@@ -26,12 +27,7 @@ using namespace std::chrono_literals;
 /// What the constructor says about a device.
 std::string refusal(const std::string &path, std::uint32_t baud = 115200)
 {
-    try {
-        const SerialPort port(path, baud);
-    } catch (const Error &error) {
-        return error.what();
-    }
-    return "";
+    return error_of<Error>([&] { const SerialPort port(path, baud); });
 }
 
 /// All bytes that come until there are n.

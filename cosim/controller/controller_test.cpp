@@ -2,6 +2,7 @@
 // Runs from the first greeting to the end, in every order of replies, and the faults that the controller refuses.
 // life_test.cpp has nodes that join and leave.
 #include "cosim/controller/testing/network.h"
+#include "tests/error_of.h"
 
 #include <array>
 
@@ -520,12 +521,7 @@ TEST(Controller, AnInvalidConfigurationIsRefused)
     EXPECT_THROW(configured({one, one}, 1), std::invalid_argument);
     EXPECT_THROW(configured({one}, -1), std::invalid_argument);
     const auto why = [](ControllerConfig config) -> std::string {
-        try {
-            config.check();
-            return "";
-        } catch (const std::invalid_argument &error) {
-            return error.what();
-        }
+        return error_of<std::invalid_argument>([&] { config.check(); });
     };
     ControllerConfig config;
     config.nodes = {{"one", Policy::abort}};

@@ -3,6 +3,7 @@
 // node.
 #include "cosim/controller/testing/network.h"
 #include "cosim/protocol/words.h"
+#include "tests/error_of.h"
 
 #include <functional>
 
@@ -292,12 +293,7 @@ TEST(Faults, AnInvalidConfigurationOfJoinsAndRestartsIsRefused)
     const auto refusal = [](const auto &change) -> std::string {
         auto config = Bench::configured(three(Policy::abort), 600, 1000, 4096);
         change(config);
-        try {
-            Controller controller(config);
-        } catch (const std::invalid_argument &error) {
-            return error.what();
-        }
-        return "";
+        return error_of<std::invalid_argument>([&] { Controller controller(config); });
     };
     EXPECT_EQ(refusal([](auto &) {}), "");
     EXPECT_EQ(refusal([](auto &c) { c.nodes[2].joins_after = 600; }),

@@ -2,6 +2,7 @@
 // A run goes on from the past of another: from any instant, from snapshots or from the start, random networks write
 // what the first run wrote.
 #include "cosim/controller/testing/network.h"
+#include "tests/error_of.h"
 
 namespace fledge::cosim {
 namespace time_travel_test {
@@ -230,12 +231,7 @@ TEST(TimeTravel, APastThatMakesNoSenseIsRefused)
     auto config = Bench::configured(two(), 100, 1000, 4096);
     const auto fault = [&](const Past &past) -> std::string {
         config.past = std::make_shared<Past>(past);
-        try {
-            Controller{config};
-            return "";
-        } catch (const std::invalid_argument &error) {
-            return error.what();
-        }
+        return error_of<std::invalid_argument>([&] { Controller{config}; });
     };
     EXPECT_EQ(fault({100, {}, {}}), "");
     EXPECT_EQ(fault({101, {}, {}}), "the run goes on from 0.000000101 s, behind its end at 0.0000001 s");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cosim/protocol/testing/frames.h"
+#include "tests/error_of.h"
 
 #include <gtest/gtest.h>
 
@@ -13,12 +14,7 @@ using namespace testing;
 
 std::string why(std::span<const std::byte> bytes, const Limits &limits = {})
 {
-    try {
-        decode(bytes, limits);
-    } catch (const ProtocolError &error) {
-        return error.what();
-    }
-    return "";
+    return error_of<ProtocolError>([&] { decode(bytes, limits); });
 }
 
 TEST(Protocol, EveryMessageIsReadAsItWasWrittenInBothByteOrders)
@@ -329,12 +325,7 @@ TEST(Schema, ItsSizeAndHashAreThoseOfItsText)
 TEST(Schema, AnErrorNamesTheLine)
 {
     const auto refusal = [](const std::string &text) -> std::string {
-        try {
-            parse_schema(text);
-        } catch (const SchemaError &error) {
-            return error.what();
-        }
-        return "";
+        return error_of<SchemaError>([&] { parse_schema(text); });
     };
     EXPECT_EQ(refusal(""), "the definition has no fields");
     EXPECT_EQ(refusal("int32 a\nfloat64 b\n"), "line 2: padding would be needed before this field, found \"b\"");

@@ -3,6 +3,7 @@
 #include "cosim/node/observer.h"
 #include "cosim/protocol/testing/patience.h"
 #include "cosim/router/testing/nodes.h"
+#include "tests/error_of.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -838,12 +839,7 @@ TEST(Broker, ImpossibleConfigurationsAreRefused)
     config.address = "tcp://127.0.0.1:*";
     auto run = config_of({{"a", Policy::abort}}, 10);
     const auto refusal = [&]() -> std::string {
-        try {
-            Router router(context, run, config);
-        } catch (const LinkError &error) {
-            return error.what();
-        }
-        return "";
+        return error_of<LinkError>([&] { Router router(context, run, config); });
     };
     run.asynchronous = {{"ground", {}}};
     EXPECT_EQ(refusal(), "asynchronous programs, such as ground, need a broker, and this controller has none");

@@ -2,6 +2,7 @@
 // Which programs the controller accepts, and the reports of both sides.
 #include "cosim/protocol/testing/patience.h"
 #include "cosim/router/testing/nodes.h"
+#include "tests/error_of.h"
 
 #include <gtest/gtest.h>
 
@@ -314,17 +315,9 @@ TEST(Router, OtherMachinesNeedKeys)
 TEST(Keys, AnInvalidFileIsReportedWithItsFault)
 {
     Keys keys;
-    const auto fault = [](const auto &read) -> std::string {
-        try {
-            read();
-        } catch (const KeyError &error) {
-            return error.what();
-        }
-        return "";
-    };
     const std::string folder = keys.folder();
     const auto client = [&](const std::string &place, const std::string &node) {
-        return fault([&] { read_client_keys(place, node); });
+        return error_of<KeyError>([&] { read_client_keys(place, node); });
     };
     EXPECT_EQ(client(folder, "a"), folder + " holds no secret key; ./fledge keys new a makes a pair");
     EXPECT_EQ(client(folder + "/none", "a"), folder + "/none: there are no keys; ./fledge keys new a makes a pair");
@@ -346,7 +339,7 @@ TEST(Keys, AnInvalidFileIsReportedWithItsFault)
               keys.of("lab2") + ": line 6: a secret-key is 40 characters of Z85, as ./fledge keys writes it");
     Keys::write(keys.of("lab2"), keys.make("x1").open, "    secret-key = \"" + keys.make("x2").secret + "\"\n");
     EXPECT_EQ(client(keys.of("lab2"), "a"), keys.of("lab2") + ": its public key is not that of its secret key");
-    const auto allowed = [&] { return fault([&] { read_allowed_keys(folder); }); };
+    const auto allowed = [&] { return error_of<KeyError>([&] { read_allowed_keys(folder); }); };
     EXPECT_EQ(allowed(), "");
     const std::string file = folder + "/allowed/y.public";
     Keys::write(file, keys.make("y").open, "");

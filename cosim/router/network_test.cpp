@@ -5,6 +5,7 @@
 #include "cosim/protocol/testing/patience.h"
 #include "cosim/router/router.h"
 #include "cosim/router/testing/nodes.h"
+#include "tests/error_of.h"
 
 #include <gtest/gtest.h>
 
@@ -204,14 +205,11 @@ TEST(Router, ImpossibleConfigurationsAreRefusedAtOnce)
 {
     zmq::context_t context;
     const auto refusal = [&](const std::string &address) -> std::string {
-        try {
+        return error_of<LinkError>([&] {
             RouterConfig config;
             config.address = address;
             Router router(context, two_nodes(1000), config);
-        } catch (const LinkError &error) {
-            return error.what();
-        }
-        return "";
+        });
     };
     Router first(context, two_nodes(1000), listening("tcp"));
     EXPECT_EQ(refusal(first.address()),

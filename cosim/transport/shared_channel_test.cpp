@@ -5,6 +5,7 @@
 
 #include "cosim/protocol/testing/patience.h"
 #include "cosim/transport/link.h"
+#include "tests/error_of.h"
 
 #include <gtest/gtest.h>
 
@@ -137,12 +138,7 @@ TEST(SharedChannel, ASleepingProgramIsWokenByTheOther)
 
 std::string refusal(const std::string &path, std::uint64_t nonce)
 {
-    try {
-        SharedChannel(path, nonce, {});
-        return "";
-    } catch (const LinkError &error) {
-        return error.what();
-    }
+    return error_of<LinkError>([&] { SharedChannel(path, nonce, {}); });
 }
 
 TEST(SharedChannel, MemoryOfAnotherOwnerIsRefused)

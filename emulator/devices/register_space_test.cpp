@@ -7,6 +7,7 @@
 #include "emulator/error.h"
 #include "emulator/testing/fake_host.h"
 #include "emulator/testing/register_boards.h"
+#include "tests/error_of.h"
 
 namespace fledge::emulator {
 namespace register_space_test {
@@ -148,14 +149,7 @@ TEST(RegisterSpace, mistakes_are_refused)
     FakeHost host;
     RegisterSpace small("registers", host, {.size = 128, .tick = 10});
     RegisterSpace wrong("registers", host, {.size = 0x1000, .tick = 10, .lines = {{"other", 2, 12}}});
-    const auto what = [](RegisterSpace &space) -> std::string {
-        try {
-            space.make(boards);
-        } catch (const Error &e) {
-            return e.what();
-        }
-        return "";
-    };
+    const auto what = [](RegisterSpace &space) -> std::string { return error_of<Error>([&] { space.make(boards); }); };
     EXPECT_EQ(what(small), "the board `other` ends 192 bytes behind the lowest base; the register space has 128");
     EXPECT_EQ(what(wrong), "the register space has no line 2 of a board `other`; it has: clock with 4 lines, other "
                            "with 2 lines");

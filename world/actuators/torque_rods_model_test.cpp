@@ -185,12 +185,12 @@ TEST(TorqueRods, SetUpIsChecked)
     c.add({1, 0, 0}, 0.0);
     c.i.par.n_faults = 1;
     c.i.par.faults[0].kind = FAULT_LOW;
-    EXPECT_NE(message_of([&] { c.prepare(); }).find("world.rods.faults[0].size"), std::string::npos);
+    EXPECT_NE(error_of([&] { c.prepare(); }).find("world.rods.faults[0].size"), std::string::npos);
     Craft d;
     d.add({1, 0, 0}, 0.0);
     TorqueRodsModel lost(d.i);
     lost.prepare({"world.rods", 1, d.method.get()});
-    EXPECT_NE(message_of([&] { lost.start({}, nullptr); }).find("world.rods.field is missing"), std::string::npos);
+    EXPECT_NE(error_of([&] { lost.start({}, nullptr); }).find("world.rods.field is missing"), std::string::npos);
 }
 
 } // namespace torque_rods_model_test

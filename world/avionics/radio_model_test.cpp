@@ -23,7 +23,6 @@ namespace radio_model_test {
 
 using Eigen::Vector3d;
 using sim::Ns;
-using testing::message_of;
 
 constexpr double pi = std::numbers::pi, deg = pi / 180.0;
 using testing::ms, testing::second;
@@ -138,7 +137,7 @@ TEST_F(Link, IsSeenOverTheMaskAndNotBehindABody)
 TEST_F(Link, FadesAsTheAntennaTurnsAway)
 {
     i.par.axis_B = vec3(0, 0, 2);
-    EXPECT_NE(message_of([&] { prepare(); }).find("world.radio.beam is missing"), std::string::npos);
+    EXPECT_NE(error_of([&] { prepare(); }).find("world.radio.beam is missing"), std::string::npos);
     i.par.beam = 20 * deg;
     prepare();
     for (int k = 0; k <= 36; k++) {
@@ -154,7 +153,7 @@ TEST_F(Link, FadesAsTheAntennaTurnsAway)
 TEST_F(Link, TheSunRaisesTheNoiseOfTheStation)
 {
     radio.set_body(body("SUN", 10, 6.957e8, Vector3d(1.496e11, 0, 0)));
-    EXPECT_NE(message_of([&] { prepare(); }).find("world.radio.sun: give station_beam"), std::string::npos);
+    EXPECT_NE(error_of([&] { prepare(); }).find("world.radio.sun: give station_beam"), std::string::npos);
     i.par.station_beam = 0.065 * deg;
     i.par.station_noise = 25.0;
     i.par.sun_brightness = 23000.0;
@@ -351,7 +350,7 @@ TEST_F(Link, SaysWhatIsMissing)
 {
     RadioModel alone(i);
     alone.prepare({"world.alone", 1, nullptr});
-    EXPECT_NE(message_of([&] { alone.reset(0); }).find("world.alone.station is missing"), std::string::npos);
+    EXPECT_NE(error_of([&] { alone.reset(0); }).find("world.alone.station is missing"), std::string::npos);
     i.in.truth.head.quality = QUALITY_NONE;
     prepare();
     radio.send_down(0, Bytes(10, 1));

@@ -376,22 +376,22 @@ TEST(CoupledParts, PartsThatLeaveTheBodyNoInertiaAreRefused)
     Assembly a;
     a.add_wheel({0, 0, 1}, 0.1);
     a.wheel_interface.par.couple[0] = 50.0; // more than any rotor in a body of 30 kg m^2 has
-    EXPECT_NE(message_of([&] { a.prepare_all(); }).find("world.craft.mass and I_B leave the body no inertia once its"),
+    EXPECT_NE(error_of([&] { a.prepare_all(); }).find("world.craft.mass and I_B leave the body no inertia once its"),
               std::string::npos);
     Assembly light;
     light.craft_interface.par.mass = 0.0;
     light.add_particle(1.0, {0, 0, 0}, {1, 0, 0}, 1.0);
-    EXPECT_EQ(message_of([&] { light.prepare_all(); }), "world.craft.mass is 0, but one of its parts moves masses: "
-                                                        "give the spacecraft its mass");
+    EXPECT_EQ(error_of([&] { light.prepare_all(); }), "world.craft.mass is 0, but one of its parts moves masses: "
+                                                      "give the spacecraft its mass");
     Assembly thin;
     thin.add_panel(1e-6, 1e-12 * Matrix3d::Identity(), {0, 0, 0}, {0, 0, 1}, {0, 0, 0});
-    EXPECT_EQ(message_of([&] { thin.prepare_all(); }),
+    EXPECT_EQ(error_of([&] { thin.prepare_all(); }),
               "world.panels.I_B[0]: with mass and center_B it must give an inertia about the hinge in [1e-9, 1e12] "
               "kg m^2; found 1e-12");
     Assembly sticky;
     sticky.add_wheel({0, 0, 1}, 0.1);
     sticky.wheel_interface.par.stiction[0] = 0.1;
-    EXPECT_EQ(message_of([&] { sticky.prepare_all(); }),
+    EXPECT_EQ(error_of([&] { sticky.prepare_all(); }),
               "world.wheels.stribeck[0] must be > 0 where stiction exceeds friction; found 0");
 }
 

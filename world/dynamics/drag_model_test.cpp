@@ -179,15 +179,15 @@ TEST(Drag, NamesWhatIsWrong)
 {
     Craft none;
     none.drag_interface.par.area = 0.0;
-    EXPECT_EQ(message_of([&] { none.prepare(); }),
+    EXPECT_EQ(error_of([&] { none.prepare(); }),
               "world.drag.area is 0 m^2, and there are no facets: nothing feels the air");
     Craft light;
     light.f.craft_interface.par.mass = 0.0;
-    EXPECT_EQ(message_of([&] { light.prepare(); }),
+    EXPECT_EQ(error_of([&] { light.prepare(); }),
               "world.craft.mass is 0, but one of its parts adds forces: give the spacecraft its mass");
     Craft elsewhere;
     EXPECT_EQ(
-        message_of([&] { elsewhere.f.prepare(); }),
+        error_of([&] { elsewhere.f.prepare(); }),
         "a part of the spacecraft that asks a world.Atmosphere is itself in no world: w.part = ... makes it known");
     Flyer f;
     Drag interface {
@@ -195,7 +195,7 @@ TEST(Drag, NamesWhatIsWrong)
     interface.par.Cd = interface.par.area = 1.0;
     DragModel bare(interface);
     bare.prepare({"world.drag", 1, f.method.get()});
-    EXPECT_EQ(message_of([&] { bare.start({}, nullptr); }),
+    EXPECT_EQ(error_of([&] { bare.start({}, nullptr); }),
               "world.drag.air is missing: a model of the same world, as in `w.air = world.Atmosphere(...)`");
     EXPECT_FALSE(bare.ask(f.craft));
 }

@@ -152,7 +152,7 @@ TEST(GravityGradient, KeepsTheEnergyInTheTurningFrame)
 TEST(GravityGradient, NeedsABodyAndAMass)
 {
     Craft far;
-    EXPECT_EQ(message_of([&] { far.prepare(); }),
+    EXPECT_EQ(error_of([&] { far.prepare(); }),
               "world.gradient: no body attracts the spacecraft; give it its `gravity`");
 }
 

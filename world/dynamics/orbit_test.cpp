@@ -15,7 +15,6 @@ namespace orbit_test {
 
 using namespace fledge::world;
 using Eigen::Vector3d;
-using fledge::world::testing::message_of;
 
 constexpr double pi = std::numbers::pi;
 constexpr double mu = 3.986004418e14;
@@ -142,11 +141,11 @@ TEST(Orbit, SemiMajorAxis)
     EXPECT_DOUBLE_EQ(semi_latus_rectum(-1e7, 2.0), 3e7);
     EXPECT_DOUBLE_EQ((OrbitElements{.p = 3e7, .e = 2.0}.semi_major_axis()), -1e7);
     EXPECT_TRUE(std::isinf(OrbitElements{.p = 3e7, .e = 1.0}.semi_major_axis()));
-    EXPECT_EQ(message_of([] { semi_latus_rectum(1e7, 1.0); }),
+    EXPECT_EQ(error_of([] { semi_latus_rectum(1e7, 1.0); }),
               "orbit: a parabola has no semi-major axis: give its semi-latus rectum; found 1");
-    EXPECT_EQ(message_of([] { semi_latus_rectum(1e7, 1.5); }),
+    EXPECT_EQ(error_of([] { semi_latus_rectum(1e7, 1.5); }),
               "orbit: a hyperbola (e > 1) needs a semi-major axis < 0; found 1e+07");
-    EXPECT_EQ(message_of([] { semi_latus_rectum(-5.0, 0.5); }),
+    EXPECT_EQ(error_of([] { semi_latus_rectum(-5.0, 0.5); }),
               "orbit: an ellipse (e < 1) needs a semi-major axis > 0; found -5");
     EXPECT_THROW(semi_latus_rectum(1e7, -0.1), fledge::sim::SetupError);
     EXPECT_THROW(semi_latus_rectum(0.0, 0.1), fledge::sim::SetupError);
@@ -159,20 +158,20 @@ TEST(Orbit, WhatIsNoOrbitIsRefused)
     const auto message = [&](auto spoil) {
         OrbitElements elements = good;
         spoil(elements);
-        return message_of([&] { orbit_state(mu, elements); });
+        return error_of([&] { orbit_state(mu, elements); });
     };
-    EXPECT_EQ(message_of([&] { orbit_state(0.0, good); }), "orbit: mu must be > 0; found 0");
+    EXPECT_EQ(error_of([&] { orbit_state(0.0, good); }), "orbit: mu must be > 0; found 0");
     EXPECT_EQ(message([](auto &x) { x.p = 0.0; }), "orbit: the semi-latus rectum must be > 0; found 0");
     EXPECT_EQ(message([](auto &x) { x.e = -0.1; }), "orbit: the eccentricity must be >= 0; found -0.1");
     EXPECT_EQ(message([](auto &x) { x.i = NAN; }), "orbit: the inclination must be finite; found nan");
     EXPECT_EQ(message([](auto &x) { x.e = 2.0, x.f = 2.5; }),
               "orbit: with an eccentricity of 2 the true anomaly must be between the asymptotes, "
               "+-2.0943951023931957 rad; found 2.5");
-    EXPECT_NE(message([](auto &x) { x.Omega = INFINITY; }), "(nothing was thrown)");
-    EXPECT_NE(message([](auto &x) { x.omega = NAN; }), "(nothing was thrown)");
-    EXPECT_NE(message([](auto &x) { x.f = NAN; }), "(nothing was thrown)");
+    EXPECT_NE(message([](auto &x) { x.Omega = INFINITY; }), "");
+    EXPECT_NE(message([](auto &x) { x.omega = NAN; }), "");
+    EXPECT_NE(message([](auto &x) { x.f = NAN; }), "");
 
-    EXPECT_EQ(message_of([] {
+    EXPECT_EQ(error_of([] {
                   orbit_elements(mu, {{1e7, 0, 0}, {5e3, 0, 0}});
               }),
               "orbit: position and velocity lie along one line; a rectilinear orbit has no "

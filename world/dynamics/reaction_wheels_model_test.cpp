@@ -383,12 +383,12 @@ TEST(ReactionWheels, SetUpIsChecked)
     ReactionWheelsModel wheels(wheel_interface);
     const auto method = sim::make_rk4();
     const auto prepare = [&] { wheels.prepare({"world.wheels", 1, method.get()}); };
-    EXPECT_EQ(message_of(prepare), "world.wheels: there must be 1 to 8 wheels; found 0");
+    EXPECT_EQ(error_of(prepare), "world.wheels: there must be 1 to 8 wheels; found 0");
     wheel_interface.par.n = 2;
     wheel_interface.par.Omega_max[1] = 600.0;
     wheel_interface.par.Omega[1] = -700.0;
-    EXPECT_EQ(message_of(prepare), "world.wheels.Omega[1]: the initial speed must be within "
-                                   "Omega_max, 600 rad/s; found -700");
+    EXPECT_EQ(error_of(prepare), "world.wheels.Omega[1]: the initial speed must be within "
+                                 "Omega_max, 600 rad/s; found -700");
     EXPECT_THROW(prepare(), sim::SetupError);
     wheel_interface.par.Omega_max[1] = 0.0; // unlimited
     EXPECT_NO_THROW(prepare());

@@ -152,16 +152,16 @@ TEST(SolarPressure, StopsInTheShadow)
 TEST(SolarPressure, NamesWhatIsWrong)
 {
     Craft none;
-    EXPECT_EQ(message_of([&] { none.prepare(); }),
+    EXPECT_EQ(error_of([&] { none.prepare(); }),
               "world.solar.area is 0 m^2 and Cr 0, and there are no facets: nothing feels the light");
     none.solar_interface.par.n = 2;
     none.solar_interface.par.specular[1] = 0.7;
     none.solar_interface.par.diffuse[1] = 0.5;
     EXPECT_EQ(
-        message_of([&] { none.prepare(); }),
+        error_of([&] { none.prepare(); }),
         "world.solar.diffuse[1]: the shares that a facet reflects, specular and diffuse, must not exceed 1; found 1.2");
     EXPECT_FALSE(none.solar.ask(none.f.craft));
-    EXPECT_EQ(message_of([&] { none.solar.start({}, nullptr); }),
+    EXPECT_EQ(error_of([&] { none.solar.start({}, nullptr); }),
               "world.solar.light is missing: a model of the same world, as in `w.light = world.Sunlight(...)`");
 }
 

@@ -523,7 +523,7 @@ TEST(Spacecraft, AStateThatIsNotFiniteEndsTheRun)
     f.prepare();
     f.fly(second, 100 * ms);
     f.push().torque_B = vec3(0, NAN, 0);
-    EXPECT_EQ(message_of([&] { f.step(100 * ms); }),
+    EXPECT_EQ(error_of([&] { f.step(100 * ms); }),
               "world.craft: the state at 1.1 s is not finite; last good state at 1 s: "
               "r_BN_N = [1, 2, 3] m, v_BN_N = [0, 0, 0] m/s, sigma_BN = [0, 0, 0], "
               "omega_BN_B = [0, 0, 0] rad/s");
@@ -550,7 +550,7 @@ TEST(Spacecraft, AFallIntoABodyEndsTheRun)
         f.craft.add_gravity(solid_mars());
         f.prepare();
         f.fly(2 * second, second);
-        const std::string text = message_of([&] { f.step(second); });
+        const std::string text = error_of([&] { f.step(second); });
         EXPECT_EQ(text.find("world.craft: inside mars at 3 s, at an altitude of -16."), 0u) << text;
         EXPECT_NE(text.find(" m over its radius of 3397000 m"), std::string::npos) << text;
         EXPECT_NE(text.find("; last good state at 2 s: r_BN_N = [3397992."), std::string::npos) << text;
@@ -583,9 +583,9 @@ TEST(Spacecraft, APassageThroughABodyWithinAStepEndsTheRun)
                     set_orbit(f, mu_mars, elements);
                     f.craft.add_gravity(solid_mars());
                     f.prepare();
-                    const std::string text = message_of([&] { f.fly(2000 * second, method.dt); });
+                    const std::string text = error_of([&] { f.fly(2000 * second, method.dt); });
                     if (altitude > 0.0) {
-                        EXPECT_EQ(text, "(nothing was thrown)") << e << " " << phase;
+                        EXPECT_EQ(text, "") << e << " " << phase;
                         continue;
                     }
                     const std::size_t at = text.find("at an altitude of -");
@@ -606,17 +606,17 @@ TEST(Spacecraft, ABodyWithoutASurfaceIsFlownThrough)
         GravityBody body = mars();
         body.radius = radius;
         body.surface = surface;
-        return message_of([&] {
+        return error_of([&] {
             f.craft.add_gravity(body);
             f.prepare();
             f.fly(3000 * second, second);
         });
     };
-    EXPECT_NE(fly(3.397e6, std::nullopt), "(nothing was thrown)");
-    EXPECT_NE(fly(3.397e6, 2.1e6), "(nothing was thrown)") << "periapsis is at 2e6 m";
-    EXPECT_EQ(fly(3.397e6, 1.9e6), "(nothing was thrown)");
-    EXPECT_EQ(fly(3.397e6, 0.0), "(nothing was thrown)");
-    EXPECT_EQ(fly(0.0, std::nullopt), "(nothing was thrown)");
+    EXPECT_NE(fly(3.397e6, std::nullopt), "");
+    EXPECT_NE(fly(3.397e6, 2.1e6), "") << "periapsis is at 2e6 m";
+    EXPECT_EQ(fly(3.397e6, 1.9e6), "");
+    EXPECT_EQ(fly(3.397e6, 0.0), "");
+    EXPECT_EQ(fly(0.0, std::nullopt), "");
     EXPECT_NE(fly(0.0, -1.0).find("gravity body mars: surface must be >= 0; found -1"), std::string::npos);
 }
 
@@ -630,7 +630,7 @@ TEST(Spacecraft, AnIntegratorsFailureNamesTheSpacecraft)
     body.mu = 1e9;
     f.craft.add_gravity(body);
     f.prepare();
-    const std::string text = message_of([&] { f.step(10 * second); });
+    const std::string text = error_of([&] { f.step(10 * second); });
     EXPECT_EQ(text.find("world.craft: adaptive integrator, relative tolerance 1e-10"), 0u) << text;
     EXPECT_NE(text.find("; last good state at 0 s: r_BN_N = [1000, 0, 0] m"), std::string::npos) << text;
 }
@@ -643,7 +643,7 @@ TEST(Spacecraft, AForceOnNoMassIsRefused)
     f.push().torque_B = vec3(1, 0, 0);
     f.step(100 * ms); // a torque needs no mass
     f.push().force_B = vec3(0, 0.5, 0);
-    EXPECT_EQ(message_of([&] { f.step(100 * ms); }),
+    EXPECT_EQ(error_of([&] { f.step(100 * ms); }),
               "world.craft.external: a force arrived at 0.1 s, force_N = [0, 0, 0] N and "
               "force_B = [0, 0.5, 0] N, but world.craft.mass is 0: give the spacecraft its mass");
 }
@@ -654,19 +654,19 @@ TEST(Spacecraft, SetUpIsChecked)
     f.set_inertia(Matrix3d::Identity());
     f.add_wheel({1, 0, 0}, 0.1);
     f.craft.attach(f.wheels);
-    EXPECT_EQ(message_of([&] { f.craft.attach(f.wheels); }), "spacecraft: the same part is attached twice");
+    EXPECT_EQ(error_of([&] { f.craft.attach(f.wheels); }), "spacecraft: the same part is attached twice");
     f.craft.prepare({"world.craft", 1, f.method.get()});
     Spacecraft other_interface{};
     SpacecraftModel other(other_interface);
     other.attach(f.wheels);
-    EXPECT_EQ(message_of([&] {
+    EXPECT_EQ(error_of([&] {
                   other.prepare({"world.other", 1, f.method.get()});
               }),
               "world.other: one of its parts belongs to another spacecraft");
 
     f.craft.add_gravity(mars());
-    EXPECT_EQ(message_of([&] { f.craft.add_gravity(mars()); }), "spacecraft: the gravity of mars is listed twice");
-    EXPECT_EQ(message_of([&] {
+    EXPECT_EQ(error_of([&] { f.craft.add_gravity(mars()); }), "spacecraft: the gravity of mars is listed twice");
+    EXPECT_EQ(error_of([&] {
                   f.craft.prepare({"world.craft", 1, f.method.get()});
               }),
               "world.craft.r_BN_N: must lie outside mars, of radius 0 m; found a distance of 0 m "

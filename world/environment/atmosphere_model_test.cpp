@@ -13,7 +13,6 @@ namespace fledge::world {
 namespace atmosphere_model_test {
 
 using Eigen::Vector3d;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::TwoCircles;
 

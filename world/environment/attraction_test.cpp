@@ -19,7 +19,6 @@ namespace attraction_test {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ::testing::ElementsAre;
-using testing::error_of;
 using testing::Flyer;
 using ::testing::HasSubstr;
 using testing::made_kernel;
@@ -238,9 +237,9 @@ TEST(Attraction, APassageThroughAMovingBodyEndsTheRun)
                 f.craft_interface.par.v_BN_N = vec(relative.v + at.v);
                 f.prepare();
                 const auto dt = static_cast<sim::Ns>(3.6e12 * hours);
-                const std::string text = testing::message_of([&] { f.fly(4 * 86400 * second, dt); });
+                const std::string text = error_of([&] { f.fly(4 * 86400 * second, dt); });
                 if (surface < 3e8) {
-                    EXPECT_EQ(text, "(nothing was thrown)") << center << " " << hours;
+                    EXPECT_EQ(text, "") << center << " " << hours;
                 } else {
                     EXPECT_THAT(text, HasSubstr("world.craft: inside JUPITER at ")) << center << " " << hours;
                 }

@@ -10,7 +10,6 @@ namespace fledge::world {
 namespace celestial_body_model_test {
 
 using Eigen::Vector3d;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::TwoCircles;
 

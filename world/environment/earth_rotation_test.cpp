@@ -15,7 +15,6 @@
 namespace fledge::world {
 namespace earth_rotation_test {
 
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::TemporaryFile;
 using Theory = EarthData::Theory;

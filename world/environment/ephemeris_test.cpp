@@ -15,7 +15,6 @@ namespace ephemeris_test {
 
 using Eigen::Vector3d;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::made_kernel;
 using testing::real_file;

@@ -86,7 +86,7 @@ TEST(Gravity, BadBodiesAreRefused)
     const auto message = [&](const std::function<void(GravityBody &)> &spoil) {
         GravityBody body = good;
         spoil(body);
-        return fledge::world::testing::message_of([&] { checked(body); });
+        return error_of([&] { checked(body); });
     };
     EXPECT_EQ(message([](auto &b) { b.mu = 0.0; }), "gravity body mars: mu must be > 0; found 0");
     EXPECT_EQ(message([](auto &b) { b.mu = NAN; }), "gravity body mars: mu must be > 0; found nan");

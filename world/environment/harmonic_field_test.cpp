@@ -10,7 +10,6 @@
 namespace fledge::world {
 namespace harmonic_field_test {
 
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::real_file;
 using testing::TemporaryFile;

@@ -18,7 +18,6 @@ namespace harmonics_test {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::real_file;
 

@@ -18,7 +18,6 @@ namespace fledge::world {
 namespace magnetism_model_test {
 
 using Eigen::Vector3d;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::TemporaryFile;
 

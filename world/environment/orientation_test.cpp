@@ -18,7 +18,6 @@ namespace orientation_test {
 using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::real_file;
 

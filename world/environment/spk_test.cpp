@@ -10,7 +10,6 @@
 namespace fledge::world {
 namespace spk_test {
 
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::made_kernel;
 using testing::MadeSegment;

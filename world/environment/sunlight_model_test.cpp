@@ -17,7 +17,6 @@ namespace fledge::world {
 namespace sunlight_model_test {
 
 using Eigen::Vector3d;
-using testing::error_of;
 
 constexpr double pi = std::numbers::pi;
 constexpr double Rs = 6.957e8, AU = 149597870700.0;

@@ -8,7 +8,6 @@ namespace fledge::world {
 namespace text_kernel_test {
 
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::real_file;
 

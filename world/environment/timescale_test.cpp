@@ -11,7 +11,6 @@
 namespace fledge::world {
 namespace timescale_test {
 
-using testing::error_of;
 using ::testing::HasSubstr;
 using testing::real_file;
 using testing::TemporaryFile;

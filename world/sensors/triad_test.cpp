@@ -203,12 +203,12 @@ TEST(Triad, ItRefusesFaultsThatItCannotHave)
 {
     GyroBench g;
     g.fault(FAULT_HIGH, 1);
-    EXPECT_NE(message_of([&] { g.begin(); }).find("world.sensor.faults[0].size: not every channel has limits"),
+    EXPECT_NE(error_of([&] { g.begin(); }).find("world.sensor.faults[0].size: not every channel has limits"),
               std::string::npos);
     g.i.par.limit = 1.0;
     EXPECT_NO_THROW(g.begin());
     g.i.par.faults[0].channels = 8;
-    EXPECT_NE(message_of([&] { g.model.refresh(); }).find("world.sensor.faults[0].channels"), std::string::npos);
+    EXPECT_NE(error_of([&] { g.model.refresh(); }).find("world.sensor.faults[0].channels"), std::string::npos);
 }
 
 TEST(Accelerometer, FeelsAllButGravity)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "flight/math/attitude.h"
+#include "tests/error_of.h"
 #include "world/dynamics/reaction_wheels_model.h"
 #include "world/dynamics/spacecraft_model.h"
 #include "world/eigen.h"
@@ -170,16 +171,6 @@ inline Matrix3d rotation(const Vector3d &turn)
 {
     const double angle = turn.norm();
     return angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Matrix3d::Identity();
-}
-
-inline std::string message_of(const std::function<void()> &action)
-{
-    try {
-        action();
-    } catch (const std::exception &error) {
-        return error.what();
-    }
-    return "(nothing was thrown)";
 }
 
 } // namespace fledge::world::testing

@@ -2,6 +2,7 @@
 // Files for tests: the real ones, which the repository does not hold, and damaged ones.
 #pragma once
 
+#include "tests/error_of.h"
 #include "world/environment/text_input.h"
 
 #include <gmock/gmock.h>
@@ -48,16 +49,5 @@ public:
 private:
     std::string path_;
 };
-
-/// The message of what `work` throws; "" if it throws nothing.
-inline std::string error_of(const std::function<void()> &work)
-{
-    try {
-        work();
-    } catch (const std::exception &error) {
-        return error.what();
-    }
-    return "";
-}
 
 } // namespace fledge::world::testing
