@@ -157,7 +157,7 @@ class Feed:
         for process in simulation.processes:
             for instance in process:
                 for field in objects.struct(instance).fields:
-                    if field.group == "out" and field.type == "struct" and not field.shape:
+                    if field.group == "out" and field.struct and not field.shape:
                         name, port = f"{objects.path(instance)}.{field.name}", Port
                         if process.name in flights:
                             if field.struct.name in OF_FLIGHT:
