@@ -6,4 +6,16 @@
     comment.py  the grammar of field comments       units.py    the grammar of units
     emit/       model -> text                       errors.py   how a header is refused
     files.py    writing and hashing of generated text
+
+Example:
+
+    from pathlib import Path
+
+    import introspect
+    from introspect.model import Kind
+    from introspect.reader import read
+    from introspect.sources import Source
+
+    model = read([Source(Path(introspect.__file__).parents[1], "flight", Kind.MODULE, "flight")])
+    gain = next(one for one in model.structs["MrpFeedback"].fields if one.name == "K")
 """

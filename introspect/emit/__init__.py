@@ -3,6 +3,20 @@
 
 An emitter is a function `emit(library) -> {file name: text}`. Its text depends on the model alone,
 in a fixed order, so that equal headers give equal files. A new emitter costs its module and a name.
+
+Example:
+
+    from pathlib import Path
+
+    import introspect
+    from introspect.emit import EMITTERS
+    from introspect.model import Kind
+    from introspect.reader import read
+    from introspect.sources import Source
+
+    model = read([Source(Path(introspect.__file__).parents[1], "flight", Kind.MODULE, "flight")])
+    for name, text in EMITTERS["stubs"](model.library("flight")).items():
+        print(name, len(text))
 """
 from functools import partial
 from importlib import import_module

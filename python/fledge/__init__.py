@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fledge: flight software in C, composed and flown in closed loop from Python.
 
-    import fledge
-    sim = fledge.load("nadir_spin")
-    sim.run(10 * minute)
+Example:
 
-    from fledge import flight as fsw, world, Orbit
-    from fledge.units import N, deg, kg, m, s
+    import fledge
+    from fledge.units import N, m, minute
+
+    sim = fledge.load("nadir_spin")
+    sim.flight.control.K = 3 * N * m
+    log = sim.record(sim.flight.tracking.error)
+    sim.run(10 * minute)
+    print(log.last("error.sigma_BR"))
 
 Everything is imported when it is first used: numpy by the first array that is read, pandas and
 matplotlib by the first frame or plot.

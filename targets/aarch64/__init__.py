@@ -3,6 +3,10 @@
 
 The emulator has the processor of the oldest Raspberry Pi of 64 bits (3 and Zero 2), so a program that flies there flies
 on all later ones, too: an instruction that this processor lacks ends it. It emulates no kernel and no clock.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on aarch64 --for 10min
 """
 from fledge.targets.linux import Linux
 

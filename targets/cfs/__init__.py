@@ -5,6 +5,10 @@
     pocket.py     the app as it flies here, with a record after each tick (watch.c), and with the pocket cFE
     *.c, inc/     the pocket cFE (README.md)
     real.py       the app in a copy of a real tree
+
+Example:
+
+    $ ./fledge fly nadir_spin --on cfs --for 10min
 """
 from __future__ import annotations
 

@@ -4,6 +4,10 @@
     cortex_m7.ld        its memory; sections.ld: what lies where in it
     start.c, board.c    vectors and start; the five functions of targets/bare/port.h
     fault.c             what an exception says
+
+Example:
+
+    $ ./fledge fly nadir_spin --on cortex-m7 --for 10min
 """
 from fledge.targets import build
 from fledge.targets.bare import Bare

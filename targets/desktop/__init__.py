@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The run in one program, with which the other targets are compared. Beside targets, a `fledge node`."""
+"""The run in one program, with which the other targets are compared. Beside targets, a `fledge node`.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on desktop --for 10min
+"""
 from __future__ import annotations
 
 from fledge.targets.target import Target

@@ -4,6 +4,10 @@
     board.py      programs for a board; traps.S, devices.c, board.c, runtime.c, system.c: its support;
                   flight.c: its registers and record, for targets/bare/main.c
     toolchain.py  Debian's SPARC compiler, and newlib, the C library, which is built once
+
+Example:
+
+    $ ./fledge fly nadir_spin --on leon3 --for 10min
 """
 from __future__ import annotations
 

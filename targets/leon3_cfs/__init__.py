@@ -3,6 +3,10 @@
 
     app.py        the app, its tables and its files as one program, with tasks and files of targets/bare
     cfs.c         its registers and its record, and the main program
+
+Example:
+
+    $ ./fledge fly nadir_spin --on leon3-cfs --for 10min
 """
 from __future__ import annotations
 

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MicroPython on a LEON3 board."""
+"""MicroPython on a LEON3 board.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on leon3-micropython --for 10min
+"""
 from __future__ import annotations
 
 from pathlib import Path

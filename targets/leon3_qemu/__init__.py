@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The program of a LEON3 board on stock QEMU, which knows nothing of the project: qemu.c has the board's end of the
-registers."""
+registers.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on leon3-qemu --for 10min
+"""
 from __future__ import annotations
 
 from pathlib import Path

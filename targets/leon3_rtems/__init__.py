@@ -6,6 +6,10 @@
     export.py  writes the application's folder: `fledge export rtems`
     Makefile   is in each such folder; it looks for RTEMS, too
     real.py    an app of NASA's core Flight Executive in place of that, from a tree; with cfe.c and the files beside it
+
+Example:
+
+    $ ./fledge fly nadir_spin --on leon3-rtems --rtems /opt/rtems --for 10min
 """
 from __future__ import annotations
 

@@ -6,6 +6,10 @@
     inputs.py, .c what flight reads on the desktop, as a file that the process plays
     clock.py      a process by the machine's clock, with histograms; pace.c measures them
     relay.c       the outside of the registers for a program that talks to flight (targets/micropython/console.py)
+
+Example:
+
+    $ ./fledge fly nadir_spin --on linux --for 10min
 """
 from __future__ import annotations
 

@@ -8,6 +8,10 @@
     *.c           the executive, which runs what the script composed; the script's objects; the binding (tables.h)
     console.py    a program that flies by this machine's clock and takes commands: `fledge console`
     procedures.py sends a file to flight, which runs it as a procedure
+
+Example:
+
+    $ ./fledge fly nadir_spin --on micropython --for 10min
 """
 from __future__ import annotations
 

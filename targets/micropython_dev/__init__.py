@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MicroPython on this machine with the compiler of Python, so that flight evaluates texts: `fledge console`."""
+"""MicroPython on this machine with the compiler of Python, so that flight evaluates texts: `fledge console`.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on micropython-dev --for 10min
+"""
 from __future__ import annotations
 
 from pathlib import Path

@@ -4,6 +4,10 @@
     start.S, riscv64.ld     vectors and start; the board's memory
     board.c                 the five functions of targets/bare/port.h, and the devices behind them
     fault.c                 what an exception says
+
+Example:
+
+    $ ./fledge fly nadir_spin --on riscv64 --for 10min
 """
 from fledge.targets import build
 from fledge.targets.bare import Bare

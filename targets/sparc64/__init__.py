@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Linux target on a machine of the other byte order, under an emulator."""
+"""The Linux target on a machine of the other byte order, under an emulator.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on sparc64 --for 10min
+"""
 from fledge.targets.aarch64 import Aarch64
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Python program as a node of a co-simulation. This file is all that is needed, with pyzmq.
 
+Example:
+
     from fledge_node import Node, s
 
     node = Node("spin", "thermal", "tcp://127.0.0.1:7000", every=1 * s)

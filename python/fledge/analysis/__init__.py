@@ -7,6 +7,10 @@
     page        the matrix as a page that a person filters, and as CSV
     versions    two versions of flight over the same campaign: what moved, and which margin fell
     timing      the longest observed path of each task on a board
+
+Example:
+
+    $ ./fledge faults sun_safe --double
 """
 
 from fledge.analysis.faults import fly

@@ -5,6 +5,15 @@
     mcap.py     the container: where the messages are, and what is damaged
     rosmsg.py   the message definitions
     compare.py  where two archives differ
+
+Example:
+
+    from fledge import Archive
+
+    with Archive("run.mcap") as archive:
+        error = archive["tracking.error.sigma_BR"]      # an array, a row for each message
+        archive.frame("tracking.error")                 # of pandas
+        archive.to_csv("csv")
 """
 
 from fledge.archive.reader import Archive, ArchiveError, Channel, Field

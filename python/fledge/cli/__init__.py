@@ -3,6 +3,10 @@
 
 Exit codes: 0 all went well; 1 a check of the scenario failed, or the run did; 2 the command line or
 the mission is wrong; 130 Ctrl-C.
+
+Example:
+
+    $ ./fledge run nadir_spin spin --seed 2 --as first
 """
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ import sys
 import warnings
 from pathlib import Path
 
-from fledge.cli.arguments import add_update_limit, flight_time, number, parse_duration
+from fledge.cli.arguments import add_update_limit, flight_time, given_parameters, number, parse_duration
 from fledge.cli.console import Plots, cannot_fly, itemized, placed, say, size_of, trace
 from fledge.cli.runs import RUNS, SCENE, WHAT, alone, folder_of, kept, open_run
 from fledge.errors import Failure, did_you_mean, printable
@@ -23,6 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any, NoReturn
 
+    from fledge.archive import Archive
+    from fledge.mission.simulation import Simulation
+
 BENCH = Path(__file__).resolve().parents[3] / "bench"
 
 
@@ -31,7 +38,6 @@ BENCH = Path(__file__).resolve().parents[3] / "bench"
 def run(options: argparse.Namespace) -> int:
     import fledge
 
-    from fledge.cli.node import given_parameters
     from fledge.mission.scenario import lacking
 
     if options.name and options.out:
@@ -52,13 +58,15 @@ def run(options: argparse.Namespace) -> int:
         return _run(options, sim, name, fly, folder)
 
 
-def _run(options, sim, name, fly, folder):
+def _run(options: argparse.Namespace, sim: Simulation, name: str, fly: Callable[[Simulation], object],
+         folder: Path) -> int:
     """Fly a scenario, and write what comes of it into the folder."""
     import fledge
     from fledge.cli import check_replay, health
     from fledge.cli.judge import attempt, show_required
     from fledge.mission.checks import has_checks
 
+    assert sim.mission
     sim.pace = options.pace
     sim.plots = Plots(folder) if not options.no_plots else False
     sim.archive(folder / "run.mcap", mission=sim.name, scenario=name, fledge=fledge.__version__,
@@ -121,9 +129,9 @@ def _run(options, sim, name, fly, folder):
     if path:    # which replaced the record that older pages show
         for page in ["view.html"] + ["report.html"] * (not report):
             if os.path.lexists(folder / page):
-                older = folder / f"earlier-{page}"
-                os.replace(folder / page, older)
-                say(f"  earlier  {older}: {page} of the run before")
+                earlier = folder / f"earlier-{page}"
+                os.replace(folder / page, earlier)
+                say(f"  earlier  {earlier}: {page} of the run before")
     if report:
         say(f"  report   {_write_report(report, folder, options, judged, code, problem, path, plots)}")
     if problem:
@@ -136,7 +144,7 @@ def _run(options, sim, name, fly, folder):
     return 0
 
 
-def _scenario(sim, options):
+def _scenario(sim: Simulation, options: argparse.Namespace) -> tuple[str, Callable[[Simulation], object]]:
     """(name, function of a simulation) to fly."""
     duration = flight_time(options)
     if duration is not None:
@@ -144,11 +152,12 @@ def _scenario(sim, options):
             raise Failure("run: give a scenario, or --for a duration to fly freely; not both")
         every = min(1.0, duration / 10)
 
-        def free(sim):
+        def free(sim: Simulation) -> None:
             sim.record(*(one for process in sim.processes for one in process), every=every)
             sim.run(duration)
 
         return "free", free
+    assert sim.mission
     if not sim.mission.scenarios:
         raise Failure(f"the mission {sim.name} has no scenarios: write one in scenarios.py, or fly it with --for 10min")
     from fledge.mission.scenario import chosen
@@ -156,13 +165,15 @@ def _scenario(sim, options):
     return chosen(sim, options.scenario)
 
 
-def _report(sim, name):
+def _report(sim: Simulation, name: str) -> Any:
     from fledge.report import Report
 
+    assert sim.mission
     return Report(sim, name, sim.mission.scenarios.get(name))
 
 
-def _write_report(report, folder, options, judged, code, problem, record, plots):
+def _write_report(report: Any, folder: Path, options: argparse.Namespace, judged: Any, code: int, problem: str | None,
+                  record: Any, plots: Any) -> Any:
     """The page about a run; returns its path."""
     import shlex
 
@@ -186,7 +197,6 @@ def show(options: argparse.Namespace) -> int:
     from fledge.mission.wiring import Wiring
     from fledge.plot.wiring import save
 
-    from fledge.cli.node import given_parameters
 
     sim = fledge.load(options.mission, **given_parameters(options))
     if problems := sim.problems:
@@ -301,7 +311,7 @@ def convert(options: argparse.Namespace) -> int:
     return 0
 
 
-def _decodable(archive):
+def _decodable(archive: Archive) -> list[Any]:
     """The topics whose messages are plain data. Names the others, as the scene for Foxglove."""
     for channel in archive.topics.values():
         if channel.problem:
@@ -310,7 +320,7 @@ def _decodable(archive):
     return [channel for channel in archive.topics.values() if not channel.problem]
 
 
-def _about(archive):
+def _about(archive: Archive) -> int:
     """Print what a record says of its run."""
     from fledge.archive.compare import digest
     from fledge.columns import columns
@@ -327,11 +337,10 @@ def _about(archive):
     rows = [(c.name, str(c.count), c.schema.rpartition("/")[2]) for c in archive.topics.values()]
     for line in columns(rows, right={1}, indent="  "):
         say(line)
-    for title, rows in (("parameters, as the run began", list(parameters.items())),
-                        *((name, list(pairs.items())) for name, pairs in about.items())):
-        if rows:
+    for title, pairs in (("parameters, as the run began", parameters), *about.items()):
+        if pairs:
             say(title)
-            for line in columns(rows, indent="  "):
+            for line in columns(list(pairs.items()), indent="  "):
                 say(line)
     return 0
 
@@ -606,13 +615,13 @@ def carry_out(options: argparse.Namespace) -> int:
         return 70
 
 
-def _say_warning(message, category, file, line, *_):
+def _say_warning(message: object, category: type, file: str, line: int, *_: object) -> None:
     from fledge.files import shown
 
     print(f"fledge: {shown(file)}, line {line}: {printable(str(message))}", file=sys.stderr)
 
 
-def _expected(error):
+def _expected(error: BaseException) -> bool:
     """Whether an error is about the input of the user or a missing package, and no defect of this program."""
     if isinstance(error, (OSError, ImportError)):
         return True
@@ -622,7 +631,7 @@ def _expected(error):
     return isinstance(error, (SetupError, RunError, ArchiveError))
 
 
-def _in_words(error):
+def _in_words(error: BaseException) -> str:
     """The text of an error; of an error of the operating system the file and the reason, without the number."""
     if type(error).__name__ == "CompositionError":
         return cannot_fly(str(error).splitlines())
@@ -632,10 +641,10 @@ def _in_words(error):
         return f"{error.name} is not installed; as root, run: apt-get install {package}"
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return error
+    return str(error)
 
 
-def _package_of(module):
+def _package_of(module: str) -> str:
     """The package of Debian, among those that Fledge names, which has a module of Python; "" if there is none."""
     from fledge.files import ROOT
 

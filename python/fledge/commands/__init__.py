@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands to a flight process as packets, and what it sends (flight/command/command.h, flight/telemetry/telemetry.h).
 
-    dictionary = Dictionary.load("nadir_spin_packets.json")
-    packets = Packets(dictionary)
-    packets.mode("science")                     # the bytes of one command
-    packets.write("flight.control", K=3.0)      # a list of them; numbers in the units of the header
-    packets.load("flight.control", block)       # the whole block of a module
-    decoded(dictionary, packet).content         # of a packet of telemetry
+Example:
+
+    import fledge
+
+    packets = fledge.load("nadir_spin").flight.commands.packets    # or Packets(Dictionary.load("packets.json"))
+    packets.noop()                                                 # the bytes of one command
+    packets.write("flight.control", K=3.0)                         # a list of them; in SI
 
 A Dictionary is what a mission can be commanded and what it sends: the export writes it as MISSION_packets.json, and the
 desktop makes the same one of the live objects.

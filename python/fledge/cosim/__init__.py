@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission in several programs: each flies one of its processes, joined by a controller (cosim/README.md).
 
+Example:
+
+    import fledge
+    from fledge import cosim
+
     node = cosim.split(fledge.load("nadir_spin"), "flight")    # this program is the flight computer
     node.serve(address="tcp://127.0.0.1:7000")                 # until the controller ends the run
 
@@ -23,6 +28,9 @@ from fledge.mission.process import Process
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from types import CodeType, FunctionType
+
     from fledge.mission.simulation import Simulation
 
 DEFAULT_ADDRESS = "tcp://127.0.0.1:7000"
@@ -63,7 +71,7 @@ def split(simulation: Simulation, process: str, crossing: list[Crossing] | None 
     return Node(simulation, process, reads, carries)
 
 
-def _carried(simulation, process):
+def _carried(simulation: Simulation, process: str) -> dict[str, list[tuple[int, int]]]:
     """{the flight process: when it steps} of the radios of a process."""
     order = [one.name for one in simulation.processes]
     found = {}
@@ -116,7 +124,7 @@ class Node:
         finally:
             self.simulation.wall += perf_counter() - begun
 
-    def _begin(self):
+    def _begin(self) -> None:
         """The run begins, or continues from the snapshot of a lost program, whose record this program continues."""
         self.simulation.open_archive(resumed=self.simulation.time_ns >= 0)
 
@@ -141,7 +149,7 @@ class Controller:
                  report: Callable[[str], None] | None = None) -> None:
         from fledge import _cosim
 
-        pairs = [(one, "abort") if isinstance(one, str) else tuple(one) for one in nodes]
+        pairs = [(one, "abort") if isinstance(one, str) else (one[0], one[1]) for one in nodes]
         self._core = _cosim.Control(simulation, pairs, time_ns(end, "Controller: end"), seed, address, str(keys or ""),
                                     unencrypted, float(join), float(reply), sharing,
                                     time_ns(save_every, "Controller: save_every"), report or (lambda text: None))
@@ -164,13 +172,13 @@ class Controller:
 
 # --- faults that prevent a split --------------------------------------------------------------------------
 
-def _at(place):
+def _at(place: tuple[str, int] | None) -> str:
     from fledge.files import shown
 
     return f"{shown(place[0])}, line {place[1]}: " if place else ""
 
 
-def _shared(simulation):
+def _shared(simulation: Simulation) -> Iterator[str]:
     """Events and parts that belong to two processes."""
     for what, whose in simulation.kernel.cross_process_dependencies():
         owner, name = what.split(".", 1)
@@ -185,7 +193,7 @@ def _shared(simulation):
                    "model and its parts belong in one process")
 
 
-def _python_events(simulation):
+def _python_events(simulation: Simulation) -> Iterator[str]:
     """Events whose Python function reaches what runs in another program."""
     for process in simulation.processes:
         foreign = [p for p in simulation.processes if p is not process]
@@ -201,10 +209,11 @@ def _python_events(simulation):
 class _Reach:
     """What of other processes a Python function refers to."""
 
-    def __init__(self, simulation, foreign):
-        self.simulation, self.foreign, self.seen = simulation, foreign, set()
+    def __init__(self, simulation: Simulation, foreign: list[Process]) -> None:
+        self.simulation, self.foreign = simulation, foreign
+        self.seen: set[int] = set()
 
-    def of(self, thing):
+    def of(self, thing: Any) -> str:
         """The name of the first such object, or ""."""
         import functools
         import types
@@ -231,10 +240,10 @@ class _Reach:
             return self._first([*vars(thing).values(), *vars(type(thing)).values()])
         return ""
 
-    def _first(self, things):
+    def _first(self, things: Iterable[Any]) -> str:
         return next(filter(None, map(self.of, list(things))), "")
 
-    def _of_function(self, function):
+    def _of_function(self, function: FunctionType) -> str:
         held = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
         for cell in function.__closure__ or ():
             try:
@@ -251,7 +260,7 @@ class _Reach:
         return self._first(one for one in held if one is not self.simulation)
 
 
-def _names(code):
+def _names(code: CodeType) -> set[str]:
     """All names in a function, those inside it included."""
     names = set(code.co_names)
     for constant in code.co_consts:
@@ -260,7 +269,7 @@ def _names(code):
     return names
 
 
-def _two_latencies(simulation):
+def _two_latencies(simulation: Simulation) -> Iterator[str]:
     """A topic that one process reads at two latencies: a node asks for it once."""
     first: dict[tuple[str, str], Crossing] = {}
     for wire in crossing_wires(simulation):

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission as source that flies where there is no Python.
 
+Example:
+
+    import fledge
+    from fledge import export
+
     mission = export.read(fledge.load("nadir_spin"))     # the live objects, as plain data
     export.write(mission, "runs/nadir_spin/c")           # nadir_spin.h, nadir_spin.c
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search for the run in which a requirement has the least margin: `fledge falsify MISSION REQ`, or from Python
 
-    from fledge.falsify import Flights, search, probability, scenario
+Example:
+
+    from fledge.falsify import Flights, probability, scenario, search
 
     flights = Flights("sun_safe", "SUN-1")              # of the first campaign of its dispersions.py
     tried = search(flights, flights.space, 1000, seed=1)
@@ -9,6 +11,8 @@
     smallest = flights.smallest(*worst)                 # if it fails
     print(scenario(flights, smallest, "by hand"))       # a regression test
     print(probability(flights.repetition, flights.space))
+
+The modules:
 
     space       what a campaign may draw, as the unit cube
     stages      the stages of the search

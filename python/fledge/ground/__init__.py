@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ground's side of a mission: scripts that command a spacecraft and wait for its telemetry.
 
-    craft = fledge.ground.connect(sim)              # a simulation, which runs while the script waits
-    craft = fledge.ground.connect("tcp://127.0.0.1:10025", "nadir_spin_packets.json")
-    craft.command("write", "flight.control", K=3.0).completed(within=5 * s)
-    craft.command("mode", "safe")
-    craft.wait(lambda t: t.mode == "safe", within=1 * minute)
+Example:
 
+    import fledge
+    from fledge import ground
+    from fledge.units import N, m, s
+
+    with ground.connect(fledge.load("nadir_spin")) as craft:    # a simulation, which runs while the script waits
+        craft.command("write", "flight.control", K=3 * N * m).completed(within=5 * s)
+
+In place of the simulation stands an address, "tcp://127.0.0.1:10025", with the dictionary "nadir_spin_packets.json";
 docs/ground.md has all addresses. Packets of any spacecraft are decoded by its XTCE (docs/packets.md):
-
-    fledge.ground.Database.load("craft.xml").decode(packet).values
+`Database.load("craft.xml").decode(packet).values`.
 """
 from __future__ import annotations
 

@@ -6,6 +6,18 @@
     simulation.py  processes on one clock: run, record, save and restore
     log.py         what was recorded in memory
     wiring.py      what a simulation consists of, and what is connected to what
+
+Example:
+
+    from fledge.mission import load
+    from fledge.units import minute
+
+    sim = load("nadir_spin", seed=2)
+    log = sim.record(sim.world.craft.state, every=1)
+    sim.run(10 * minute)
+    state = sim.snapshot()
+    sim.run(10 * minute)
+    sim.restore(state)          # 10 minutes back
 """
 
 from fledge.mission.folder import Mission, MissionError, explain, find, load, missions

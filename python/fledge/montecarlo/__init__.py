@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dispersed runs of a mission: `fledge montecarlo MISSION`, or from Python
 
+Example:
+
     from fledge.montecarlo import Campaign
 
     campaign = Campaign("nadir_spin")        # as its dispersions.py declares it; see fledge.montecarlo.dispersions
-    result = campaign.fly(2000, seed=1)
-    result.retained["flight.tracking.error.sigma_BR"]     # (2000, samples, 3)
-    result.draws["world.craft.I_B[0, 0]"]                 # (2000,)
+    result = campaign.fly(20, seed=1)
+    result.retained["flight.tracking.error.sigma_BR"]     # (20, samples, 3)
+    result.draws["world.craft.I_B[0, 0]"]                 # (20,)
     result.failures                                       # index -> text
     sim = campaign.simulation(17, seed=1)                 # that run, ready to be flown by hand
 

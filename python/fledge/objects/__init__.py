@@ -7,6 +7,15 @@
     script.py    modules whose update is in Python
     project.py   the libraries of a user's own project
     vector.py    arrays with norm()
+
+Example:
+
+    from fledge import flight as fsw
+    from fledge.units import N, m, s
+
+    control = fsw.MrpFeedback(K=2.5 * N * m, P=45 * N * m * s)     # an MrpFeedback of C
+    control.P[0, 0] = 50                                          # in SI
+    control.error.sigma_BR = [0.1, 0, 0]
 """
 
 from typing import Any
@@ -15,7 +24,10 @@ from fledge import _core
 
 # The types of all modules, models and messages, and functions of one of them: the table of its struct;
 # "flight.control"; "control"; the names of the parameters that the user gave; the bytes of its struct.
-Module, Model, Message, Condition = _core.Module, _core.Model, _core.Message, _core.Condition
+Module = _core.Module
+Model = _core.Model
+Message = _core.Message
+Condition = _core.Condition
 struct, path, name, given, memory = _core.struct, _core.path, _core.name, _core.given, _core.memory
 load_library = _core.load_library  # of a .so with its name; returns name -> type
 

@@ -6,9 +6,12 @@
     trajectory.py  an orbit with the axes of the body
     wiring.py      the instances of a simulation and their wires, laid out by graphviz
 
+Example:
+
+    from fledge import Archive
     from fledge.plot import plot, save
 
-    figure = plot(fledge.Archive("run.mcap"), "error.sigma_BR", ["wheels.speed", "craft.omega"])
+    figure = plot(Archive("run.mcap"), "error.sigma_BR", "error.omega_BR_B", units={"error.omega_BR_B": "deg/s"})
     save(figure, "figures")
 """
 

@@ -10,6 +10,10 @@
     valgrind.py   runs Callgrind and Massif, and reads what they write
     code.py       code by its parts, from the map of the linker
     page.py       the tables and plots on one HTML page
+
+Example:
+
+    $ ./fledge profile nadir_spin --on leon3
 """
 
 from fledge.profile.measure import Profile

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Modules and world models that are classes in Python, until their C is written (docs/prototypes.md).
 
+Example:
+
     from fledge import flight as fsw, prototype
     from fledge.prototype import Vec3, input, mem, out, par
 
@@ -17,7 +19,7 @@
 
         def update(self, t, dt):
             self.phase += self.rate * dt
-            ...
+            self.reference.omega_RN_N = [0, 0, self.rate]
             self.publish(self.reference)
 
 The words after a type are those of a comment in a header (introspect/README.md). In a mission,
@@ -89,7 +91,7 @@ class _Class(type):
     _struct: Struct
     _memory: Any
 
-    def __init__(cls, name, bases, namespace, **options):
+    def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any) -> None:
         super().__init__(name, bases, namespace, **options)
         if "_kind" not in namespace:    # none of the three bases below
             refuse_methods(cls)

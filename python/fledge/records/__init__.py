@@ -4,8 +4,11 @@
     series.py    fields by name: `Records`, and the `Series` of one field
     activity.py  modes, events, commands and resets
 
-    from fledge.records.activity import modes
+Example:
 
-    for process, intervals in modes(fledge.Archive("run.mcap")).items():
-        print(process, intervals)
+    from fledge import Archive
+    from fledge.records.activity import happenings
+
+    for happening in happenings(Archive("run.mcap")):
+        print(happening.t, happening.process, happening.kind, happening.name)
 """

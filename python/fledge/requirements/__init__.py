@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requirements of a mission as data, in requirements.py beside its other files:
+"""Requirements of a mission as data, in requirements.py beside its other files.
+
+Example:
 
     from fledge.requirements import after, always, implies, settles, within
     from fledge.units import deg, minute

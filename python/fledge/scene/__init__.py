@@ -1,8 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of a mission in 3-D, from any record.
 
-    fledge.view("runs/earth_imager/handover/run.mcap")      # writes view.html beside the record
-    fledge.view(log, "imager.html")                         # of a simulation in memory
+Example:
+
+    from fledge import scene
+
+    picture = scene.of("run.mcap")          # fledge.view("run.mcap") writes view.html beside the record
+    craft = picture.crafts[0]
+    print(craft.name, craft.motion.at([0.0, 60.0]))
+
+The modules:
 
     scene.py    what a picture shows: Scene, Craft, and what a mission adds by its view.py
     derive.py   a scene from a record
@@ -70,7 +77,7 @@ def view(source: Archive | Log | Simulation | str | PathLike[str], path: str | P
     return page.write(of(source), path)
 
 
-def _facts_of_archive(archive):
+def _facts_of_archive(archive: Archive) -> Facts:
     from fledge.mission import missions
 
     run, about = archive.metadata.get("run", {}), archive.metadata

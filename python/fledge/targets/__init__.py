@@ -17,6 +17,10 @@ the package fledge.targets.leon3, whose __init__.py has its class. Here is what 
 
 Until a flight begins, the standard library alone is imported: the launcher asks the classes what to install, and Fledge
 may not be built yet.
+
+Example:
+
+    $ ./fledge fly nadir_spin --on desktop,linux,leon3 --for 10min
 """
 from __future__ import annotations
 

@@ -9,4 +9,8 @@
     figure.py     the comparison that decided, with its limit
     coverage.py   the lines and branches of flight that ran on a board
     page.py       the report on one HTML page
+
+Example:
+
+    $ ./fledge verify nadir_spin --on desktop,leon3
 """

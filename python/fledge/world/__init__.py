@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world's models by name, celestial bodies, orbits and methods of integration.
 
-    w.craft = world.Spacecraft(
-        I_B=[700, 700, 800] * kg * m**2, parts=[w.wheels], gravity=[world.MARS],
-        orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg))
+Example:
+
+    from fledge import Orbit, Simulation, world
+    from fledge.units import deg, kg, km, m
+
+    sim = Simulation()
+    w = sim.world
+    w.craft = world.Spacecraft(I_B=[700, 700, 800] * kg * m**2, gravity=[world.MARS],
+                               orbit=Orbit(world.MARS, a=7471.618 * km, e=0.4, f=270 * deg))
     w.integrator = world.Adaptive(relative=1e-10, absolute=1e-9)
+    w.task("dynamics", every=1, run=[w.craft])
+    sim.run(600)
 
 N is an inertial frame. If a body's pole matters, N is the mean equator and equinox of J2000. With a Sky, an
 ephemeris gives the positions of bodies, and N has its origin in one of them.

@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mission as an app of the core Flight System: a folder for the `apps` of a cFS tree, of Caelum, Draco or 7.x.
 
-    app = cfs.App("nav", topic=0xC0)
-    cfs.write(mission, app, "cFS/apps/nav")
+Example:
+
+    import fledge
+    from fledge import export
+    from fledge.targets.cfs import export as cfs
+
+    mission = export.read(fledge.load("nadir_spin"))
+    cfs.write(mission, cfs.App("nav", topic=0xC0), "cFS/apps/nav")
 
 Most of the app's C is the same for every mission and stands in templates/*.in; what is generated: packets and
 tables (packets.py, tables.py), what joins app and mission (joint.py), the files around it (around.py), and

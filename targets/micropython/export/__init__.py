@@ -3,6 +3,10 @@
 
 The modules' memory, the board, the host, commands and telemetry are those of the export as C; the executive's functions
 stand where the exported ones do. Besides there are the tables of the script (tables.py).
+
+Example:
+
+    $ ./fledge export micropython nadir_spin
 """
 from __future__ import annotations
 

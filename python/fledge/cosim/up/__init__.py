@@ -7,4 +7,8 @@
     logs            the output of the programs, one file each and one of all
     table           shows the progress
     session         the run itself
+
+Example:
+
+    $ ./fledge up nadir_spin --until 10min
 """

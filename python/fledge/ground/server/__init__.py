@@ -19,4 +19,8 @@ the browser (docs/control-room.md).
     guard.py        checks each request; access.py: users with roles, and tokens; passwords.py, sessions.py, logins.py,
                     request_log.py; connections.py: limits on what clients without a login use
     web.py          HTTP and WebSocket: api.yaml describes them; handlers/ answers requests, live.py has the WebSocket
+
+Example:
+
+    $ ./fledge ground serve room.toml
 """
