@@ -61,7 +61,6 @@ endforeach()
 install(DIRECTORY python/fledge DESTINATION ${FLEDGE_HOME}/python
     REGEX "(_test[.](py|mjs)|fledge/CMakeLists[.]txt|/__pycache__|fledge/(templates|core)|scene/web)$" EXCLUDE
     REGEX "(scene|ground/server|ground/console)/testing$" EXCLUDE)
-install(FILES python/_core.pyi DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/introspect/stubs/ DESTINATION ${FLEDGE_HOME}/python)
 install(DIRECTORY build/view/ DESTINATION ${FLEDGE_HOME}/python/fledge/scene/view OPTIONAL
     PATTERN work EXCLUDE PATTERN stamp EXCLUDE)

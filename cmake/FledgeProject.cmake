@@ -78,7 +78,7 @@ function(fledge_project name)
     endif()
 
     # Editors look for types in one folder of the project: beside its own, links to Fledge's.
-    file(GLOB types ${FLEDGE_ROOT}/python/fledge ${FLEDGE_ROOT}/python/_core.pyi ${FLEDGE_STUBS}/_fledge_*.pyi)
+    file(GLOB types ${FLEDGE_ROOT}/python/fledge ${FLEDGE_STUBS}/_[cefg]*.pyi)    # not those of a project
     file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/stubs)
     foreach(path IN LISTS types)
         get_filename_component(name ${path} NAME)

@@ -37,7 +37,7 @@ RULES = {
     "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors, fault protection, files",
                             [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "ccsds"]),
     "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
-    "record": Rule("C99", "one writer of MCAP without a heap, for every target", []),
+    "record": Rule("C99, C++20", "one writer of MCAP without a heap, for every target, and one reader", []),
     "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "
                       "and byte orders", [*FLIGHT, "flight/exec", "record", "introspect"]),
     "introspect": Rule("Python", "the reader of headers, and the emitters", []),
@@ -125,7 +125,7 @@ THIRD_PARTIES = {
     "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
     "introspect": {"clang"},
     "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
-    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_emulator", "_fledge_protocol", "_fledge_world",
+    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_cosim", "_emulator", "_fledge_protocol", "_fledge_world",
                    "_ground", "_project_world", "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py",
                    "jinja2", "jsonschema", "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial",
                    "yaml", "zmq"},

@@ -68,7 +68,8 @@ def folder(tmp_path_factory):
 
 def mypy(folder, *files):
     """What mypy complains of in these files, a line each."""
-    path = os.pathsep.join([str(folder / "stubs"), str(ROOT / "python")])
+    built = ROOT / "build" / os.environ.get("FLEDGE_PRESET", "release") / "introspect/stubs"     # _core.pyi
+    path = os.pathsep.join([str(folder / "stubs"), str(ROOT / "python"), str(built)])
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--check-untyped-defs", "--follow-imports", "silent", "--no-error-summary",
          "--cache-dir", str(folder / "cache"), "--config-file", "", *map(str, files)],

@@ -71,6 +71,10 @@ __all__ = sorted(n for n in _LAZY if not n.startswith("_"))
 
 TYPE_CHECKING = False   # of `typing`, whose import would delay every command
 if TYPE_CHECKING:       # the same for editors
+    import _core as _core
+    import _cosim as _cosim
+    import _emulator as _emulator
+    import _ground as _ground
     from fledge import (archive, attitude, cosim, emulator, flight, flight_math, ground, mean_elements, mission as sim,
                         montecarlo, plot, prototype, scene, units, world)
     from fledge.archive import Archive, ArchiveError
@@ -83,7 +87,7 @@ if TYPE_CHECKING:       # the same for editors
     from fledge.world import Orbit
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> object:
     if name not in _LAZY:
         raise AttributeError(f"fledge has no '{name}'; there are {', '.join(__all__)}")
     from importlib import import_module
@@ -106,5 +110,5 @@ def __getattr__(name):
     return value
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return sorted([*globals(), *_LAZY])

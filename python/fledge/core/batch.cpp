@@ -87,29 +87,38 @@ void bind_batch(py::module_ &m)
 {
     py::class_<BatchPlan>(m, "BatchPlan")
         .def(py::init([](std::size_t clones, sim::Ns every, unsigned threads, const sim::CampaignPlan *campaign) {
-            return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}};
-        }))
-        .def("act",
-             [](BatchPlan &plan, py::handle object, const FledgeField &field, std::size_t first,
-                std::vector<std::string> names) { add_field(plan.actions, object, field, first, std::move(names)); })
-        .def("observe", [](BatchPlan &plan, py::handle object, const FledgeField &field, std::size_t first,
-                           std::vector<std::string> names) {
-            add_field(plan.observations, object, field, first, std::move(names));
-        });
+                 return BatchPlan{clones, every, threads, {}, {}, campaign ? *campaign : sim::CampaignPlan{}};
+             }),
+             py::arg("clones"), py::arg("every"), py::arg("threads"), py::arg("campaign"))
+        .def(
+            "act",
+            [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
+               std::vector<std::string> names) { add_field(plan.actions, object, field, first, std::move(names)); },
+            py::arg("object"), py::arg("field"), py::arg("first"), py::arg("names"))
+        .def(
+            "observe",
+            [](BatchPlan &plan, const AnyObject &object, const FledgeField &field, std::size_t first,
+               std::vector<std::string> names) {
+                add_field(plan.observations, object, field, first, std::move(names));
+            },
+            py::arg("object"), py::arg("field"), py::arg("first"), py::arg("names"));
 
     py::class_<Batch>(m, "Batch")
-        .def(py::init<const sim::Simulation &, BatchPlan>())
-        .def("reset", reset)
-        .def("step", step_clones, "The observations after the step; `actions` must have a row for each clone.")
+        .def(py::init<const sim::Simulation &, BatchPlan>(), py::arg("simulation"), py::arg("plan"))
+        .def("reset", reset, py::arg("which"), py::arg("seeds"), py::arg("runs"), py::arg("snapshot"))
+        .def("step", step_clones, py::arg("actions"),
+             "The observations after the step; `actions` must have a row for each clone.")
         .def("observe", observe)
-        .def("failure", &Batch::failure)
-        .def("copy", &Batch::copy)
-        .def("repeat",
-             [](const Batch &b, std::size_t clone, const Rows &rows) {
-                 py::gil_scoped_release release;
-                 return b.repeat(clone, static_cast<std::size_t>(rows.shape(0)),
-                                 {rows.data(), static_cast<std::size_t>(rows.size())});
-             })
+        .def("failure", &Batch::failure, py::arg("clone"))
+        .def("copy", &Batch::copy, py::arg("clone"))
+        .def(
+            "repeat",
+            [](const Batch &b, std::size_t clone, const Rows &rows) {
+                py::gil_scoped_release release;
+                return b.repeat(clone, static_cast<std::size_t>(rows.shape(0)),
+                                {rows.data(), static_cast<std::size_t>(rows.size())});
+            },
+            py::arg("clone"), py::arg("rows"))
         .def_property_readonly(
             "failed",
             [](const Batch &b) { return column<bool>(b, [&](std::size_t i) { return !b.failure(i).empty(); }); })

@@ -129,7 +129,7 @@ void add_retained(sim::CampaignPlan &plan, const sim::Simulation &nominal, const
 }
 
 /// A numpy array on the result's own memory, which it keeps alive.
-py::array view(py::handle owner, std::vector<double> &values, const std::vector<std::size_t> &shape)
+py::array_t<double> view(py::handle owner, std::vector<double> &values, const std::vector<std::size_t> &shape)
 {
     return py::array_t<double>(shape, values.data(), owner);
 }
@@ -142,8 +142,10 @@ template <std::vector<double> sim::CampaignResult::*member> py::array_t<double> 
     return view(self, r.*member, {runs, (r.*member).size() / runs});
 }
 
+using Progress = Typed<py::object, "Callable[[int, int], object] | None">;
+
 std::pair<std::unique_ptr<sim::CampaignResult>, bool> fly(const sim::Simulation &nominal, const sim::CampaignPlan &plan,
-                                                          unsigned threads, py::object progress)
+                                                          unsigned threads, const Progress &progress)
 {
     if (!sim::callables(nominal).empty()) {
         throw sim::SetupError("a mission that calls Python cannot be flown by threads");
@@ -186,15 +188,20 @@ void bind_campaign(py::module_ &m)
         .def_readwrite("every", &Plan::every)
         .def_readwrite("first", &Plan::first)
         .def_readwrite("points", &Plan::points)
-        .def("disperse", add_dispersion)
+        .def("disperse", add_dispersion, py::arg("nominal"), py::arg("path"), py::arg("elements"), py::arg("drawn"))
         .def("clear_draws",
              [](Plan &plan) {
                  plan.dispersions.clear();
                  plan.compositions.clear();
              })
-        .def("orbit", add_orbit)
-        .def("retain", add_retained)
-        .def("check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); });
+        .def("orbit", add_orbit, py::arg("nominal"), py::arg("craft"), py::arg("names"), py::arg("distributions"),
+             py::arg("shape"), py::arg("elements"), py::arg("drawn"), py::arg("mu"), py::arg("radius"),
+             py::arg("surface"), py::arg("axes"), py::arg("origin"))
+        .def("retain", add_retained, py::arg("nominal"), py::arg("port"), py::arg("offset"), py::arg("elements"),
+             py::arg("field"), py::arg("raw"))
+        .def(
+            "check", [](const Plan &plan, const sim::Simulation &nominal) { sim::check_plan(nominal, plan); },
+            py::arg("nominal"));
 
     py::class_<sim::CampaignResult>(m, "CampaignResult")
         .def_readonly("failures", &sim::CampaignResult::failures)
@@ -210,24 +217,27 @@ void bind_campaign(py::module_ &m)
             [](const py::object &self) {
                 auto &r = self.cast<sim::CampaignResult &>();
                 const std::size_t runs = r.flown.size();
-                py::list list;
+                std::vector<py::array_t<double>> list;
                 for (auto &variable : r.retained) {
-                    list.append(view(self, variable, {runs, r.samples, variable.size() / runs / r.samples}));
+                    list.push_back(view(self, variable, {runs, r.samples, variable.size() / runs / r.samples}));
                 }
                 return list;
             },
             "an array (runs, samples, elements) of each variable");
 
-    m.def("callables", [](const sim::Simulation &s) { return sim::callables(s); });
-    m.def("mode_names", sim::mode_names);
+    m.def(
+        "callables", [](const sim::Simulation &s) { return sim::callables(s); }, py::arg("s"));
+    m.def("mode_names", sim::mode_names, py::arg("simulation"));
     m.def(
         "fly_one",
         [](sim::Simulation &simulation, const Plan &plan, std::size_t index) {
             py::gil_scoped_release release;
             return std::make_unique<sim::CampaignResult>(sim::fly_one(simulation, plan, index));
         },
+        py::arg("simulation"), py::arg("plan"), py::arg("index"),
         "The result of one run, flown in a simulation made for it.");
-    m.def("disperse", sim::disperse, "Set seed and parameters of one run; returns the draws.");
+    m.def("disperse", sim::disperse, py::arg("nominal"), py::arg("simulation"), py::arg("plan"), py::arg("index"),
+          "Set seed and parameters of one run; returns the draws.");
     m.def("fly", fly, py::arg("nominal"), py::arg("plan"), py::arg("threads"), py::arg("progress") = py::none(),
           "(result, whether Ctrl-C stopped it); progress(finished, failed) is called now and then.");
 }

@@ -24,8 +24,9 @@ PYBIND11_MODULE(_core, m)
     bind_prototypes(m);
     bind_simulation(m);
     bind_judge(m);
+    bind_sky(m);
     bind_world(m);
     bind_campaign(m);
     bind_batch(m);
-    bind_sky(m);
+    bind_records(m);
 }

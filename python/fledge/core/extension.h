@@ -3,15 +3,24 @@
 #pragma once
 
 #include "core/object.h"
+#include "core/typed.h"
 #include "sim/crash.h"
 #include "sim/health.h"
 
+#include <optional>
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <tuple>
 
 namespace fledge::core {
 
-/// (kind, path, first [s] or None, count, text) of each finding.
-pybind11::list health_rows(const std::vector<sim::Finding> &findings);
+using AnyInstance = Typed<pybind11::object, "Module | Model">;
+using AnyPort = Typed<pybind11::object, "Message">; ///< an input or output
+using AnyObject = Typed<pybind11::object, "Module | Model | Message">;
+
+/// (kind, path, first [s] or None, count, text) of a finding.
+using HealthRow = std::tuple<const char *, std::string, std::optional<double>, std::uint64_t, std::string>;
+std::vector<HealthRow> health_rows(const std::vector<sim::Finding> &findings);
 
 void bind_tables(pybind11::module_ &m);     ///< libraries, types and fields, as Python sees them
 void bind_functions(pybind11::module_ &m);  ///< those of flight/math
@@ -22,14 +31,15 @@ void bind_world(pybind11::module_ &m);      ///< what models take besides parame
 void bind_campaign(pybind11::module_ &m);   ///< dispersed runs
 void bind_batch(pybind11::module_ &m);      ///< clones that are stepped together
 void bind_sky(pybind11::module_ &m);        ///< ephemerides, orientations, gravity fields
+void bind_records(pybind11::module_ &m);    ///< the container of records
 void bind_cosim(pybind11::module_ &m);      ///< a process as a node of many programs
 
 /// Of each extension with a kernel of its own, whose handlers know what that runs.
 inline void bind_crashes(pybind11::module_ &m)
 {
-    m.def("report_crashes", &sim::report_crashes,
+    m.def("report_crashes", &sim::report_crashes, pybind11::arg("command"), pybind11::arg("run"),
           "What a crash in a run tells: the command that shows it, and the one of a run, whose index follows.");
-    m.def("limit_updates", &sim::limit_updates, "[ns] of wall time; 0: none");
+    m.def("limit_updates", &sim::limit_updates, pybind11::arg("limit"), "[ns] of wall time; 0: none");
 }
 
 /// Lets a loop that runs without Python's lock handle signals and call Python now and then. After a Python exception
@@ -77,11 +87,13 @@ template <class T> T named(const char *const *names, const std::string &name)
 /// Python's names of ExecRelation, and of Judge::Relation.
 inline constexpr const char *relations[] = {"<", "<=", ">", ">=", "==", "!=", nullptr};
 
-template <class Range, class F> pybind11::list list_of(const Range &range, F make)
+/// What `make` gives for each of a range. A list of Python, whose type follows from that of `make`.
+template <class Range, class F> auto list_of(const Range &range, F make)
 {
-    pybind11::list list;
+    std::vector<decltype(make(*std::begin(range)))> list;
+    list.reserve(range.size());
     for (const auto &one : range) {
-        list.append(make(one));
+        list.push_back(make(one));
     }
     return list;
 }

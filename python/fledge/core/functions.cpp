@@ -151,8 +151,7 @@ std::string doc_of(const FledgeFunction &f)
 void bind_functions(py::module_ &m)
 {
     m.def(
-        "functions",
-        [] {
+        "functions", []() -> Typed<py::dict, "dict[str, tuple[Callable[..., Any], str]]"> {
             static std::deque<std::pair<std::string, PyMethodDef>> kept;
             py::dict functions;
             const py::str module("fledge.flight_math");

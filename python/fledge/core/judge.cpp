@@ -77,12 +77,12 @@ void play_signals(Judge &judge, const Array<Ns> &times, const std::vector<Array<
 }
 
 /// (low, high, t, atom of the lower bound, the same of the upper one); t is -1 and the atom -1 where nothing decided.
-py::tuple value(const Judge &judge, int formula)
+auto value(const Judge &judge, int formula)
 {
     const sim::Robustness r = judge.value(formula);
     const sim::Witness &without = r.at_low.unknown ? r.at_low : r.at_high; // if any, the atom without a value
-    return py::make_tuple(r.low, r.high, r.at_low.t, r.at_low.atom, r.at_high.t, r.at_high.atom,
-                          without.unknown ? without.t : -1, without.unknown ? without.atom : -1);
+    return std::tuple(r.low, r.high, r.at_low.t, r.at_low.atom, r.at_high.t, r.at_high.atom,
+                      without.unknown ? without.t : -1, without.unknown ? without.atom : -1);
 }
 
 } // namespace
@@ -91,39 +91,50 @@ void bind_judge(py::module_ &m)
 {
     py::class_<Judge, std::shared_ptr<Judge>>(m, "Judge", "Judges formulas on signals. See sim/judge.h.")
         .def(py::init())
-        .def("source", source_of_field)
-        .def("event", source_of_event)
-        .def("given", [](Judge &judge, std::size_t elements) { return judge.source(elements); })
-        .def("constant", [](Judge &judge, const std::vector<double> &numbers) { return judge.constant(numbers); })
-        .def("expression",
-             [](Judge &judge, const std::string &operation, int a, int b, double number) {
-                 return judge.expression(named<Judge::Operation>(operations, operation), a, b, number);
-             })
-        .def("atom",
-             [](Judge &judge, int value, const std::string &relation, double limit, double scale) {
-                 return judge.atom(value, named<Judge::Relation>(relations, relation), limit, scale);
-             })
-        .def("formula", formula)
+        .def("source", source_of_field, py::arg("simulation"), py::arg("instance"), py::arg("port"), py::arg("offset"),
+             py::arg("field"), py::arg("elements"), py::arg("of_message"))
+        .def("event", source_of_event, py::arg("simulation"), py::arg("process"), py::arg("name"))
+        .def(
+            "given", [](Judge &judge, std::size_t elements) { return judge.source(elements); }, py::arg("elements"))
+        .def(
+            "constant", [](Judge &judge, const std::vector<double> &numbers) { return judge.constant(numbers); },
+            py::arg("numbers"))
+        .def(
+            "expression",
+            [](Judge &judge, const std::string &operation, int a, int b, double number) {
+                return judge.expression(named<Judge::Operation>(operations, operation), a, b, number);
+            },
+            py::arg("operation"), py::arg("a"), py::arg("b"), py::arg("number"))
+        .def(
+            "atom",
+            [](Judge &judge, int value, const std::string &relation, double limit, double scale) {
+                return judge.atom(value, named<Judge::Relation>(relations, relation), limit, scale);
+            },
+            py::arg("value"), py::arg("relation"), py::arg("limit"), py::arg("scale"))
+        .def("formula", formula, py::arg("rows"))
         .def_readwrite("stops", &Judge::stops)
         .def_readwrite("stop", &Judge::stop)
         .def_readwrite("traces", &Judge::traces)
         .def_readwrite("every", &Judge::every)
         .def(
             "watch", [](const std::shared_ptr<Judge> &judge, sim::Simulation &s) { s.recorder().watch(judge); },
-            py::keep_alive<1, 2>())
-        .def("play", play_signals)
-        .def("finish", &Judge::finish)
-        .def("value", value)
+            py::arg("s"), py::keep_alive<1, 2>())
+        .def("play", play_signals, py::arg("times"), py::arg("sources"))
+        .def("finish", &Judge::finish, py::arg("t"))
+        .def("value", value, py::arg("formula"))
         .def_property_readonly("went_back", &Judge::went_back)
         .def_property_readonly("times",
                                [](const Judge &judge) {
                                    return Array<Ns>(static_cast<py::ssize_t>(judge.times().size()),
                                                     judge.times().data());
                                })
-        .def("trace", [](const Judge &judge, int atom) {
-            const std::vector<double> found = judge.trace(atom);
-            return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
-        });
+        .def(
+            "trace",
+            [](const Judge &judge, int atom) {
+                const std::vector<double> found = judge.trace(atom);
+                return Array<double>(static_cast<py::ssize_t>(found.size()), found.data());
+            },
+            py::arg("atom"));
 }
 
 } // namespace fledge::core

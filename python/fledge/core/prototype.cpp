@@ -102,7 +102,10 @@ FledgeField field_from(Declared &kept, const py::handle &f, const py::dict &stru
 }
 
 /// The type of an introspect Struct. structs: name -> type of what its fields are; schema: of a message, else None.
-py::object declare(const py::handle &s, const py::dict &structs, const py::object &schema)
+using StructTypes = Typed<py::dict, "dict[str, Any]">;
+
+Typed<py::object, "Any"> declare(const py::handle &s, const StructTypes &structs,
+                                 const Typed<py::object, "str | None"> &schema)
 {
     static std::deque<Declared> all; // types live until the interpreter ends
     Declared &kept = all.emplace_back();
@@ -130,7 +133,8 @@ py::object declare(const py::handle &s, const py::dict &structs, const py::objec
     return py::reinterpret_borrow<py::object>(reinterpret_cast<PyObject *>(type->python));
 }
 
-py::object make(const py::handle &python, const py::handle &cls, const py::dict &keywords)
+Typed<py::object, "Any"> make(const py::handle &python, const py::handle &cls,
+                              const Typed<py::dict, "dict[str, Any]"> &keywords)
 {
     const Type &type = *find_type(reinterpret_cast<PyTypeObject *>(python.ptr()));
     auto instance = std::make_shared<sim::Instance>(*type.table);
@@ -142,7 +146,7 @@ py::object make(const py::handle &python, const py::handle &cls, const py::dict 
     return py::reinterpret_steal<py::object>(object);
 }
 
-double draw(const py::handle &object, bool normal)
+double draw(py::handle object, bool normal)
 {
     auto *model = dynamic_cast<sim::ScriptedModel *>(instance_of(object)->model());
     if (!model || !as_root(object.ptr())->runs) {
@@ -176,16 +180,16 @@ PyObject *attribute_of_class(PyObject *self, PyObject *name)
 
 void bind_prototypes(py::module_ &m)
 {
-    m.def("declare", declare);
-    m.def("make_prototype", make);
+    m.def("declare", declare, py::arg("struct"), py::arg("structs"), py::arg("schema"));
+    m.def("make_prototype", make, py::arg("python"), py::arg("cls"), py::arg("keywords"));
     m.def(
-        "class_of",
-        [](py::handle object) {
+        "class_of", [](const AnyInstance &object) -> Typed<py::object, "type | None"> {
             PyObject *cls = class_of(*instance_of(object));
             return cls ? py::reinterpret_borrow<py::object>(cls) : py::none();
         },
-        "The class of a prototype; None for other modules and models.");
-    m.def("draw", draw, "The next normal, or uniform, number of a prototype of the world.");
+        py::arg("object"), "The class of a prototype; None for other modules and models.");
+    m.def("draw", draw, py::arg("object"), py::arg("normal"),
+          "The next normal, or uniform, number of a prototype of the world.");
 }
 
 } // namespace fledge::core

@@ -34,19 +34,16 @@ sim::Port port_of(py::handle view)
     return {as_root(as_view(view.ptr())->owner)->instance, as_view(view.ptr())->member->field};
 }
 
-std::vector<std::shared_ptr<sim::Instance>> instances_of(const py::iterable &objects)
-{
-    std::vector<std::shared_ptr<sim::Instance>> instances;
-    for (py::handle object : objects) {
-        instances.push_back(instance_of(object));
-    }
-    return instances;
-}
-
 py::bytes bytes_of(const std::vector<std::byte> &bytes)
 {
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
+
+using Number = Typed<py::object, "int | float">;
+using NumberOrNone = Typed<py::object, "int | float | None">;
+using Step = Typed<py::object, "tuple[Operand, str, Operand] | str">;
+using Trigger = Typed<py::object, "Condition | Callable[[], bool]">;
+using TimedBytes = std::vector<std::pair<Ns, py::bytes>>;
 
 // Python's names of the enumerators of conditions.
 const char *const measures[] = {"element", "norm", "max_abs", nullptr};
@@ -54,11 +51,11 @@ const char *const joins[] = {"", "&", "|", "~"};
 
 /// An element or a measure of a field of a message or module. `index` picks an element; the measures "norm" and
 /// "max_abs" take them all.
-Operand make_operand(py::handle object, const FledgeField &field, std::uint32_t index, const std::string &measure)
+Operand make_operand(const AnyObject &object, const FledgeField &field, std::uint32_t index, const std::string &measure)
 {
     Operand operand;
     PyObject *root = root_of(object.ptr());
-    operand.instance = instance_of(root ? py::handle(root) : object);
+    operand.instance = instance_of(root ? py::handle(root) : py::handle(object));
     const std::uint32_t elements = static_cast<std::uint32_t>(sim::field_elements(field));
     operand.measure = named<ExecMeasure>(measures, measure);
     operand.elements = operand.measure == EXEC_ELEMENT ? 1 : elements;
@@ -69,7 +66,7 @@ Operand make_operand(py::handle object, const FledgeField &field, std::uint32_t 
 }
 
 /// A Python number as a double if that is exact, or else as a whole number of 64 bits.
-Operand make_constant(const py::object &x)
+Operand make_constant(const Number &x)
 {
     if (!py::isinstance<py::int_>(x) || py::int_(py::float_(x)).equal(x)) {
         return Operand::of(x.cast<double>());
@@ -77,7 +74,7 @@ Operand make_constant(const py::object &x)
     return x < py::int_(0) ? Operand::of(x.cast<std::int64_t>()) : Operand::of(x.cast<std::uint64_t>());
 }
 
-py::object constant_of(const Operand &operand)
+NumberOrNone constant_of(const Operand &operand)
 {
     if (operand.instance) {
         return py::none();
@@ -91,7 +88,8 @@ py::object constant_of(const Operand &operand)
 
 /// What an assignment to a field would write, which this takes back again: (bytes from the start of the instance's
 /// memory, bytes) of the field, and of its count if it has one.
-std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const std::string &name, py::handle value)
+std::vector<std::pair<std::uint32_t, py::bytes>> encode(const AnyObject &object, const std::string &name,
+                                                        py::handle value)
 {
     const Object &to = *as_object(object.ptr());
     const auto instance = instance_of(py::handle(root_of(object.ptr())));
@@ -120,9 +118,9 @@ std::vector<std::pair<std::uint32_t, py::bytes>> encode(py::handle object, const
 }
 
 /// An event and its process. Python keeps the process alive as long as this object.
-py::tuple tally(const sim::Tally &tally)
+auto tally(const sim::Tally &tally)
 {
-    return py::make_tuple(tally.count, tally.first);
+    return std::tuple(tally.count, tally.first);
 }
 
 struct OwnEvent {
@@ -130,11 +128,14 @@ struct OwnEvent {
     std::shared_ptr<sim::Event> event;
 };
 
-OwnEvent add_event(sim::Process &process, const std::string &name, const py::object &when,
-                   std::optional<Condition> until, Ns hold, std::int32_t count, bool once, bool armed,
-                   std::vector<std::string> modes, const std::string &mode,
-                   std::vector<std::pair<std::string, bool>> arms, const py::list &set, std::function<void()> action,
-                   const std::string &text, std::string file, int line)
+/// A part of an instance's memory that an event writes.
+using Setting = std::tuple<AnyInstance, std::uint32_t, py::bytes>;
+
+OwnEvent add_event(sim::Process &process, const std::string &name, const Trigger &when, std::optional<Condition> until,
+                   Ns hold, std::int32_t count, bool once, bool armed, std::vector<std::string> modes,
+                   const std::string &mode, std::vector<std::pair<std::string, bool>> arms,
+                   const std::vector<Setting> &set, std::function<void()> action, const std::string &text,
+                   std::string file, int line)
 {
     sim::Event event;
     event.name = name;
@@ -152,10 +153,9 @@ OwnEvent add_event(sim::Process &process, const std::string &name, const py::obj
     event.modes = std::move(modes);
     event.mode = mode;
     event.arms = std::move(arms);
-    for (py::handle one : set) {
-        const auto [object, offset, bytes] = one.cast<std::tuple<py::object, std::uint32_t, std::string>>();
-        const auto *from = reinterpret_cast<const std::byte *>(bytes.data());
-        event.set.push_back({instance_of(object), offset, {from, from + bytes.size()}});
+    for (const auto &[object, offset, bytes] : set) {
+        const auto span = std::as_bytes(std::span(std::string_view(bytes)));
+        event.set.push_back({instance_of(object), offset, {span.begin(), span.end()}});
     }
     event.action = std::move(action);
     event.at = {std::move(file), line};
@@ -175,7 +175,7 @@ std::shared_ptr<const sim::Messages> messages_of(std::string_view times, std::st
 }
 
 /// sent: they are what other processes read.
-void play(sim::Process &process, py::handle output, const py::bytes &times, const py::bytes &messages, bool sent)
+void play(sim::Process &process, const AnyPort &output, const py::bytes &times, const py::bytes &messages, bool sent)
 {
     const sim::Port port = port_of(output);
     process.play(*port.instance, {port.field, messages_of(times, messages), sent, {}});
@@ -187,15 +187,15 @@ void play_executive(sim::Process &process, const std::array<py::bytes, 2> &modes
     process.play_executive(messages_of(modes[0], modes[1]), messages_of(happenings[0], happenings[1]));
 }
 
-void feed(sim::Simulation &simulation, py::handle input, const py::bytes &times, const py::bytes &messages, bool always,
-          std::vector<std::uint32_t> linear, Ns stale_after, const std::string &source)
+void feed(sim::Simulation &simulation, const AnyPort &input, const py::bytes &times, const py::bytes &messages,
+          bool always, std::vector<std::uint32_t> linear, Ns stale_after, const std::string &source)
 {
     simulation.feed({port_of(input), messages_of(times, messages), always, std::move(linear), stale_after, source});
 }
 
-py::list differential_states(const sim::Simulation &simulation)
+auto differential_states(const sim::Simulation &simulation)
 {
-    py::list rows;
+    std::vector<std::tuple<std::string, std::string, std::string, std::string, std::size_t, std::size_t>> rows;
     std::map<const sim::Model *, std::string> paths;
     for (const auto &process : simulation.processes()) {
         for (const auto &instance : process->instances()) {
@@ -207,9 +207,9 @@ py::list differential_states(const sim::Simulation &simulation)
             if (sim::Model *model = instance->model()) {
                 const auto *memory = reinterpret_cast<const double *>(model->memory().data());
                 for (const sim::DifferentialState &one : model->differential_states()) {
-                    rows.append(py::make_tuple(instance->path, paths.at(one.of), one.name, one.unit,
-                                               sizeof(double) * static_cast<std::size_t>(one.value - memory),
-                                               sizeof(double) * static_cast<std::size_t>(one.rate - memory)));
+                    rows.emplace_back(instance->path, paths.at(one.of), one.name, one.unit,
+                                      sizeof(double) * static_cast<std::size_t>(one.value - memory),
+                                      sizeof(double) * static_cast<std::size_t>(one.rate - memory));
                 }
             }
         }
@@ -217,13 +217,13 @@ py::list differential_states(const sim::Simulation &simulation)
     return rows;
 }
 
-py::bytes incoming(const sim::Process &process, py::handle input)
+py::bytes incoming(const sim::Process &process, const AnyPort &input)
 {
     const auto bytes = process.incoming(port_of(input));
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
 
-void put_out(const sim::Process &process, py::handle output, const py::bytes &message)
+void put_out(const sim::Process &process, const AnyPort &output, const py::bytes &message)
 {
     const sim::Port port = port_of(output);
     const std::string_view bytes = message;
@@ -234,7 +234,9 @@ void put_out(const sim::Process &process, py::handle output, const py::bytes &me
     std::memcpy(port.bytes(), bytes.data(), bytes.size());
 }
 
-bool run_until(sim::Simulation &simulation, Ns t, double pace, py::object progress)
+using ProgressOrNone = Typed<py::object, "Callable[[int], object] | None">;
+
+bool run_until(sim::Simulation &simulation, Ns t, double pace, const ProgressOrNone &progress)
 {
     Poll poll;
     const auto report = [&](Ns now) { return poll([&] { return progress.is_none() || (progress(now), true); }); };
@@ -258,8 +260,8 @@ void step(sim::Simulation &simulation, std::uint64_t n)
 }
 
 /// A rule as fledge.commands has it.
-using RuleRow =
-    std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, py::object, std::uint32_t, std::uint32_t, double, double>;
+using RuleRow = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::optional<std::uint32_t>, std::uint32_t,
+                           std::uint32_t, double, double>;
 /// (instance, offset, size, configuration, runs, rules) of a block.
 using BlockRow = std::tuple<std::string, std::uint32_t, std::uint32_t, bool,
                             std::vector<std::pair<std::uint32_t, std::uint32_t>>, std::vector<RuleRow>>;
@@ -282,8 +284,7 @@ void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t t
             block.runs.push_back({width, n});
         }
         for (const auto &[at, n, row, rows_at, flags, number, low, high] : rules) {
-            block.rules.push_back({"", "", at, n, row,
-                                   rows_at.is_none() ? COMMAND_ALL_ROWS : rows_at.cast<std::uint32_t>(), flags,
+            block.rules.push_back({"", "", at, n, row, rows_at.value_or(COMMAND_ALL_ROWS), flags,
                                    static_cast<FledgeType>(number), low, high});
         }
         dictionary->blocks.push_back(std::move(block));
@@ -298,12 +299,12 @@ void set_dictionary(sim::Process &process, std::uint16_t stream, std::uint16_t t
     process.set_dictionary(std::move(dictionary));
 }
 
-py::list reports(sim::Process &process)
+auto reports(sim::Process &process)
 {
     return list_of(process.take_reports(), [](const sim::CommandReply &one) {
         const CommandReport &r = one.report;
-        return py::make_tuple(r.t, r.sequence, r.code, r.executed, r.reason, r.detail,
-                              py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.origin);
+        return std::tuple(r.t, r.sequence, r.code, r.executed, r.reason, r.detail,
+                          py::bytes(reinterpret_cast<const char *>(one.data.data()), one.data.size()), r.origin);
     });
 }
 
@@ -327,15 +328,15 @@ void set_keys(sim::Process &process, const std::string &path)
     process.keys = std::shared_ptr<const void>(made, &made->provider);
 }
 
-py::list timed(const std::vector<sim::Packet> &packets)
+TimedBytes timed(const std::vector<sim::Packet> &packets)
 {
     return list_of(packets, [](const sim::Packet &one) {
-        return py::make_tuple(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
+        return std::pair(one.t, py::bytes(reinterpret_cast<const char *>(one.bytes.data()), one.bytes.size()));
     });
 }
 
 /// New objects for the instances of a process, by name, each with its parts or the model that it asks.
-py::dict wrap_instances(const sim::Process &process)
+Typed<py::dict, "dict[str, Module | Model]"> wrap_instances(const sim::Process &process)
 {
     py::dict objects;
     std::vector<std::pair<sim::Model *, py::object>> models;
@@ -370,10 +371,10 @@ py::dict wrap_instances(const sim::Process &process)
 void bind_conditions(py::module_ &m)
 {
     py::class_<Operand>(m, "Operand", "What a condition compares: of a field, or a constant.")
-        .def(py::init(&make_operand))
-        .def(py::init(&make_constant))
+        .def(py::init(&make_operand), py::arg("object"), py::arg("field"), py::arg("index"), py::arg("measure"))
+        .def(py::init(&make_constant), py::arg("x"))
         .def_property_readonly(
-            "path", [](const Operand &o) { return o.instance ? py::object(py::str(o.instance->path)) : py::none(); },
+            "path", [](const Operand &o) { return o.instance ? std::optional(o.instance->path) : std::nullopt; },
             "of its module or model; None of a constant")
         .def_readonly("offset", &Operand::offset, "[bytes] of the first element, in its memory")
         .def_property_readonly("measure", [](const Operand &o) { return measures[o.measure]; })
@@ -381,15 +382,16 @@ void bind_conditions(py::module_ &m)
 
     py::class_<Condition>(m, "Condition", "Comparisons of fields, joined by &, | and ~.")
         .def(py::init(
-            [](const Operand &left, const std::string &relation, const Operand &right, const std::string &text) {
-                return Condition({left, right, named<ExecRelation>(relations, relation)}, text);
-            }))
+                 [](const Operand &left, const std::string &relation, const Operand &right, const std::string &text) {
+                     return Condition({left, right, named<ExecRelation>(relations, relation)}, text);
+                 }),
+             py::arg("left"), py::arg("relation"), py::arg("right"), py::arg("text"))
         .def(
             "__and__", [](const Condition &a, const Condition &b) { return Condition(EXEC_BOTH, a, b); },
-            py::is_operator())
+            py::is_operator(), py::arg("other"))
         .def(
             "__or__", [](const Condition &a, const Condition &b) { return Condition(EXEC_EITHER, a, b); },
-            py::is_operator())
+            py::is_operator(), py::arg("other"))
         .def("__invert__", &Condition::operator~)
         .def("__repr__", &Condition::text)
         .def("__bool__",
@@ -401,7 +403,7 @@ void bind_conditions(py::module_ &m)
         .def_property_readonly(
             "steps",
             [](const Condition &c) {
-                return list_of(c.steps(), [](const Condition::Step &step) -> py::object {
+                return list_of(c.steps(), [](const Condition::Step &step) -> Step {
                     if (step.join != EXEC_COMPARE) {
                         return py::str(joins[step.join]);
                     }
@@ -411,7 +413,7 @@ void bind_conditions(py::module_ &m)
             },
             "in postfix order: (operand, relation, operand) of a comparison, or '&', '|' of the two before, '~' of the "
             "one");
-    m.def("encode", encode);
+    m.def("encode", encode, py::arg("object"), py::arg("name"), py::arg("value"));
 }
 
 void bind_event(py::module_ &m)
@@ -437,7 +439,7 @@ void bind_event(py::module_ &m)
         .def_property_readonly("set",
                                [](const OwnEvent &e) {
                                    return list_of(e.event->set, [](const sim::Setting &s) {
-                                       return py::make_tuple(s.instance->path, s.offset, bytes_of(s.bytes));
+                                       return std::tuple(s.instance->path, s.offset, bytes_of(s.bytes));
                                    });
                                })
         .def_property("predicate", nullptr,
@@ -471,35 +473,50 @@ void bind_process(py::module_ &m)
 {
     py::class_<sim::Process>(m, "Process")
         .def_readonly("name", &sim::Process::name)
-        .def("add",
-             [](sim::Process &p, const std::string &name, py::handle object, std::string file, int line) {
-                 p.add(name, instance_of(object), {std::move(file), line});
-             })
-        .def("add_task",
-             [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority, const py::iterable &run) {
-                 p.add_task({name, period, offset, priority, instances_of(run)});
-             })
-        .def("add_mode",
-             [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
-                std::vector<std::string> after, std::string file, int line) {
-                 p.add_mode({name, std::move(tasks), std::move(when), std::move(after), {std::move(file), line}});
-             })
-        .def("add_event", add_event, py::keep_alive<0, 1>())
-        .def("start_in", &sim::Process::start_in)
-        .def("reset_by", [](sim::Process &p, py::handle input, Ns down) { p.reset_by(port_of(input), down); })
+        .def(
+            "add",
+            [](sim::Process &p, const std::string &name, const AnyInstance &object, std::string file, int line) {
+                p.add(name, instance_of(object), {std::move(file), line});
+            },
+            py::arg("name"), py::arg("object"), py::arg("file"), py::arg("line"))
+        .def(
+            "add_task",
+            [](sim::Process &p, const std::string &name, Ns period, Ns offset, int priority,
+               const std::vector<AnyInstance> &run) {
+                p.add_task({name, period, offset, priority, list_of(run, instance_of)});
+            },
+            py::arg("name"), py::arg("period"), py::arg("offset"), py::arg("priority"), py::arg("run"))
+        .def(
+            "add_mode",
+            [](sim::Process &p, const std::string &name, std::vector<std::string> tasks, std::optional<Condition> when,
+               std::vector<std::string> after, std::string file, int line) {
+                p.add_mode({name, std::move(tasks), std::move(when), std::move(after), {std::move(file), line}});
+            },
+            py::arg("name"), py::arg("tasks"), py::arg("when"), py::arg("after"), py::arg("file"), py::arg("line"))
+        .def("add_event", add_event, py::arg("name"), py::arg("when"), py::arg("until"), py::arg("hold"),
+             py::arg("count"), py::arg("once"), py::arg("armed"), py::arg("modes"), py::arg("mode"), py::arg("arms"),
+             py::arg("set"), py::arg("action"), py::arg("text"), py::arg("file"), py::arg("line"),
+             py::keep_alive<0, 1>())
+        .def("start_in", &sim::Process::start_in, py::arg("mode"))
+        .def(
+            "reset_by", [](sim::Process &p, const AnyPort &input, Ns down) { p.reset_by(port_of(input), down); },
+            py::arg("input"), py::arg("down"))
         .def_property_readonly("reset",
-                               [](const sim::Process &p) -> py::object {
+                               [](const sim::Process &p) {
                                    const auto &line = p.reset_line();
-                                   return line ? py::object(py::make_tuple(line->input.path(), line->down))
-                                               : py::none();
+                                   return line ? std::optional(std::pair(line->input.path(), line->down))
+                                               : std::nullopt;
                                })
         .def_property_readonly("outages", &sim::Process::outages)
-        .def("play", play)
-        .def("play_executive", play_executive, "By (times, messages) of its modes, and of what happened.")
-        .def("fly_by", &sim::Process::fly_by, "A function of the time [ns] flies in place of the process' modules.")
-        .def("incoming", incoming, "The bytes of the message that is for an input at this instant.")
-        .def("put_out", put_out, "Write the bytes of an output, as fly_by's function.")
-        .def("enter", &sim::Process::enter)
+        .def("play", play, py::arg("output"), py::arg("times"), py::arg("messages"), py::arg("sent"))
+        .def("play_executive", play_executive, py::arg("modes"), py::arg("happenings"),
+             "By (times, messages) of its modes, and of what happened.")
+        .def("fly_by", &sim::Process::fly_by, py::arg("flight"),
+             "A function of the time [ns] flies in place of the process' modules.")
+        .def("incoming", incoming, py::arg("input"), "The bytes of the message that is for an input at this instant.")
+        .def("put_out", put_out, py::arg("output"), py::arg("message"),
+             "Write the bytes of an output, as fly_by's function.")
+        .def("enter", &sim::Process::enter, py::arg("mode"))
         .def_property_readonly("mode", &sim::Process::mode)
         .def_property_readonly(
             "entered",
@@ -508,116 +525,134 @@ void bind_process(py::module_ &m)
             },
             "(how often, when first) of each mode")
         .def_property_readonly("asked", &sim::Process::asked)
-        .def("set_dictionary", set_dictionary)
-        .def("command",
-             [](sim::Process &p, const py::bytes &bytes) {
-                 const std::string_view view = bytes;
-                 return static_cast<int>(p.command({view.begin(), view.end()}));
-             })
-        .def("send_by",
-             [](sim::Process &p, py::handle carrier, const py::bytes &bytes) {
-                 const std::string_view view = bytes;
-                 p.send_by(*instance_of(carrier), {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
-             })
-        .def("take_from",
-             [](sim::Process &p, py::handle carrier, Ns t) { return timed(p.carrier(*instance_of(carrier)).take(t)); })
+        .def("set_dictionary", set_dictionary, py::arg("stream"), py::arg("telemetry"), py::arg("version"),
+             py::arg("room"), py::arg("rows"), py::arg("outputs"))
+        .def(
+            "command",
+            [](sim::Process &p, const py::bytes &bytes) {
+                const std::string_view view = bytes;
+                return static_cast<int>(p.command({view.begin(), view.end()}));
+            },
+            py::arg("bytes"))
+        .def(
+            "send_by",
+            [](sim::Process &p, const AnyInstance &carrier, const py::bytes &bytes) {
+                const std::string_view view = bytes;
+                p.send_by(*instance_of(carrier), {reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
+            },
+            py::arg("carrier"), py::arg("bytes"))
+        .def(
+            "take_from",
+            [](sim::Process &p, const AnyInstance &carrier, Ns t) {
+                return timed(p.carrier(*instance_of(carrier)).take(t));
+            },
+            py::arg("carrier"), py::arg("t"))
         .def(
             "take_heard", [](sim::Process &p) { return timed(p.heard.take()); },
             "As take_packets(): commands that carriers brought, and the time before the instant that accepted them.")
         .def_property_readonly(
             "dictionary", [](const sim::Process &p) { return p.dictionary() ? int{p.dictionary()->version} : -1; },
             "its version; -1: none")
-        .def("set_script",
-             [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &rows) {
-                 std::vector<sim::ScriptedCommand> script;
-                 for (const auto &[after, packet] : rows) {
-                     const std::string_view view = packet;
-                     script.push_back({after, {view.begin(), view.end()}});
-                 }
-                 p.set_script(std::move(script));
-             })
+        .def(
+            "set_script",
+            [](sim::Process &p, const TimedBytes &rows) {
+                std::vector<sim::ScriptedCommand> script;
+                for (const auto &[after, packet] : rows) {
+                    const std::string_view view = packet;
+                    script.push_back({after, {view.begin(), view.end()}});
+                }
+                p.set_script(std::move(script));
+            },
+            py::arg("rows"))
         .def(
             "set_procedure_host",
             [](sim::Process &p, decltype(sim::ProcedureHost::start) start, decltype(sim::ProcedureHost::turn) turn,
                decltype(sim::ProcedureHost::end) end) {
                 p.set_procedure_host({std::move(start), std::move(turn), std::move(end)});
             },
+            py::arg("start"), py::arg("turn"), py::arg("end"),
             "What runs procedures: start(bytecode as numbers, sequence, turns), turn(t), end(t, killed, why).")
-        .def("command_mode",
-             [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); })
+        .def(
+            "command_mode",
+            [](sim::Process &p, const std::string &mode) { return static_cast<int>(p.command_mode(mode)); },
+            py::arg("mode"))
         .def("take_reports", reports, "(t, sequence, code, stage, reason, detail, bytes read back) of each")
         .def(
             "take_packets", [](sim::Process &p) { return timed(p.telemetry.take()); },
             "(t, packet of telemetry) since the last call; they are kept from the first call on")
-        .def("play_telemetry",
-             [](sim::Process &p, const std::vector<std::pair<Ns, py::bytes>> &packets) {
-                 std::vector<sim::Packet> all;
-                 for (const auto &[t, bytes] : packets) {
-                     const std::string_view view = bytes;
-                     all.push_back({t, {view.begin(), view.end()}});
-                 }
-                 p.play_telemetry(std::move(all));
-             })
-        .def("set_keys", set_keys, "Those of a link of frames, of a file.")
+        .def(
+            "play_telemetry",
+            [](sim::Process &p, const TimedBytes &packets) {
+                std::vector<sim::Packet> all;
+                for (const auto &[t, bytes] : packets) {
+                    const std::string_view view = bytes;
+                    all.push_back({t, {view.begin(), view.end()}});
+                }
+                p.play_telemetry(std::move(all));
+            },
+            py::arg("packets"))
+        .def("set_keys", set_keys, py::arg("path"), "Those of a link of frames, of a file.")
         .def(
             "take_units", [](sim::Process &p) { return timed(p.units.take()); },
             "The same as frames, if flight speaks them.")
         .def_property_readonly(
-            "ground", [](const sim::Process &p) { return py::make_tuple(p.ground().begun != 0, p.ground().last); },
+            "ground", [](const sim::Process &p) { return std::pair(p.ground().begun != 0, p.ground().last); },
             "(whether a command was accepted, the sequence of the last one)")
         .def_property_readonly(
             "command_counters",
             [](const sim::Process &p) {
                 const CommandCounters c = p.command_counters();
-                return py::make_tuple(c.accepted, c.executed, c.refused,
-                                      std::vector<std::uint32_t>(c.reasons, c.reasons + COMMAND_REASONS));
+                return std::tuple(c.accepted, c.executed, c.refused,
+                                  std::vector<std::uint32_t>(c.reasons, c.reasons + COMMAND_REASONS));
             },
             "(accepted, executed, refused, refused for each reason)")
-        .def_property(
-            "integrator", [](const sim::Process &p) { return p.integrator().describe(); },
-            [](sim::Process &p, std::shared_ptr<sim::Integrator> i) { p.set_integrator(std::move(i)); })
+        .def_property_readonly("integrator", [](const sim::Process &p) { return p.integrator().describe(); })
+        .def(
+            "set_integrator",
+            [](sim::Process &p, std::shared_ptr<sim::Integrator> method) { p.set_integrator(std::move(method)); },
+            py::arg("method"))
         .def("wrap", wrap_instances)
         .def_property_readonly(
             "tasks",
             [](const sim::Process &p) {
                 return list_of(p.tasks(), [](const sim::Task &task) {
-                    return py::make_tuple(task.name, task.period, task.offset, task.priority,
-                                          list_of(task.run, [](const auto &instance) { return instance->name; }));
+                    return std::tuple(task.name, task.period, task.offset, task.priority,
+                                      list_of(task.run, [](const auto &instance) { return instance->name; }));
                 });
             },
             "(name, period, offset, priority, names of what it runs) of each")
         .def_property_readonly(
             "modes",
             [](const sim::Process &p) {
-                return list_of(p.modes(), [](const sim::Mode &mode) { return py::make_tuple(mode.name, mode.tasks); });
+                return list_of(p.modes(), [](const sim::Mode &mode) { return std::pair(mode.name, mode.tasks); });
             },
             "(name, names of its tasks) of each")
         .def_property_readonly(
             "guards",
             [](const sim::Process &p) {
-                return list_of(p.modes(), [](const sim::Mode &mode) {
-                    return py::make_tuple(mode.guard(), mode.when, mode.after);
-                });
+                return list_of(p.modes(),
+                               [](const sim::Mode &mode) { return std::tuple(mode.guard(), mode.when, mode.after); });
             },
             "(in words, the condition or None, the modes that it comes after) of each")
-        .def_property_readonly("events", [](const py::object &self) {
-            auto &process = self.cast<sim::Process &>();
-            py::list list;
-            for (const auto &event : process.events()) {
-                list.append(OwnEvent{&process, event});
-                py::detail::keep_alive_impl(list[list.size() - 1], self);
-            }
-            return list;
-        });
+        .def_property_readonly(
+            "events", [](const py::object &self) -> Typed<py::list, "list[Event]"> {
+                auto &process = self.cast<sim::Process &>();
+                py::list list;
+                for (const auto &event : process.events()) {
+                    list.append(OwnEvent{&process, event});
+                    py::detail::keep_alive_impl(list[list.size() - 1], self);
+                }
+                return list;
+            });
 }
 
 } // namespace
 
-py::list health_rows(const std::vector<sim::Finding> &findings)
+std::vector<HealthRow> health_rows(const std::vector<sim::Finding> &findings)
 {
     return list_of(findings, [](const sim::Finding &f) {
-        const py::object first = f.first < 0 ? py::none() : py::object(py::float_(static_cast<double>(f.first) / 1e9));
-        return py::make_tuple(sim::kind_name(f.kind), f.path, first, f.count, f.text);
+        const auto first = f.first < 0 ? std::nullopt : std::optional(static_cast<double>(f.first) / 1e9);
+        return HealthRow(sim::kind_name(f.kind), f.path, first, f.count, f.text);
     });
 }
 
@@ -626,9 +661,12 @@ void bind_simulation(py::module_ &m)
     py::class_<sim::Integrator, std::shared_ptr<sim::Integrator>>(m, "Integrator", "A method of integration.")
         .def("__repr__", &sim::Integrator::describe);
     m.def("rk4", [] { return std::shared_ptr<sim::Integrator>(sim::make_rk4()); });
-    m.def("adaptive", [](double relative, double absolute) {
-        return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
-    });
+    m.def(
+        "adaptive",
+        [](double relative, double absolute) {
+            return std::shared_ptr<sim::Integrator>(sim::make_adaptive(relative, absolute));
+        },
+        py::arg("relative"), py::arg("absolute"));
     bind_conditions(m);
     bind_event(m);
     bind_log(m);
@@ -637,31 +675,35 @@ void bind_simulation(py::module_ &m)
 
     py::class_<sim::Simulation>(m, "Simulation")
         .def(py::init<std::uint64_t>(), py::arg("seed") = 0)
-        .def("add_process", &sim::Simulation::add_process, py::return_value_policy::reference_internal)
+        .def("add_process", &sim::Simulation::add_process, py::arg("name"), py::return_value_policy::reference_internal)
         .def(
             "process", [](sim::Simulation &s, const std::string &name) -> sim::Process & { return s.process(name); },
-            py::return_value_policy::reference_internal)
-        .def("connect",
-             [](sim::Simulation &s, py::handle from, py::handle to, int latency, Ns stale_after, int by,
-                const std::string &mode, bool more, std::string file, int line) {
-                 s.connect(port_of(from), port_of(to),
-                           {latency, stale_after, ExecChoice(by), mode, more, {std::move(file), line}});
-             })
+            py::arg("name"), py::return_value_policy::reference_internal)
+        .def(
+            "connect",
+            [](sim::Simulation &s, const AnyPort &from, const AnyPort &to, int latency, Ns stale_after, int by,
+               const std::string &mode, bool more, std::string file, int line) {
+                s.connect(port_of(from), port_of(to),
+                          {latency, stale_after, ExecChoice(by), mode, more, {std::move(file), line}});
+            },
+            py::arg("from_"), py::arg("to"), py::arg("latency"), py::arg("stale_after"), py::arg("by"), py::arg("mode"),
+            py::arg("more"), py::arg("file"), py::arg("line"))
         .def_property_readonly(
             "wires",
             [](const sim::Simulation &s) {
                 return list_of(s.wires(), [](const sim::Wire &wire) {
-                    return py::make_tuple(wire.from.path(), wire.to.path(), wire.options.latency,
-                                          wire.options.stale_after, wire.options.choice());
+                    return std::tuple(wire.from.path(), wire.to.path(), wire.options.latency, wire.options.stale_after,
+                                      wire.options.choice());
                 });
             },
             "(from, to, latency, stale_after, choice) of each")
-        .def("feed", feed)
+        .def("feed", feed, py::arg("input"), py::arg("times"), py::arg("messages"), py::arg("always"),
+             py::arg("linear"), py::arg("stale_after"), py::arg("source"))
         .def_property_readonly(
             "feeds",
             [](const sim::Simulation &s) {
                 return list_of(s.feeds(), [](const sim::Feed &one) {
-                    return py::make_tuple(one.to.path(), one.source, one.stale_after);
+                    return std::tuple(one.to.path(), one.source, one.stale_after);
                 });
             },
             "(to, source in words, stale_after) of each")
@@ -680,54 +722,67 @@ void bind_simulation(py::module_ &m)
                 return found;
             },
             "(path, the flight process) of each model that carries units of bytes for flight.")
-        .def("isolate", &sim::Simulation::isolate)
+        .def("isolate", &sim::Simulation::isolate, py::arg("process"))
         .def_property("seed", &sim::Simulation::seed, &sim::Simulation::set_seed)
         .def(
             "problems",
             [](sim::Simulation &s) {
-                return list_of(s.problems(), [](const sim::Problem &one) {
-                    return py::make_tuple(one.at.file, one.at.line, one.text);
-                });
+                return list_of(s.problems(),
+                               [](const sim::Problem &one) { return std::tuple(one.at.file, one.at.line, one.text); });
             },
             "(file, line, text) of each reason why it cannot run")
         .def("prepare", &sim::Simulation::prepare)
         .def("set_up_again", &sim::Simulation::set_up_again)
-        .def("ready_for", &sim::Simulation::ready_for)
+        .def("ready_for", &sim::Simulation::ready_for, py::arg("t"))
         .def("reset", &sim::Simulation::reset)
         .def_property_readonly("now", &sim::Simulation::now)
         .def_property_readonly("time", &sim::Simulation::time)
-        .def("run_until", run_until)
-        .def("step", step)
+        .def("run_until", run_until, py::arg("t"), py::arg("pace"), py::arg("progress"))
+        .def("step", step, py::arg("n"))
         .def_property_readonly(
             "pace_report",
             [](const sim::Simulation &s) {
                 const sim::PaceReport report = s.pace_report();
-                return py::make_tuple(report.instants, report.overruns, report.worst);
+                return std::tuple(report.instants, report.overruns, report.worst);
             },
             "(instants, overruns, worst delay in ns of wall time)")
-        .def("record",
-             [](sim::Simulation &s, py::handle view, Ns every, bool keep) {
-                 const sim::Port port = port_of(view);
-                 return s.recorder().record(port.instance, *port.field, every, keep);
-             })
+        .def(
+            "record",
+            [](sim::Simulation &s, const AnyPort &view, Ns every, bool keep) {
+                const sim::Port port = port_of(view);
+                return s.recorder().record(port.instance, *port.field, every, keep);
+            },
+            py::arg("view"), py::arg("every"), py::arg("keep"))
         .def_property_readonly("logs", [](sim::Simulation &s) { return s.recorder().logs(); })
         .def_property_readonly("followed", [](sim::Simulation &s) { return s.recorder().followed(); })
-        .def("record_executive",
-             [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
-                 const auto &instance = s.process(process).executive().instance();
-                 return s.recorder().record(instance, instance->type().fields[output], every);
-             })
-        .def("open_archive", [](sim::Simulation &s, const std::string &path,
-                                const sim::Pairs &run) { s.recorder().open_archive(path, run); })
-        .def("resume_archive",
-             [](sim::Simulation &s, const std::string &path) { return s.recorder().resume_archive(path); })
+        .def(
+            "record_executive",
+            [](sim::Simulation &s, const std::string &process, std::size_t output, Ns every) {
+                const auto &instance = s.process(process).executive().instance();
+                return s.recorder().record(instance, instance->type().fields[output], every);
+            },
+            py::arg("process"), py::arg("output"), py::arg("every"))
+        .def(
+            "open_archive",
+            [](sim::Simulation &s, const std::string &path, const sim::Pairs &run) {
+                s.recorder().open_archive(path, run);
+            },
+            py::arg("path"), py::arg("run"))
+        .def(
+            "resume_archive",
+            [](sim::Simulation &s, const std::string &path) { return s.recorder().resume_archive(path); },
+            py::arg("path"))
         .def_property_readonly("resumed", [](sim::Simulation &s) { return s.recorder().resumed(); })
-        .def("archive_metadata", [](sim::Simulation &s, const std::string &name,
-                                    const sim::Pairs &pairs) { s.recorder().archive_metadata(name, pairs); })
+        .def(
+            "archive_metadata",
+            [](sim::Simulation &s, const std::string &name, const sim::Pairs &pairs) {
+                s.recorder().archive_metadata(name, pairs);
+            },
+            py::arg("name"), py::arg("pairs"))
         .def(
             "close_archive", [](sim::Simulation &s, const sim::Pairs &end) { s.recorder().close_archive(end); },
             py::arg("end") = sim::Pairs{})
-        .def("open_outputs", &sim::Simulation::open_outputs)
+        .def("open_outputs", &sim::Simulation::open_outputs, py::arg("path"))
         .def("close_outputs", &sim::Simulation::close_outputs)
         .def_property_readonly("archiving", [](sim::Simulation &s) { return s.recorder().archiving(); })
         .def("snapshot", [](const sim::Simulation &s) { return bytes_of(s.snapshot()); })
@@ -743,15 +798,19 @@ void bind_simulation(py::module_ &m)
             [](const sim::Simulation &s) {
                 const char *const kinds[] = {"instance", "model", "held"};
                 return list_of(s.state_blocks(), [&](const sim::Simulation::StateBlock &one) {
-                    return py::make_tuple(kinds[one.kind], one.path, one.offset, one.size);
+                    return std::tuple(kinds[one.kind], one.path, one.offset, one.size);
                 });
             },
             "(kind, path, offset, size) of the blocks of a snapshot")
         .def("differential_states", differential_states,
              "(path of a model, path of whose state it is, name, unit, places of value and rate in the model's memory)")
-        .def("follow", &sim::Simulation::follow)
-        .def("override_input", [](sim::Simulation &s, py::handle input, std::uint32_t place,
-                                  double value) { return s.override_input(port_of(input), place, value); })
+        .def("follow", &sim::Simulation::follow, py::arg("next"))
+        .def(
+            "override_input",
+            [](sim::Simulation &s, const AnyPort &input, std::uint32_t place, double value) {
+                return s.override_input(port_of(input), place, value);
+            },
+            py::arg("input"), py::arg("place"), py::arg("value"))
         .def("clone", &sim::Simulation::clone)
         .def_property_readonly("health", [](const sim::Simulation &s) { return health_rows(s.health()); })
         .def_property_readonly("assumptions", &sim::Simulation::assumptions);

@@ -69,18 +69,18 @@ world::EarthData make_earth(bool iau1980, const std::optional<std::string> &eop,
 }
 
 /// (r, v, a) of a body relative to another; that stands in for what only has a barycentre.
-py::tuple state(const Sky &sky, int body, int center, Ns t)
+auto state(const Sky &sky, int body, int center, Ns t)
 {
     const world::BodyState state = sky.ephemeris().state(sky.given_as(body), sky.given_as(center), sky.epoch_at(t));
-    return py::make_tuple(triple(state.r), triple(state.v), triple(state.a));
+    return std::tuple(triple(state.r), triple(state.v), triple(state.a));
 }
 
-py::tuple orientation(const Sky &sky, int body, Ns t)
+auto orientation(const Sky &sky, int body, Ns t)
 {
     const world::Orientation orientation = sky.orientation(body);
     sky.require(orientation, t, t);
     const world::BodyAttitude attitude = orientation.at(sky.epoch_at(t));
-    return py::make_tuple(rows(attitude.dcm_PN), triple(attitude.omega_PN_P));
+    return std::pair(rows(attitude.dcm_PN), triple(attitude.omega_PN_P));
 }
 
 world::TimeScale scale_of(const std::string &name)
@@ -115,29 +115,47 @@ void bind_sky(py::module_ &m)
             const world::HarmonicField field = world::read_gravity_field(path);
             return std::make_shared<world::Harmonics>(field, degree.value_or(field.degree));
         },
-        "Of a SHADR or ICGEM file, up to a degree or whole.");
+        py::arg("path"), py::arg("degree"), "Of a SHADR or ICGEM file, up to a degree or whole.");
 
-    py::class_<world::EarthData>(m, "EarthData").def(py::init(&make_earth));
+    py::class_<world::EarthData>(m, "EarthData")
+        .def(py::init(&make_earth), py::arg("iau1980"), py::arg("eop"), py::arg("ut1_tai"), py::arg("pole"));
     py::class_<Sky, std::shared_ptr<Sky>>(m, "Sky")
-        .def(py::init(&make_sky))
+        .def(py::init(&make_sky), py::arg("epoch"), py::arg("center"), py::arg("kernels"), py::arg("leap_seconds"),
+             py::arg("pck"), py::arg("earth"), py::arg("principal_axes"))
         .def_property_readonly("center", &Sky::center)
         .def_property_readonly("bodies", [](const Sky &sky) { return sky.ephemeris().bodies(); })
-        .def("state", state)
-        .def("orientation", orientation)
-        .def("true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); })
-        .def("gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); })
-        .def("seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); })
-        .def("text", [](const Sky &sky, Ns t,
-                        const std::string &scale) { return sky.time_system().text(sky.epoch_at(t), scale_of(scale)); })
-        .def("time_of", [](const Sky &sky, const std::string &text) {
-            return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
-        });
-    m.def("set_sky", [](py::handle object, std::shared_ptr<Sky> sky) { sky_user(object).set_sky(std::move(sky)); });
-    m.def("sky", [](py::handle object) { return std::const_pointer_cast<Sky>(sky_user(object).sky()); });
+        .def("state", state, py::arg("body"), py::arg("center"), py::arg("t"))
+        .def("orientation", orientation, py::arg("body"), py::arg("t"))
+        .def(
+            "true_of_date", [](const Sky &sky, Ns t) { return rows(sky.true_of_date(t)); }, py::arg("t"))
+        .def(
+            "gps", [](const Sky &sky, Ns t) { return sky.time_system().gps(sky.epoch_at(t)); }, py::arg("t"))
+        .def(
+            "seconds", [](const Sky &sky, Ns t) { return sky.epoch_at(t).seconds(); }, py::arg("t"))
+        .def(
+            "text",
+            [](const Sky &sky, Ns t, const std::string &scale) {
+                return sky.time_system().text(sky.epoch_at(t), scale_of(scale));
+            },
+            py::arg("t"), py::arg("scale"))
+        .def(
+            "time_of",
+            [](const Sky &sky, const std::string &text) {
+                return sky.time_system().epoch(text).ns - sky.epoch_at(0).ns;
+            },
+            py::arg("text"));
+    m.def(
+        "set_sky",
+        [](const AnyInstance &object, std::shared_ptr<Sky> sky) { sky_user(object).set_sky(std::move(sky)); },
+        py::arg("object"), py::arg("sky"));
+    m.def(
+        "sky", [](const AnyInstance &object) { return std::const_pointer_cast<Sky>(sky_user(object).sky()); },
+        py::arg("object"));
 
-    m.def("body_name", world::body_name);
-    m.def("body_id", [](const std::string &name) { return world::body_id(name); });
-    m.def("body_mu", world::body_mu);
+    m.def("body_name", world::body_name, py::arg("id"));
+    m.def(
+        "body_id", [](const std::string &name) { return world::body_id(name); }, py::arg("name"));
+    m.def("body_mu", world::body_mu, py::arg("id"));
 }
 
 } // namespace fledge::core

@@ -64,7 +64,9 @@ void check_version(const std::string &library, const char *what, std::uint32_t f
 }
 
 /// The types of a library by name.
-py::dict types_of(const FledgeLibrary &library, Models models)
+using Types = Typed<py::dict, "dict[str, type[Module] | type[Model] | type[Message]]">;
+
+Types types_of(const FledgeLibrary &library, Models models)
 {
     check_version(library.name, "tables", library.version, FLEDGE_TABLE_VERSION);
     py::dict types;
@@ -86,7 +88,7 @@ py::dict types_of(const FledgeLibrary &library, Models models)
 
 /// A project's shared library. It exports `fledge_library_<name>`, and `fledge_models_<name>` if
 /// it has models. The tables of the messages that it shares with Fledge are in this extension.
-py::dict load_library(const std::string &path, const std::string &name)
+Types load_library(const std::string &path, const std::string &name)
 {
     Dl_info self;
     if (dladdr(reinterpret_cast<const void *>(&fledge_library_flight), &self)) {
@@ -126,16 +128,36 @@ const FledgeStruct &struct_of(py::handle object)
 }
 
 /// (name, doc, [(name, value, doc), ...]), or None.
-py::object enumeration(const FledgeEnum *one)
+using Enumeration =
+    std::tuple<const char *, const char *, std::vector<std::tuple<const char *, std::int64_t, const char *>>>;
+
+std::optional<Enumeration> enumeration(const FledgeEnum *one)
 {
     if (!one) {
-        return py::none();
+        return std::nullopt;
     }
-    py::list values;
-    for (std::uint32_t i = 0; i < one->n; i++) {
-        values.append(py::make_tuple(one->values[i].name, one->values[i].value, one->values[i].doc));
-    }
-    return py::make_tuple(one->name, one->doc, values);
+    return Enumeration(one->name, one->doc, list_of(std::span(one->values, one->n), [](const FledgeEnumerator &value) {
+                           return std::tuple(value.name, value.value, value.doc);
+                       }));
+}
+
+std::optional<std::string> text_or_none(const char *text)
+{
+    return text ? std::optional<std::string>(text) : std::nullopt;
+}
+
+using StructOf = Typed<py::object, "Struct">; ///< of a field whose type is "struct"; else None
+using FieldOrNone = Typed<py::object, "Field | None">;
+using Fields = Typed<py::list, "list[Field]">;
+using Row = Typed<py::object, "Message">;
+using InstanceOrNone = Typed<py::object, "Module | Model | None">;
+using ScriptOrNone = Typed<py::object, "tuple[Callable[..., Any], Callable[..., Any] | None] | None">;
+using Reference = Typed<py::object, "Callable[[], Any]">; ///< a weak one
+using ReferenceOrNone = Typed<py::object, "Callable[[], Any] | None">;
+
+template <class T> py::object referenced(const T *one)
+{
+    return py::cast(one, py::return_value_policy::reference); // of null: None
 }
 
 template <class T> T need(T value, const char *what, py::handle found)
@@ -169,6 +191,8 @@ void bind_tables(py::module_ &m)
     const auto flag = [](std::uint32_t bit) {
         return [bit](const Field &f) { return static_cast<bool>(f.flags & bit); };
     };
+    py::class_<FledgeStruct> structs(m, "Struct",
+                                     "A module, model, message or plain struct, as declared in its header.");
     py::class_<Field>(m, "Field", "A field of a struct, as declared in its header.")
         .def_readonly("name", &Field::name)
         .def_readonly("offset", &Field::offset, "[bytes] from the start of the struct")
@@ -182,19 +206,18 @@ void bind_tables(py::module_ &m)
             "group", [](const Field &f) { return group_name(f.group); }, "in, out, par, mem or ''")
         .def_property_readonly("rule", rule_text, "'required, > 0', or ''")
         .def_property_readonly(
-            "count", [](const Field &f) { return f.count ? py::object(py::str(f.count)) : py::none(); },
+            "count", [](const Field &f) { return text_or_none(f.count); },
             "the field that says how many rows count, or None")
-        .def_property_readonly("shape",
-                               [](const Field &f) {
-                                   py::tuple shape(f.ndim);
-                                   for (std::uint32_t i = 0; i < f.ndim; i++) {
-                                       shape[i] = f.shape[i];
-                                   }
-                                   return shape;
-                               })
         .def_property_readonly(
-            "dims",
-            [](const Field &f) {
+            "shape", [](const Field &f) -> Typed<py::tuple, "tuple[int, ...]"> {
+                py::tuple shape(f.ndim);
+                for (std::uint32_t i = 0; i < f.ndim; i++) {
+                    shape[i] = f.shape[i];
+                }
+                return shape;
+            })
+        .def_property_readonly(
+            "dims", [](const Field &f) -> Typed<py::tuple, "tuple[int, ...]"> {
                 py::tuple dims(8);
                 for (std::size_t i = 0; i < 8; i++) {
                     dims[i] = static_cast<int>(f.dims[i]);
@@ -202,16 +225,12 @@ void bind_tables(py::module_ &m)
                 return dims;
             },
             "exponents of m, kg, s, A, K, mol, cd, rad")
-        .def_property_readonly(
-            "struct", [](const Field &f) { return f.sub; }, py::return_value_policy::reference)
+        .def_property_readonly("struct", [](const Field &f) -> StructOf { return referenced(f.sub); })
         .def_property_readonly(
             "enumerators",
             [](const Field &f) {
-                py::list list;
-                for (std::uint32_t i = 0; f.values && i < f.values->n; i++) {
-                    list.append(py::make_tuple(f.values->values[i].name, f.values->values[i].value));
-                }
-                return list;
+                const std::span all(f.values ? f.values->values : nullptr, f.values ? f.values->n : 0);
+                return list_of(all, [](const FledgeEnumerator &one) { return std::pair(one.name, one.value); });
             },
             "(name, value) of each, of an enum")
         .def_property_readonly(
@@ -221,15 +240,15 @@ void bind_tables(py::module_ &m)
             "bounds",
             [](const Field &f) {
                 const auto end = [&](std::uint32_t has, double x) {
-                    return f.bounds & has ? py::object(py::float_(x)) : py::none();
+                    return f.bounds & has ? std::optional(x) : std::nullopt;
                 };
-                return py::make_tuple(end(FLEDGE_HAS_LO, f.lo), end(FLEDGE_HAS_HI, f.hi),
-                                      static_cast<bool>(f.bounds & FLEDGE_LO_OPEN),
-                                      static_cast<bool>(f.bounds & FLEDGE_HI_OPEN));
+                return std::tuple(end(FLEDGE_HAS_LO, f.lo), end(FLEDGE_HAS_HI, f.hi),
+                                  static_cast<bool>(f.bounds & FLEDGE_LO_OPEN),
+                                  static_cast<bool>(f.bounds & FLEDGE_HI_OPEN));
             },
             "(lowest or None, highest or None, whether the lowest itself is excluded, and the highest)")
         .def_property_readonly(
-            "distinct", [](const Field &f) { return f.distinct ? py::object(py::str(f.distinct)) : py::none(); },
+            "distinct", [](const Field &f) { return text_or_none(f.distinct); },
             "the input that may not hold the same, or None")
         .def_property_readonly("required", flag(FLEDGE_REQUIRED))
         .def_property_readonly("assumed", flag(FLEDGE_ASSUMED))
@@ -239,8 +258,7 @@ void bind_tables(py::module_ &m)
         .def_property_readonly("optional", flag(FLEDGE_OPTIONAL))
         .def_property_readonly("spare", flag(FLEDGE_SPARE));
 
-    py::class_<FledgeStruct>(m, "Struct", "A module, model, message or plain struct, as declared in its header.")
-        .def_readonly("name", &FledgeStruct::name)
+    structs.def_readonly("name", &FledgeStruct::name)
         .def_readonly("doc", &FledgeStruct::doc)
         .def_readonly("header", &FledgeStruct::header)
         .def_readonly("folder", &FledgeStruct::folder)
@@ -255,7 +273,7 @@ void bind_tables(py::module_ &m)
             "events", [](const FledgeStruct &s) { return enumeration(s.events); },
             "(name, doc, [(name, value, doc), ...]) of what a module says, or None")
         .def_property_readonly("schema", [](const FledgeStruct &s) { return s.schema ? s.schema : ""; })
-        .def_property_readonly("fields", [](const py::object &self) {
+        .def_property_readonly("fields", [](const py::object &self) -> Fields {
             const auto &s = self.cast<const FledgeStruct &>();
             py::list list;
             for (std::uint32_t i = 0; i < s.n; i++) {
@@ -269,7 +287,7 @@ void bind_tables(py::module_ &m)
         [](const std::string &name) {
             return types_of(name == "world" ? fledge_library_world : fledge_library_flight, world::models());
         },
-        "The types of the library 'flight' or 'world', by name.");
+        py::arg("name"), "The types of the library 'flight' or 'world', by name.");
     const auto message = [](const char *name) -> const FledgeStruct & {
         const FledgeLibrary &flight = fledge_library_flight;
         return **std::find_if(flight.structs, flight.structs + flight.n,
@@ -278,34 +296,36 @@ void bind_tables(py::module_ &m)
     sim::set_executive_types(message("ProcessMode"), message("Activity"));
     m.def("load_library", load_library, py::arg("path"), py::arg("name"),
           "Load a shared library of modules and models and return its types by name.");
-    m.def("struct", struct_of, py::return_value_policy::reference, "The table of an object's or type's struct.");
+    m.def("struct", struct_of, py::arg("object"), py::return_value_policy::reference,
+          "The table of an object's or type's struct.");
     m.def(
         "path",
-        [](py::handle object) {
+        [](const AnyObject &object) {
             struct_of(object);
             return path_of(object.ptr());
         },
-        "'flight.control.error', or the type's name for what has no name yet.");
-    m.def("name", [](py::handle object) { return instance_of(object)->name; });
+        py::arg("object"), "'flight.control.error', or the type's name for what has no name yet.");
+    m.def(
+        "name", [](const AnyInstance &object) { return instance_of(object)->name; }, py::arg("object"));
     m.def(
         "root",
-        [](py::handle object) {
+        [](const AnyObject &object) -> InstanceOrNone {
             struct_of(object);
             PyObject *root = root_of(object.ptr());
             return root ? py::reinterpret_borrow<py::object>(root) : py::none();
         },
-        "The module or model that a message is a part of, or None.");
+        py::arg("object"), "The module or model that a message is a part of, or None.");
     m.def(
         "field",
-        [](py::handle view) -> const Field * {
+        [](const AnyPort &view) -> FieldOrNone {
             need(is_view(view.ptr()), "a message", view);
             const View *v = as_view(view.ptr());
-            return v->member ? v->member->field : nullptr;
+            return referenced(v->member ? v->member->field : nullptr);
         },
-        py::return_value_policy::reference, "The field of its owner that is this message, or None.");
+        py::arg("view"), "The field of its owner that is this message, or None.");
     m.def(
         "row",
-        [](py::handle object, const std::string &name, std::size_t index) {
+        [](const AnyObject &object, const std::string &name, std::size_t index) -> Row {
             struct_of(object);
             const Member *member = as_object(object.ptr())->type->find(name);
             PyObject *row =
@@ -315,61 +335,68 @@ void bind_tables(py::module_ &m)
             }
             return py::reinterpret_steal<py::object>(row);
         },
+        py::arg("object"), py::arg("name"), py::arg("index"),
         "A row of an array of structs, also one beyond those that count.");
     const auto names_where = [](std::vector<bool> sim::Instance::*marks, bool parameters) {
-        return [marks, parameters](py::handle object) {
+        return [marks, parameters](const AnyInstance &object) {
             const auto instance = instance_of(object);
-            py::list names;
+            std::vector<std::string> names;
             for (std::uint32_t i = 0; i < instance->type().n; i++) {
                 const FledgeField &field = instance->type().fields[i];
                 const bool of_these =
                     parameters ? field.group == FLEDGE_PAR : field.group == FLEDGE_OUT || field.group == FLEDGE_MEM;
                 if (of_these && (*instance.*marks)[i]) {
-                    names.append(field.name);
+                    names.emplace_back(field.name);
                 }
             }
             return names;
         };
     };
-    m.def("given", names_where(&sim::Instance::given, true), "The names of the parameters that the user gave.");
-    m.def("bare", names_where(&sim::Instance::bare, true), "The names of those that the user gave without a unit.");
-    m.def("assigned", names_where(&sim::Instance::given, false), "The names of outputs and memory that the user set.");
+    m.def("given", names_where(&sim::Instance::given, true), py::arg("object"),
+          "The names of the parameters that the user gave.");
+    m.def("bare", names_where(&sim::Instance::bare, true), py::arg("object"),
+          "The names of those that the user gave without a unit.");
+    m.def("assigned", names_where(&sim::Instance::given, false), py::arg("object"),
+          "The names of outputs and memory that the user set.");
     m.def(
         "memory",
-        [](py::handle object) {
+        [](const AnyObject &object) {
             struct_of(object);
             const Object &o = *as_object(object.ptr());
             return py::bytes(reinterpret_cast<const char *>(o.memory), o.type->table->size);
         },
-        "A copy of an object's bytes.");
+        py::arg("object"), "A copy of an object's bytes.");
     m.def(
         "maker",
-        [](py::handle object) {
+        [](const AnyInstance &object) {
             const char *const names[] = {"itself", "record", "computer"};
             return names[static_cast<int>(instance_of(object)->maker)];
         },
-        "What makes the outputs of a module: itself, a record, or a computer in its place.");
+        py::arg("object"), "What makes the outputs of a module: itself, a record, or a computer in its place.");
     m.def(
         "script",
-        [](py::handle object) {
+        [](const AnyInstance &object) -> ScriptOrNone {
             instance_of(object);
             return py::reinterpret_steal<py::object>(script_of(*as_root(object.ptr())));
         },
-        "(update, reset or None) of a module whose update is in Python, or None.");
+        py::arg("object"), "(update, reset or None) of a module whose update is in Python, or None.");
     m.def(
         "context",
-        [](py::handle object) {
+        [](const AnyInstance &object) -> ReferenceOrNone {
             instance_of(object);
             PyObject *context = as_root(object.ptr())->context;
             return context ? py::reinterpret_borrow<py::object>(context) : py::none();
         },
-        "The weak reference given to set_context(), or None.");
-    m.def("set_context", [](py::handle object, py::object reference) {
-        instance_of(object);
-        // A plain reference would close a cycle, and these objects take no part in garbage collection.
-        need(PyWeakref_Check(reference.ptr()), "a weak reference", reference);
-        Py_XSETREF(as_root(object.ptr())->context, reference.release().ptr());
-    });
+        py::arg("object"), "The weak reference given to set_context(), or None.");
+    m.def(
+        "set_context",
+        [](const AnyInstance &object, Reference reference) {
+            instance_of(object);
+            // A plain reference would close a cycle, and these objects take no part in garbage collection.
+            need(PyWeakref_Check(reference.ptr()), "a weak reference", reference);
+            Py_XSETREF(as_root(object.ptr())->context, reference.release().ptr());
+        },
+        py::arg("object"), py::arg("reference"));
 }
 
 } // namespace fledge::core

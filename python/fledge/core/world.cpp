@@ -27,7 +27,7 @@ world::SpacecraftModel &craft_of(py::handle object)
     return *craft;
 }
 
-void attach(py::handle object, py::handle part)
+void attach(const AnyInstance &object, const AnyInstance &part)
 {
     auto &craft = craft_of(object);
     auto *effector = is_root(part.ptr()) ? dynamic_cast<world::Effector *>(instance_of(part)->model()) : nullptr;
@@ -57,7 +57,7 @@ world::GravityBody body_from(const BodyFields &fields)
     return {name, mu, radius, J, vector(pole_N), vector(r_PN_N), vector(v_PN_N), naif, field, surface, pole_stays};
 }
 
-py::list fields_of(const std::vector<world::GravityBody> &bodies)
+std::vector<BodyFields> fields_of(const std::vector<world::GravityBody> &bodies)
 {
     return list_of(bodies, [](const world::GravityBody &b) {
         return BodyFields{b.name,
@@ -88,7 +88,7 @@ world::EnvironmentModel &environment_of(py::handle object)
 }
 
 /// The object holds a reference to the source, because the model only has a pointer.
-void ask(py::handle object, py::handle source, const char *port)
+void ask(const AnyInstance &object, const AnyInstance &source, const char *port)
 {
     auto &part = model_of<world::Asks>(object, "a part that asks a model");
     if (!is_root(source.ptr()) || !instance_of(source)->model() || !part.ask(*instance_of(source)->model())) {
@@ -103,55 +103,77 @@ void ask(py::handle object, py::handle source, const char *port)
 
 void bind_world(py::module_ &m)
 {
-    m.def("attach", attach);
-    m.def("parts", [](py::handle object) {
-        craft_of(object);
-        PyObject *parts = as_root(object.ptr())->parts;
-        return parts ? py::reinterpret_borrow<py::object>(parts) : py::tuple();
-    });
-    m.def("add_gravity",
-          [](py::handle object, const BodyFields &body) { craft_of(object).add_gravity(body_from(body)); });
+    m.def("attach", attach, py::arg("object"), py::arg("part"));
     m.def(
-        "gravity", [](py::handle object) { return fields_of(craft_of(object).gravity()); },
+        "parts", [](const AnyInstance &object) -> Typed<py::tuple, "tuple[Model, ...]"> {
+            craft_of(object);
+            PyObject *parts = as_root(object.ptr())->parts;
+            return parts ? py::reinterpret_borrow<py::tuple>(parts) : py::tuple();
+        },
+        py::arg("object"));
+    m.def(
+        "add_gravity",
+        [](const AnyInstance &object, const BodyFields &body) { craft_of(object).add_gravity(body_from(body)); },
+        py::arg("object"), py::arg("body"));
+    m.def(
+        "gravity", [](const AnyInstance &object) { return fields_of(craft_of(object).gravity()); }, py::arg("object"),
         "(name, mu, radius, J, pole_N, r_PN_N, v_PN_N, naif, field, surface, pole_stays) of each body");
 
-    m.def("set_body",
-          [](py::handle object, const BodyFields &body) { environment_of(object).set_body(body_from(body)); });
-    m.def("add_body",
-          [](py::handle object, const BodyFields &body) { environment_of(object).add_body(body_from(body)); });
     m.def(
-        "bodies", [](py::handle object) { return fields_of(environment_of(object).bodies()); }, "As for gravity.");
-    m.def("set_serves", [](py::handle object, const std::string &process) {
-        model_of<world::RadioModel>(object, "a radio").set_serves(process);
-    });
-    m.def("serves", [](py::handle object) { return model_of<world::RadioModel>(object, "a radio").serves(); });
-    m.def("ask", ask);
-    m.def("asked", [](py::handle object) {
-        PyObject *asked = as_root(object.ptr())->parts;
-        return asked && PyTuple_GET_SIZE(asked) ? py::reinterpret_borrow<py::tuple>(asked)[0].cast<py::object>()
-                                                : py::none();
-    });
-    m.def("set_coefficients", [](py::handle object, const std::string &path) {
-        model_of<world::MagnetismModel>(object, "a Magnetism").set_coefficients(path);
-    });
-    m.def("coefficients",
-          [](py::handle object) { return model_of<world::MagnetismModel>(object, "a Magnetism").coefficients(); });
+        "set_body",
+        [](const AnyInstance &object, const BodyFields &body) { environment_of(object).set_body(body_from(body)); },
+        py::arg("object"), py::arg("body"));
+    m.def(
+        "add_body",
+        [](const AnyInstance &object, const BodyFields &body) { environment_of(object).add_body(body_from(body)); },
+        py::arg("object"), py::arg("body"));
+    m.def(
+        "bodies", [](const AnyInstance &object) { return fields_of(environment_of(object).bodies()); },
+        py::arg("object"), "As for gravity.");
+    m.def(
+        "set_serves",
+        [](const AnyInstance &object, const std::string &process) {
+            model_of<world::RadioModel>(object, "a radio").set_serves(process);
+        },
+        py::arg("object"), py::arg("process"));
+    m.def(
+        "serves", [](const AnyInstance &object) { return model_of<world::RadioModel>(object, "a radio").serves(); },
+        py::arg("object"));
+    m.def("ask", ask, py::arg("object"), py::arg("source"), py::arg("port"));
+    m.def(
+        "asked", [](const AnyInstance &object) -> Typed<py::object, "Model | None"> {
+            PyObject *asked = as_root(object.ptr())->parts;
+            return asked && PyTuple_GET_SIZE(asked) ? py::reinterpret_borrow<py::tuple>(asked)[0].cast<py::object>()
+                                                    : py::none();
+        },
+        py::arg("object"));
+    m.def(
+        "set_coefficients",
+        [](const AnyInstance &object, const std::string &path) {
+            model_of<world::MagnetismModel>(object, "a Magnetism").set_coefficients(path);
+        },
+        py::arg("object"), py::arg("path"));
+    m.def(
+        "coefficients",
+        [](const AnyInstance &object) { return model_of<world::MagnetismModel>(object, "a Magnetism").coefficients(); },
+        py::arg("object"));
 
-    m.def("semi_latus_rectum", world::semi_latus_rectum, "p [m] from a [m] and e.");
+    m.def("semi_latus_rectum", world::semi_latus_rectum, py::arg("a"), py::arg("e"), "p [m] from a [m] and e.");
     m.def(
         "orbit_state",
         [](double mu, double p, double e, double i, double Omega, double omega, double f) {
             const world::OrbitState state = world::orbit_state(mu, {p, e, i, Omega, omega, f});
             return std::make_pair(triple(state.r), triple(state.v));
         },
+        py::arg("mu"), py::arg("p"), py::arg("e"), py::arg("i"), py::arg("Omega"), py::arg("omega"), py::arg("f"),
         "Position [m] and velocity [m/s] from classical elements; SI, radians.");
     m.def(
         "orbit_elements",
         [](double mu, const Triple &r, const Triple &v) {
             const world::OrbitElements o = world::orbit_elements(mu, {vector(r), vector(v)});
-            return py::make_tuple(o.p, o.e, o.i, o.Omega, o.omega, o.f);
+            return std::tuple(o.p, o.e, o.i, o.Omega, o.omega, o.f);
         },
-        "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
+        py::arg("mu"), py::arg("r"), py::arg("v"), "(p, e, i, Omega, omega, f) from position [m] and velocity [m/s].");
 }
 
 } // namespace fledge::core

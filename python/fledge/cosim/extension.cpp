@@ -303,29 +303,40 @@ PYBIND11_MODULE(_cosim, m)
     py::module_::import("_core");
     bind_crashes(m);
     py::class_<ProcessNode>(m, "ProcessNode", "A process of a simulation as a node of a co-simulation.")
-        .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::keep_alive<1, 2>())
-        .def("read", &ProcessNode::read_by_path)
-        .def("carry",
-             [](ProcessNode &node, const std::string &flight, const std::vector<std::pair<Ns, Ns>> &rates) {
-                 std::vector<fledge::cosim::Rate> all;
-                 all.reserve(rates.size());
-                 for (const auto &[period, offset] : rates) {
-                     all.push_back({period, offset});
-                 }
-                 node.carry(flight, std::move(all));
-             })
-        .def("serve", serve);
+        .def(py::init<fledge::sim::Simulation &, const std::string &>(), py::arg("simulation"), py::arg("process"),
+             py::keep_alive<1, 2>())
+        .def("read", &ProcessNode::read_by_path, py::arg("topic"), py::arg("port"), py::arg("latency"),
+             py::arg("stale_after"))
+        .def(
+            "carry",
+            [](ProcessNode &node, const std::string &flight, const std::vector<std::pair<Ns, Ns>> &rates) {
+                std::vector<fledge::cosim::Rate> all;
+                all.reserve(rates.size());
+                for (const auto &[period, offset] : rates) {
+                    all.push_back({period, offset});
+                }
+                node.carry(flight, std::move(all));
+            },
+            py::arg("flight"), py::arg("rates"))
+        .def("serve", serve, py::arg("simulation"), py::arg("name"), py::arg("address"), py::arg("keys"),
+             py::arg("connect_timeout"), py::arg("delay"), py::arg("on_start"));
     py::class_<Control>(m, "Control", "The controller of a co-simulation.")
         .def(py::init<const std::string &, const std::vector<std::pair<std::string, std::string>> &, Ns, std::uint64_t,
                       const std::string &, const std::string &, bool, double, double, const std::string &, Ns,
-                      std::function<void(const std::string &)>>())
+                      std::function<void(const std::string &)>>(),
+             py::arg("simulation"), py::arg("nodes"), py::arg("end"), py::arg("seed"), py::arg("address"),
+             py::arg("keys"), py::arg("unencrypted"), py::arg("join"), py::arg("reply"), py::arg("sharing"),
+             py::arg("save_every"), py::arg("report"))
         .def_property_readonly("address", &Control::address)
         .def_property_readonly("times", &Control::times)
-        .def("run", &Control::run);
+        .def("run", &Control::run, py::arg("poll"));
     py::class_<Replay>(m, "Replay", "A node of a co-simulation alone, against the record of the others.")
         .def(py::init<const std::string &, const std::string &, std::uint64_t, Ns, const std::vector<Replay::Part> &,
                       const std::vector<std::string> &, const std::string &, const std::string &, const std::string &,
-                      double, double, const std::string &, const std::map<std::string, std::string> &>())
+                      double, double, const std::string &, const std::map<std::string, std::string> &>(),
+             py::arg("simulation"), py::arg("node"), py::arg("seed"), py::arg("end"), py::arg("others"),
+             py::arg("topics"), py::arg("record"), py::arg("address"), py::arg("keys"), py::arg("join"),
+             py::arg("reply"), py::arg("prefix"), py::arg("names"))
         .def_property_readonly("address", &Replay::address)
-        .def("run", &Replay::run);
+        .def("run", &Replay::run, py::arg("poll"));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The module `_emulator`: a computer in software, for the package fledge.emulator. Times are integer nanoseconds here.
+#include "core/typed.h"
 #include "emulator/backend.h"
 #include "emulator/board.h"
 #include "emulator/debug/registers.h"
@@ -26,6 +27,7 @@ namespace {
 
 using namespace fledge;
 using namespace fledge::emulator;
+using fledge::core::Typed;
 
 const char *const engines[] = {"interpreter", "threaded", "translator"};
 const char *const reasons[] = {"time", "early", "breakpoint", "watchpoint", "error"};
@@ -210,12 +212,12 @@ public:
     Link(const Link &) = delete;
     Link &operator=(const Link &) = delete;
 
-    py::list messages() const
+    std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t, bool>> messages() const
     {
-        py::list rows;
+        std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t, bool>> rows;
         for (std::uint32_t id = 0; id < host_.io->n_messages; id++) {
             const MissionMessage &m = host_.io->messages[id];
-            rows.append(py::make_tuple(m.path, m.offset, m.size, m.direction == MISSION_IN));
+            rows.emplace_back(m.path, m.offset, m.size, m.direction == MISSION_IN);
         }
         return rows;
     }
@@ -235,14 +237,14 @@ public:
         return address;
     }
 
-    py::list registers() const
+    std::vector<std::tuple<std::string, std::uint64_t, std::uint64_t>> registers() const
     {
-        py::list rows;
+        std::vector<std::tuple<std::string, std::uint64_t, std::uint64_t>> rows;
         for (const RegisterWindow &w : space_.windows()) {
             for (const RegisterLane &lane : std::span(w.board->lanes, w.board->n_lanes)) {
                 const bool words = lane.form == REGISTER_WORD && !(lane.flags & REGISTER_QUEUED);
-                rows.append(py::make_tuple(std::string(w.board->name) + "." + lane.name, w.board->base + lane.address,
-                                           words ? 4 * lane.count : REGISTER_CONTROL_SIZE + lane.depth * lane.stride));
+                rows.emplace_back(std::string(w.board->name) + "." + lane.name, w.board->base + lane.address,
+                                  words ? 4 * lane.count : REGISTER_CONTROL_SIZE + lane.depth * lane.stride);
             }
         }
         return rows;
@@ -285,12 +287,12 @@ public:
                                static_cast<std::uint32_t>(bytes.size()), &counts_) != 0;
     }
 
-    py::list receive()
+    std::vector<py::bytes> receive()
     {
-        py::list packets;
+        std::vector<py::bytes> packets;
         while (const std::uint32_t n = mission_io_receive(host_.io, windows(), host_.io->telemetry, packet_.data(),
                                                           static_cast<std::uint32_t>(packet_.size()), &counts_)) {
-            packets.append(to_python(std::span(packet_).first(n)));
+            packets.push_back(to_python(std::span(packet_).first(n)));
         }
         return packets;
     }
@@ -372,7 +374,7 @@ private:
     Ns reached_ = -1;
 };
 
-py::dict registers_of(Computer &c)
+Typed<py::dict, "dict[str, int]"> registers_of(Computer &c)
 {
     py::dict found;
     for (unsigned i = 0; i < named_registers; i++) {
@@ -409,7 +411,8 @@ PYBIND11_MODULE(_emulator, m)
     (void)py::class_<Link::Saved>(m, "Saved");
 
     py::class_<Computer>(m, "Computer")
-        .def(py::init<const std::string &, const std::string &, const std::string &>())
+        .def(py::init<const std::string &, const std::string &, const std::string &>(), py::arg("board"),
+             py::arg("elf"), py::arg("engine"))
         .def_property_readonly("now", [](const Computer &c) { return c.machine.now(); })
         .def_property_readonly("cycles", [](Computer &c) { return c.machine.core().state.cycles; })
         .def_property_readonly("instructions", [](const Computer &c) { return c.machine.instructions(); })
@@ -417,112 +420,149 @@ PYBIND11_MODULE(_emulator, m)
         .def_property_readonly("watchdog_resets", [](const Computer &c) { return c.machine.watchdog_resets(); })
         .def_property_readonly("failed", [](Computer &c) { return c.machine.core().state.mode == Mode::error; })
         .def_property_readonly("trap", [](Computer &c) { return trap_name(c.machine.core().state.trap_type); })
-        .def("run_until", run_until)
+        .def("run_until", run_until, py::arg("t"))
         .def("step", [](Computer &c) { return reasons[static_cast<int>(c.machine.step())]; })
         .def("reset", [](Computer &c) { c.machine.reset(); })
         .def("registers", registers_of)
-        .def("set_register",
-             [](Computer &c, const std::string &name, std::uint32_t value) {
-                 set_register(c.machine.core().state, register_number(name), value);
-             })
-        .def("peek",
-             [](const Computer &c, std::uint32_t address, std::size_t n) {
-                 std::vector<std::byte> bytes(n);
-                 if (!c.machine.peek(address, bytes)) {
-                     throw no_memory(address);
-                 }
-                 return to_python(bytes);
-             })
-        .def("poke",
-             [](Computer &c, std::uint32_t address, const py::bytes &bytes) {
-                 if (!c.machine.poke(address, from_python(bytes))) {
-                     throw no_memory(address);
-                 }
-             })
-        .def("devices",
-             [](Computer &c) {
-                 py::dict found;
-                 for (const DeviceWords &device : device_words(c.machine)) {
-                     py::dict words;
-                     for (const auto &[name, address, value] : device.words) {
-                         words[py::str(name)] = py::make_tuple(address, value);
-                     }
-                     found[py::str(device.name)] = words;
-                 }
-                 return found;
-             })
-        .def("symbol",
-             [](const Computer &c, const std::string &name) -> py::object {
-                 const Program::Symbol *found = c.program.named(name);
-                 return found ? py::object(py::make_tuple(found->address, found->size)) : py::none();
-             })
+        .def(
+            "set_register",
+            [](Computer &c, const std::string &name, std::uint32_t value) {
+                set_register(c.machine.core().state, register_number(name), value);
+            },
+            py::arg("name"), py::arg("value"))
+        .def(
+            "peek",
+            [](const Computer &c, std::uint32_t address, std::size_t n) {
+                std::vector<std::byte> bytes(n);
+                if (!c.machine.peek(address, bytes)) {
+                    throw no_memory(address);
+                }
+                return to_python(bytes);
+            },
+            py::arg("address"), py::arg("n"))
+        .def(
+            "poke",
+            [](Computer &c, std::uint32_t address, const py::bytes &bytes) {
+                if (!c.machine.poke(address, from_python(bytes))) {
+                    throw no_memory(address);
+                }
+            },
+            py::arg("address"), py::arg("bytes"))
+        .def(
+            "devices", [](Computer & c) -> Typed<py::dict, "dict[str, dict[str, tuple[int, int]]]"> {
+                py::dict found;
+                for (const DeviceWords &device : device_words(c.machine)) {
+                    py::dict words;
+                    for (const auto &[name, address, value] : device.words) {
+                        words[py::str(name)] = py::make_tuple(address, value);
+                    }
+                    found[py::str(device.name)] = words;
+                }
+                return found;
+            })
+        .def(
+            "symbol",
+            [](const Computer &c, const std::string &name) {
+                const Program::Symbol *found = c.program.named(name);
+                return found ? std::optional(std::pair(found->address, found->size)) : std::nullopt;
+            },
+            py::arg("name"))
         .def("symbols",
              [](const Computer &c) {
-                 py::list names;
+                 std::vector<std::string> names;
                  for (const Program::Symbol &one : c.program.symbols()) {
-                     names.append(one.name);
+                     names.push_back(one.name);
                  }
                  return names;
              })
-        .def("place", [](const Computer &c, std::uint32_t address) { return c.program.place(address); })
+        .def(
+            "place", [](const Computer &c, std::uint32_t address) { return c.program.place(address); },
+            py::arg("address"))
         .def_property_readonly("entry", [](const Computer &c) { return c.program.entry(); })
         .def("report", [](const Computer &c) { return c.machine.report(&c.program); })
         .def_readonly("console", &Computer::console)
-        .def("send",
-             [](Computer &c, const py::bytes &bytes, std::size_t n) {
-                 auto *uart = c.machine.device_of<Apbuart>(n);
-                 const auto from = from_python(bytes);
-                 if (!uart || uart->room() < from.size()) {
-                     throw Error(!uart ? c.machine.board().file + ": the board has no UART " + std::to_string(n)
-                                       : "send: the UART has room for " + std::to_string(uart->room()) +
-                                             " bytes; run the program, so that it reads what waits");
-                 }
-                 uart->receive({reinterpret_cast<const std::uint8_t *>(from.data()), from.size()});
-             })
+        .def(
+            "send",
+            [](Computer &c, const py::bytes &bytes, std::size_t n) {
+                auto *uart = c.machine.device_of<Apbuart>(n);
+                const auto from = from_python(bytes);
+                if (!uart || uart->room() < from.size()) {
+                    throw Error(!uart ? c.machine.board().file + ": the board has no UART " + std::to_string(n)
+                                      : "send: the UART has room for " + std::to_string(uart->room()) +
+                                            " bytes; run the program, so that it reads what waits");
+                }
+                uart->receive({reinterpret_cast<const std::uint8_t *>(from.data()), from.size()});
+            },
+            py::arg("bytes"), py::arg("n"))
         .def("snapshot", [](Computer &c) { return std::const_pointer_cast<Snapshot>(c.machine.snapshot()); })
-        .def("restore",
-             [](Computer &c, const Snapshot &s) {
-                 c.machine.restore(s);
-                 c.tools.begin();
-             })
+        .def(
+            "restore",
+            [](Computer &c, const Snapshot &s) {
+                c.machine.restore(s);
+                c.tools.begin();
+            },
+            py::arg("snapshot"))
         .def("save", [](Computer &c) { return to_python(c.machine.save()); })
-        .def("load", [](Computer &c, const py::bytes &bytes) { c.machine.load_snapshot(from_python(bytes)); })
-        .def("set_breakpoint",
-             [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); })
-        .def("set_watchpoint", [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write,
-                                  bool on) { c.machine.set_watchpoint(address, size, read, write, on); })
-        .def("serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); })
-        .def("wait_for_gdb",
-             [](Computer &c, int timeout) {
-                 py::gil_scoped_release release;
-                 return c.tools.gdb() && c.tools.gdb()->wait(timeout);
-             })
-        .def("trace", [](Computer &c, const std::string &path, Ns from, Ns until) { c.tools.trace(path, from, until); })
-        .def("coverage", [](Computer &c, const std::string &path) { c.tools.coverage(path); })
-        .def("profile", [](Computer &c, const std::string &path) { c.tools.profile(path); })
+        .def(
+            "load", [](Computer &c, const py::bytes &bytes) { c.machine.load_snapshot(from_python(bytes)); },
+            py::arg("bytes"))
+        .def(
+            "set_breakpoint",
+            [](Computer &c, std::uint32_t address, bool on) { c.machine.set_breakpoint(address, on); },
+            py::arg("address"), py::arg("on"))
+        .def(
+            "set_watchpoint",
+            [](Computer &c, std::uint32_t address, std::uint32_t size, bool read, bool write, bool on) {
+                c.machine.set_watchpoint(address, size, read, write, on);
+            },
+            py::arg("address"), py::arg("size"), py::arg("read"), py::arg("write"), py::arg("on"))
+        .def(
+            "serve_gdb", [](Computer &c, const std::string &address) { return c.tools.serve_gdb(address); },
+            py::arg("address"))
+        .def(
+            "wait_for_gdb",
+            [](Computer &c, int timeout) {
+                py::gil_scoped_release release;
+                return c.tools.gdb() && c.tools.gdb()->wait(timeout);
+            },
+            py::arg("timeout"))
+        .def(
+            "trace", [](Computer &c, const std::string &path, Ns from, Ns until) { c.tools.trace(path, from, until); },
+            py::arg("path"), py::arg("from_"), py::arg("until"))
+        .def(
+            "coverage", [](Computer &c, const std::string &path) { c.tools.coverage(path); }, py::arg("path"))
+        .def(
+            "profile", [](Computer &c, const std::string &path) { c.tools.profile(path); }, py::arg("path"))
         .def("stacks", [](Computer &c) { c.tools.stacks(); })
         .def("finish", &Computer::finish)
         .def("renew_engine", &Computer::renew_engine)
         .def("depths",
              [](const Computer &c) {
-                 py::list rows;
+                 std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> rows;
                  for (const StackDepth::Stack &one : c.tools.depths()) {
-                     rows.append(py::make_tuple(one.name, one.used(), one.size));
+                     rows.emplace_back(one.name, one.used(), one.size);
                  }
                  return rows;
              })
         // Faults.
-        .def("flip", &Computer::flip)
-        .def("plan_flip",
-             [](Computer &c, std::optional<std::uint64_t> instruction, std::optional<Ns> time,
-                std::vector<std::pair<Computer::Place, unsigned>> flips) {
-                 c.planned = Computer::Plan{instruction, time, std::move(flips)};
-             })
-        .def("flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); })
+        .def("flip", &Computer::flip, py::arg("place"), py::arg("bit"))
+        .def(
+            "plan_flip",
+            [](Computer &c, std::optional<std::uint64_t> instruction, std::optional<Ns> time,
+               std::vector<std::pair<Computer::Place, unsigned>> flips) {
+                c.planned = Computer::Plan{instruction, time, std::move(flips)};
+            },
+            py::arg("instruction"), py::arg("time"), py::arg("flips"))
+        .def(
+            "flip_next_read", [](Computer &c, std::uint32_t bits) { c.machine.bus().flip_next_read(bits); },
+            py::arg("bits"))
         .def("fail_next_read", [](Computer &c) { c.machine.bus().fail_next_read(); })
-        .def("raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); })
-        .def("stick_interrupts",
-             [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); })
+        .def(
+            "raise_interrupt", [](Computer &c, std::uint32_t line) { interrupts_of(c).raise(line); }, py::arg("line"))
+        .def(
+            "stick_interrupts",
+            [](Computer &c, std::uint32_t pending, std::uint32_t silent) { interrupts_of(c).stick(pending, silent); },
+            py::arg("pending"), py::arg("silent"))
         .def("enable_edac",
              [](Computer &c) {
                  auto *controller = c.machine.device_of<MemoryController>();
@@ -537,25 +577,28 @@ PYBIND11_MODULE(_emulator, m)
         });
 
     py::class_<Link>(m, "Link")
-        .def(py::init<Computer &, const std::string &>(), py::keep_alive<1, 2>())
+        .def(py::init<Computer &, const std::string &>(), py::arg("computer"), py::arg("tables"),
+             py::keep_alive<1, 2>())
         .def("messages", &Link::messages, "(path, offset in the mission's memory, size, whether it is an input) by id")
         .def("mission", &Link::mission)
         .def("registers", &Link::registers, "(board.lane, address, size in bytes) of all lanes")
-        .def("stick", &Link::stick)
-        .def("carries", &Link::carries)
-        .def("put", &Link::put)
-        .def("take", &Link::take)
-        .def("send", &Link::send)
+        .def("stick", &Link::stick, py::arg("address"), py::arg("ones"), py::arg("zeros"))
+        .def("carries", &Link::carries, py::arg("id"))
+        .def("put", &Link::put, py::arg("id"), py::arg("message"))
+        .def("take", &Link::take, py::arg("id"))
+        .def("send", &Link::send, py::arg("packet"))
         .def("receive", &Link::receive)
-        .def("is_down", &Link::is_down)
-        .def("tick", &Link::tick)
-        .def("lose_ticks", &Link::lose_ticks)
-        .def("on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); })
+        .def("is_down", &Link::is_down, py::arg("t"))
+        .def("tick", &Link::tick, py::arg("t"))
+        .def("lose_ticks", &Link::lose_ticks, py::arg("n"))
+        .def(
+            "on_stop", [](Link &link, std::function<void(const char *)> f) { link.on_stop = std::move(f); },
+            py::arg("f"))
         .def_property_readonly("reached", &Link::reached)
         .def_property_readonly("epoch", [](const Link &link) { return link.state().epoch; })
         .def_property_readonly("missed", [](const Link &link) { return link.state().missed; })
         .def_property_readonly("ticks", [](const Link &link) { return link.state().ticks; })
         .def_property_readonly("cycles", [](const Link &link) { return link.state().cycles; })
         .def("save", &Link::save)
-        .def("restore", &Link::restore);
+        .def("restore", &Link::restore, py::arg("saved"));
 }

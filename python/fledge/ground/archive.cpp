@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The archive of a spacecraft's packets for Python: its writer, and what reads it.
+#include "ground/loaded.h"
 #include "ground/packets/history.h"
 #include "ground/packets/packet_archive.h"
-#include "ground/loaded.h"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -11,7 +11,7 @@ namespace fledge::ground {
 
 namespace {
 
-using Names = std::vector<std::string>;
+using NameList = std::vector<std::string>;
 constexpr std::int64_t end_of_time = std::numeric_limits<std::int64_t>::max();
 
 /// An array that owns what the vector has.
@@ -31,6 +31,11 @@ py::bytes bytes(const std::vector<std::uint8_t> &all)
     return {reinterpret_cast<const char *>(all.data()), all.size()};
 }
 
+using Batch = Typed<py::list, "list[tuple[int, int, bytes]]">;
+using SeriesDict =
+    Typed<py::dict, "dict[str, tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, numpy.ndarray, "
+                    "numpy.ndarray, tuple[str, list[int | float | str | bytes | None]] | None]]">;
+
 py::list gaps(const std::vector<Missing> &all)
 {
     py::list made;
@@ -40,7 +45,7 @@ py::list gaps(const std::vector<Missing> &all)
     return made;
 }
 
-py::list sessions(History &history)
+DictRows sessions(History &history)
 {
     std::vector<History::Session> all;
     {
@@ -63,7 +68,7 @@ py::list sessions(History &history)
 
 /// name -> (received, bands or None for the database's, persistence) of each setting.
 using GivenParameters =
-    std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<py::dict>, std::uint32_t>>>;
+    std::map<std::string, std::vector<std::tuple<std::int64_t, std::optional<LimitDict>, std::uint32_t>>>;
 
 History::Settings settings_of(const GivenParameters &given)
 {
@@ -78,19 +83,19 @@ History::Settings settings_of(const GivenParameters &given)
 }
 
 /// The values of a series by their kind, None where there is none.
-py::object exact_of(const Database &db, const History::Series &series)
+std::pair<const char *, std::vector<Value>> exact_of(const Database &db, const History::Series &series)
 {
     const Type &type = db.types[series.type];
     const Kind kind = value_kind(type);
-    py::list made;
+    std::vector<Value> made;
     for (const auto &one : series.exact) {
         if (made.size() % 8192 == 8191) { // other threads go on
             const py::gil_scoped_release free;
         }
         const bool good = one.status == Status::good || one.status == Status::unlabelled;
-        made.append(good ? object(type, kind, one.value, one.bytes, one.raw) : py::object(py::none()));
+        made.push_back(good ? object(type, kind, one.value, one.bytes, one.raw) : Value(py::none()));
     }
-    return py::make_tuple(name_of(kind), made);
+    return {name_of(kind), std::move(made)};
 }
 
 /// The batches of a replay, each as Monitor.take has it.
@@ -101,7 +106,7 @@ public:
     {
     }
 
-    py::list next()
+    Batch next()
     {
         std::vector<History::Packet> all;
         {
@@ -166,7 +171,8 @@ void bind_archive(py::module_ &m)
         .def_property_readonly("lost", &PacketArchive::lost, "Packets that were not kept, so far.");
 
     py::class_<Replay>(m, "Replay", "An iterator of batches for Monitor.take.")
-        .def("__iter__", [](const py::object &self) { return self; })
+        .def(
+            "__iter__", [](const py::object &self) -> Typed<py::object, "Replay"> { return self; })
         .def("__next__", &Replay::next);
     py::class_<History>(m, "History", "What is in the archive of a spacecraft.")
         .def(py::init([](const std::string &folder, const std::string &craft, const Loaded &database,
@@ -178,8 +184,8 @@ void bind_archive(py::module_ &m)
         .def("sessions", &sessions, "dicts of session, first, last, packets, ended and gaps (from, to, why).")
         .def(
             "series",
-            [](History &history, const Names &names, std::int64_t from, std::int64_t to, std::size_t points,
-               std::int64_t of, const std::optional<GivenParameters> &limits, bool exact) {
+            [](History &history, const NameList &names, std::int64_t from, std::int64_t to, std::size_t points,
+               std::int64_t of, const std::optional<GivenParameters> &limits, bool exact) -> SeriesDict {
                 std::vector<History::Series> all;
                 const auto settings = limits ? settings_of(*limits) : History::Settings();
                 {
@@ -188,11 +194,11 @@ void bind_archive(py::module_ &m)
                 }
                 py::dict made;
                 for (std::size_t i = 0; i < names.size(); i++) {
-                    const auto values = exact ? exact_of(history.database(), all[i]) : py::object(py::none());
+                    auto values = exact ? std::optional(exact_of(history.database(), all[i])) : std::nullopt;
                     made[py::str(names[i])] =
-                        py::make_tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
-                                       array(std::move(all[i].low)), array(std::move(all[i].high)),
-                                       array(std::move(all[i].concern)), array(std::move(all[i].worst)), values);
+                        std::tuple(array(std::move(all[i].t)), array(std::move(all[i].value)),
+                                   array(std::move(all[i].low)), array(std::move(all[i].high)),
+                                   array(std::move(all[i].concern)), array(std::move(all[i].worst)), std::move(values));
                 }
                 return made;
             },
@@ -206,13 +212,13 @@ void bind_archive(py::module_ &m)
             "also of texts and bytes; None: there is none.")
         .def(
             "rows",
-            [](History &history, const Names &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
+            [](History &history, const NameList &inputs, std::int64_t from, std::int64_t to, std::int64_t of) {
                 History::Rows all;
                 {
                     const py::gil_scoped_release free;
                     all = history.rows(inputs, {from, to, of});
                 }
-                return py::make_tuple(array(std::move(all.values), inputs.size() + 1), array(std::move(all.received)));
+                return std::pair(array(std::move(all.values), inputs.size() + 1), array(std::move(all.received)));
             },
             py::arg("inputs"), t0, t1, session,
             "(n, 1 + inputs) of the time, whose 64 bits are an integer, and values; and when each was received [ns].")
@@ -225,11 +231,12 @@ void bind_archive(py::module_ &m)
                     const py::gil_scoped_release free;
                     all = history.packets({from, to, of}, container.value_or(""), limit, backwards, most_bytes);
                 }
-                py::list made;
+                std::vector<std::tuple<std::int64_t, std::int64_t, PathOrNone, py::bytes>> made;
+                made.reserve(all.size());
                 for (const auto &one : all) {
-                    made.append(py::make_tuple(one.t, one.received,
-                                               one.container.empty() ? py::object(py::none()) : py::str(one.container),
-                                               bytes(one.bytes)));
+                    made.emplace_back(one.t, one.received,
+                                      one.container.empty() ? std::nullopt : std::optional(one.container),
+                                      bytes(one.bytes));
                 }
                 return made;
             },

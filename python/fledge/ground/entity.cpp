@@ -2,6 +2,7 @@
 // The ground's entity of CFDP for Python: files in a folder, the time from the caller.
 #include "ccsds/cfdp.h"
 #include "ccsds/store/posix_store.h"
+#include "core/typed.h"
 
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -30,13 +31,16 @@ namespace {
 
 using TransactionId = std::pair<std::uint64_t, std::uint64_t>; // source, sequence
 
+/// A name of the other end's: bytes that are no UTF-8 become lone surrogates, as in Python's paths.
+using FileName = core::Typed<py::object, "str">;
+
 /// What an entity tells.
 struct Told {
     int what;
     TransactionId id;
     bool receiver, incomplete;
     int condition, file_status;
-    py::object to; // a name of the other end's: bytes that are no UTF-8 become lone surrogates, as in Python's paths
+    FileName to;
     py::bytes text;
 };
 
@@ -256,7 +260,7 @@ private:
                          event.incomplete != 0,
                          event.condition,
                          event.file_status,
-                         py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(to.c_str())),
+                         py::reinterpret_steal<FileName>(PyUnicode_DecodeFSDefault(to.c_str())),
                          py::bytes(event.text.n != 0 ? bytes : "", event.text.n)});
     }
 
@@ -293,26 +297,28 @@ void bind_entity(py::module_ &m)
              py::kw_only(), py::arg("folder"), py::arg("own"), py::arg("peer"), py::arg("sequence"), py::arg("timeout"),
              py::arg("inactivity"), py::arg("limit"), py::arg("crc") = false, py::arg("allowed") = 0,
              py::arg("keeps") = false)
-        .def("expect", &Entity::expect,
+        .def("expect", &Entity::expect, py::arg("name"),
              "Take a file by this name once, in place of another one; keeps: of others, none "
              "is replaced, and hidden names are refused.")
         .def_static("message", &Entity::message, py::arg("type"), py::arg("about") = TransactionId{},
                     py::arg("first") = "", py::arg("second") = "", py::arg("value") = 0,
                     "A message to the user as a TLV: a CfdpMessage.")
-        .def_static("read_message", &Entity::read_message, "(type, about, value) of such a message; None: it is none.")
+        .def_static("read_message", &Entity::read_message, py::arg("value"),
+                    "(type, about, value) of such a message; None: it is none.")
         .def("put", &Entity::put, py::arg("from_"), py::arg("to"), py::arg("options"), py::arg("class1"),
              "(source, sequence), or a CfdpRefusal.")
-        .def("time", &Entity::time)
-        .def("room", &Entity::left, "How many bytes may still be written; more is a filestore rejection.")
-        .def("take", &Entity::take)
+        .def("time", &Entity::time, py::arg("now"))
+        .def("room", &Entity::left, py::arg("bytes"),
+             "How many bytes may still be written; more is a filestore rejection.")
+        .def("take", &Entity::take, py::arg("pdu"))
         .def("next", &Entity::next, "The next PDU; empty: there is none.")
         .def("told", &Entity::told, "What it told next; None: nothing.")
-        .def("progress", &Entity::progress, "Of a transaction; None: it has ended.")
+        .def("progress", &Entity::progress, py::arg("id"), "Of a transaction; None: it has ended.")
         .def_property_readonly("busy", &Entity::busy)
-        .def("freeze", &Entity::freeze, "Whether the link is out: nothing is sent, and timers rest.")
-        .def("suspend", &Entity::suspend)
-        .def("resume", &Entity::resume)
-        .def("cancel", &Entity::cancel);
+        .def("freeze", &Entity::freeze, py::arg("on"), "Whether the link is out: nothing is sent, and timers rest.")
+        .def("suspend", &Entity::suspend, py::arg("id"))
+        .def("resume", &Entity::resume, py::arg("id"))
+        .def("cancel", &Entity::cancel, py::arg("id"));
 }
 
 } // namespace fledge::ground

@@ -14,10 +14,10 @@ void bind_archive(py::module_ &m);          // archive.cpp
 void bind_entity(py::module_ &m);           // entity.cpp
 void bind_link_end(py::module_ &m);         // link_end.cpp
 void bind_monitor(py::module_ &m);          // monitor.cpp
-py::list command_forms(const Database &db); // forms.cpp
-py::dict container_names(const Database &db);
+DictRows command_forms(const Database &db); // forms.cpp
+Names container_names(const Database &db);
 
-py::object object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw)
+Value object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw)
 {
     switch (kind) {
     case Kind::natural: return py::int_(word);
@@ -26,17 +26,17 @@ py::object object(const Type &type, Kind kind, std::uint64_t word, std::string_v
     case Kind::real: return py::float_(std::bit_cast<double>(word));
     case Kind::boolean: return py::bool_(word != 0);
     case Kind::label:
-        return word != no_id ? py::object(py::str(type.enumerators[word].label))
+        return word != no_id ? Value(py::str(type.enumerators[word].label))
                              : object(type, raw_kind(type.encoding), raw, bytes, raw);
     case Kind::text:
-        return py::reinterpret_steal<py::object>(
+        return py::reinterpret_steal<Value>(
             PyUnicode_DecodeUTF8(bytes.data(), static_cast<Py_ssize_t>(bytes.size()), "replace"));
     case Kind::binary: return py::bytes(bytes.data(), bytes.size());
     default: return py::none();
     }
 }
 
-std::pair<py::object, py::object> objects(const Database &database, const Decoded &packet, std::size_t i)
+std::pair<Value, Value> objects(const Database &database, const Decoded &packet, std::size_t i)
 {
     const Field &field = packet.fields[i];
     const Type &type = database.types[field.type];
@@ -47,17 +47,17 @@ std::pair<py::object, py::object> objects(const Database &database, const Decode
     const auto raw_bytes = bytes(field.raw, packet.raw[i]);
     const auto own = field.value == Kind::label ? raw_bytes : bytes(field.value, packet.values[i]);
     return {object(type, field.raw, packet.raw[i], raw_bytes, packet.raw[i]),
-            good ? object(type, field.value, packet.values[i], own, packet.raw[i]) : py::object(py::none())};
+            good ? object(type, field.value, packet.values[i], own, packet.raw[i]) : Value(py::none())};
 }
 
 namespace {
 
 /// A packet in objects of Python.
 struct Packet {
-    py::object container, nearest; ///< paths, or None
+    PathOrNone container, nearest;
     std::string reason;
-    py::list rows; ///< (name, raw, value)
-    py::dict raw, values;
+    std::vector<std::tuple<std::string, Value, Value>> rows; ///< (name, raw, value)
+    ArgumentDict raw, values;
     std::size_t bits;
 };
 
@@ -178,25 +178,68 @@ template <class Things> std::vector<std::string> paths(const Things &things)
 Packet decode_packet(Loaded &loaded, const py::bytes &bytes, const std::optional<std::string> &root)
 {
     const Database &db = loaded.database();
-    const auto path = [&](Id id) {
-        return id == no_id ? py::object(py::none()) : py::object(py::str(db.containers[id].path));
-    };
     const std::string_view view = bytes;
     const Id from = root ? db.container(*root) : no_id;
     const Decoded &done =
         loaded.decoder().decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()}, from);
-    Packet made{path(done.container), path(done.nearest), done.reason, py::list(), py::dict(), py::dict(), done.bits};
+    Packet made{
+        path_of(db, done.container), path_of(db, done.nearest), done.reason, {}, py::dict(), py::dict(), done.bits};
     Tree raws(db, done), values(db, done);
     for (std::size_t i = 0; i < done.fields.size(); i++) {
         const auto [raw, value] = objects(db, done, i);
-        made.rows.append(py::make_tuple(loaded.decoder().name(done, i), raw, value));
+        made.rows.emplace_back(loaded.decoder().name(done, i), raw, value);
         raws.put(made.raw, done.fields[i], raw);
         values.put(made.values, done.fields[i], value);
     }
     return made;
 }
 
-std::map<std::string, Given> all_given(const py::dict &arguments)
+Header header_of(const std::string &name)
+{
+    const auto known = {"none", "ccsds", "cfs"};
+    const auto found = std::find(known.begin(), known.end(), name);
+    return found != known.end() ? static_cast<Header>(found - known.begin())
+                                : throw Refusal("a header is none, ccsds or cfs; found " + name);
+}
+
+/// A packet of a command in objects of Python.
+struct CommandPacket {
+    PathOrNone command;
+    ArgumentDict arguments, header;
+    std::string reason;
+    std::size_t bits;
+};
+
+CommandPacket decode_command(Loaded &loaded, const py::bytes &bytes, const std::string &header)
+{
+    CommandDecoder &decoder = loaded.commands(header_of(header));
+    const Database &db = decoder.database();
+    const std::string_view view = bytes;
+    const Decoded &done = decoder.decode({reinterpret_cast<const std::uint8_t *>(view.data()), view.size()});
+    CommandPacket made{std::nullopt, {}, {}, done.reason, done.bits};
+    if (done.reason.empty() && (done.bits + 7) / 8 < view.size()) {
+        made.reason = "the packet is longer than a " + db.containers[done.container].path + ", which has " +
+                      std::to_string(done.bits) + " bits";
+    } else if (done.reason.empty()) {
+        made.command = db.containers[done.container].path;
+    }
+    Tree arguments(db, done), parameters(db, done);
+    for (std::size_t i = 0; i < done.fields.size(); i++) {
+        const py::object value = objects(db, done, i).second;
+        const CommandDecoder::Role role = decoder.role(done, i);
+        if (role == CommandDecoder::Role::header) {
+            parameters.put(made.header, done.fields[i], value);
+        } else if (role == CommandDecoder::Role::given) {
+            arguments.put(made.arguments, done.fields[i], value);
+            if (const auto counter = decoder.counter(done, i)) {
+                made.arguments[py::str(counter->first)] = nearest(counter->second);
+            }
+        }
+    }
+    return made;
+}
+
+std::map<std::string, Given> all_given(const ArgumentDict &arguments)
 {
     std::map<std::string, Given> all;
     for (const auto &[key, value] : arguments) {
@@ -205,20 +248,21 @@ std::map<std::string, Given> all_given(const py::dict &arguments)
     return all;
 }
 
-py::bytes encode_command(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+py::bytes encode_command(const Loaded &loaded, const std::string &name, const ArgumentDict &arguments)
 {
     const auto bytes = ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments));
     return {reinterpret_cast<const char *>(bytes.data()), bytes.size()};
 }
 
 /// (name, whether it is an argument, first bit, bits) of each entry of a command's packet.
-py::list command_places(const Loaded &loaded, const std::string &name, const py::dict &arguments)
+auto command_places(const Loaded &loaded, const std::string &name, const ArgumentDict &arguments)
 {
     std::vector<Placed> places;
     ground::encode(loaded.database(), loaded.database().command(name), all_given(arguments), &places);
-    py::list made;
+    std::vector<std::tuple<std::string, bool, std::size_t, std::size_t>> made;
+    made.reserve(places.size());
     for (const Placed &one : places) {
-        made.append(py::make_tuple(one.name, one.argument, one.bit, one.bits));
+        made.emplace_back(one.name, one.argument, one.bit, one.bits);
     }
     return made;
 }
@@ -241,13 +285,13 @@ std::span<const std::uint8_t> octets(const py::bytes &bytes)
 }
 
 /// (place, packet, problem, note) of each.
-py::list tuples(const std::vector<Found> &found)
+auto tuples(const std::vector<Found> &found)
 {
-    py::list all;
+    std::vector<std::tuple<std::size_t, py::bytes, std::string, std::string>> all;
+    all.reserve(found.size());
     for (const Found &one : found) {
-        all.append(py::make_tuple(one.at,
-                                  py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
-                                  one.problem, one.note));
+        all.emplace_back(one.at, py::bytes(reinterpret_cast<const char *>(one.packet.data()), one.packet.size()),
+                         one.problem, one.note);
     }
     return all;
 }
@@ -291,6 +335,12 @@ PYBIND11_MODULE(_ground, m)
         .def_readonly("values", &Packet::values,
                       "Parameter -> value: dicts of members, lists of elements; None: no value.")
         .def_readonly("bits", &Packet::bits, "How many bits its entries take.");
+    py::class_<CommandPacket>(m, "CommandPacket", "A packet of a command that was decoded.")
+        .def_readonly("command", &CommandPacket::command, "The path of the command; None: it is none, or not whole.")
+        .def_readonly("arguments", &CommandPacket::arguments, "Argument -> value, as encode() takes them.")
+        .def_readonly("header", &CommandPacket::header, "Parameter of its header -> value.")
+        .def_readonly("reason", &CommandPacket::reason, "Why there is no command; empty: there is one.")
+        .def_readonly("bits", &CommandPacket::bits, "How many bits its entries take.");
     py::class_<Loaded>(m, "Database", "A database of packets and commands.")
         .def_static(
             "read",
@@ -304,6 +354,7 @@ PYBIND11_MODULE(_ground, m)
             },
             py::arg("files"), py::arg("plans") = true, py::arg("lenient") = false)
         .def("decode", &decode_packet, py::arg("packet"), py::arg("root") = py::none())
+        .def("decode_command", &decode_command, py::arg("packet"), py::arg("header") = "none")
         .def("encode", &encode_command, py::arg("name"), py::arg("arguments"))
         .def("places", &command_places, py::arg("name"), py::arg("arguments"))
         .def("units", &units, py::arg("parameter"), "The units of a parameter.")

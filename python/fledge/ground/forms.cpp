@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The commands of a database as forms: what an operator may fill in.
-#include "ground/database/model.h"
-
-#include <pybind11/pybind11.h>
+#include "ground/loaded.h"
 
 #include <algorithm>
 #include <set>
-
-namespace py = pybind11;
 
 namespace fledge::ground {
 
@@ -118,7 +114,7 @@ py::dict verifier_form(const Database &db, const Verifier &one)
 } // namespace
 
 /// Of each command that is not abstract: name, path, group, description, hazardous, arguments, verifiers.
-py::list command_forms(const Database &db)
+DictRows command_forms(const Database &db)
 {
     py::list made;
     for (const Command &command : db.commands) {
@@ -166,7 +162,7 @@ py::list command_forms(const Database &db)
 }
 
 /// Path of a container -> its name in the name space Fledge, or the path.
-py::dict container_names(const Database &db)
+Names container_names(const Database &db)
 {
     py::dict made;
     for (const Container &one : db.containers) {

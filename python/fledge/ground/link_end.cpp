@@ -2,6 +2,7 @@
 // The ground's end of a link of frames, in objects of Python.
 #include "ccsds/security/key_file.h"
 #include "ccsds/space_link.h"
+#include "core/typed.h"
 
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -26,8 +27,9 @@ public:
     /// Of frames with security: the file of keys, SdlsService, association and key of commands and of telemetry, the
     /// least number of the first command, and what no other end that commands by this key has.
     using Secrets = std::tuple<std::string, int, int, int, int, int, std::uint64_t, std::uint32_t>;
+    using Setup = core::Typed<py::dict, "dict[str, int]">;
 
-    LinkEnd(const py::dict &given, std::int64_t timer, int limit, const std::optional<Secrets> &secrets)
+    LinkEnd(const Setup &given, std::int64_t timer, int limit, const std::optional<Secrets> &secrets)
     {
         const auto of = [&](const char *name) { return given[name].cast<std::uint16_t>(); };
         const auto byte = [&](const char *name) { return given[name].cast<std::uint8_t>(); };
@@ -80,29 +82,22 @@ public:
         return true;
     }
 
-    py::list take(const py::bytes &bytes)
+    std::vector<py::bytes> take(const py::bytes &bytes)
     {
         const std::string_view view = bytes;
         space_link_ground_take(end_.get(), reinterpret_cast<const std::uint8_t *>(view.data()), view.size());
         return moved(packets_);
     }
 
-    py::list units() { return moved(units_); }
+    std::vector<py::bytes> units() { return moved(units_); }
 
-    py::list answers()
-    {
-        py::list found;
-        for (const auto &[tag, good] : std::exchange(answers_, {})) {
-            found.append(py::make_tuple(tag, good));
-        }
-        return found;
-    }
+    std::vector<std::pair<std::uint32_t, bool>> answers() { return std::exchange(answers_, {}); }
 
     void time(std::int64_t t) { space_link_ground_time(end_.get(), t); }
     std::int64_t due() const { return space_link_ground_due(end_.get()); }
     std::uint64_t number() const { return associations_[0].next; }
 
-    py::dict counts() const
+    core::Typed<py::dict, "dict[str, int]"> counts() const
     {
         static const char *const names[CCSDS_FAULTS] = {"ok",      "short",       "length", "version", "spacecraft",
                                                         "channel", "crc",         "type",   "gap",     "room",
@@ -130,7 +125,7 @@ public:
     }
 
     /// The state of FOP-1, what the last CLCW says, and why the service last ended.
-    py::dict cop1() const
+    core::Typed<py::dict, "dict[str, Any]"> cop1() const
     {
         static const char *const states[] = {
             "",       "active", "sends again", "sends again, receiver full", "waits for a CLCW", "sets up the receiver",
@@ -193,11 +188,11 @@ private:
         sdls_ = {aes_gcm(&keys_), associations_.data(), 2, {}};
     }
 
-    static py::list moved(std::vector<std::vector<std::uint8_t>> &from)
+    static std::vector<py::bytes> moved(std::vector<std::vector<std::uint8_t>> &from)
     {
-        py::list found;
+        std::vector<py::bytes> found;
         for (const auto &one : std::exchange(from, {})) {
-            found.append(py::bytes(reinterpret_cast<const char *>(one.data()), one.size()));
+            found.push_back(py::bytes(reinterpret_cast<const char *>(one.data()), one.size()));
         }
         return found;
     }
@@ -216,8 +211,8 @@ private:
 void bind_link_end(py::module_ &m)
 {
     py::class_<LinkEnd>(m, "SpaceLink", "The ground's end of a link of frames, ccsds/space_link.h.")
-        .def(py::init<const py::dict &, std::int64_t, int, const std::optional<LinkEnd::Secrets> &>(), py::arg("setup"),
-             py::arg("timer"), py::arg("limit"), py::arg("secrets") = py::none())
+        .def(py::init<const LinkEnd::Setup &, std::int64_t, int, const std::optional<LinkEnd::Secrets> &>(),
+             py::arg("setup"), py::arg("timer"), py::arg("limit"), py::arg("secrets") = py::none())
         .def("send", &LinkEnd::send, py::arg("tag"), py::arg("packet"), "False: it takes none now.")
         .def("take", &LinkEnd::take, py::arg("bytes"), "The packets in what came.")
         .def("units", &LinkEnd::units, "What is to be sent.")

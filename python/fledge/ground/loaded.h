@@ -2,13 +2,26 @@
 // The database that Python holds, and values as objects of Python.
 #pragma once
 
+#include "core/typed.h"
+#include "ground/database/command_decoder.h"
 #include "ground/monitor/limits.h"
 
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <array>
 
 namespace py = pybind11;
 
 namespace fledge::ground {
+
+using core::Typed;
+using Value = Typed<py::object, "int | float | str | bytes | None">;
+using PathOrNone = std::optional<std::string>;          ///< of a container
+using ArgumentDict = Typed<py::dict, "dict[str, Any]">; ///< arguments of a command
+using LimitDict = Typed<py::dict, "dict[str, list[float | None]]">;
+using Names = Typed<py::dict, "dict[str, str]">;
+using DictRows = Typed<py::list, "list[dict[str, Any]]">; ///< dicts for JSON
 
 class Loaded {
 public:
@@ -17,21 +30,37 @@ public:
     const Database &database() const { return db_; }
     Decoder &decoder() { return decoder_; }
 
+    /// What decodes its commands, made when it is first needed.
+    CommandDecoder &commands(Header header)
+    {
+        auto &made = commands_[static_cast<std::size_t>(header)];
+        if (!made) {
+            made = std::make_unique<CommandDecoder>(db_, header);
+        }
+        return *made;
+    }
+
 private:
     Database db_;
     Decoder decoder_;
+    std::array<std::unique_ptr<CommandDecoder>, 3> commands_; ///< by headers
 };
 
 /// The object of a word of this kind; bytes: of a text or a binary value; raw: of a label that no enumerator has.
-py::object object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw);
+Value object(const Type &type, Kind kind, std::uint64_t word, std::string_view bytes, std::uint64_t raw);
 
 /// {"warning": [low, high]}, None: open. Throws Refusal.
-Bands bands_of(const py::dict &given);
+Bands bands_of(const LimitDict &given);
 
 /// The name of a kind of values.
 const char *name_of(Kind kind);
 
+inline PathOrNone path_of(const Database &database, Id container)
+{
+    return container == no_id ? std::nullopt : std::optional(database.containers[container].path);
+}
+
 /// The raw value of a field and its value, None if it has none.
-std::pair<py::object, py::object> objects(const Database &database, const Decoded &packet, std::size_t field);
+std::pair<Value, Value> objects(const Database &database, const Decoded &packet, std::size_t field);
 
 } // namespace fledge::ground

@@ -34,7 +34,7 @@ template <class Number> std::vector<Number> numbers(const py::bytes &bytes, cons
     return made;
 }
 
-py::dict dict_of(const Bands &bands)
+LimitDict dict_of(const Bands &bands)
 {
     const auto end = [](double x) { return std::isinf(x) ? py::object(py::none()) : py::object(py::float_(x)); };
     py::dict made;
@@ -60,6 +60,9 @@ template <class Action> auto released(const Action &action)
     return action();
 }
 
+using Batch = Typed<py::list, "list[tuple[int, int, bytes]]">;
+using Notes = Typed<py::list, "list[tuple[Any, ...]]">;
+
 /// A monitor, and the packets of inspections, which do not disturb it.
 class Watcher {
 public:
@@ -69,7 +72,7 @@ public:
     {
     }
 
-    py::list take(const py::list &batch)
+    Notes take(const Batch &batch)
     {
         const py::tuple held(batch); // another thread may change the list
         std::vector<Arrival> arrivals;
@@ -86,7 +89,7 @@ public:
     }
 
     /// What an action notes, as tuples; batch: the packets.
-    template <class Action> py::list with(const Action &action, const py::tuple *batch = nullptr)
+    template <class Action> Notes with(const Action &action, const py::tuple *batch = nullptr)
     {
         py::list made;
         for (const Note &note : released(action)) {
@@ -127,7 +130,7 @@ public:
         return found;
     }
 
-    py::list slots(std::uint32_t first, std::uint32_t most) const
+    DictRows slots(std::uint32_t first, std::uint32_t most) const
     {
         py::list made;
         for (const auto &one : monitor_.slots(first, most)) {
@@ -135,8 +138,7 @@ public:
             row["slot"] = first + made.size();
             row["name"] = one.slot.name;
             row["path"] = one.slot.path;
-            row["container"] =
-                one.slot.container != no_id ? py::object(py::str(db_.containers[one.slot.container].path)) : py::none();
+            row["container"] = path_of(db_, one.slot.container);
             row["header"] = one.slot.container != no_id && is_header(db_.containers[one.slot.container]);
             row["kind"] = name_of(one.slot.kind);
             std::vector<std::string> labels;
@@ -165,30 +167,33 @@ public:
         return made;
     }
 
-    py::object newest(std::uint32_t slot) const
+    /// (t, received, raw, value, status, concern, count)
+    using NewestRow = std::tuple<std::int64_t, std::int64_t, Value, Value, const char *, int, std::uint64_t>;
+
+    std::optional<NewestRow> newest(std::uint32_t slot) const
     {
         const auto shown = released([&] { return monitor_.newest(slot); });
         if (!shown) {
-            return py::none();
+            return std::nullopt;
         }
         const Newest &one = shown->newest;
         const Slot what = released([&] { return monitor_.slot(slot); });
         static const Type plain;
         const Type &type = what.type != no_id ? db_.types[what.type] : plain;
         const bool good = one.status == Status::good || one.status == Status::unlabelled;
-        return py::make_tuple(one.t, one.received, object(type, one.raw_kind, one.raw, shown->raw, one.raw),
-                              good ? object(type, what.kind, one.value, shown->value, one.raw) : py::object(py::none()),
-                              statuses[static_cast<std::size_t>(one.status)], static_cast<int>(one.concern), one.count);
+        return NewestRow(one.t, one.received, object(type, one.raw_kind, one.raw, shown->raw, one.raw),
+                         good ? object(type, what.kind, one.value, shown->value, one.raw) : Value(py::none()),
+                         statuses[static_cast<std::size_t>(one.status)], static_cast<int>(one.concern), one.count);
     }
 
-    py::tuple changes(std::uint64_t since, const std::optional<py::bytes> &slots) const
+    std::pair<std::uint64_t, py::bytes> changes(std::uint64_t since, const std::optional<py::bytes> &slots) const
     {
         const auto chosen = slots ? numbers<std::uint32_t>(*slots, "slots") : std::vector<std::uint32_t>();
         const Frame made = released([&] {
             return monitor_.changes(since,
                                     slots ? std::optional(std::span<const std::uint32_t>(chosen)) : std::nullopt);
         });
-        return py::make_tuple(made.version, py::bytes(made.bytes));
+        return {made.version, py::bytes(made.bytes)};
     }
 
     void watch(const std::vector<std::string> &names)
@@ -214,13 +219,10 @@ public:
         return {reinterpret_cast<const char *>(made.data()), 8 * made.size()};
     }
 
-    py::dict inspect(const py::bytes &bytes)
+    Typed<py::dict, "dict[str, Any]"> inspect(const py::bytes &bytes)
     {
         released([&] { monitor_.lend(inspector_); });
         const Decoded &done = inspector_.decode(span_of(bytes), root_);
-        const auto path = [&](Id id) {
-            return id == no_id ? py::object(py::none()) : py::object(py::str(db_.containers[id].path));
-        };
         py::list rows;
         for (std::size_t i = 0; i < done.fields.size(); i++) {
             const auto [raw, value] = objects(db_, done, i);
@@ -229,8 +231,8 @@ public:
                                        done.places[i].n));
         }
         py::dict made;
-        made["container"] = path(done.container);
-        made["nearest"] = path(done.nearest);
+        made["container"] = path_of(db_, done.container);
+        made["nearest"] = path_of(db_, done.nearest);
         made["reason"] = done.reason;
         made["bit"] = done.stopped ? py::object(py::int_(*done.stopped)) : py::object(py::none());
         made["rows"] = rows;
@@ -248,7 +250,7 @@ private:
 
 } // namespace
 
-Bands bands_of(const py::dict &given)
+Bands bands_of(const LimitDict &given)
 {
     Bands made;
     for (const auto &[key, value] : given) {
@@ -276,8 +278,11 @@ void bind_monitor(py::module_ &m)
         .def(py::init<const Loaded &, const std::optional<std::string> &>(), py::arg("database"),
              py::arg("root") = py::none(), py::keep_alive<1, 2>())
         .def(
-            "sink", [](Watcher &one, PacketSink *sink) { released([&] { one.monitor().sink(sink); }); },
-            py::arg("sink").none(true), py::keep_alive<1, 2>(), "The archive that keeps the packets, or None.")
+            "sink",
+            [](Watcher &one, std::optional<PacketSink *> sink) {
+                released([&] { one.monitor().sink(sink.value_or(nullptr)); });
+            },
+            py::arg("sink"), py::keep_alive<1, 2>(), "The archive that keeps the packets, or None.")
         .def("take", &Watcher::take, py::arg("batch"),
              "Decode, archive and show a batch: (t [ns of the spacecraft's clock], received [ns UTC], packet) of each. "
              "What is notable, as tuples:\n"
@@ -311,7 +316,7 @@ void bind_monitor(py::module_ &m)
             py::arg("number"), "Expect it no longer.")
         .def(
             "set_limits",
-            [](Watcher &one, std::uint32_t slot, const std::optional<py::dict> &limits, std::uint32_t persistence) {
+            [](Watcher &one, std::uint32_t slot, const std::optional<LimitDict> &limits, std::uint32_t persistence) {
                 const auto bands = limits ? std::optional(bands_of(*limits)) : std::nullopt;
                 return one.with([&] { return one.monitor().set_limits(slot, bands, persistence); });
             },
@@ -331,7 +336,7 @@ void bind_monitor(py::module_ &m)
         .def(
             "derive",
             [](Watcher &one, const std::string &name, const std::string &unit, const std::string &description,
-               const py::dict &limits, std::uint32_t persistence) {
+               const LimitDict &limits, std::uint32_t persistence) {
                 const Bands bands = bands_of(limits);
                 return released([&] { return one.monitor().derive(name, unit, description, bands, persistence); });
             },

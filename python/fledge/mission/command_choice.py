@@ -80,7 +80,8 @@ def schedule(process: Process) -> None:
 
 def _process(port: Any) -> Process | None:
     """The process of a port's module; None if it has no name yet."""
-    context = _core.context(_core.root(port))
+    root = _core.root(port)
+    context = _core.context(root) if root is not None else None
     return context() if context else None
 
 

@@ -54,7 +54,10 @@ def feed(core: Any, port: Any, record: Any = None, /, *, time: Any = None, topic
         + (", linear" if doubles else ""))
     core.feed(port, times.tobytes(), messages.tobytes(), always, doubles,
               time_ns(stale_after, f"{what}: stale_after"), words)
-    _core.context(_core.root(port))().declare(path, caller())
+    root = _core.root(port)
+    context = _core.context(root) if root is not None else None
+    assert context is not None
+    context().declare(path, caller())
 
 
 def _own(struct: _core.Struct) -> list[str]:
@@ -208,10 +211,11 @@ def _type_of(port: Any) -> str:
 
 def _copy(to: NDArray[Any], source: NDArray[Any], path: str) -> None:
     """The same fields by name: a record may be of another version of the header."""
-    ours, theirs = set(to.dtype.names), {name for name in source.dtype.names if not name.startswith("spare")}
+    names = to.dtype.names or ()
+    ours, theirs = set(names), {name for name in source.dtype.names or () if not name.startswith("spare")}
     if ours != theirs:
         raise SetupError(f"{path} was recorded with other fields: {listed(sorted(ours ^ theirs))}")
-    for name in to.dtype.names:
+    for name in names:
         if to.dtype[name].names:
             _copy(to[name], source[name], f"{path}.{name}")
         elif to.dtype[name].shape != source.dtype[name].shape:

@@ -29,6 +29,7 @@ class FieldPath:
 
     def __init__(self, simulation: Simulation, path: str) -> None:
         self.path = " ".join(path.split())
+        self.field: _core.Field | ModeField
         self.of_mode = False
         if mode := re.fullmatch(r"(\w+)\.mode", self.path):
             if any(p.name == mode[1] and not p.instances.get("mode") for p in simulation.processes):
@@ -84,7 +85,7 @@ class FieldPath:
         self.port, self.offset, self.group, self.full = self.path, self.stored.offset, "out", self.path
         self.elements, self.shape = [0], ()
 
-    def _row(self, indices: tuple[int, ...], at: str) -> tuple[int, str]:
+    def _row(self, indices: Sequence[int], at: str) -> tuple[int, str]:
         """(index, "[index]") of a struct, in an array of them."""
         shape = self.field.shape
         if len(indices) != len(shape) or any(i >= n for i, n in zip(indices, shape)):
@@ -95,7 +96,7 @@ class FieldPath:
             raise SetupError(f"{self.path}: of the rows of {at} the mission gives {used}")
         return (indices[0], f"[{indices[0]}]") if shape else (0, "")
 
-    def _select(self, indices: tuple[int, ...]) -> tuple[list[int], tuple[int, ...]]:
+    def _select(self, indices: Sequence[int]) -> tuple[list[int], tuple[int, ...]]:
         """(flat indices, shape) of [0, 1] or [2], in the rows that are in use."""
         shape = self.field.shape
         if shape and self.field.count and self.port is None:

@@ -190,7 +190,7 @@ def _composed(process: Any) -> set[str]:
                                                   *(name for name, _ in process.modes)) if name not in chooses}
 
 
-def _refuse_names(file: Path, build: Callable[..., Any]) -> None:
+def _refuse_names(file: str, build: Callable[..., Any]) -> None:
     """Raise SetupError if the arguments of a build function are called as those of the other file, or in its order."""
     expected = _TAKES[file].split(", ")
     code: Any = getattr(build, "__code__", None)    # of a function

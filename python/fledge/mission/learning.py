@@ -170,9 +170,9 @@ class VectorEnv:
         import numpy as np
 
         if self._seen is None or (self._autoreset == "Disabled" and self._ended.any()):
-            ended = listed([str(i) for i in np.flatnonzero(self._ended)], most=8)
+            which = listed([str(i) for i in np.flatnonzero(self._ended)], most=8)
             raise SetupError("reset() first" if self._seen is None else
-                             f"reset() first: these episodes have ended: {ended}")
+                             f"reset() first: these episodes have ended: {which}")
         waiting = self._ended
         action = self.batch._rows(actions)
         before, self._seen = self._seen, self.batch.step(action)
@@ -182,21 +182,21 @@ class VectorEnv:
         given = ByPath({b.path: action[:, b.columns].reshape(self.num_envs, *b.shape)
                         for b in self.batch.actions.values()})
         rewards = self._checked(self._reward(self.batch.by_name(before), given, after), float, "reward")
-        ended = np.zeros(self.num_envs, bool) if self._ends is None else self._checked(self._ends(after), bool,
-                                                                                       "terminated")
+        ended = self._checked(self._ends(after), bool, "terminated") if self._ends is not None else np.zeros(
+            self.num_envs, bool)
         rewards = np.where(failed, self._failed, rewards) * ~waiting
         terminated = (ended | failed) & ~waiting
         # Half a step less: the sum of steps may be a rounding away from the limit.
         truncated = (self.batch.time - self._begun > self._limit - 0.5 * self.batch.every) & ~terminated & ~waiting
-        told = self._failures(failed & ~waiting)
+        info = self._failures(failed & ~waiting)
         self._ended = terminated | truncated
         if self._autoreset == "NextStep" and waiting.any():
             self._begin(waiting)
         if self._autoreset == "SameStep" and self._ended.any():
-            told |= _masked("final_obs", dict(zip(np.flatnonzero(self._ended),
+            info |= _masked("final_obs", dict(zip(np.flatnonzero(self._ended),
                                                   self._typed(self._seen[self._ended]))), self.num_envs)
             self._begin(self._ended)
-        return self._typed(self._seen), rewards, terminated, truncated, self._info() | told
+        return self._typed(self._seen), rewards, terminated, truncated, self._info() | info
 
     def close(self) -> None:
         """End its threads."""

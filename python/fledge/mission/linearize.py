@@ -8,9 +8,9 @@ it holds is written anew before anything reads it.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import frexp, lcm
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from fledge.mission.linear import Linear
 from fledge.mission.process import Process
 from fledge.mission.state import Number, State, flat
 from fledge.objects.si import time_ns
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 STEP = 2.0**-10     # of a number's size. Errors: its fourth power, and rounding over it
 BENT = 0.02         # slopes that differ by more, on both sides, are reported
@@ -63,7 +66,7 @@ def _several(paths: Any) -> list[str]:
 
 # --- the world's differential equations ------------------------------------------------------------
 
-def _continuous(state, into, out):
+def _continuous(state: State, into: Sequence[Number], out: Sequence[Number]) -> Linear:
     if not state.differential:
         raise state.no_state()
     for one in into:
@@ -85,7 +88,7 @@ def _continuous(state, into, out):
     state.measure(numbers)
     places = [*state.rates(state.differential), *(one.places[0] for one in out)]
 
-    def evaluate(number, value):
+    def evaluate(number: Number | None, value: float) -> NDArray[Any]:
         data = state.base
         if number is not None:
             data = state.base.copy()
@@ -105,7 +108,7 @@ def _continuous(state, into, out):
                   drift=slopes.base[keep], notes=slopes.notes(rows, [*keep, *range(n, len(numbers))]))
 
 
-def _about(states, into, out):
+def _about(states: Sequence[Number], into: Sequence[Number], out: Sequence[Number]) -> dict[str, Any]:
     """What a Linear says of its numbers."""
     return {"states": [one.name for one in states], "inputs": [one.name for one in into],
             "outputs": [one.name for one in out], "x0": np.array([one.value for one in states]),
@@ -113,7 +116,7 @@ def _about(states, into, out):
             "units": {one.name: one.unit or "-" for one in (*states, *into, *out)}}
 
 
-def _reaching(A, C):
+def _reaching(A: NDArray[Any], C: NDArray[Any]) -> NDArray[Any]:
     """The states that reach an output."""
     found = (C != 0).any(axis=0)
     while True:
@@ -125,7 +128,7 @@ def _reaching(A, C):
 
 # --- the loop, period by period --------------------------------------------------------------------
 
-def _discrete(state, into, out, part, period):
+def _discrete(state: State, into: Sequence[Number], out: Sequence[Number], part: Any, period: Any) -> Linear:
     run = _instances(state, part)
     for one in out:
         if ".".join(one.name.split(".")[:2]) not in run:
@@ -147,7 +150,7 @@ def _discrete(state, into, out, part, period):
     carried, shown = [one.places[0] for one in memory], [one.places[0] for one in out]
     changes = _Changes(state, run)
 
-    def evaluate(number, value):
+    def evaluate(number: Number | None, value: float) -> NDArray[Any]:
         data = state.base
         if number is not None:
             data = state.base.copy()
@@ -193,13 +196,13 @@ def _discrete(state, into, out, part, period):
         y0, drift = slopes.base[n + p:], slopes.base[keep] - np.array([one.value for one in states])
     rows = [*keep, *(range(n, n + p) if before else range(n + p, n + 2 * p))]
     for one, (a, b) in zip(into, both):
-        one.value = (a or b).value
+        one.value = (a or b or one).value
     return Linear(A, B, C, D, length / 1e9, **_about(states, into, out), y0=y0, drift=drift,
                   notes=[*slopes.notes(rows, [*keep, *range(n, len(numbers))]),
                          *changes.notes([states[i].name for i in range(len(keep))] + [one.name for one in into])])
 
 
-def _instances(state, part) -> set[str]:
+def _instances(state: State, part: Any) -> set[str]:
     """The paths of the instances that run."""
     if part is None:
         return set(state.nodes)
@@ -214,7 +217,7 @@ def _instances(state, part) -> set[str]:
     return found | {node.path for node in state.nodes.values() if node.host in found}
 
 
-def _period(state, run, period) -> int:
+def _period(state: State, run: set[str], period: Any) -> int:
     """[ns]"""
     periods = []
     for process in state.simulation.processes:
@@ -237,7 +240,7 @@ def _period(state, run, period) -> int:
     return whole
 
 
-def _from_outside(state, run):
+def _from_outside(state: State, run: set[str]) -> Iterator[tuple[Any, int, float]]:
     """(input, place, number) of all that the rest of the simulation gives to the part, as it is now."""
     for source, target, *_ in state.simulation.wires:
         if target.rpartition(".")[0] in run and source.rpartition(".")[0] not in run:
@@ -249,12 +252,12 @@ def _from_outside(state, run):
                         yield view, place, float(raw[place:place + 8].view(np.float64)[0])
 
 
-def _split(state, number):
+def _split(state: State, number: Number) -> tuple[Number | None, Number | None]:
     """(what of an input acts from now on, what is read at an instant), each a Number or None."""
     if not number.incoming:
         owner = ".".join(number.name.split(".")[:2])
         return (number, None) if isinstance(state.nodes[owner].instance, _core.Model) else (None, number)
-    pair = []
+    pair: list[Number | None] = []
     for late in (True, False):
         chosen = [(at, one) for at, one in zip(number.places, number.incoming)
                   if state.acts_late(_core.path(one[0])) == late]
@@ -265,17 +268,17 @@ def _split(state, number):
             view, place = one.incoming[0]
             raw = state.core.process(_core.path(view).partition(".")[0]).incoming(view)
             state.put(state.base, one, float(np.frombuffer(raw[place:place + 8])[0]))
-    return tuple(pair)
+    return pair[0], pair[1]
 
 
-def _hold(state, number, value, data=None):
+def _hold(state: State, number: Number, value: float, data: NDArray[Any] | None = None) -> None:
     """Give an input this value: in place of what comes, and where nothing comes, in its memory."""
     state.put(state.base if data is None else data, number, value)
     for view, place in number.incoming:
         state.core.override_input(view, place, value)
 
 
-def _memory(state, run) -> list[Number]:
+def _memory(state: State, run: set[str]) -> list[Number]:
     """All numbers that may be carried over from one instant to the next."""
     found = [one for one in state.differential if ".".join(one.name.split(".")[:2]) in run]
     for path, node in state.nodes.items():
@@ -287,7 +290,7 @@ def _memory(state, run) -> list[Number]:
 class _Changes:
     """What moves by steps, or has no name, where a number was changed a little."""
 
-    def __init__(self, state, run):
+    def __init__(self, state: State, run: set[str]) -> None:
         self.state = state
         self.base: Any = None
         self.found: dict[str, list[str]] = {}
@@ -302,8 +305,8 @@ class _Changes:
         self.rest = np.flatnonzero(~inside)
         self.places = np.array([k for _, at, size in self.steps for k in range(at, at + size)], int)
 
-    def look(self, number, after):
-        if self.base is None:
+    def look(self, number: Number | None, after: NDArray[Any]) -> None:
+        if self.base is None or number is None:
             self.base = after
             return
         if (after[self.places] != self.base[self.places]).any():
@@ -318,7 +321,7 @@ class _Changes:
         if not told and (after[self.rest] != self.base[self.rest]).any():
             self.found.setdefault("modes, events, tasks or the health go another way", []).append(number.name)
 
-    def notes(self, names):
+    def notes(self, names: Iterable[str]) -> list[str]:
         """Of the states and inputs that count."""
         base, notes = self.base, []
         for name, at, size in self.steps:
@@ -359,11 +362,11 @@ class _Slopes:
                     for array, column in zip(arrays, before):
                         array[:, j] = column
 
-    def _most(self, columns):
+    def _most(self, columns: Any) -> NDArray[Any]:
         """The largest weight in each row."""
         return self.weight[:, columns].max(axis=1, initial=0)[:, None]
 
-    def _column(self, j, h):
+    def _column(self, j: int, h: float) -> None:
         one, found = self.numbers[j], []
         for step in (-h, -h / 2, h / 2, h):
             try:
@@ -372,12 +375,12 @@ class _Slopes:
                 raise self._state.failed(one, one.value + step, error) from None
         self._differences(j, h, found)
 
-    def _differences(self, j, h, found):
+    def _differences(self, j: int, h: float, found: list[NDArray[Any]]) -> None:
         far_low, low, high, far_high = found
         one, base = self.numbers[j], self.base
         # As the numbers were written: one.value + h is rounded.
 
-        def gap(a, b):
+        def gap(a: float, b: float) -> float:
             return (one.value + b) - (one.value + a)
 
         wide, narrow = (far_high - far_low) / gap(-h, h), (high - low) / gap(-h / 2, h / 2)

@@ -169,7 +169,8 @@ class Log(Records):
                 values = self._field(samples, name)
                 for index, element in zip(np.ndindex(values.shape[1:]), element_names(samples.parts[name])):
                     column = f"{self._short_name(samples)}.{element}"
-                    columns[column] = values[(slice(None), *index)]
+                    at: tuple[Any, ...] = (slice(None), *index)
+                    columns[column] = values[at]
                     units[column], meanings[column] = field.unit, field.doc
             for name, source in (head_columns(samples.fields) if head and None in wanted else {}).items():
                 column, field = f"{self._short_name(samples)}.{name}", samples.fields[source]

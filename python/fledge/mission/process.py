@@ -13,10 +13,10 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isfinite, prod
 from struct import iter_unpack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from fledge import _core
 from fledge.elements import ELEMENTS
@@ -41,7 +41,7 @@ class Watch(Measured):
     `&`, `|` and `~` join conditions.
     """
 
-    def __init__(self, obj, field=None):
+    def __init__(self, obj: _core.Module | _core.Model | _core.Message, field: _core.Field | None = None) -> None:
         self._object, self._field = obj, field
         self._path = _core.path(obj) + (f".{field.name}" if field else "")
         self._shape = field.shape if field else ()
@@ -59,7 +59,7 @@ class Watch(Measured):
             raise AttributeError(f"{self!r} is an array of {self._field.struct.name}; pick one, as in {self!r}[0]")
         raise AttributeError(f"{self!r} is a number or array; it has norm(), max_abs() and [index]")
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: Any) -> Any:
         if self._field is None or self._field.type != "struct":
             return super().__getitem__(index)
         if not isinstance(index, int) or not 0 <= index < self._shape[0]:
@@ -80,7 +80,7 @@ class Watch(Measured):
             return flat_index(self._measure, self._shape), "element"
         return 0, self._measure or "element"
 
-    def _compare(self, comparison, constant):
+    def _compare(self, comparison: str, constant: Any) -> _core.Condition:
         left = _core.Operand(self._object, self._field, *self._number("compare"))
         if isinstance(constant, Watch):
             right, text = self._other(constant, comparison), repr(constant)
@@ -92,7 +92,7 @@ class Watch(Measured):
             right, text = _core.Operand(value), _constant_text(value, self._field)
         return _core.Condition(left, comparison, right, f"{self!r} {comparison} {text}")
 
-    def _other(self, other, comparison):
+    def _other(self, other: Watch, comparison: str) -> _core.Operand:
         """The operand of another field, which must be a number of the same kind."""
         for one in (self, other):
             if one._shape and not one._measure:
@@ -127,7 +127,7 @@ class Watch(Measured):
         width = field.size // prod(self._shape)
         return [(root, offset + index * width, raw[index * width:(index + 1) * width])]
 
-    def _encoded(self, value):
+    def _encoded(self, value: Any) -> list[tuple[int, bytes]]:
         encoded = _core.encode(self._object, self._field.name, value)
         element = ELEMENTS[self._field.type]
         if element.is_float and not all(isfinite(x) for x, in iter_unpack(element.code, encoded[0][1])):
@@ -142,14 +142,14 @@ class Watch(Measured):
 
     __hash__ = None  # type: ignore[assignment]
 
-    def __bool__(self):
+    def __bool__(self) -> NoReturn:
         raise TypeError(f"{self!r} is only known when the mission runs; compare it, as in x < 1")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return self.measure_text
 
 
-def _constant_text(value, field):
+def _constant_text(value: Any, field: _core.Field) -> str:
     """A constant of a condition, as the user would write it."""
     if field.type == "enum":
         return enumerator_names(field).get(value, f"{value:g}")
@@ -164,7 +164,7 @@ class Task:
     def __init__(self, name: str) -> None:
         self.name = name
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<task {self.name}>"
 
 
@@ -196,7 +196,7 @@ class Mode:
         """Enter it at the next instant of its process. Raises SetupError if its condition does not hold."""
         self._process().enter(self.name)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<mode {self.name}>"
 
 
@@ -342,17 +342,17 @@ class Event:
 
     # The kernel holds these two, which hold the event weakly: a callable that refers to its own
     # simulation would otherwise keep it alive for ever.
-    def _predicate(self):
+    def _predicate(self) -> Callable[[], bool]:
         me: Callable[[], Any] = weakref.ref(self)
         if isinstance(self.when, _At):
             return lambda: me()._process()._core_simulation.now >= me().when.ns
         return lambda: bool(me().when())
 
-    def _action(self):
+    def _action(self) -> Callable[[], Any]:
         me: Callable[[], Any] = weakref.ref(self)
         return lambda: me().do()
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         at = self.fired_at
         return f"<event {self.name}, " + ("armed" if self.armed else "not armed") + (
             f", fired at {at:g} s>" if at is not None else ">")
@@ -367,7 +367,7 @@ class Process:
     Assign a module or model to an attribute to give it its name; read it back the same way.
     """
 
-    def __init__(self, core_simulation, core_process):
+    def __init__(self, core_simulation: _core.Simulation, core_process: _core.Process) -> None:
         put = object.__setattr__
         put(self, "_core_simulation", core_simulation)
         put(self, "_core_process", core_process)
@@ -385,7 +385,7 @@ class Process:
 
     # --- attributes are instances ---
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         if name in dir(type(self)):
             found = getattr(type(self), name)
             if isinstance(found, property) and found.fset:
@@ -405,10 +405,10 @@ class Process:
         self._declared_at[name] = at
         _core.set_context(value, weakref.ref(self))
 
-    def _accept(self, name, value):
+    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
         """Refuse a value that does not belong into this process."""
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
         for names in (self._instances, self._handles, self._tasks):
@@ -491,10 +491,10 @@ class Process:
         """Note the (file, line) of a mode, or that says where an input gets its messages from, for declared_at()."""
         self._declared_at[path] = at
 
-    def __dir__(self):
+    def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self._instances, *self._handles, *self._tasks]
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Any]:
         """The instances, in the order in which they were given."""
         return iter(self._instances.values())
 
@@ -529,7 +529,7 @@ class Process:
                         raise SetupError(f"{error}: lines {first[1]} and {one.declared_at[1]}") from None
                 self.declare(_core.path(target), one.declared_at)
 
-    def _with_room(self, source, target):
+    def _with_room(self, source: _core.Message, target: _core.Message) -> _core.Message:
         """The input; that of a new ExternalForce if it is a spacecraft's `external` that another output writes."""
         path, craft = _core.path(target), _core.root(target)
         if not path.endswith(".external"):
@@ -544,7 +544,9 @@ class Process:
             if taken.get(to) == _core.path(source):
                 raise SetupError(f"{taken[to]} >> {path}: this output already acts on it, by {to}")
         part = ExternalForce()
-        setattr(_core.context(craft)(), f"{path.split('.')[1]}_external_{len(others) + 2}", part)
+        context = _core.context(craft)
+        assert context is not None
+        setattr(context(), f"{path.split('.')[1]}_external_{len(others) + 2}", part)
         craft.parts = part
         return part.external
 
@@ -665,10 +667,10 @@ class Process:
         self._handles[name] = event
         return event
 
-    def _accept_event(self, what, when, do):
+    def _accept_event(self, what: str, when: Any, do: Any) -> None:
         """Refuse a condition or a function that events of this process must not have."""
 
-    def _new_name(self, name, what):
+    def _new_name(self, name: str, what: str) -> None:
         if name in self._instances:
             raise SetupError(f"{what}: the name is taken by the {_core.struct(self._instances[name]).kind} "
                              f"{self.name}.{name} ({_core.struct(self._instances[name]).name}); choose another")
@@ -692,12 +694,12 @@ class Process:
         rows += [(name, "mode", text) for name, text in self.mode_texts()]
         return [(repr(self).partition("\n")[0], rows)]
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         from fledge.display import table
 
         return table("", self.tables())
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         lines = [f"process {self.name}" + (f", in mode {self._core_process.mode}" if self._core_process.mode else "")]
         width = max(map(len, self._instances), default=0)
         lines += [f"  {name.ljust(width)}  {_core.struct(one).name}" for name, one in self._instances.items()]
@@ -708,7 +710,7 @@ class Process:
 
     # --- clones ---
 
-    def _clone(self, core_simulation):
+    def _clone(self, core_simulation: _core.Simulation) -> Process:
         """The same process of a cloned simulation, its objects made anew."""
         other = type(self)(core_simulation, core_simulation.process(self.name))
         other._instances.update(other._core_process.wrap())
@@ -762,12 +764,12 @@ class Flight(Process):
             object.__setattr__(self, "_commands", Commands(self, self._core_process))
         return self._commands
 
-    def _accept(self, name, value):
+    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
         if isinstance(value, _core.Model):
             raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a model of the world and cannot "
                              "fly; assign it in world.py")
 
-    def _accept_event(self, what, when, do):
+    def _accept_event(self, what: str, when: Any, do: Any) -> None:
         if do is not None:
             raise SetupError(f"{what}: flight's events are data, so that they can be exported: they have enter, arm, "
                              "disarm or set; do, a function in Python, belongs into the world's events")
@@ -780,7 +782,7 @@ class Flight(Process):
 class World(Process):
     """The truth. Its events may call Python."""
 
-    def _accept(self, name, value):
+    def _accept(self, name: str, value: _core.Module | _core.Model) -> None:
         if isinstance(value, _core.Module):
             raise SetupError(f"{self.name}.{name}: a {_core.struct(value).name} is a flight module, and this process "
                              "is a world; assign it to a flight process, in flight.py")
@@ -794,7 +796,7 @@ class World(Process):
     def integrator(self, method: Any) -> None:
         if not isinstance(method, _core.Integrator):
             raise SetupError(f"{self.name}.integrator: expected world.RK4() or world.Adaptive(...); found {method!r}")
-        self._core_process.integrator = method
+        self._core_process.set_integrator(method)
 
     def at(self, t: Any, do: Callable[[], Any], name: str | None = None) -> Event:
         """Call `do()` once, at the first instant at or after the time t. From within an event: after this instant."""

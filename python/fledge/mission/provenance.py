@@ -104,7 +104,7 @@ class Revisions:
         return {name: text for name, running in self._running.items() if running and (text := _revision(running))}
 
 
-def _status(folder: Path) -> subprocess.Popen[str] | None:
+def _status(folder: Path) -> subprocess.Popen[bytes] | None:
     # Records and builds are no sources of a run.
     paths = [".", ":(exclude)runs", ":(exclude)verification", ":(exclude)build", ":(exclude,glob)**/__pycache__/**"]
     try:
@@ -115,7 +115,7 @@ def _status(folder: Path) -> subprocess.Popen[str] | None:
         return None
 
 
-def _revision(running: subprocess.Popen[str] | None) -> str:
+def _revision(running: subprocess.Popen[bytes]) -> str:
     try:
         lines = running.communicate(timeout=10)[0].decode(errors="replace").splitlines()
     except subprocess.TimeoutExpired:

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from fledge import _core
 from fledge.errors import SetupError, refuse_misspelt, suggesting
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fledge.mission.provenance import Revisions
     from fledge.mission.trim import Trim
 
+P = TypeVar("P", bound=Process)
 
 _limit = 0      # [ns]
 
@@ -142,21 +143,21 @@ class Simulation:
         """A further Flight, a process; it runs after the present ones."""
         return self._add(Flight, name)
 
-    def _add(self, kind: type[Process], name: str) -> Process:
+    def _add(self, kind: type[P], name: str) -> P:
         if not str(name).isidentifier():
             raise SetupError(f"process {name!r}: its name must be an identifier")
         self._core.add_process(name)
-        self._processes[name] = kind(self._core, self._core.process(name))
-        return self._processes[name]
+        made = self._processes[name] = kind(self._core, self._core.process(name))
+        return made
 
-    def _only(self, kind: type[Process], name: str | None) -> Process:
+    def _only(self, kind: type[P], name: str) -> P:
         """The process of that name, or else the only one of its kind."""
         found = [p for p in self.processes if isinstance(p, kind)]
         if name in self._processes or name in self._gone or len(found) != 1:
             if name not in self._processes and len(found) > 1:
                 raise SetupError(f"{self.name} has several of the kind {name}; take one by "
                                  f"process(): {', '.join(p.name for p in found)}")
-            return self.process(name)
+            return cast(P, self.process(name))
         return found[0]
 
     def isolate(self, process: str) -> None:

@@ -104,10 +104,10 @@ class State:
         if not readers:
             raise SetupError(f"{self.what}: nothing reads {at_port}")
         numbers = [Number(n, found.field.unit) for n in found.names()]
-        block = self.blocks["instance", owner][0] + _core.field(port(self.simulation, at_port)).offset
+        block = self.blocks["instance", owner][0] + _offset(port(self.simulation, at_port))
         for target in readers:
             view = port(self.simulation, target)
-            start = self.blocks["instance", target.rpartition(".")[0]][0] + _core.field(view).offset
+            start = self.blocks["instance", target.rpartition(".")[0]][0] + _offset(view)
             for number, at in zip(numbers, places):
                 number.places.append(start + at - block)
                 number.incoming.append((view, at - block))
@@ -201,7 +201,7 @@ class State:
             if owner in self.integrated:
                 view = port(self.simulation, target)
                 raw = self.core.process(owner.partition(".")[0]).incoming(view)
-                at = self.blocks["instance", owner][0] + _core.field(view).offset
+                at = self.blocks["instance", owner][0] + _offset(view)
                 self.base[at:at + len(raw)] = np.frombuffer(raw, np.uint8)
 
     def rates(self, numbers: Sequence[Number]) -> list[int]:
@@ -234,6 +234,13 @@ class State:
             if one == target:
                 return bool(latency) or self.position(source.rpartition(".")[0]) >= self.position(owner)
         return isinstance(self.nodes[owner].instance, _core.Model)
+
+
+def _offset(view: Any) -> int:
+    """[bytes] of an input or output in its module's memory."""
+    field = _core.field(view)
+    assert field is not None
+    return field.offset
 
 
 def _kept(node: Node) -> list[Leaf]:

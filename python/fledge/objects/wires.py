@@ -148,16 +148,18 @@ def wire(source: Any, target: Any) -> Wire:
                              + (f"; {_core.path(root)} has {_ports(root, group)}" if root is not None else ""))
     theirs, ours = _core.struct(source), _core.struct(target)
     if (theirs.name, theirs.hash) != (ours.name, ours.hash):
-        fitting = [f.name for f in _core.struct(_core.root(target)).fields
+        root = _core.root(target)
+        assert root is not None
+        fitting = [f.name for f in _core.struct(root).fields
                    if f.group == "in" and f.struct.name == theirs.name]
         raise SetupError(f"{start}: the output is {theirs.name}, the input takes {ours.name}"
-                         + (f"; {_core.path(_core.root(target))} takes {theirs.name} at {', '.join(fitting)}"
+                         + (f"; {_core.path(root)} takes {theirs.name} at {', '.join(fitting)}"
                             if fitting else ""))
     return Wire(source, [target])
 
 
 def _groups(*ports: _core.Message) -> list[str | None]:
-    return [field and field.group for field in map(_core.field, ports)]
+    return [field.group if field else None for field in map(_core.field, ports)]
 
 
 def _ports(obj: _core.Module | _core.Model, group: str) -> str:

@@ -42,7 +42,8 @@ def undeclared_attribute(obj: Any, name: str) -> str:
 
 def wired_input(obj: Any, path: str) -> str:
     """The error text for an assignment to a field, by its path, of an input that has a wire or a feed."""
-    process = _core.context(obj)()      # None: its simulation is gone
+    context = _core.context(obj)
+    process = context() if context else None        # None: its simulation is gone
     port = ".".join(path.split(".")[:3])
     wires = process._core_simulation.wires if process else []
     if source := next((source for source, target, *_ in wires if target == port), ""):
