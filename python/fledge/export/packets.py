@@ -182,9 +182,9 @@ def services(mission: Mission, found: Dictionary) -> Iterator[Packet]:
     types = {one.type for one in mission.modules}
     if "EventLog" in types:
         path, stream = f"{mission.process}.events", found.texts + 1 + SERVICES.index("events")
-        *items, arguments = EVENT_RECORD
+        *head, arguments = EVENT_RECORD
         rest = {f"arguments[{i}]": "as its id says" for i in range(arguments[2])}
-        yield Packet(path, "what a module has said", stream, record(items, {
+        yield Packet(path, "what a module has said", stream, record(head, {
             "t": {"meaning": "of the event", "unit": "ns"}, "number": "counts the events of the log",
             "before": "events of the output before it that were not logged",
             "output": "whose event it is: the place in the list of outputs",

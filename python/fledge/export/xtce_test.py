@@ -20,7 +20,8 @@ import pytest
 import fledge
 from fledge import cli, export
 from fledge.archive import Archive
-from fledge.commands import DATA_MAX, Action, Code, Packets, decoded, encoded, leaves, values
+from fledge.commands import (DATA_MAX, Action, Code, Packets, checksummed, decoded, encoded, leaves, numbered, values)
+from fledge.elements import ELEMENTS
 from fledge.errors import SetupError
 from fledge.export import ground, packets, stations
 from fledge.export.page import page
@@ -382,6 +383,115 @@ def test_every_command_has_the_bytes_that_fledge_sends(folder):
         assert reader.encode(f"flight_{name}", int.from_bytes(sent[2:4], "big") & 0x3FFF, **arguments) == sent, name
     k = reader.argument_types["flight_write_control_K_K"]
     assert k.find("UnitSet/Unit").text == "N m" and k.find("ValidRangeSet/ValidRange").attrib == {"minExclusive": "0.0"}
+
+
+def argument(form, dice):
+    """A value of an argument, within its range."""
+    kind, bits, low, high = form["type"], form["size"], form["low"], form["high"]
+    if form["labels"]:
+        return dice.choice(form["labels"])
+    if kind == "binary":
+        return dice.randbytes(dice.randint(1, 40))
+    if kind == "text":
+        return "".join(dice.choice("ab/x>") for _ in range(dice.randint(1, bits or 30)))
+    if kind == "real":
+        low, high = -1e3 if low is None else low, 1e3 + abs(low or 0) if high is None else high
+        return dice.uniform(low, high)
+    least, most = (0, 2**bits - 1) if kind == "natural" else (-2**(bits - 1), 2**(bits - 1) - 1)
+    return dice.randint(least if low is None else math.floor(low) + form["low_open"],
+                        most if high is None else math.ceil(high) - form["high_open"])
+
+
+def writers(dictionary):
+    """Name of a command that writes -> (maker of packets, block, field, offset) of what it writes."""
+    for block in dictionary.blocks:
+        process, _, module = block.path.partition(".")
+        for path, field, at in leaves(block.fields):
+            yield f"{process}.write.{module}.{path}", (Packets(dictionary), block, field, at)
+
+
+def by_packets(writer, first, given):
+    """The packet of the same values by fledge.commands."""
+    maker, block, field, at = writer
+    inner = field.shape[-1:] if field.type == "char" else []
+    raw = b"".join(encoded(field, value, inner) for value in given)
+    packet, = maker.write_bytes(block.path, {at + int(first or 0) * ELEMENTS[field.type].size: raw})
+    return packet
+
+
+def check_telemetry(database, dictionary, dice):
+    """Random outputs of a mission have the same values by its database and by fledge.commands, in the same order."""
+    for output in dictionary.outputs:
+        body = bytearray(dice.randbytes(output.size))
+        for _, field, at in leaves(output.fields):
+            if field.type == "char":
+                body[at:at + field.size] = b"text".ljust(field.shape[-1], b"\0") * (field.size // field.shape[-1])
+            elif field.type == "enum" and dice.random() < 0.7:
+                body[at:at + 4] = encoded(field, dice.choice([*field.enumerators.values()]), [])
+        packet = struct.pack(">3HIH4x", output.stream, 0xC000, 16 + len(body) - 7, 0, 0) + body
+        found, ours = database.decode(packet), [one for _, one in flat(decoded(dictionary, packet).content)]
+        rows = [value if isinstance(value, str) else raw for _, raw, value in found.rows[len(packets.HEADER):]]
+        assert found.reason == "" and len(rows) == len(ours) > 0, output.path
+        assert all(a == b or a != a and b != b for a, b in zip(rows, ours)), output.path
+
+
+def check_database(sim, path):
+    """Every command of a mission, with random arguments, is decoded to itself and to these. Parameters are written, and
+    outputs read, as by fledge.commands."""
+    path.write_text(written(sim), encoding="utf-8")
+    database, dice, seen = fledge.ground.Database.load(path), Random(3), set()
+    known = {name: one for flight in sim.flights for name, one in writers(flight.commands.dictionary)}
+    streams = [flight.commands.dictionary.outputs[0].stream for flight in sim.flights]
+    for flight in sim.flights if len(set(streams)) == len(streams) else ():     # else the database knows the first
+        check_telemetry(database, flight.commands.dictionary, dice)
+    for form in database.forms():
+        given = {one["name"]: argument(one, dice) for one in form["arguments"]}
+        for one in form["arguments"]:
+            if one["counted_by"]:
+                raw = given[one["name"]]
+                given[one["counted_by"]] = len(raw.encode() if isinstance(raw, str) else raw)
+        bare = database.encode(form["path"], **given)
+        name, _, first = form["name"].partition(".from_")
+        if name in known:
+            ours = by_packets(known[name], first, [given[one["name"]] for one in form["arguments"]])
+            assert (ours[:2], ours[6], ours[8:]) == (bare[:2], bare[6], bare[8:]), form["name"]
+        sent = checksummed(numbered(bare, dice.getrandbits(14)))
+        found = database.decode_command(sent, "cfs")
+        assert found.reason == "" and found.bits == 8 * len(sent) and found.arguments == given, form["name"]
+        assert found.command == form["path"] or bare in seen, form["name"]      # as of another process with its stream
+        assert database.encode(found.command, **found.arguments) == bare
+        seen.add(bare)
+        assert database.decode_command(sent[:6] + bytes([sent[6] ^ 0x40]) + sent[7:], "cfs").command is None
+        assert database.decode_command(sent + b"\0", "cfs").command in (None, *(
+            [form["path"]] if any(one["counted_by"] for one in form["arguments"]) else []))
+        assert database.decode_command(sent[:-1], "cfs").command != form["path"] or any(
+            one["counted_by"] for one in form["arguments"]), form["name"]
+    return database
+
+
+def test_every_command_is_decoded_to_what_was_commanded(folder, tmp_path):
+    sim = fledge.load(folder)
+    database, ours = check_database(sim, tmp_path / "plays.xml"), Packets(sim.flight.commands.dictionary)
+    for sent, name, arguments in (
+            (ours.mode("rest"), "mode", {"mode": "rest"}), (ours.evaluate("f.K", 9), "evaluate",
+                                                            {"zero": 0, "turns": 9, "bytes": "f.K", "n": 3}),
+            (ours.write("flight.control", K=2)[0], "write_control_K", {"K": 2.0})):
+        found = database.decode_command(sent, "cfs")
+        assert found.command == f"/plays/flight_{name}" and found.arguments == arguments
+    both, = ours.write("flight.control", K=2, P=np.eye(3).tolist())
+    found = database.decode_command(both, "cfs")
+    assert found.command is None and "the packet is longer than a /plays/flight_write_control_K" in found.reason
+    assert database.decode_command(sent, "ccsds").command is None       # for the checksum is compared
+    with pytest.raises(SetupError, match="a header is none, ccsds or cfs; found aos"):
+        database.decode_command(sent, "aos")
+
+
+@pytest.mark.long("writes and reads the databases of all missions")
+@pytest.mark.parametrize("name", sorted(missions()))
+def test_packets_of_all_missions_are_the_same_by_their_databases(name, tmp_path):
+    sim = fledge.load(name)
+    if sim.flights:
+        check_database(sim, tmp_path / "mission.xml")
 
 
 def test_a_long_array_is_several_commands_each_within_the_longest():

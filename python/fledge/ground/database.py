@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The database of the ground: packets to values, and commands to packets, by files of XTCE.
+"""The database of the ground: packets to values, and commands to packets and back, by files of XTCE.
 
     from fledge.ground import Database
 
@@ -7,6 +7,7 @@
     packet = craft.decode(received)
     packet.values["battery_voltage"], packet.container, packet.reason
     uplink = craft.encode("SET_MODE", mode="SAFE")
+    craft.decode_command(uplink).command, craft.decode_command(uplink).arguments
 """
 from __future__ import annotations
 
@@ -51,6 +52,12 @@ class Database:
         """The packet of a command. Arguments, and parameters of its header, are numbers in units, labels, texts, bytes,
         lists and dicts. Raises SetupError."""
         return self._read.encode(name, arguments)
+
+    def decode_command(self, packet: bytes, header: str = "none") -> _ground.CommandPacket:
+        """Which command a packet is, the most derived one whose fixed values it has, and its arguments, as encode()
+        takes them. header: "ccsds" if a sender has set the sequence and the length of a space packet, "cfs" if also
+        the checksum of a command of cFS."""
+        return self._read.decode_command(packet, header)
 
     def forms(self) -> list[dict[str, Any]]:
         """Of each command that can be sent: its name (in Fledge's words, where there are such), path, group,

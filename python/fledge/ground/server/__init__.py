@@ -10,7 +10,7 @@ the browser (docs/control-room.md).
         telemetry.py    database, monitor, archive; past.py: what comes from the archive
         derived.py      parameters that the server computes from others
         limits.py       limits that administrators set; alarms.py: an alarm stays until it is acknowledged
-        commanding.py   commands: forms, bytes, and the stages that flight reports
+        commanding.py   commands: forms and bytes; uplink.py, verifying.py: how they leave, and their stages (stages.py)
         transfers.py    files; tables.py: parameters of modules; stored.py: commands that wait on board
         scene.py        its 3-D view; contacts.py: stations and passes
         run_control.py  the run in which it flies: of the server itself, or of a co-simulation

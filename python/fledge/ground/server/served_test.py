@@ -7,6 +7,7 @@ from unittest.mock import patch
 import pytest
 
 from fledge import cli, ground
+from fledge.commands import Packets
 from fledge.ground.server.spacecraft import Spacecraft
 from fledge.ground.server.uplink_test import mission
 from fledge.ground.server.passwords import token
@@ -150,6 +151,8 @@ HAZARDS = """
 hazardous = "the loop may oscillate"
 [commands."flight.reset_flight"]
 hazardous = "flight begins again"
+[commands."flight.write.vehicle.I_B"]
+hazardous = "the body is another one"
 """
 
 
@@ -189,6 +192,11 @@ async def test_what_is_hazardous_is_refused_unless_the_script_means_it(folder):
         nested = (reset[:12] + "0f" + "00" * 17) * 2700 + reset     # stored by one that is stored by one ...
         found = await page.post("crafts/plays/raw", {"hex": nested}, 409)
         assert found["hazardous"].startswith("flight begins again")
+        packets = Packets(page.room.crafts["plays"].mission.dictionary)
+        fields = {one.name: one for one in packets.dictionary.block("flight.vehicle")[1].fields}
+        row, = packets.write_bytes("flight.vehicle", {fields["I_B"].offset + 24: bytes(24)})    # a part of it
+        found = await page.post("crafts/plays/raw", {"hex": row.hex()}, 409)
+        assert found["hazardous"].startswith("the body is another one")
         names = [one["name"] for one in await page.get("crafts/plays/sent") if one["name"].startswith(("write", "res"))]
         assert names == ["write flight.control.K", "write flight.control.K_I"]
 

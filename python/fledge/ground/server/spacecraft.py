@@ -221,7 +221,7 @@ class Spacecraft:
         if link is not None:
             until = self.run.until() if self.run else link.t + TURN
         if link is None or until is None:
-            self.commanding.look()
+            self.commanding.poll()
             self._over.wait(TURN / 1e9)
             return
         arrived = self.connection.receive(until)
@@ -236,7 +236,7 @@ class Spacecraft:
         if packets:
             self.take(packets)
         self.telemetry.report_gaps()
-        self.commanding.look()
+        self.commanding.poll()
         self.transfers.poll()
         self.feed.sample()
 
@@ -301,7 +301,7 @@ class Spacecraft:
             elif kind == "watched":
                 self._report(rest[3])
             elif kind == "verified":
-                self.commanding.verifying.take(*rest)
+                self.commanding.verified(*rest)
             elif kind == "slots":
                 self.telemetry.extend(rest[0])
                 self.handle(self.limits.in_force.learn(rest[0]))

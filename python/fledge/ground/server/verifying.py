@@ -10,8 +10,7 @@ from fledge.errors import SetupError
 
 if TYPE_CHECKING:
     from fledge.ground.server.clock import Clock
-    from fledge.ground.server.commanding import Commanding
-    from fledge.ground.server.reporter import Reporter
+    from fledge.ground.server.stages import Stages
     from fledge.ground.server.telemetry import Telemetry
 
 STAGES = {"TransferredToRange": "transferred", "SentFromRange": "sent", "Received": "received",
@@ -53,8 +52,8 @@ class Waiting:
 class Verifying:
     """For the spacecraft's own thread."""
 
-    def __init__(self, commanding: Commanding, telemetry: Telemetry, clock: Clock, reporter: Reporter) -> None:
-        self._commanding, self._telemetry, self._clock, self._reporter = commanding, telemetry, clock, reporter
+    def __init__(self, stages: Stages, telemetry: Telemetry, clock: Clock) -> None:
+        self._stages, self._telemetry, self._clock = stages, telemetry, clock
         self._waiting: list[Waiting] = []
         self._newest: tuple[int, int] | None = None     # the verifier and time of the last packet
 
@@ -90,7 +89,7 @@ class Verifying:
 
     def take(self, number: int, t: int, returned: str) -> None:
         """A packet fulfils a verifier."""
-        self.look(t)
+        self.poll(t)
         one = next((one for one in self._waiting if number in one.open or number in one.late), None)
         if one is None:
             return
@@ -103,7 +102,7 @@ class Verifying:
             self._passed(one, number, t, returned)
         self._rid()
 
-    def look(self, t: int) -> None:
+    def poll(self, t: int) -> None:
         """Fail what has waited too long."""
         for one in self._waiting:
             over = one.over(t)
@@ -115,8 +114,8 @@ class Verifying:
                 since = "the release" if verifier["from_release"] or one.passed == one.release else \
                     "the verifier before"
                 within = verifier["stop"] or OPEN / 1e9
-                self._commanding.overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
-                                              f"of {since}", begin, end)
+                self._stages.add_overdue(one.row, verifier["stage"], f"no {verifier['text']} within {within:g} s "
+                                         f"of {since}", begin, end)
                 one.late[number] = one.row["stages"][-1], end
             for number in [number for number, (_, end) in one.late.items() if t > end + LATE]:
                 self._telemetry.monitor.forget(number)
@@ -136,7 +135,7 @@ class Verifying:
         """No verifier will be known."""
         for one in self._waiting:
             if one.open:
-                self._commanding.stage(one.row, "failed", False, why)
+                self._stages.add(one.row, "failed", False, why)
                 one.open.clear()
                 self._keep(one)
         self._waiting.clear()
@@ -162,7 +161,7 @@ class Verifying:
 
     def _stage(self, row: dict[str, Any], verifier: dict[str, Any], good: bool | None, text: str, t: int) -> None:
         name = "failed" if good is False and verifier["stage"] == "completed" else verifier["stage"]
-        self._commanding.stage(row, name, good, text, t)
+        self._stages.add(row, name, good, text, t)
         if name == "progress" and good:
             row["stages"][-1]["percent"] = verifier["percent"]
 
@@ -178,4 +177,4 @@ class Verifying:
 
     def _keep(self, one: Waiting) -> None:
         self._mark(one)
-        self._reporter.keep("sent", one.row)
+        self._stages.keep(one.row)
