@@ -265,5 +265,3 @@ def plant(sim: Simulation, ns: int, faults: Sequence[Fault], lasts: int) -> None
         if not any(row["kind"] == number and row["begin"] == ns for row in planned):
             times = {"begin": ns, **({"lasts": lasts} if "lasts" in known else {})}     # whole numbers are [ns]
             owner.faults = [*planned, {"kind": one.kind, **one.fields, **times}]
-
-

@@ -199,6 +199,10 @@ class Campaign:
         """A fresh simulation for a run, its Dispersions, and the name and the others of its campaign."""
         return declare(self._mission, self._function, {})
 
+    def take(self, values: dict[str, list[float]]) -> None:
+        """Fly runs with these chosen numbers next; {}: with those that are drawn."""
+        assert values == self.values
+
     def complete(self, share: Share) -> Share:
         """A share with the numbers of its runs that the kernel does not know."""
         return share
@@ -226,6 +230,10 @@ class Chosen(Campaign):
         self.values = {}
         self.dispersions.choose(values)
         self.values = {path: [float(x) for x in numbers] for path, numbers in values.items()}
+
+    def take(self, values: dict[str, list[float]]) -> None:
+        if values != self.values:
+            self.choose(values)
 
     def _declare(self, index: int) -> tuple[Simulation, Dispersions, dict[str, str], str]:
         sim, dispersions, known, name = super()._declare(index)

@@ -136,11 +136,7 @@ class Runs(Work[Range, Share]):
 
     def fly(self, item: Range) -> Share:
         """By this thread; where the mission calls Python, each run in a mission loaded for it."""
-        if item.values != self.campaign.values:
-            from fledge.montecarlo.campaign import Chosen
-
-            assert isinstance(self.campaign, Chosen)
-            self.campaign.choose(item.values)
+        self.campaign.take(item.values)
         if not self.campaign.has_callables:
             return fly_share(self.campaign, self.seed, item.first, item.end)[0]
         return Share.joined([self._loaded(index) for index in range(item.first, item.end)])
