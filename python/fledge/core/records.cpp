@@ -13,7 +13,7 @@ namespace fledge::core {
 
 namespace {
 
-using Texts = py::dict;
+using Texts = Typed<py::dict, "dict[str, str]">;
 using Named = std::vector<std::pair<std::string, Texts>>;
 /// The length that a channel's Message records have to state, by its topic, definition, encoding and metadata.
 using Declare = std::function<std::optional<std::uint64_t>(

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which folder and which part of the Python package may use which: the tables that include_direction_test.py checks,
+and that docs/architecture.md shows.
+
+    /usr/bin/python3 -m tests.layers        writes the tables into docs/architecture.md
+
+A rule holds for its folder and all folders below it that have no rule of their own. The rule `flight/*` holds for each
+sub-folder of flight/ by itself: they do not use one another.
+"""
+
+from typing import NamedTuple
+
+from tests.tree import ROOT
+
+DOCUMENT = ROOT / "docs/architecture.md"
+BEGIN, END = "<!-- printed by tests/layers.py: {} -->\n", "<!-- end of what tests/layers.py prints -->\n"
+
+
+class Rule(NamedTuple):
+    """What the documents say of a folder, and the folders that its files may include or import besides their own."""
+
+    language: str
+    what: str
+    uses: list[str]
+
+
+FLIGHT = ["flight/math", "flight/msg"]
+
+RULES = {
+    "ccsds": Rule("C99", "the protocols between ground and flight: packets, frames, COP-1, security, files", []),
+    "flight/math": Rule("C99", "vectors, attitudes, elementary functions", []),
+    "flight/msg": Rule("C99", "the messages", ["flight/math"]),
+    "flight/exec": Rule("C99", "the rules of time, for the desktop and for every exported mission", FLIGHT),
+    "flight/command": Rule("C99", "commands to flight: packets, their checks and their execution",
+                           [*FLIGHT, "flight/exec", "ccsds"]),
+    "flight/telemetry": Rule("C99", "packets of flight's outputs", [*FLIGHT, "flight/exec", "flight/command", "ccsds"]),
+    "flight/services": Rule("C99", "modules that commands drive: stored commands, monitors, fault protection, files",
+                            [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "ccsds"]),
+    "flight/*": Rule("C99", "the modules; these folders do not use one another", FLIGHT),
+    "record": Rule("C99, C++20", "one writer of MCAP without a heap, for every target, and one reader", []),
+    "registers": Rule("C99, C++20, Python", "boards from TOML; lanes between flight and models, also across processes "
+                      "and byte orders", [*FLIGHT, "flight/exec", "record", "introspect"]),
+    "introspect": Rule("Python", "the reader of headers, and the emitters", []),
+    "targets": Rule("C99, Python", "what hosts an exported mission (`mission.h`), and a folder for each target, whose "
+                    "Python is a part of `fledge`",
+                    [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "registers", "record", "ccsds"]),
+    "sim": Rule("C++20", "the kernel: instances, wires, tasks, processes, clock, recorder",
+                [*FLIGHT, "flight/exec", "flight/command", "flight/telemetry", "record"]),
+    "world": Rule("C++20", "dynamics, environment, sensors, actuators, avionics", [*FLIGHT, "flight/exec", "sim"]),
+    "cosim": Rule("C, C++20, Python", "a simulation of many programs; `bindings`: nodes in other languages",
+                  [*FLIGHT, "record", "registers", "sim", "targets", "cosim"]),
+    "cosim/protocol": Rule("C++20", "the frames that the programs exchange", ["record"]),
+    "cosim/security": Rule("C++20", "keys, and who may take part", []),
+    "cosim/transport": Rule("C++20", "sockets and shared memory", ["cosim/protocol", "cosim/security"]),
+    "cosim/controller": Rule("C++20", "which program may step how far; without sockets or clocks",
+                             ["cosim/protocol", "sim"]),
+    "cosim/node": Rule("C++20", "programs that take part", [*FLIGHT, "cosim/protocol", "cosim/security",
+                                                            "cosim/transport", "sim", "registers", "targets"]),
+    "cosim/router": Rule("C++20", "the controller on its sockets", ["cosim/protocol", "cosim/security",
+                         "cosim/transport", "cosim/controller", "cosim/node", "sim"]),
+    "cosim/tools": Rule("C++20, C99", "the programs", ["options", "record", "cosim/protocol", "cosim/security",
+                        "cosim/transport", "cosim/controller", "cosim/node", "cosim/router", "sim", "registers",
+                                                       "targets"]),
+    "options": Rule("C++20", "the command lines of the programs in C++", []),
+    "emulator": Rule("C++20", "the flight computer; it meets the avionics at the registers alone",
+                     ["options", "registers"]),
+    "emulator/tools": Rule("C++20", "the programs",
+                           ["options", "flight/exec", "record", "registers", "targets", "emulator"]),
+    "ground": Rule("C++20", "the ground: the database of packets and commands, their decoder and encoder; the newest "
+                   "values of telemetry with limits; files of packets, and captures",
+                   ["ccsds", "record"]),
+    "fledge": Rule("Python, C++", "`python/fledge`: what the user imports, the extension, the command line",
+                   ["ccsds", "flight", "registers", "record", "introspect", "sim", "world", "cosim", "emulator",
+                    "ground", "targets"]),
+    "missions": Rule("Python", "worked missions", ["fledge"]),
+    "docs": Rule("Markdown, Python", "the documents, and the settings of their HTML", ["introspect", "fledge"]),
+    "bench": Rule("Python, C++", "measurements",
+                  ["ccsds", "flight", "record", "sim", "world", "cosim", "emulator", "ground", "fledge", "missions"]),
+    "cmake": Rule("CMake, Python", "the build, the package for CMake, the wheel for pip, the .deb", ["fledge"]),
+    "tests": Rule("Python, C++, C99", "tests of the whole",
+                  ["flight", "registers", "record", "sim", "world", "cosim", "emulator", "ground", "targets",
+                   "introspect", "fledge", "missions"]),
+}
+
+# The parts of python/fledge, its sub-packages and the modules beside them: from the bottom up, rows of parts and what
+# these are. A part may import itself and the rows below it; the launcher is on top of all.
+PARTS = [
+    ("units elements errors files columns display interruption programs", "what all others need"),
+    ("progress folders frames mean_elements elf serial_line", "a progress bar; the folders of a project and of "
+     "missions; the frames of a link; two-line elements and OMMs; what an ELF file says of itself; serial lines to "
+     "boards"),
+    ("records", "recorded fields by name, of a run in memory or of a file"),
+    ("objects archive attitude commands", "C structs as Python objects; MCAP files: read, compare, convert; "
+     "conversions; packets of commands and telemetry"),
+    ("records.activity", "modes, events, commands and resets of a run, from its record"),
+    ("plot", "figures of fields, boresights and orbits; the wiring as a graph"),
+    ("flight flight_math", "the flight modules by name; the functions of `flight/math`"),
+    ("world", "the world's models by name, bodies, orbits, the sky"),
+    ("mission", "load a mission; processes, simulation, log, wiring, batches; linear systems and their margins; reset "
+     "and step of reinforcement learning"),
+    ("requirements", "requirements as formulas of signal temporal logic, judged on a run or a record"),
+    ("ground", "scripts of the ground, their links to spacecraft; databases of packets, and captures"),
+    ("prototype", "modules and models that are Python classes"),
+    ("new", "what `fledge new` writes"),
+    ("pool", "flights in many processes, of this machine or of a cluster"),
+    ("montecarlo cosim export scene", "campaigns; a mission in several programs; a mission as C, with boards; a run in "
+     "3-D"),
+    ("falsify", "the search for the run with the least margin of a requirement, and failure probabilities"),
+    ("report targets", "a run on one page; the same flight software on several targets, compared; each target is a "
+     "folder of `targets`"),
+    ("emulator", "the LEON3 board as a Python object and as the flight of a simulation; campaigns of bit flips"),
+    ("profile", "what flight costs on a target"),
+    ("verify", "all requirements of a mission over scenarios and targets, with a report"),
+    ("analysis", "faults of units, versions of flight, and the time of tasks, over many runs"),
+    ("ground.server ground.console", "the server of the control room, and its pages"),
+    ("cli", "the commands of `./fledge`"),
+    ("launcher", "what `./fledge` does before a command: packages and the build; and tests"),
+]
+
+LEVEL = {part: level for level, (parts, _) in enumerate(PARTS) for part in parts.split()}
+
+# Python packages of other projects, and where each may be imported. They are Debian's.
+THIRD_PARTIES = {
+    "cmake":      {"fledge_wheel"},
+    "flight":     {"mpmath"},                      # flight/math/tools: how the coefficients were found
+    "introspect": {"clang"},
+    "docs":       {"nbclient", "nbconvert", "nbformat"},    # settings of the HTML: they run the notebook
+    "fledge":     {"IPython", "PIL", "_core", "_core_build", "_cosim", "_emulator", "_fledge_protocol", "_fledge_world",
+                   "_ground", "_project_world", "aiohttp", "cloudpickle", "distributed", "fledge_node", "h5py",
+                   "jinja2", "jsonschema", "markupsafe", "matplotlib", "numpy", "pandas", "psycopg", "scipy", "serial",
+                   "yaml", "zmq"},
+    "cosim":      {"zmq"},
+    "missions":   {"fledge_node", "numpy", "scipy"},   # a node in Python imports fledge_node and nothing else of Fledge
+    "bench":      {"_core", "aiohttp", "erfa", "jplephem", "mpmath", "numpy"},
+    "tests":      {"_core", "numpy", "pytest"},
+}
+
+
+def rule_of(path: str) -> str:
+    """The folder whose rule holds for a path: the longest that the path begins with."""
+    if path.startswith("targets/") and path.endswith(".py"):
+        return "fledge"
+    parts = path.removeprefix("python/").split("/")
+    for length in range(len(parts) - 1, 0, -1):
+        folder = "/".join(parts[:length])
+        if folder in RULES or "/".join([*parts[:length - 1], "*"]) in RULES:
+            return folder
+    return parts[0]
+
+
+def part_of(module: str) -> str:
+    """The part of python/fledge that has a module: "ground.server" of "ground.server.web"."""
+    names = module.split(".")
+    return whole if (whole := ".".join(names[:2])) in LEVEL else names[0]
+
+
+def uses(folder: str) -> list[str]:
+    """The folders that this one may use; those below one of them count too."""
+    rule = RULES.get(folder) or RULES.get(f"{folder.rpartition('/')[0]}/*")
+    return rule.uses if rule else []
+
+
+def may_use(folder: str, other: str) -> bool:
+    return other == folder or any(other == name or other.startswith(f"{name}/") for name in uses(folder))
+
+
+def table_of_parts() -> str:
+    """The parts of python/fledge, as Markdown."""
+    return "\n".join(["| part | what it does |", "|---|---|",
+                      *(f"| `{'`, `'.join(parts.split())}` | {what} |" for parts, what in PARTS)]) + "\n"
+
+
+def table_of_folders() -> str:
+    """The rules of the folders that there are, as Markdown."""
+    rows = ["| folder | language | what it is | may use |", "|---|---|---|---|"]
+    for folder, rule in RULES.items():
+        if (ROOT / folder.removesuffix("/*")).is_dir() or folder == "fledge":
+            used = ", ".join(f"`{name}`" for name in rule.uses if (ROOT / name).is_dir() or name == "fledge")
+            rows.append(f"| `{folder}` | {rule.language} | {rule.what} | {used or 'nothing'} |")
+    return "\n".join(rows) + "\n"
+
+
+def with_tables(text: str) -> str:
+    """A document with the tables of today, each between its two marks."""
+    for name, table in (("folders", table_of_folders()), ("parts", table_of_parts())):
+        before, rest = text.split(BEGIN.format(name))
+        text = before + BEGIN.format(name) + table + END + rest.split(END, 1)[1]
+    return text
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(with_tables(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
