@@ -125,15 +125,15 @@ def plot(source: Records, *panels: str | Series | Sequence[str | Series], titles
 
     if not panels:
         raise SetupError("plot: name at least one field, as in plot('error.sigma_BR')")
-    groups = [[one if isinstance(one, Series) else source.series(one)
-               for one in ([p] if isinstance(p, (str, Series)) else p)] for p in panels]
-    chosen = _chosen_units([one for group in groups for one in group], units or {})
+    groups = [[series if isinstance(series, Series) else source.series(series)
+               for series in ([p] if isinstance(p, (str, Series)) else p)] for p in panels]
+    chosen = _chosen_units([series for group in groups for series in group], units or {})
     rows = -(-len(groups) // columns)
     with matplotlib.style.context(STYLE):
         figure = Figure(figsize=size or (7.2 if columns == 1 else 5.0 * columns, 0.5 + 2.3 * rows),
                         layout="constrained")
         axes = figure.subplots(rows, columns, sharex=True, squeeze=False).flatten()
-        times = [one.time for group in groups for one in group if len(one.time)]
+        times = [series.time for group in groups for series in group if len(series.time)]
         first, last = min((t[0] for t in times), default=0.0), max((t[-1] for t in times), default=1.0)
         unit, factor = time_unit(last)
         axes[0].xaxis.set_major_locator(MaxNLocator(steps=[1, 2, 5, 10]))  # whole minutes; all share it
@@ -172,27 +172,27 @@ def _panel(axis: Axes, group: list[Series], factor: float, units: dict[str, tupl
     import numpy as np
 
     labels = []
-    for n, one in enumerate(group):
-        shown_unit, size = units.get(one.key, (one.unit, 1.0))
-        values = (one.values / size if size != 1.0 else one.values).reshape(len(one.values), -1)
-        label = f"${symbol(one.name.split('[')[0])}$"
-        names = component_labels(one.name, one.meaning, one.shape) if one.shape else [label]
+    for n, series in enumerate(group):
+        shown_unit, size = units.get(series.key, (series.unit, 1.0))
+        values = (series.values / size if size != 1.0 else series.values).reshape(len(series.values), -1)
+        label = f"${symbol(series.name.split('[')[0])}$"
+        names = component_labels(series.name, series.meaning, series.shape) if series.shape else [label]
         shown = np.array(values, dtype=float)
-        shown[1:][_jumps(shown, one, shown_unit)] = np.nan
-        if one.words:   # side by side, for equal ones would hide each other
+        shown[1:][_jumps(shown, series, shown_unit)] = np.nan
+        if series.words:   # side by side, for equal ones would hide each other
             shown += 0.06 * (n - (len(group) - 1) / 2)
-        for k in range(used(values, one.shape)):
-            text = names[k] if len(group) == 1 else f"{names[k]} ({one.port.rpartition('.')[2]})"
-            axis.plot(one.time / factor, shown[:, k], label=text,
-                      drawstyle="steps-post" if one.words else "default")  # it has no values between its values
-        _shade(axis, one, factor)
+        for k in range(used(values, series.shape)):
+            text = names[k] if len(group) == 1 else f"{names[k]} ({series.port.rpartition('.')[2]})"
+            axis.plot(series.time / factor, shown[:, k], label=text,
+                      drawstyle="steps-post" if series.words else "default")  # it has no values between its values
+        _shade(axis, series, factor)
         labels.append(axis_label(label, unit_label(shown_unit)))
     axis.set_ylabel(", ".join(dict.fromkeys(labels)))
     words = group[0].words
-    if words and all(one.words == words for one in group):
+    if words and all(series.words == words for series in group):
         axis.set_yticks(list(words), list(words.values()))
         axis.set_ylim(min(words) - 0.3, max(words) + 0.3)
-        axis.set_ylabel(", ".join(dict.fromkeys(one.name.rpartition(".")[2] for one in group)))
+        axis.set_ylabel(", ".join(dict.fromkeys(series.name.rpartition(".")[2] for series in group)))
     axis.set_title(title if title is not None else _title(group))
     if len(axis.lines) > 1 or POOR in axis.get_legend_handles_labels()[1]:
         # Outside, where no line can run through it.
@@ -229,43 +229,43 @@ def _mode_band(axis: Axes, group: list[Series], began: dict[str, list[tuple[floa
     axis.set_xlim(left, right)
 
 
-def _shade(axis: Axes, one: Series, factor: float) -> None:
+def _shade(axis: Axes, series: Series, factor: float) -> None:
     """Shade the times of messages that are there and not good."""
     import numpy as np
 
-    if one.quality is None or not len(one.time):
+    if series.quality is None or not len(series.time):
         return
-    poor = np.append((one.quality > NONE) & (one.quality < GOOD), False)
-    ends = np.append(one.time, one.time[-1]) / factor
+    poor = np.append((series.quality > NONE) & (series.quality < GOOD), False)
+    ends = np.append(series.time, series.time[-1]) / factor
     turns = np.flatnonzero(np.diff(poor, prepend=False))
     for begin, end in zip(turns[::2], turns[1::2]):
         axis.axvspan(ends[begin], ends[end], color="0.5", alpha=0.15, lw=0,
                      label="" if POOR in axis.get_legend_handles_labels()[1] else POOR)
 
 
-def _chosen_units(series: list[Series], units: dict[str, str]) -> dict[str, tuple[str, float]]:
+def _chosen_units(plotted: list[Series], units: dict[str, str]) -> dict[str, tuple[str, float]]:
     """The caller's units by the keys of the series, with their sizes in SI. Raises SetupError for a name that is not
     plotted, and for a unit that is none or has another dimension."""
     from fledge.units import unit_of
 
     found = {}
     for name, wanted in units.items():
-        fits = [one for one in series if one.key == name or one.key.endswith("." + name)]
+        fits = [series for series in plotted if series.key == name or series.key.endswith("." + name)]
         if not fits:
             raise SetupError(f"plot: units names '{name}', which is not plotted; there are "
-                             + ", ".join(dict.fromkeys(one.key for one in series)))
+                             + ", ".join(dict.fromkeys(series.key for series in plotted)))
         try:
             size = unit_of(wanted)
         except ValueError as error:
             raise SetupError(f"plot: units of {name}: {error}") from None
-        for one in fits:
-            own = unit_of(one.unit)
+        for series in fits:
+            own = unit_of(series.unit)
             if size.dims != own.dims:   # radians count: a rate is no frequency, and an MRP no angle
                 near = [other for other in (f"{wanted}/s", wanted.removesuffix("/s"))
                         if other and unit_of(other).dims == own.dims]
-                raise SetupError(f"plot: {one.key} is in {one.unit.strip('-') or 'no unit'}, which cannot be shown in "
-                                 f"{wanted}" + "".join(f"; did you mean {other}?" for other in near))
-            found[one.key] = wanted, size.value / own.value
+                raise SetupError(f"plot: {series.key} is in {series.unit.strip('-') or 'no unit'}, which cannot be "
+                                 f"shown in {wanted}" + "".join(f"; did you mean {other}?" for other in near))
+            found[series.key] = wanted, size.value / own.value
     return found
 
 
@@ -278,12 +278,12 @@ def used(values: np.ndarray, shape: tuple[int, ...]) -> int:
     return values.shape[1]
 
 
-def _jumps(values: np.ndarray, one: Series, unit: str) -> np.ndarray:
+def _jumps(values: np.ndarray, series: Series, unit: str) -> np.ndarray:
     """Where to interrupt a line: at a jump to the shadow set (MRPs) or across half a turn (angles)."""
     import numpy as np
 
     steps = np.abs(np.diff(values, axis=0))
-    if one.name.startswith("sigma"):
+    if series.name.startswith("sigma"):
         return np.linalg.norm(steps, axis=1) > 0.5
     if unit in ("rad", "deg"):
         return steps.max(axis=1) > (np.pi if unit == "rad" else 180.0)
@@ -291,14 +291,14 @@ def _jumps(values: np.ndarray, one: Series, unit: str) -> np.ndarray:
 
 
 def _title(group: list[Series]) -> str:
-    one = group[0]
-    ports = ", ".join(dict.fromkeys(one.port.partition(".")[2] or one.port for one in group))
-    meaning = re.split(r"[,;(]", one.meaning)[0].strip() if (one.shape or one.words) and one.meaning else ""
+    series = group[0]
+    ports = ", ".join(dict.fromkeys(series.port.partition(".")[2] or series.port for series in group))
+    meaning = re.split(r"[,;(]", series.meaning)[0].strip() if (series.shape or series.words) and series.meaning else ""
     return ports if len(group) > 1 or not meaning else f"{ports}: {meaning}"
 
 
 def _file_name(groups: list[list[Series]]) -> str:
-    keys = dict.fromkeys(re.sub(r"\W+", "_", one.key.strip("/")).strip("_") for group in groups for one in group)
+    keys = dict.fromkeys(re.sub(r"\W+", "_", series.key.strip("/")).strip("_") for group in groups for series in group)
     return "-".join(list(keys)[:3]) + ("-etc" if len(keys) > 3 else "")
 
 

@@ -103,14 +103,14 @@ def path(source: Records, attitude: str, base: str | None = None, boresight: int
     import numpy as np
 
     from fledge.attitude import mrp_to_dcm
-    one = source.series(attitude)
-    d_N = np.einsum("nji,j->ni", mrp_to_dcm(one.values), _vector(boresight))
+    body = source.series(attitude)
+    d_N = np.einsum("nji,j->ni", mrp_to_dcm(body.values), _vector(boresight))
     if base is None:
-        return Path(one.time, d_N, frame="n")
+        return Path(body.time, d_N, frame="n")
     other = source.series(base)
-    if len(other.time) != len(one.time) or (other.time != one.time).any():
+    if len(other.time) != len(body.time) or (other.time != body.time).any():
         raise SetupError(f"path: {attitude} and {base} were recorded at different times")
-    return Path(one.time, np.einsum("nij,nj->ni", mrp_to_dcm(other.values), d_N))
+    return Path(body.time, np.einsum("nij,nj->ni", mrp_to_dcm(other.values), d_N))
 
 
 def _axis(axis: int) -> tuple[int, float]:
@@ -162,13 +162,13 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
         figure = _figure(size or _size(high - low + 2 * pad), name)
         axis = figure.add_subplot()
         for (label, group), color in zip(groups.items(), colors):
-            for i, one in enumerate(group):
-                axis.plot(*np.degrees(one.angles(centre)).T, color=color, label=label if i == 0 else None,
+            for i, path in enumerate(group):
+                axis.plot(*np.degrees(path.angles(centre)).T, color=color, label=label if i == 0 else None,
                           **_stroke(color, colors))
         reach = 12.5 * (max(high - low) + 2 * pad) / (72 * 5.4)  # from a point to its label
-        for number, one in enumerate(groups.get(numbered, ()), 1):
+        for number, path in enumerate(groups.get(numbered or "", ()), 1):
             color = colors[list(groups).index(numbered)]
-            xy = np.degrees(one.angles(centre))
+            xy = np.degrees(path.angles(centre))
             _arrow(axis, xy, color)
             for point, letter in ((xy[0], "a"), (xy[-1], "b")):
                 axis.plot(*point, "o", color=color, markersize=3.6, zorder=4)
@@ -276,13 +276,13 @@ def sphere(source: Records, paths: dict[str, Path | list[Path]], *, centre: int 
                           arrowprops=_head(INK if front else SOFT))
             axis.annotate(rf"$\hat {letter}_{{{i + 1}}}$", tip[:2] * (1.0 + 0.09 / length), ha="center", va="center",
                           color=INK if front else SOFT, fontsize=11, zorder=7)
-        for one in groups.get(rays, ()):
-            for end in (one.direction[0], one.direction[-1]):
+        for path in groups.get(rays or "", ()):
+            for end in (path.direction[0], path.direction[-1]):
                 right, up, _ = screen @ end
                 axis.plot([0, right], [0, up], color=DARK, linewidth=0.6, alpha=0.35, zorder=2)
         for (label, group), color in zip(groups.items(), colors):
-            for i, one in enumerate(group):
-                _on_globe(axis, screen, one.direction, color, label if i == 0 else None,
+            for i, path in enumerate(group):
+                _on_globe(axis, screen, path.direction, color, label if i == 0 else None,
                           **_stroke(color, colors, (2.0, 1.0, 1.1)))
         for text, direction in (marks or {}).items():
             right, up, near = screen @ _vector(direction)
@@ -359,7 +359,7 @@ def _masked(xy: NDArray[Any], shown: NDArray[Any]) -> tuple[NDArray[Any], NDArra
 # --- both ------------------------------------------------------------------------------------------
 
 def _groups(paths: Mapping[str, Path | Iterable[Path]]) -> dict[str, list[Path]]:
-    groups = {label: [one] if isinstance(one, Path) else list(one) for label, one in paths.items()}
+    groups = {label: [group] if isinstance(group, Path) else list(group) for label, group in paths.items()}
     if not any(len(p) for group in groups.values() for p in group):
         raise SetupError("scan: there is nothing to draw; give at least one path with samples")
     return groups
@@ -384,6 +384,6 @@ def _legend(axis: Axes, entries: int) -> None:
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=entries)
 
 
-def _title(figure: Figure, title: str) -> None:
+def _title(figure: Figure, title: str | None) -> None:
     if title:
         figure.suptitle(title, **TITLE)

@@ -32,23 +32,23 @@ class Happening(NamedTuple):
 
 def happenings(records: Records) -> list[Happening]:
     """All that is recorded, by time; of one instant the mode first."""
-    found = [one for port in records.executives() for one in _of_port(records, port)]
-    return sorted(found, key=lambda one: (one.t, one.kind != "mode"))
+    unsorted = [happening for port in records.executives() for happening in _of_port(records, port)]
+    return sorted(unsorted, key=lambda happening: (happening.t, happening.kind != "mode"))
 
 
 def modes(records: Records) -> dict[str, list[tuple[float, str]]]:
     """Process -> (t [s], mode) of each mode that began."""
-    return {port.name.rpartition(".")[0]: [(one.t, one.name) for one in _of_port(records, port)]
+    return {port.name.rpartition(".")[0]: [(mode.t, mode.name) for mode in _of_port(records, port)]
             for port in records.executives() if port.type == MODE and len(records._time(port))}
 
 
 def _of_port(records: Records, port: Any) -> Iterator[Happening]:
     process = port.name.rpartition(".")[0]
-    told = None
+    last = None
     for row in records._values(port):
         t = row["head"]["t"] / 1e9
         if port.type == MODE:
-            if told != (told := row["head"]["sequence"]):   # sampled, one message stands there many times
+            if last != (last := row["head"]["sequence"]):   # sampled, a message stands there many times
                 yield Happening(t, process, "mode", row["name"].decode(), "")
         elif row["kind"] == EVENT:
             dropped = "; its mode was refused" if row["reason"] == Reason.GUARDED else ""
@@ -68,17 +68,18 @@ def _function(code: int) -> str:
 
 def facts(simulation: Simulation) -> dict[str, Any]:
     """What happened in each process of a run that had modes, events, commands or resets, as plain data."""
-    found: dict[str, Any] = {}
-    said = happenings(simulation.activity)
+    plain: dict[str, Any] = {}
+    happened = happenings(simulation.activity)
     for process in simulation.processes:
-        own = [one for one in said if one.process == process.name]
+        own = [happening for happening in happened if happening.process == process.name]
         rows: dict[str, Any] = {
             "mode": process.active_mode,
             "modes": {name: {"entered": n, "first": first} for name, (n, first) in process.entered.items()},
-            "events": {name: {"fired": one.fired[0], "first": one.fired[1], "when": one.text}
-                       for name, one in process.events.items()},
-            "commands": [{"t": one.t, "command": one.name, "answer": one.text} for one in own if one.kind == "command"],
-            "resets": [one.t for one in own if one.kind == "reset"]}
+            "events": {name: {"fired": event.fired[0], "first": event.fired[1], "when": event.text}
+                       for name, event in process.events.items()},
+            "commands": [{"t": command.t, "command": command.name, "answer": command.text}
+                         for command in own if command.kind == "command"],
+            "resets": [reset.t for reset in own if reset.kind == "reset"]}
         if rows := {key: value for key, value in rows.items() if value}:
-            found[process.name] = rows
-    return found
+            plain[process.name] = rows
+    return plain
