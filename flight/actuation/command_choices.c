@@ -35,7 +35,8 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
     }
 }
 
-/* The two functions of a module; sound: whether the numbers of m->in.chosen are finite. */
+/* The two functions of a module; sound: whether the numbers of m->in.chosen are finite. A type has no parentheses:
+ * NOLINTBEGIN(bugprone-macro-parentheses) */
 #define CHOICE(Type, reset, update, sound)                                                                             \
     void reset(Type *m)                                                                                                \
     {                                                                                                                  \
@@ -45,6 +46,7 @@ static void pass_on(const void *chosen, void *out, size_t size, int sound, int64
     {                                                                                                                  \
         pass_on(&m->in.chosen, &m->out.command, sizeof m->out.command, sound, t.t);                                    \
     }
+/* NOLINTEND(bugprone-macro-parentheses) */
 
 CHOICE(RodCommandChoice, rod_command_choice_reset, rod_command_choice_update, all_finite(m->in.chosen.dipole, RODS_MAX))
 CHOICE(WheelCommandChoice, wheel_command_choice_reset, wheel_command_choice_update,
