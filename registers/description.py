@@ -558,7 +558,7 @@ class _Reader(Tables):
             self.refuse((*path, prefix + "add"), "`add` is a list of bytes, each 0 to 255",
                         f"it is {shown(add)}", "write for example [0x1A, 0xCF]")
             add = []
-        capacity = shape["capacity"] or _end_of(numbers, remove if from_flight else len(add))
+        capacity = shape["capacity"] or _end_of(numbers or [], remove if from_flight else len(add))
         shape = shape | dict(capacity=capacity)
         plain = form == "word" and not queued
         stride = 4 if form == "word" else (SLOT_HEAD + capacity + 7) // 8 * 8

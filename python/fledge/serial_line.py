@@ -52,7 +52,7 @@ def read(word: str) -> tuple[str, dict[str, str]]:
 
 
 def _is_seconds(text: str) -> bool:
-    return re.fullmatch(r"\d+(\.\d+)?", text) and float(text) <= 1e6
+    return re.fullmatch(r"\d+(\.\d+)?", text) is not None and float(text) <= 1e6
 
 
 _VALUES = {

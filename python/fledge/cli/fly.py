@@ -240,7 +240,8 @@ def _at_lines(options: argparse.Namespace, names: list[str], apart: dict[str, st
         raise Failure(f"fly: --elf names {len(elves[more[0]])} programs{f' of {more[0]}' * bool(more[0])}; give one, "
                       "or PROCESS=FILE of each flight process")
     for process, word in words:
-        elf, = elves.get(process) or elves.get("", [None])
+        files = elves.get(process) or elves.get("") or []
+        elf = files[0] if files else None
         one = Serial(word, elf, options.baud, options.pace)
         if one.name in found:
             raise Failure(f"fly: --on names {one.device} twice; a board flies one process")
@@ -409,15 +410,15 @@ def _fly(options: argparse.Namespace, job: Job, runs: dict[str, dict[str, Target
             say("  checks   none: the scenario has no check, and the mission no requirement for it")
         same: dict[tuple[str, ...], tuple[list[str], list[Outcome]]] = {}     # targets with the same outcomes
         for name, record in records.items():
-            problem, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
+            raised, failed, outcomes = (job.problem, 1, job.outcomes) if name == "desktop" else _judged(
                 options, job, name, record)
             violated = [one.requirement.id for one in outcomes if one.verdict == VIOLATED]
             if violated:
                 wrong[name].append(f"violates {', '.join(violated)}")
-            if problem and problem != problem_of(outcomes, job.duration):   # what the scenario itself raised
+            if raised and raised != problem_of(outcomes, job.duration):     # by the scenario itself
                 wrong[name].append("the scenario's checks "
                                    + ("do not hold" if failed == 1 else "cannot be judged by its record"))
-                print(f"fledge: {job.title}, {job.scenario} on {name}: {problem}", file=sys.stderr)
+                print(f"fledge: {job.title}, {job.scenario} on {name}: {raised}", file=sys.stderr)
             same.setdefault(tuple(map(str, outcomes)), ([], outcomes))[0].append(_title(name, runs))
         for names, outcomes in same.values():
             show_required(outcomes, ", ".join(names))
@@ -428,7 +429,7 @@ def _plot_late(flown: Flown, title: str) -> Path:
     from fledge.plot import save
     from fledge.targets import serial
 
-    return save(serial.plot(flown.line, title), flown.record.parent, f"{flown.record.stem}_late")
+    return save(serial.plot(flown.line or {}, title), flown.record.parent, f"{flown.record.stem}_late")
 
 
 def _title(name: str, runs: dict[str, dict[str, Target]]) -> str:

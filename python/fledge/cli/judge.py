@@ -41,9 +41,11 @@ def _attempt(options: argparse.Namespace, sim: Simulation, fly: Callable[[Simula
              stop: Path | None) -> tuple[str | None, int]:
     from fledge import mission as missions
 
+    assert sim.mission
     try:
         fly(sim)
     except Stopped as error:
+        assert stop is not None
         stop.write_bytes(sim.snapshot())
         return f"stopped at {sim.time:g} s: {error}; the state is in {stop}", 1
     except KeyboardInterrupt:

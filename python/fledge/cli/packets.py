@@ -117,7 +117,7 @@ def _text(database: Database | None) -> Show:
             line(f"  ! {about['reason']}")
         width = min(max((len(name) for name, _, _ in found.rows), default=0), 80) if found else 0
         for name, raw, value in found.rows if found else ():
-            unit = " ".join(database.units(name.partition(".")[0].partition("[")[0]))
+            unit = " ".join(database.units(name.partition(".")[0].partition("[")[0])) if database else ""
             shown = "no value" if value is None else str(_plain(value))
             beside = f"  (raw {_plain(raw)})" if value is None or (raw != value and str(raw) != str(value)) else ""
             line(f"  {name:{width}}  {shown}{' ' + unit if unit else ''}{beside}")
@@ -136,8 +136,9 @@ def _csv(database: Database | None) -> Show:
         head = [about.get(key) for key in ("byte", "application", "count")]
         kind = f"encapsulation {about['protocol']}" if "protocol" in about else about["kind"]
         end = [kind, about.get("reason")]
+        of = found.container if found else None
         for name, raw, value in found.rows if found else ():
-            line(*head, found.container, name, _plain(value), _plain(raw), *end)
+            line(*head, of, name, _plain(value), _plain(raw), *end)
         if not found or not found.rows:
             line(*head, found.container if found else "", "", "", "", *end)
 

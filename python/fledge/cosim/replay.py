@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    import _cosim
+    # (name, type, definition, initial message, times [ns], messages)
+    Topic = tuple[str, str, str, bytes, list[int], bytes]
 
 __all__ = ["Exchange", "Replayed", "replay"]
 
@@ -104,7 +105,7 @@ class Exchange:
             limits.append((int(end.get("settled", min(last, default=-1))), why))
         return min(limits)
 
-    def part(self, node: str, until: int) -> tuple:
+    def part(self, node: str, until: int) -> tuple[str, list[tuple[int, int]], bool, list[Topic]]:
         """The messages of a node up to an instant, as _cosim.Replay takes them."""
         topics = []
         for name in self.written_by(node):

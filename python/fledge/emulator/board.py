@@ -402,7 +402,7 @@ class _Flight:
 
     def through(self, t: int, id: int, message: bytes) -> bytes | None:
         """What comes of a message through its link; None: nothing new."""
-        found = self.links and self.links.get(self.paths.get(id))
+        found = self.links.get(self.paths.get(id, "")) if self.links else None
         return found.passes(t, message) if found else message
 
     def tick(self, t: int) -> bool:

@@ -200,7 +200,10 @@ class _Finder:
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.messages = {m.path: (i, m) for i, m in enumerate((*mission.inputs, *mission.outputs))}
-        self.found, self.wrong, self.taken, self.kinds = [], [], {}, {}
+        self.found: list[Lane] = []
+        self.wrong: list[str] = []
+        self.taken: dict[str, Any] = {}
+        self.kinds: dict[tuple[int, int, int], tuple[Message, int]] = {}
 
     def refuse(self, board: Board, line: int, text: str) -> None:
         self.wrong.append(f"{board.path}:{line}: {text}")
@@ -257,9 +260,11 @@ class _Finder:
 
     def field(self, board: Board, i: int, lane: Any, place: int, k: int, field: Any) -> None:
         parts = field.carries.split(".")
-        found = self.message(board, field.line, ".".join(parts[:3]), lane) if len(parts) > 3 else \
+        if len(parts) < 4:
             self.refuse(board, field.line, f"`{field.carries}` is no number; write the message and its field, as "
                         "in \"world.nav.attitude.sigma_BN\"")
+            return
+        found = self.message(board, field.line, ".".join(parts[:3]), lane)
         if not found:
             return
         id, message = found

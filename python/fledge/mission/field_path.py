@@ -29,7 +29,7 @@ class FieldPath:
 
     def __init__(self, simulation: Simulation, path: str) -> None:
         self.path = " ".join(path.split())
-        self.field: _core.Field | ModeField
+        self.field: Any         # a Field, or a ModeField
         self.of_mode = False
         if mode := re.fullmatch(r"(\w+)\.mode", self.path):
             if any(p.name == mode[1] and not p.instances.get("mode") for p in simulation.processes):

@@ -167,7 +167,7 @@ def plane(source: Records, paths: dict[str, Path | list[Path]], *, centre: int =
                           **_stroke(color, colors))
         reach = 12.5 * (max(high - low) + 2 * pad) / (72 * 5.4)  # from a point to its label
         for number, path in enumerate(groups.get(numbered or "", ()), 1):
-            color = colors[list(groups).index(numbered)]
+            color = colors[list(groups).index(numbered or "")]
             xy = np.degrees(path.angles(centre))
             _arrow(axis, xy, color)
             for point, letter in ((xy[0], "a"), (xy[-1], "b")):

@@ -227,6 +227,7 @@ class _Judge:
         if one.event:
             return self.core.event(kernel, *one.event)
         field = one.field
+        assert field is not None and field.port is not None
         owner, _, port = field.port.rpartition(".")
         return self.core.source(kernel, owner, port, field.offset + field.width * field.elements[0], field.stored,
                                 len(field.elements), field.has_quality or field.of_mode)
@@ -265,11 +266,13 @@ class _Judge:
             process, name = one.event
             found = [port for port in records.executives() if port.type == ACTIVITY
                      and port.name.rpartition(".")[0] == process]
-            rows = records._values(found[0]) if found else []
-            return np.array([row["head"]["t"] for row in rows
+            events: Any = records._values(found[0]) if found else []
+            return np.array([row["head"]["t"] for row in events
                              if row["kind"] == _EVENT and row["name"].decode() == name], np.int64), None
-        if one.field.of_mode:
-            process = one.field.path.partition(".")[0]
+        field = one.field
+        assert field is not None
+        if field.of_mode:
+            process = field.path.partition(".")[0]
             found = [port for port in records.executives() if port.type == MODE
                      and port.name.rpartition(".")[0] == process]
             if not found:
@@ -277,12 +280,12 @@ class _Judge:
             rows = records._values(found[0])
             return rows["head"]["t"].astype(np.int64), rows["index"].astype(float)[:, None]
         try:
-            port, _, _ = records._find(one.field.recorded)
+            port, _, _ = records._find(field.recorded)
         except Exception as error:
             raise SetupError(f"{one.text} was not recorded: {error}") from None
-        values = np.asarray(records[one.field.recorded], float)
+        values = np.asarray(records[field.recorded], np.float64)
         values = values.reshape(len(values), -1).copy()
-        quality = records._quality(port) if one.field.has_quality else None
+        quality = records._quality(port) if field.has_quality else None
         if quality is not None:
             values[quality <= STALE] = math.nan
         return np.rint(records._time(port) * 1e9).astype(np.int64), values

@@ -14,7 +14,7 @@ from fledge.scene.scene import Craft, Direction, Part, Planet, Plot, Pose, Radio
 from fledge.scene.tracks import Motion, Signal, Turning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -398,8 +398,8 @@ class Derivation:
             level = self._signal(f"{path}.speeds", "Omega", k)
             at = (self._count(path, "r_WB_B") or [[0, 0, 0]] * len(axes))[k]
             full = limits[k] if limits else 0
-            if not full and level and len(level.time):
-                full = float(np.nanmax(np.abs(self._signal(f"{path}.speeds", "Omega").values[:, :len(axes)])))
+            if not full and level and len(level.time) and (whole := self._signal(f"{path}.speeds", "Omega")):
+                full = float(np.nanmax(np.abs(whole.values[:, :len(axes)])))
             craft.parts.append(Part("wheel", f"{path.partition('.')[2]} {k + 1}", at, _unit(axis), level=level,
                                     full=full))
         self._advise(f"{path}.speeds", "the wheels stand still")
@@ -663,6 +663,6 @@ def place_on(radius: float, flattening: float, latitude: float, longitude: float
     return [(normal + altitude) * up[0], (normal + altitude) * up[1], (share * normal + altitude) * up[2]], up
 
 
-def _unit(axis: Sequence[float]) -> list[float]:
+def _unit(axis: Iterable[float]) -> list[float]:
     size = sum(x * x for x in axis) ** 0.5
     return [x / size for x in axis]

@@ -217,8 +217,8 @@ def _primitives(part: Part, extent: float) -> dict[str, list]:
     if part.kind == "rod":
         return {"cylinders": [_cylinder(axis, at, 0.018 * extent, 0.7 * extent, (0.7, 0.74, 0.78))]}
     if part.kind == "thruster":
-        size = 0.06 * extent
-        return {"cylinders": [_cylinder(-axis, at - axis * size / 2, 0.7 * size, size, (0.36, 0.38, 0.41), 1, 0.4, 1)]}
+        long = 0.06 * extent
+        return {"cylinders": [_cylinder(-axis, at - axis * long / 2, 0.7 * long, long, (0.36, 0.38, 0.41), 1, 0.4, 1)]}
     if part.kind == "cone":
         color = (1.0, 0.35, 0.3) if part.keep_out else (0.31, 0.7, 1.0)
         radius = part.length * np.tan(part.half_angle)
@@ -281,8 +281,8 @@ def _frames(scene: Scene, times: NDArray[Any]) -> Iterator[tuple[str, str, NDArr
                 yield (craft.name, f"{craft.name}/{part.name}", np.tile(part.hinge_B, (len(times), 1)), np.hstack(
                     [np.sin(angle / 2) * np.array(part.hinge_axis_B), np.cos(angle / 2)]))
         for name, ways in _ways(scene, craft, times):
-            ways = Turning(times, np.array([_turn([1, 0, 0], way) for way in ways]))
-            yield "inertial", f"{craft.name}/{name}", here - origin, ways.q
+            q = np.array([_turn([1, 0, 0], way) for way in ways])
+            yield "inertial", f"{craft.name}/{name}", here - origin, q
 
 
 def _ways(scene: Scene, craft: Craft, times: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -141,7 +141,7 @@ def _begun(time: np.ndarray, found: np.ndarray, t: np.ndarray) -> np.ndarray:
     return found
 
 
-def _by_pieces(track: Track, values: np.ndarray,
+def _by_pieces(track: Turning | Signal, values: np.ndarray,
                kept: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """(indices, values) of the samples that kept(times, values) chooses of each piece without NaN, of one NaN after it
     where others follow, and of both sides of where the values become stale or are no longer."""

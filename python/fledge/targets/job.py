@@ -233,6 +233,7 @@ class Job:
             before(self)
 
         play = rehearse(mission, scenario, duration, seed, free, self.parameters, begin, judged)
+        assert play.duration is not None
         self.duration, self.script, self.whole, self.in_vain = play.duration, play.script, play.whole, play.in_vain
         # Of a whole scenario on the desktop.
         self.checked, self.problem, self.outcomes = play.checked, play.problem, play.outcomes

@@ -161,8 +161,8 @@ class Rehearsal:
         after, now_asked = _memory(sim), _asked(sim)
         changed = [path for path, memory in after.items() if memory != before[path]]
         for path in changed:
-            memory, (process, name) = after[path], path.split(".")
-            _, low, high = parameters(objects.struct(sim.process(process).instances[name]))
+            memory, (owner, name) = after[path], path.split(".")
+            _, low, high = parameters(objects.struct(sim.process(owner).instances[name]))
             same = memory[:low] == before[path][:low] and memory[high:] == before[path][high:]
             if not (self.flies(path) and same):
                 what = "" if same else ", and not only parameters,"

@@ -69,8 +69,8 @@ def _set_orbit(craft: _core.Model, orbit: Any) -> None:
 def _state(craft: _core.Model, orbit: Orbit) -> tuple[list[float], list[float]]:
     """Position and velocity of an orbit in N, with those of its body in the craft's sky."""
     r, v = orbit.r_BN_N, orbit.v_BN_N
-    if _core.sky(craft) is not None:
-        at = _get_sky(craft).state(number(orbit.body, f"{_core.path(craft)}.orbit"))
+    if (sky := _get_sky(craft)) is not None:
+        at = sky.state(number(orbit.body, f"{_core.path(craft)}.orbit"))
         r, v = [x + y for x, y in zip(r, at.r_PN_N)], [x + y for x, y in zip(v, at.v_PN_N)]
     return r, v
 
@@ -91,8 +91,8 @@ def _get_orbit(craft: _core.Model) -> Orbit:
     process = context() if context is not None else None
     runs = process is None or process._core_simulation.now >= 0     # else a change of the initial state counts
     state, body = craft.state if runs and craft.state.head.sequence else craft, bodies[0]
-    if _core.sky(craft) is not None:
-        at = _get_sky(craft).state(body, t / 1e9)
+    if (sky := _get_sky(craft)) is not None:
+        at = sky.state(body, t / 1e9)
         r_PN_N, v_PN_N = at.r_PN_N, at.v_PN_N
     else:
         r_PN_N, v_PN_N = [x + t / 1e9 * y for x, y in zip(body.r_PN_N, body.v_PN_N)], body.v_PN_N
@@ -187,7 +187,7 @@ class _Signature:
     def __init__(self, names: list[str]) -> None:
         self.names = names
 
-    def __get__(self, model: Any, cls: type) -> Any:
+    def __get__(self, model: Any, cls: Any) -> Any:
         import inspect
 
         own = inspect.signature(eval(f"lambda {cls.__text_signature__[1:-1]}: 0"))

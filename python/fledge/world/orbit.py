@@ -249,7 +249,7 @@ class Orbit:
         """
         from math import cos, sin
 
-        axes = [[1, 0, 0], [0, 1, 0]] if self.frame is None else self.frame
+        axes: Any = [[1, 0, 0], [0, 1, 0]] if self.frame is None else self.frame
         node = [cos(self.Omega) * x + sin(self.Omega) * y for x, y in zip(axes[0], axes[1])]
         return _local_time(sky, t, node, self.body, apparent)
 

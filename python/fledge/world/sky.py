@@ -100,8 +100,8 @@ class Sky:
         try:
             self._core = _core.Sky(epoch, number(center, "Sky: center"), files,
                                    None if leap_seconds is None else _path(leap_seconds, "Sky: leap_seconds"),
-                                   None if pck is None else _path(pck, "Sky: pck"), earth and earth._core,
-                                   moon == "principal axes")
+                                   None if pck is None else _path(pck, "Sky: pck"),
+                                   None if earth is None else earth._core, moon == "principal axes")
         except SetupError as error:
             text = str(error)
             raise SetupError(text if text.startswith("Sky: ") else f"Sky: {text}") from None
