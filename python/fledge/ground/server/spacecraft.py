@@ -37,6 +37,7 @@ from fledge.ground.server.transfers import Transfers
 
 if TYPE_CHECKING:
     from fledge.ground.server.room import Room
+    from fledge.mission.simulation import Simulation
 
 Answer = TypeVar("Answer")
 
@@ -47,6 +48,11 @@ SEVERITIES = {"info": "info", "low": "watch", "medium": "warning", "high": "crit
 class Spacecraft:
     """room: whose it is; index: its number in frames of values; source: of which it is a replay, or None. Raises
     SetupError."""
+
+    clock: Clock
+    limits: SetLimits
+    simulation: Simulation | None   #: of its mission, or of that of the source
+    telemetry: Telemetry
 
     def __init__(self, room: Room, settings: CraftSettings, index: int, source: Spacecraft | None = None) -> None:
         self.room, self.settings, self.index, self.source = room, settings, index, source
@@ -59,7 +65,6 @@ class Spacecraft:
         self._published = 0.0
 
         mission = self.mission = LoadedMission.load(settings) if settings.mission and not source else None
-        #: of the mission, also of that of the source
         self.simulation = source.simulation if source else mission.simulation if mission else None
         self.epoch_ns: int | None = source.epoch_ns if source else mission.epoch_ns if mission else None
         #: of one that the server flies
