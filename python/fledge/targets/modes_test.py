@@ -3,7 +3,7 @@
 
 import fledge
 from fledge import cli
-from fledge.activity_test import here
+from fledge.records.activity_test import here
 from fledge.archive.compare import compare
 from fledge.records.activity import happenings, modes
 
