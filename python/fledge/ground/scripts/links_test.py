@@ -11,7 +11,8 @@ import pytest
 import fledge
 from fledge.commands import Dictionary, Packets
 from fledge.errors import SetupError
-from fledge.ground.scripts import links, open_link
+from fledge.ground import open_link
+from fledge.ground.scripts import links
 from fledge.ground.scripts.links import Splitter, split
 from tests.waiting import PATIENCE
 
