@@ -38,7 +38,7 @@ template <class Base, TypeText type> struct Typed : Base {
 
 } // namespace fledge::core
 
-template <class Base, fledge::core::TypeText type>
-struct pybind11::detail::handle_type_name<fledge::core::Typed<Base, type>> {
-    static constexpr auto name = const_name(type.text);
+template <class Base, fledge::core::TypeText shown> // `type` is a class of pybind11 here
+struct pybind11::detail::handle_type_name<fledge::core::Typed<Base, shown>> {
+    static constexpr auto name = const_name(shown.text);
 };
