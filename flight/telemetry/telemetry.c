@@ -123,8 +123,8 @@ void telemetry_send(const TelemetryTable *table, const void *mission, int64_t t,
         }
     }
     if (is_due(&table->rates[HOUSEKEEPING])) {
-        TelemetryHousekeeping h = {
-            t, table->mode(mission), commands->staging, commands->counters, commands->ground, 0u};
+        TelemetryHousekeeping h = {t, table->mode(mission), commands->staging, commands->counters, commands->ground,
+                                   0u};
         const uint32_t n = (uint32_t)offsetof(TelemetryHousekeeping, ground) + (uint32_t)sizeof h.ground;
         memcpy(table->packet + TELEMETRY_HEADER, &h, n); /* without the bytes that a compiler may put behind it */
         telemetry_packet(table, HOUSEKEEPING, n, t, sink, user);
