@@ -7,7 +7,7 @@ import logging
 import socket
 import ssl
 from collections import Counter
-from time import monotonic
+from time import monotonic, thread_time
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -126,10 +126,12 @@ class Connections:
             self._sweeper.cancel()
 
     def _recount(self) -> None:
-        """Count the connections of each address, for a fifth of the time at most."""
+        """Count the connections of each address, for a fifth of the time at most: of the thread's own, for a wait for
+        a processor is no work."""
         if (began := monotonic()) >= self._counted:
+            used = thread_time()
             self._counts = Counter(map(_peer, self.all()))
-            self._counted = began + 5 * (monotonic() - began)
+            self._counted = began + 5 * (thread_time() - used)
 
     async def _sweep(self) -> None:
         """End the connections whose time is over."""
