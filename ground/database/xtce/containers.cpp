@@ -205,13 +205,13 @@ void ContainerReader::refuse_doubtful_ends()
             }
         }
     }
-    for (const auto &[id, at] : doubtful) {
+    for (const auto &[id, doubt] : doubtful) {
         const Node node = declared_.enter(declared_.containers[id]).node;
-        declared_.attempt(node, db_.containers[id].path, [&] {
-            throw Fault(db_.where(at->place) + ": this entry ends " + std::to_string(at->offset.fixed) +
+        declared_.attempt(node, db_.containers[id].path, [this, &entry = *doubt] {
+            throw Fault(db_.where(entry.place) + ": this entry ends " + std::to_string(entry.offset.fixed) +
                             " bits in front of the container's end, as XTCE counts, and no entry is behind it. If "
                             "its begin is meant, write 0; else add an entry for these bits",
-                        at->place);
+                        entry.place);
         });
     }
 }
