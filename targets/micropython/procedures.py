@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.commands import TURNS, Report
 from fledge.errors import SetupError
 from fledge.targets.micropython.toolchain import compile_mpy
 
+if TYPE_CHECKING:
+    from fledge.mission.process import Process
 
-def procedure(process: Any, file: Path | str, turns: int = TURNS, slot: int = 0) -> list[Report]:
+
+def procedure(process: Process, file: Path | str, turns: int = TURNS, slot: int = 0) -> list[Report]:
     """Send a procedure, a file with a function main(f), to a flight process, and start it: CPython runs it on the
     desktop, MicroPython its bytecode on board. turns: of its loops and returns of functions that it may take there in
     one instant. Returns the reports of the acceptance of its commands."""

@@ -20,6 +20,7 @@ from fledge.targets.micropython.export.check import first_difference
 from fledge.targets.micropython.export.script import placed
 
 if TYPE_CHECKING:
+    from fledge.mission.process import Flight
     from fledge.targets.job import Part
 
 # What unpacking a value of the world says there, which is empty, and what it means.
@@ -29,7 +30,7 @@ UNKNOWN = ("this unpacks a value of the world or of another process, which is no
 LINK = ["-no-pie", "-Wl,-z,noseparate-code", "-lm"]     # without separate pages for code: 4 KB less
 
 
-def export(composed: Composed, flight: Any, folder: Path, development: bool = False) -> Path:
+def export(composed: Composed, flight: Flight, folder: Path, development: bool = False) -> Path:
     """Write a mission's C into folder / "c", build its program for this machine, and check that the script composes
     there what it composes here. flight: the desktop's process, which has not run. Returns the program."""
     own = project.folder()
@@ -59,7 +60,7 @@ def sources(composed: Composed, folder: Path, roots: Sequence[Path], library: to
             *(build.ROOT / path for path in build.COMMAND)]
 
 
-def check(composed: Composed, flight: Any, built: Path) -> None:
+def check(composed: Composed, flight: Flight, built: Path) -> None:
     """Raise ExportError if the script of a program for this machine fails, or composes other than the desktop's."""
     done = subprocess.run([built.resolve(), "--describe"], capture_output=True, text=True, errors="replace")
     if done.returncode:

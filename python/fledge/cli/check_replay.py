@@ -14,9 +14,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.cli.console import counted
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
 # The variables by which a program finds its files; the others are not there the second time.
 _KEPT = re.compile(r"(PATH|HOME|TMPDIR|LANG|VIRTUAL_ENV|ASAN_OPTIONS|(FLEDGE|LC|LD|PYTHON|XDG|MPL)_?[A-Z_]*)$")
@@ -36,7 +39,7 @@ class Replay:
         """There is no flight to compare: leave nothing."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def fly(self, options: argparse.Namespace, sim: Any, code: int) -> tuple[str, str]:
+    def fly(self, options: argparse.Namespace, sim: Simulation, code: int) -> tuple[str, str]:
         """Fly what has been flown with this exit code once more. Returns (how it differs, "" if it does not; what is
         the same, in words)."""
         if code == 130:
@@ -61,7 +64,7 @@ class Replay:
                 "for a clock, os.urandom, id(), an environment variable, the order of a set, or a file; both are in "
                 f"{self._folder}"), ""
 
-    def _compare(self, sim: Any) -> tuple[str, str]:
+    def _compare(self, sim: Simulation) -> tuple[str, str]:
         """(the first difference or "", what is the same)"""
         from fledge.archive import Archive
         from fledge.archive.compare import compare

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import Any
 
+    from fledge.mission.process import Flight
+
 TARGET = "micropython-dev"
 HELP = """A line is Python, which flight evaluates at its next instant: f.control.K; f.control.K = 3.
 :run FILE    send a procedure, and start it
@@ -81,7 +83,7 @@ def _texts(title: str) -> Iterator[str]:
             yield line
 
 
-def _answer(flight: Any, text: str, turns: int) -> None:
+def _answer(flight: Flight, text: str, turns: int) -> None:
     """Do what a text asks for, and print what flight says."""
     from fledge.errors import Failure, SetupError
 

@@ -19,6 +19,8 @@ from fledge.errors import Failure, RunError, SetupError, did_you_mean
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
+    from fledge import _core
+    from fledge.mission.process import Process
     from fledge.mission.simulation import Simulation
 
 
@@ -341,7 +343,7 @@ class _Disturbed(NamedTuple):
 class _Flight:
     """The exchange between a simulation and the computer that is one of its flight processes."""
 
-    def __init__(self, board: Board, sim: Any, process: Any, link: _emulator.Link) -> None:
+    def __init__(self, board: Board, sim: Simulation, process: Process, link: _emulator.Link) -> None:
         self.board, self.sim, self.link, self.name = board, sim, link, process.name
         self.kernel = sim.kernel.process(process.name)
         # with record(): (t [ns], what crossed the registers, None if no answer came)
@@ -422,7 +424,7 @@ class _Flight:
         return self.answers
 
 
-def _reversal(struct: Any) -> np.ndarray:
+def _reversal(struct: _core.Struct) -> np.ndarray:
     """Of each byte of a message, its place in the other byte order."""
     order: list[int] = []
     at = 0

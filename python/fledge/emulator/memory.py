@@ -6,13 +6,16 @@ The computer is big-endian; its structs lie as on the desktop, because no messag
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fledge.elements import ELEMENTS
 from fledge.errors import SetupError, did_you_mean
 from fledge.objects.si import to_enumerators, to_si
+
+if TYPE_CHECKING:
+    from fledge import _core
 
 
 def address(variable: Variable, name: str) -> int:
@@ -23,7 +26,7 @@ def address(variable: Variable, name: str) -> int:
 class Variable:
     """A struct in the memory of a computer: its fields are attributes, which read and write that memory."""
 
-    def __init__(self, board: Any, address: int, struct: Any, path: str) -> None:
+    def __init__(self, board: Any, address: int, struct: _core.Struct, path: str) -> None:
         object.__setattr__(self, "_place", (board, address, struct, path))
 
     def _field(self, name: str) -> Any:

@@ -26,6 +26,7 @@ from fledge.export.read import ExportError, Message, Mission
 from introspect.keywords import C, CPP
 
 if TYPE_CHECKING:
+    from fledge import _core
     from registers.description import Board, Number, Snorkel
 
 BASE, CLOCK, INTERRUPTS, FIRST = 0xA0000000, 0x0, 0x20, 0x40
@@ -309,7 +310,7 @@ class _Finder:
                                   f"with carries = \"{message.path}\", or words for its fields")
 
 
-def _numbers(struct: Any, parts: Sequence[str], path: str) -> tuple[str, str, int, int]:
+def _numbers(struct: _core.Struct, parts: Sequence[str], path: str) -> tuple[str, str, int, int]:
     """(type, unit, offset, how many to the end of the field) of a path such as ["wheels[2]", "axis_B"]."""
     offset = 0
     for depth, part in enumerate(parts):
@@ -430,7 +431,7 @@ def packet_lanes(boards: Sequence[Board]) -> dict[str, str]:
             for i, board in enumerate(boards) for snorkel in board.snorkels if snorkel.carries in PACKETS}
 
 
-def message(struct: Any, declared: str, before: Sequence[str] = ()) -> list[str]:
+def message(struct: _core.Struct, declared: str, before: Sequence[str] = ()) -> list[str]:
     """Lines that define a RegisterMessage."""
     found = byte_runs(struct.fields)
     runs = ", ".join(f"{{{width}u, {n}u}}" for width, n in found)

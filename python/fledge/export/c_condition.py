@@ -11,6 +11,7 @@ from fledge.export.c_text import COLUMNS, broken, wrap
 from fledge.export.c_values import indices, integer, literal
 
 if TYPE_CHECKING:
+    from fledge import _core
     from fledge.export.read import Module
 
 LIMITS = {"i64": (-2**63, 2**63), "u64": (0, 2**64)}
@@ -144,7 +145,7 @@ def number(field: Any, expression: str) -> str:
     return expression if field.type == "f64" else f"(double){expression}"
 
 
-def locate(struct: Any, offset: int, start: str) -> tuple[str, Any, int]:
+def locate(struct: _core.Struct, offset: int, start: str) -> tuple[str, Any, int]:
     """(expression, field, number of the element) of what lies at an offset in a struct."""
     field = next(f for f in struct.fields if f.offset <= offset < f.offset + f.size)
     path = f"{start}.{field.group}.{field.name}" if field.group else f"{start}.{field.name}"

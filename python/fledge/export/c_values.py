@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import struct as packing
 from collections.abc import Container, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.elements import ELEMENTS
 from fledge.export.c_text import COLUMNS, declaration, string
+
+if TYPE_CHECKING:
+    from fledge import _core
 
 TABLE = 6       # from so many elements on, a plain array is set from a table
 
@@ -25,7 +28,8 @@ class Setting:
         self.note = " ".join(([f"[{field.unit}]"] if field.unit else []) + ([field.doc] if field.doc else []))
 
 
-def settings(struct: Any, memory: bytes, start: str, stem: str, leave_out: Container[str] = ()) -> Iterator[Setting]:
+def settings(struct: _core.Struct, memory: bytes, start: str, stem: str,
+             leave_out: Container[str] = ()) -> Iterator[Setting]:
     """The Settings that make zeroed memory equal to `memory`.
 
     start: the C expression of the object; stem: what the names of tables begin with; leave_out:

@@ -15,6 +15,8 @@ from fledge.objects.measured import flat_index
 from fledge.records.series import HEAD
 
 if TYPE_CHECKING:
+    from fledge import _core
+    from fledge.mission.process import Process
     from fledge.mission.simulation import Simulation
 
 
@@ -74,7 +76,7 @@ class FieldPath:
         self.full, self.stored = at, self.field
         self.elements, self.shape = self._select(indices)
 
-    def _of_mode(self, process: Any) -> None:
+    def _of_mode(self, process: Process) -> None:
         """The mode of a process, as its executive says it."""
         if not process.modes:
             raise SetupError(f"{self.path}: the process {process.name} has no modes")
@@ -165,7 +167,7 @@ def index_text(element: int, shape: Sequence[int]) -> str:
     return f"[{', '.join(reversed(index))}]" if index else ""
 
 
-def names_of(struct: Any, groups: Sequence[str] = ("", "in", "out", "par")) -> list[str]:
+def names_of(struct: _core.Struct, groups: Sequence[str] = ("", "in", "out", "par")) -> list[str]:
     return [f.name for f in struct.fields if f.group in groups and not f.spare]
 
 

@@ -21,7 +21,7 @@ import sys
 import types
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from pathlib import Path
 
 from fledge import folders
@@ -31,6 +31,9 @@ from fledge.mission.simulation import Simulation
 from fledge.objects.computed import Computed, recorded
 from fledge.objects.plausible import check, check_kept, check_read
 from fledge.units import Quantity
+
+if TYPE_CHECKING:
+    from fledge.mission.process import Process
 
 # The arguments of build(), or preset(), by file.
 _TAKES = {"flight": "f", "world": "w, f", "mission": "sim", "view": "view", "preset": "sim", "requirements": "r"}
@@ -182,7 +185,7 @@ def _parameters(build: Callable[..., Any], taken: int) -> dict[str, Any]:
             if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
 
 
-def _composed(process: Any) -> set[str]:
+def _composed(process: Process) -> set[str]:
     """The names of what a process runs. Its events are not among them, because a world's file may look at both; nor is
     what chooses among commands for the world, which exports add too."""
     chooses = {one.name for one in process.command_choices}

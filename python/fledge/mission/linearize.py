@@ -25,6 +25,8 @@ from fledge.objects.si import time_ns
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from fledge.mission.simulation import Simulation
+
 STEP = 2.0**-10     # of a number's size. Errors: its fourth power, and rounding over it
 BENT = 0.02         # slopes that differ by more, on both sides, are reported
 SLIGHT = 1e-4       # a part of a row that is smaller is not
@@ -32,7 +34,7 @@ NEARER = (2.0**-8, 2.0**-16)    # shorter steps, where a function bends in reach
 MOST = 1_000_000    # instants in a period
 
 
-def linearize(simulation: Any, inputs: Any, outputs: Any, hold: Any, discrete: bool, part: Any,
+def linearize(simulation: Simulation, inputs: Any, outputs: Any, hold: Any, discrete: bool, part: Any,
               period: Any) -> Linear:
     """See Simulation.linearize()."""
     state = State(simulation, "linearize")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fledge.mission.simulation import Simulation
 
 
-def dtype_of(struct: Any) -> Any:
+def dtype_of(struct: _core.Struct) -> Any:
     """The numpy dtype of a C struct: the same bytes, with the names of the header."""
     import numpy as np
 
@@ -49,7 +49,7 @@ def dtype_of(struct: Any) -> Any:
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": struct.size})
 
 
-def leaves(struct: Any, parts: tuple = ()) -> Iterator[tuple[str, Any, tuple]]:
+def leaves(struct: _core.Struct, parts: tuple = ()) -> Iterator[tuple[str, Any, tuple]]:
     """(name, Field, (name, shape) of each part of the name) of every number in a message: "head.t", "parts.share"."""
     for field in struct.fields:
         if field.spare:

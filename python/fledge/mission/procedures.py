@@ -15,7 +15,7 @@ from fledge.errors import SetupError
 from fledge.objects.si import time_ns
 
 if TYPE_CHECKING:
-    from fledge.mission.process import Flight
+    from fledge.mission.process import Flight, Process
 
 GOES_ON, ENDED, FAILED = 0, 1, 2            # ProcedureHost of sim/structure.h
 SOURCES: dict[bytes, tuple[str, str]] = {}  # bytecode that was made here -> its source and its name
@@ -143,7 +143,7 @@ class _Counted(ast.NodeTransformer):
 class _Seen:
     """The process as a procedure sees it."""
 
-    def __init__(self, process: Any, core: Any) -> None:
+    def __init__(self, process: Process, core: Any) -> None:
         object.__setattr__(self, "_seen", (process, core))
 
     def enter(self, mode: str) -> None:

@@ -8,11 +8,14 @@ import json
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge import __version__, objects
 from fledge.errors import SetupError
 from fledge.objects import project
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[3]      # of the checkout; that of an installed tree has no .git
 GIT = ["git", "--no-optional-locks", "-c", "core.fsmonitor=false"]  # reads only, and starts no other program
@@ -25,7 +28,7 @@ def instances(processes: Any) -> dict[str, str]:
     return {objects.path(one): objects.struct(one).name for process in processes for one in process}
 
 
-def wires(simulation: Any) -> dict[str, str]:
+def wires(simulation: Simulation) -> dict[str, str]:
     """The wires from their ends: "flight.control.error" -> "flight.tracking.error"; of several into an input, as
     "flight.a.error (newest), flight.b.error (newest)"."""
     found: dict[str, str] = {}

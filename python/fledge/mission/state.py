@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from fledge.errors import RunError, SetupError, did_you_mean, listed
 from fledge.mission.field_path import FieldPath, port
 from fledge.mission.wiring import Node, Wiring
 from fledge.records.series import element_names
+
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
 # (name, field, the names and shapes of which it is made, offset)
 Leaf = tuple[str, _core.Field, tuple[tuple[str, tuple[int, ...]], ...], int]
@@ -42,7 +45,7 @@ class State:
     the state is that of the first instant.
     """
 
-    def __init__(self, simulation: Any, what: str, fresh: bool = False) -> None:
+    def __init__(self, simulation: Simulation, what: str, fresh: bool = False) -> None:
         if simulation.kernel.now < 0 and not fresh:
             raise SetupError(f"{what}: {simulation.name} has not run, so it is in no state yet; sim.step() runs the "
                              "first instant")

@@ -16,6 +16,8 @@ from fledge.objects.si import time_ns, to_si
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from fledge.mission.simulation import Simulation
+
 STEP = 1e-4     # of a number's size, for differences
 ENOUGH = 1e-9   # of what the free numbers can change by their size
 
@@ -36,7 +38,7 @@ class Trim:
                           *columns(rest, {1}, "  ")])
 
 
-def trim(simulation: Any, free: Any, rates: Any, outputs: Any, after: Any) -> Trim:
+def trim(simulation: Simulation, free: Any, rates: Any, outputs: Any, after: Any) -> Trim:
     """See Simulation.trim()."""
     from scipy.optimize import least_squares
 

@@ -18,6 +18,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from fledge.mission.simulation import Simulation
+
 
 def kind_of(process: Process) -> str:
     """What a process is: "flight" or "world"."""
@@ -89,7 +91,7 @@ class Wiring:
     flight_only: leave out the world; the wires between it and flight end at names.
     """
 
-    def __init__(self, simulation: Any, flight_only: bool = False) -> None:
+    def __init__(self, simulation: Simulation, flight_only: bool = False) -> None:
         self.name = simulation.name
         # Flight first, as it is what a mission is about.
         shown = sorted(simulation.flights if flight_only else simulation.processes, key=lambda p: isinstance(p, World))

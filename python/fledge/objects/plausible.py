@@ -12,12 +12,15 @@ import warnings
 from collections.abc import Iterable, Iterator
 from math import degrees, sqrt
 from struct import iter_unpack
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fledge import _core
 from fledge.elements import ELEMENTS
 from fledge.errors import listed
 from fledge.objects.wires import caller
+
+if TYPE_CHECKING:
+    from fledge.mission.process import Process
 
 
 class Rule(NamedTuple):
@@ -77,7 +80,7 @@ def check(processes: Iterable[Any]) -> None:
                 _warn(f"implausible: {text}", process.declared_at(name) or caller())
 
 
-def check_read(process: Any, wires: Iterable[Any]) -> None:
+def check_read(process: Process, wires: Iterable[Any]) -> None:
     """Warn of configuration whose outputs nothing reads. wires: of the simulation."""
     used = {source.rpartition(".")[0] for source, *_ in wires} | {
         f"{process.name}.{name}" for task in process.tasks for name in task.run}
@@ -90,7 +93,7 @@ def check_read(process: Any, wires: Iterable[Any]) -> None:
                   "that its parameters have no effect; wire it, or leave it out", process.declared_at(name) or caller())
 
 
-def check_kept(process: Any, wires: Iterable[Any]) -> None:
+def check_kept(process: Process, wires: Iterable[Any]) -> None:
     """Warn of inputs of modules with a `hold`, which let a torque end, in modes that suspend all writers of the input
     but not the module: the last message stays good, and the torque does not end. A reference may be kept.
 

@@ -240,7 +240,7 @@ def _alignment(f: Field) -> int:
 # --- what headers declare, from their tables -------------------------------------------------------
 
 @cache
-def described(struct: Any) -> Struct:
+def described(struct: _core.Struct) -> Struct:
     """A table as introspect's model of it: the docs of the enumerators and the lines of the header are not in it."""
     return Struct(struct.name, struct.doc, Kind(struct.kind), struct.size, struct.align,
                   tuple(described_field(f) for f in struct.fields), struct.header, struct.header, 0)
@@ -269,7 +269,7 @@ def _known_enumerations() -> dict[str, Enumeration]:
     return {f.ctype: _described_enum(f) for one in types for f in _structs(_core.struct(one)) if f.type == "enum"}
 
 
-def _structs(struct: Any) -> Iterator[Any]:
+def _structs(struct: _core.Struct) -> Iterator[Any]:
     for f in struct.fields:
         yield f
         if f.type == "struct":

@@ -117,7 +117,7 @@ class Declaration:
         self._found[one.id] = one
 
 
-def _skew(simulation: Any, formula: Formula, every: int) -> str:
+def _skew(simulation: Simulation, formula: Formula, every: int) -> str:
     """Which outputs of different rates a comparison joins at instants at which only the faster one is new; "" if
     none."""
     for comparison in formula.comparisons:

@@ -11,9 +11,10 @@ from fledge.errors import Failure
 if TYPE_CHECKING:
     from fledge.archive import Archive
     from fledge.commands import Timed
+    from fledge.mission.simulation import Simulation
 
 
-def stand_in(sim: Any, records: dict[str, Archive], exchange: Archive | None = None,
+def stand_in(sim: Simulation, records: dict[str, Archive], exchange: Archive | None = None,
              packets: Mapping[str, Sequence[Timed]] | None = None) -> None:
     """From its first run on, the processes of a simulation put out the messages of records, and say what the executives
     said there; none of their modules runs, so that parameters, modes and commands change nothing. Configuration is

@@ -20,9 +20,10 @@ from fledge.targets.cfs.export.app import services
 from fledge.targets.cfs.export.packets import arguments, housekeeping, title
 
 if TYPE_CHECKING:
+    from fledge import _core
+    from fledge.export.read import Mission
     from fledge.targets.cfs.export.app import App
     from fledge.targets.cfs.export.tables import Table
-    from fledge.export.read import Mission
 
 TYPES = {"f32": "float", "f64": "double"}
 
@@ -83,7 +84,7 @@ class Types:
             body += ["<EntryList>", *rows, "</EntryList>"]
         return self.add("ContainerDataType", name, (f' baseType="{parent}"' if parent else "") + described(about), body)
 
-    def struct(self, struct: Any) -> str:
+    def struct(self, struct: _core.Struct) -> str:
         return self.container(struct.name, [(f.name, self.field(struct.name, f), f.doc + (f" [{f.unit}]" if f.unit
                                                                                           else ""))
                                             for f in struct.fields], about=struct.doc or "")

@@ -25,6 +25,7 @@ from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
     from fledge.export.read import Mission
+    from fledge.mission.simulation import Simulation
 
 
 @dataclass
@@ -35,7 +36,7 @@ class Composed:
     scripts: Scripts
 
 
-def compose(sim: Any, mission: Mission, own: Mission | None = None, boards: Sequence[Path | str] = (),
+def compose(sim: Simulation, mission: Mission, own: Mission | None = None, boards: Sequence[Path | str] = (),
             outputs: Sequence[str] | str = ()) -> Composed:
     """A flight process of `sim`, which was loaded from a mission's folder, as files.
 

@@ -16,7 +16,9 @@ from fledge.export.c_condition import locate
 from fledge.objects.script import script
 
 if TYPE_CHECKING:
+    from fledge import _core
     from fledge.export.read import Mission
+    from fledge.mission.process import Flight
 
 # What the lines of each kind say of their first word, in words.
 LISTED = {"task": "the task", "runs": "in the task", "mode": "the mode", "activates": "in the mode",
@@ -27,14 +29,14 @@ LISTED = {"task": "the task", "runs": "in the task", "mode": "the mode", "activa
           "reset": "what resets the computer:"}
 
 
-def first_difference(mission: Mission, flight: Any, lines: Iterable[str]) -> str:
+def first_difference(mission: Mission, flight: Flight, lines: Iterable[str]) -> str:
     """How what the target describes differs from the desktop's process of that mission, which has not run; "" if it
     does not."""
     found = list(lines)
     return next(_differences(mission, flight, found), "")
 
 
-def _differences(mission: Mission, flight: Any, lines: list[str]) -> Iterator[str]:
+def _differences(mission: Mission, flight: Flight, lines: list[str]) -> Iterator[str]:
     theirs: dict[str, list[str]] = {}
     for line in lines:
         kind, _, rest = line.partition(" ")
@@ -102,7 +104,7 @@ def _count(shape: Iterable[int]) -> int:
     return n
 
 
-def _start(struct: Any, offset: int) -> int:
+def _start(struct: _core.Struct, offset: int) -> int:
     """Where the innermost field that has this byte begins."""
     field = next(f for f in struct.fields if f.offset <= offset < f.offset + f.size)
     if field.type != "struct":
@@ -111,7 +113,7 @@ def _start(struct: Any, offset: int) -> int:
     return field.offset + row * field.struct.size + _start(field.struct, inner)
 
 
-def expected(mission: Mission, flight: Any) -> dict[str, list[str]]:
+def expected(mission: Mission, flight: Flight) -> dict[str, list[str]]:
     """The lines that the target should print, by kind."""
     lines: dict[str, list[str]] = {kind: [] for kind in ("python", "wire", *LISTED)}
     titles = {one.name: one.path.partition(".")[2] for one in mission.modules}

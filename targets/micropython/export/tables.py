@@ -16,6 +16,7 @@ from fledge.export.c_text import string, wrap
 from fledge.export.read import ExportError
 
 if TYPE_CHECKING:
+    from fledge import _core
     from fledge.export.read import Mission, Module
 
 GROUPS = {"": "NONE", "in": "IN", "out": "OUT", "par": "PAR", "mem": "MEM"}
@@ -137,7 +138,7 @@ def types_of(mission: Mission) -> dict[str, Any]:
     """The structs of the mission's modules, and of all that they hold, by name; what a struct holds comes before it."""
     found: dict[str, Any] = {}
 
-    def add(struct: Any) -> None:
+    def add(struct: _core.Struct) -> None:
         if struct.name not in found:
             for f in struct.fields:
                 if f.type == "struct":
@@ -149,7 +150,7 @@ def types_of(mission: Mission) -> dict[str, Any]:
     return found
 
 
-def visible(struct: Any) -> list[Any]:
+def visible(struct: _core.Struct) -> list[Any]:
     """The fields that a script sees."""
     fields = [f for f in struct.fields if not f.spare]
     for f in fields:

@@ -2,15 +2,18 @@
 """The link to a flight process of a simulation in the same program: waiting lets the simulation run."""
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fledge.commands import Timed
 from fledge.errors import SetupError, did_you_mean, listed
 from fledge.ground.scripts.links import Link
 from fledge.mission.process import Flight
 
+if TYPE_CHECKING:
+    from fledge.mission.simulation import Simulation
 
-def flight_of(simulation: Any, name: str | None = None) -> Flight:
+
+def flight_of(simulation: Simulation, name: str | None = None) -> Flight:
     """The flight process of a simulation: the only one, or that of a name. Raises SetupError."""
     flights = {one.name: one for one in simulation.processes if isinstance(one, Flight)}
     names = list(flights)
@@ -25,7 +28,7 @@ def flight_of(simulation: Any, name: str | None = None) -> Flight:
     return flights[name]
 
 
-def radio_of(simulation: Any, path: str) -> Any:
+def radio_of(simulation: Simulation, path: str) -> Any:
     """The model of a path, "world.radio". Raises SetupError."""
     radios = [one for one, _ in simulation.kernel.carriers]
     if path not in radios:
@@ -40,7 +43,7 @@ class Simulated(Link):
     by a radio, a model of the world. By that the ground acts at flight's instants alone, as a node of a co-simulation
     does."""
 
-    def __init__(self, simulation: Any, process: str | None = None, radio: Any = None) -> None:
+    def __init__(self, simulation: Simulation, process: str | None = None, radio: Any = None) -> None:
         self.simulation = simulation
         self.process = flight_of(simulation, process)
         self._periods = [(task.period, task.offset) for task in self.process.tasks]
