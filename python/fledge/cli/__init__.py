@@ -197,7 +197,6 @@ def show(options: argparse.Namespace) -> int:
     from fledge.mission.wiring import Wiring
     from fledge.plot.wiring import save
 
-
     sim = fledge.load(options.mission, **given_parameters(options))
     if problems := sim.problems:
         print("fledge: " + itemized("without what a scenario may give, the mission cannot fly", placed(problems)),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run of a script of the ground on one HTML page, as `fledge ground run` writes it: no other file, no script, no
-network. It has the entries of the run alone (fledge.ground.scripts.script): nothing but its head names target and date."""
+network. It has the entries of the run alone (fledge.ground.scripts.script): nothing but its head names target and
+date."""
 from __future__ import annotations
 
 from collections.abc import Sequence
