@@ -228,6 +228,28 @@ Settings parse(int argc, char **argv)
     return o;
 }
 
+/// Where the time went, and what was late or lost.
+void print_figures(Router &router, const Settings &o)
+{
+    for (NodeId id = 0; id < o.controller.nodes.size(); id++) {
+        const NodeTimes times = router.times(id);
+        std::printf("%-16s %10llu ticks %10.3f s computing %10.3f s on the way %10.3f s waiting\n",
+                    o.controller.nodes[id].name.c_str(), static_cast<unsigned long long>(times.ticks),
+                    static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9,
+                    static_cast<double>(times.wait) * 1e-9);
+    }
+    if (const PaceReport *pace = router.pace(); pace && pace->overruns) {
+        std::fprintf(stderr, "%llu instants were late, by up to %.1f ms\n",
+                     static_cast<unsigned long long>(pace->overruns), static_cast<double>(pace->worst) * 1e-6);
+    }
+    if (const BrokerCounts counts = router.broker() ? router.broker()->counts() : BrokerCounts{};
+        counts.dropped || counts.refused) {
+        std::fprintf(stderr, "the broker dropped %llu of %llu messages, and refused %llu\n",
+                     static_cast<unsigned long long>(counts.dropped), static_cast<unsigned long long>(counts.published),
+                     static_cast<unsigned long long>(counts.refused));
+    }
+}
+
 } // namespace
 
 int main(int argc, char **argv)
@@ -278,24 +300,7 @@ int main(int argc, char **argv)
             reason = asked;
         }
         status.ended(reason, router, o.controller);
-        for (NodeId id = 0; id < o.controller.nodes.size(); id++) {
-            const NodeTimes times = router.times(id);
-            std::printf("%-16s %10llu ticks %10.3f s computing %10.3f s on the way %10.3f s waiting\n",
-                        o.controller.nodes[id].name.c_str(), static_cast<unsigned long long>(times.ticks),
-                        static_cast<double>(times.compute) * 1e-9, static_cast<double>(times.transport) * 1e-9,
-                        static_cast<double>(times.wait) * 1e-9);
-        }
-        if (const PaceReport *pace = router.pace(); pace && pace->overruns) {
-            std::fprintf(stderr, "%llu instants were late, by up to %.1f ms\n",
-                         static_cast<unsigned long long>(pace->overruns), static_cast<double>(pace->worst) * 1e-6);
-        }
-        if (const BrokerCounts counts = router.broker() ? router.broker()->counts() : BrokerCounts{};
-            counts.dropped || counts.refused) {
-            std::fprintf(stderr, "the broker dropped %llu of %llu messages, and refused %llu\n",
-                         static_cast<unsigned long long>(counts.dropped),
-                         static_cast<unsigned long long>(counts.published),
-                         static_cast<unsigned long long>(counts.refused));
-        }
+        print_figures(router, o);
         if (!reason.empty()) {
             std::fprintf(stderr, "the run ended early: %s\n", reason.c_str());
             return 1;
