@@ -33,7 +33,7 @@ public:
         rows = integer();
         order = integer() == 0 ? std::endian::big : std::endian::little;
 
-        // Records of keywords stand in descriptions of table_columns and of the table. Only they matter,
+        // Records of keywords stand in descriptions of columns and of the table. Only they matter,
         // so they are looked for, and whatever surrounds them need not be understood.
         constexpr std::string_view mark("\0\0\0\x0bTableRecord", 15);
         for (std::size_t at = bytes_.find(mark); at != bytes_.npos; at = bytes_.find(mark, at_)) {
