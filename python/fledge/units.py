@@ -213,11 +213,12 @@ class Quantity:
 _NONE = (0, 0, 0, 0, 0, 0, 0, 0)
 
 
-def _base(index: int) -> Quantity:
+# Of the type Any, because mypy knows only whole numbers as factors of a list, as in [1, 2, 3] * m.
+def _base(index: int) -> Any:
     return Quantity(1.0, [int(i == index) for i in range(8)])
 
 
-def _times(factor: float, unit: Quantity) -> Quantity:
+def _times(factor: float, unit: Quantity) -> Any:
     return Quantity(factor * unit.value, unit.dims)
 
 
