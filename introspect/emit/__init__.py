@@ -18,11 +18,17 @@ Example:
     for name, text in EMITTERS["stubs"](model.library("flight")).items():
         print(name, len(text))
 """
+from __future__ import annotations
+
 from functools import partial
 from importlib import import_module
 
+TYPE_CHECKING = False   # of `typing`
+if TYPE_CHECKING:
+    from introspect.model import Library
 
-def _emit(name, library):
+
+def _emit(name: str, library: Library) -> dict[str, str]:
     return import_module(f"introspect.emit.{name}").emit(library)    # the flights of `fledge fly` need none of them
 
 

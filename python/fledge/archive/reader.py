@@ -81,7 +81,7 @@ class Channel:
         return {f.name: f for f in self._struct().fields()}
 
     def _struct(self) -> rosmsg.Struct:
-        if self.problem is not None:
+        if self.problem is not None or self._raw.struct is None:
             raise ArchiveError(f"{self._path}: {self.topic} ({self.schema}) cannot be decoded: {self.problem}")
         return self._raw.struct
 
@@ -331,7 +331,7 @@ class Archive(Records):
             files = {path: selected[0]}
         else:
             path.mkdir(parents=True, exist_ok=True)
-            files = {path / (re.sub(r"[^\w.-]", "_", c.name) + ".csv"): (c, *rest) for c, *rest in selected}
+            files = {path / (re.sub(r"[^\w.-]", "_", one[0].name) + ".csv"): one for one in selected}
         for file, chosen in files.items():
             with Part(file) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as out:
                 self._write_csv(csv.writer(out, lineterminator="\n"), *chosen)

@@ -193,6 +193,7 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
         raise DefinitionError(f'line {number}: expected "<type> <name>" of fixed size, '
                               f'found "{code}"')
     kind, name = match["type"], match["name"]
+    of: str | Struct
     if kind in PRIMITIVES:
         of = PRIMITIVES[kind]
     elif _short(kind) not in sections:
@@ -202,7 +203,7 @@ def _member(number: int, code: str, comment: str, sections: dict[Any, list[tuple
         raise DefinitionError(f"line {number}: {kind} contains itself")
     else:
         of = _struct(_short(kind), sections, known, inside)
-    shape = () if match["count"] is None else (int(match["count"]),)
+    shape: tuple[int, ...] = () if match["count"] is None else (int(match["count"]),)
     if kind == "char" and shape:
         of, shape = f"S{shape[0]}", ()
     unit, meaning, values = "", comment, {}

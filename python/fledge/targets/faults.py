@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from fledge.export.read import Mission
 
@@ -32,14 +32,14 @@ def named(log: str, program: Path, tool: str, mission: Mission, roots: Sequence[
     return f"{program.name}: {said['what']} at 0x{said['pc']}: in {module}{function}, {_relative(place, roots)}"
 
 
-def _places(program, tool, addresses):
+def _places(program: Path, tool: str, addresses: Iterable[int]) -> list[tuple[str, str]]:
     """(function, "file:line") of each address."""
     lines = subprocess.run([tool, "-f", "-e", program, *map(hex, addresses)], capture_output=True, text=True,
                            check=True).stdout.splitlines()
     return [(function, place.partition(" (")[0]) for function, place in zip(lines[::2], lines[1::2])]
 
 
-def _module(mission, place, calls):
+def _module(mission: Any, place: str, calls: Iterable[str]) -> str:
     """The module whose function it is, by the exported line that called it, else by its source."""
     stem = Path(place.rpartition(":")[0]).stem
     for call in [place, *calls]:
@@ -54,7 +54,7 @@ def _module(mission, place, calls):
     return f"the module {' or '.join(several)}, " if several else ""
 
 
-def _relative(place, roots):
+def _relative(place: str, roots: Iterable[object]) -> str:
     for root in roots:
         if place.startswith(f"{root}/"):
             return place[len(f"{root}/"):]

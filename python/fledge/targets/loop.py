@@ -76,7 +76,7 @@ def join(part: Part, target: list[str], name: str, address: str, simulation: str
     return _run(part.job, name, {part.process: board_node(part, options, target, name)})[part.process]
 
 
-def _run(job, name, commands):
+def _run(job: Job, name: str, commands: dict[str, list[Any]]) -> dict[str, dict[str, str]]:
     """Run programs until all have ended. When the first has ended, the others have 20 s, or 2 s."""
     log = job.folder.resolve() / f"{name}.log"
     folders = {part.process: part.folder.resolve() for part in job.parts}
@@ -113,7 +113,7 @@ def _run(job, name, commands):
 COUNTED = re.compile(r"\w+: \w+ -?\d+")  # "flight: ticks 0", which gives no reason for a failure
 
 
-def _what_failed(results, log, title):
+def _what_failed(results: dict[str, int | None], log: Path, title: str) -> str:
     lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines()
              if line.strip() and not COUNTED.fullmatch(line)]
     codes = ", ".join(f"{which} {'did not end' if code is None else f'ended with exit code {code}'}"
@@ -139,7 +139,7 @@ class HowFar:
         self.rest, self.t = b"", 0
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         os.close(self.read)
         os.close(self.write)
 
@@ -176,7 +176,7 @@ class Program:
     def __enter__(self) -> Program:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._lifeline.close()               # its lifeline: the guard ends what it started
         try:
             self.process.wait(timeout=15)
@@ -208,7 +208,7 @@ class Program:
         return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
 
 
-def _device(command):
+def _device(command: Sequence[object]) -> str:
     """The device of the serial line that the node of a board has; "" without, or if it is a pseudo terminal of its
     own."""
     words = list(map(str, command))

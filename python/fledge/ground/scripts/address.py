@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from ipaddress import ip_address
-from urllib.parse import parse_qs, urlsplit
+from typing import Any
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from fledge.errors import SetupError, listed
 from fledge.frames import Frames
@@ -69,7 +70,7 @@ def link_of(address: str, accepts: Callable[[bytes], bool] | None = None, frames
     return _link_of(address, parts, options, port, accepts, False)
 
 
-def _framed(address, parts, options, frames):
+def _framed(address: str, parts: SplitResult, options: dict[str, str], frames: Any) -> Callable[[], Any]:
     """What opens a link of frames over the link of an address."""
     from fledge.ground.scripts.framed import LIMIT, TIMER, Framed
 
@@ -86,7 +87,8 @@ def _framed(address, parts, options, frames):
     return lambda: Framed(below(), frames, given.get("keys"), role, timer, limit)
 
 
-def _link_of(address, parts, options, port, accepts, raw):
+def _link_of(address: str, parts: SplitResult, options: dict[str, str], port: int | None, accepts: Any,
+             raw: bool) -> Callable[[], Any]:
     there = (parts.hostname or LOOPBACK, port or 0)
     if parts.scheme == "udp" and port and "listen" in options:
         here = _listening(address, options["listen"])
@@ -110,12 +112,12 @@ FORMS = "an address is udp://HOST:PORT?listen=PORT, tcp://HOST:PORT, listen://PO
         "cosim:PROCESS"
 
 
-def _listening(address, text):
+def _listening(address: str, text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     return host.strip("[]") or LOOPBACK, _whole(address, "a port", port, 65535)
 
 
-def _whole(address, what, text, most):
+def _whole(address: str, what: str, text: str, most: int) -> int:
     if not text.isascii() or not text.isdigit() or not 0 < int(text) <= most:
         raise SetupError(f"{address}: {what} is a whole number from 1 to {most}; found '{text}'")
     return int(text)

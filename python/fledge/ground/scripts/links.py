@@ -376,7 +376,7 @@ def _ready(reads: list[Any], writes: list[Any], wait: float) -> list[tuple[Any, 
     return [(ends[number], what) for number, what in poll.poll(max(0, 1000 * wait))]
 
 
-def _socket(kind, host, port):
+def _socket(kind: socket.SocketKind, host: str, port: int) -> socket.socket:
     """A socket that is bound to an address."""
     family, *_, where = socket.getaddrinfo(host, port, type=kind)[0]
     made = socket.socket(family, kind)
