@@ -2,9 +2,9 @@
 // The cost of decoding packets by a database, and of monitoring them.
 #include "bench/bench.h"
 
-#include "ground/packets/packet_archive.h"
 #include "ground/database/xtce.h"
 #include "ground/monitor/monitor.h"
+#include "ground/packets/packet_archive.h"
 
 #include <chrono>
 #include <cstring>

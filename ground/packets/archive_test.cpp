@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "ground/database/testing/database.h"
 #include "ground/packets/history.h"
 #include "ground/packets/packet_archive.h"
 #include "ground/packets/packet_file.h"
-#include "ground/database/testing/database.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

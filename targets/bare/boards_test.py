@@ -6,12 +6,10 @@ import shutil
 import socket
 import subprocess
 import sys
-import types
 
 import pytest
 
 from fledge import cli
-from fledge.errors import Failure
 from fledge.targets import TARGETS, build
 from tests.bare_machine import Machine, printed, program
 
@@ -36,11 +34,6 @@ FAULTS = {
 SAYS = {"cortex-m7": (r"0x(\w{8})(?:, called from 0x\w{8})?", "number"),
         "riscv64": (r"0x(\w{8,}), called from 0x\w{8,}", "cause")}
 
-# Processors of the same kind without a unit for double precision, as the compiler calls them.
-SINGLE = {"cortex-m7": [("-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
-                        ("-mthumb", "-mcpu=cortex-m3")],
-          "riscv64": [("-march=rv64imafc", "-mabi=lp64f"), ("-march=rv64imac", "-mabi=lp64")]}
-
 
 @pytest.fixture(scope="module", params=FAULTS)
 def target(request):
@@ -55,16 +48,6 @@ def check(target, tmp_path_factory):
     """The check of boards, with a watchdog of half a second."""
     return program(target, tmp_path_factory.mktemp("check"), "check", [
         build.ROOT / "targets/bare/testing/check.c"], "-Werror", "-Wconversion", "-DBOARD_PATIENCE_MS=500")
-
-
-def test_a_processor_without_a_unit_for_double_precision_is_refused(target, monkeypatch):
-    part = types.SimpleNamespace(frames=None)
-    target.check(part)
-    for machine in SINGLE[target.name]:
-        monkeypatch.setattr(target, "machine", machine)
-        with pytest.raises(Failure, match=f"{target.name}: {' '.join(machine)} has no unit for double precision, and "
-                                          "the compiler's software for it has other"):
-            target.check(part)
 
 
 @pytest.mark.parametrize("asked, status", [(".", 0), ("e", 7)])

@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight's figures. Its support is in targets/bare/boards_test.py, what all targets
+"""Which processors are refused, and a flight's figures. Its support is in targets/bare/boards_test.py, what all targets
 have in common in fly_test.py."""
 import re
+import types
 
 import pytest
 
 from fledge import cli
+from fledge.errors import Failure
 from fledge.targets import TARGETS
 
 TARGET = TARGETS["cortex-m7"]
 pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing()} not installed")
+
+
+def test_a_processor_without_a_unit_for_double_precision_is_refused(monkeypatch):
+    part = types.SimpleNamespace(frames=None)
+    TARGET.check(part)
+    for machine in (("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"), ("-mcpu=cortex-m3",)):
+        monkeypatch.setattr(TARGET, "machine", ("-mthumb", *machine))
+        with pytest.raises(Failure, match="no unit for double precision, and the compiler's software for it has other"):
+            TARGET.check(part)
 
 
 @pytest.mark.long("builds and flies images of two boards")

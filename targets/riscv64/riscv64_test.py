@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights with resets, large boards and other boards. Its support is in
+"""Which processors are refused; flights with resets, large boards and other boards. Its support is in
 targets/bare/boards_test.py, what all targets have in common in fly_test.py."""
 import re
+import types
 
 import pytest
 
 from fledge import cli
+from fledge.errors import Failure
 from fledge.targets import TARGETS
 
 TARGET = TARGETS["riscv64"]
 pytestmark = pytest.mark.skipif(bool(TARGET.missing()), reason=f"{TARGET.missing()} not installed")
+
+
+def test_a_processor_without_a_unit_for_double_precision_is_refused(monkeypatch):
+    part = types.SimpleNamespace(frames=None)
+    TARGET.check(part)
+    for machine in (("-march=rv64imafc", "-mabi=lp64f"), ("-march=rv64imac", "-mabi=lp64")):
+        monkeypatch.setattr(TARGET, "machine", machine)
+        with pytest.raises(Failure, match=f"riscv64: {' '.join(machine)} has no unit for double precision"):
+            TARGET.check(part)
 
 
 @pytest.mark.long("builds and flies two images")
